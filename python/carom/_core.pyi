@@ -1,0 +1,67 @@
+"""Type stub of the compiled core (crate `carom-py`). Nothing here knows files, names or units other than SI."""
+
+from typing import Any, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+U64 = NDArray[np.uint64]
+I64 = NDArray[np.int64]
+
+__version__: str
+
+class ModelError(ValueError):
+    """A number of the model is unusable; `args[0]` says which and why."""
+
+class Block(TypedDict):
+    """What a call of `Simulation.advance` produced. Row counts: F frames, C contact rows, S steps, I impact rows."""
+
+    frames: dict[str, Any]
+    contacts: dict[str, Any]
+    impacts: dict[str, Any]
+    steps: dict[str, Any]
+    residuals: dict[str, Any]
+    outcome: dict[str, Any] | None
+
+def defaults() -> dict[str, float | int | bool | str]:
+    """Every option of `[run]` that is numerical, with its default: the one place where defaults are stated."""
+
+def choices() -> dict[str, list[str]]:
+    """Admitted values of the options that are names: method, impact, solver."""
+
+class Simulation:
+    """A model, its state and its scratch memory. The interpreter lock is released while it advances.
+
+    `model` holds arrays: `gravity (3,)`; spheres `radius, mass, inertia (N,)`, `position, velocity, angular_velocity (N,3)`,
+    `orientation (N,4)` w first, `material (N,)`; planes `plane_point, plane_normal (P,3)`, `plane_material (P,)`;
+    contact laws `law_a, law_b (L,)` material indices (unordered pair), `friction, restitution, tangential_restitution,
+    rolling_radius, spinning_radius (L,)`; and `options`: a dict with any keys of `defaults()` plus `step`.
+    """
+
+    def __init__(self, model: dict[str, Any]) -> None: ...
+    @property
+    def step(self) -> int: ...
+    @property
+    def time(self) -> float: ...
+    def frame(self) -> dict[str, F64]:
+        """Current `time, position, orientation, velocity, angular_velocity` as copies."""
+
+    def advance(self, steps: int, frame_every: int, contacts: bool, wall_limit: float) -> Block:
+        """Advance by up to `steps` steps, stopping early after `wall_limit` seconds or at an outcome that is not `None`.
+
+        A frame is taken after each step whose number is a multiple of `frame_every` (0: none).
+        """
+
+    def state(self) -> dict[str, Any]:
+        """Everything that must be saved to continue bit for bit."""
+
+    def restore(self, state: dict[str, Any]) -> None: ...
+    def monitors(self) -> dict[str, Any]:
+        """Totals since the start: iterations, line search, impact problems, counts, energy, penetration, advice."""
+
+    def phases(self) -> dict[str, float]:
+        """Seconds by phase, estimated from sampled steps."""
+
+    def failing_problem(self) -> dict[str, Any] | None:
+        """The contact problem that could not be solved (local form W, q, mu and the law), if there was one."""
