@@ -1,1 +1,27 @@
-//! Placeholder; filled in the next commits.
+//! Where bodies meet: shapes, the broad phase, and one file per pair of shapes.
+//!
+//! This crate knows positions and radii and nothing else: no mass, no force, no time step. Lengths are metres,
+//! all numbers `f64`, all vectors [`glam::DVec3`] in the world frame. Equation numbers are those of the paper
+//! named in `docs/theory/algorithm.md`, section 1.
+//!
+//! | module | question it answers |
+//! |---|---|
+//! | [`shape`] | what can be touched |
+//! | [`pair`] | how far apart are these two, in which direction, and how does that direction turn |
+//! | [`tangent`] | which two directions span the contact plane |
+//! | [`broad`] | which pairs can meet at all |
+//!
+//! The hot path is made of small inlinable functions ([`sphere_sphere`], [`sphere_plane`], [`tangent_frame`]);
+//! [`pair::proximity`] is the same arithmetic behind the shape x shape table. Nothing here allocates once its
+//! buffers have grown to the size of the problem.
+
+pub mod broad;
+pub mod pair;
+pub mod shape;
+pub mod tangent;
+
+pub use broad::{overlaps, Meeting, NeighbourList, Overlap};
+pub use glam::DVec3;
+pub use pair::{proximity, sphere_plane, sphere_sphere, Proximity};
+pub use shape::Shape;
+pub use tangent::tangent_frame;

@@ -1,0 +1,117 @@
+//! All close pairs of one configuration, in O(N) time and memory.
+//!
+//! Bodies are sorted into levels by extent, each level at most half as large as the one before, and every level has
+//! its own [`Grid`] whose cells fit its largest body. A body meets its own level and the coarser ones. Spheres of
+//! like size - the usual case - make one level and pay nothing for this; one bullet that looks ten metres ahead
+//! makes a second level with one member instead of giving everybody cells of ten metres.
+
+use super::grid::{Entry, Grid};
+use glam::DVec3;
+use std::ops::ControlFlow;
+
+/// More levels than this are not made; the last takes what remains (sizes below `2^-23` of the largest).
+const MAX_LEVELS: usize = 24;
+/// Extents [m] beyond this, infinity included, are compared with everything instead of overflowing.
+const UNBOUNDED: f64 = 1e100;
+
+/// Reusable search structure; see the module's page.
+#[derive(Debug, Default)]
+pub struct CellList {
+    grids: Vec<Grid>,
+    /// Grids in use; the rest keep their memory for a later build.
+    levels: usize,
+    /// Bodies without a bound on their extent.
+    unbounded: Vec<Entry>,
+    all: Vec<Entry>,
+    pool: Vec<Entry>,
+    keys: Vec<u64>,
+}
+
+impl CellList {
+    /// An empty list; buffers grow with the first [`Self::build`].
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes in `N` bodies: centres `x` (N) [m] and extents (N) [m].
+    ///
+    /// A body with a position that is not finite, or with a NaN or negative extent, is left out: it is close to nothing.
+    pub fn build(&mut self, x: impl Iterator<Item = DVec3>, extent: &[f64]) {
+        self.unbounded.clear();
+        self.pool.clear();
+        for (i, (x, &e)) in x.zip(extent).enumerate() {
+            if x.is_finite() && e >= 0.0 {
+                let target = if e < UNBOUNDED {
+                    &mut self.pool
+                } else {
+                    &mut self.unbounded
+                };
+                target.push(Entry::new(i as u32, x, e));
+            }
+        }
+        self.all.clear();
+        if !self.unbounded.is_empty() {
+            self.all.extend_from_slice(&self.pool);
+        }
+        self.levels = 0;
+        let mut rest = std::mem::take(&mut self.pool);
+        let mut bodies = &mut rest[..];
+        while !bodies.is_empty() {
+            let largest = bodies.iter().fold(0.0, |m: f64, b| m.max(b.extent));
+            let count = if self.levels + 1 < MAX_LEVELS {
+                take_large(bodies, 0.5 * largest)
+            } else {
+                bodies.len()
+            };
+            let (level, finer) = bodies.split_at_mut(count);
+            if self.grids.len() == self.levels {
+                self.grids.push(Grid::new());
+            }
+            self.grids[self.levels].build(level, &mut self.keys);
+            self.levels += 1;
+            bodies = finer;
+        }
+        self.pool = rest;
+    }
+
+    /// Calls `visit(a, b)`, `a < b`, once for every pair with `|x_a - x_b| <= extent_a + extent_b` (and at most a
+    /// relative 1e-12 more), until it breaks. The order is arbitrary but depends on the input alone.
+    pub fn pairs<F>(&self, mut visit: F) -> ControlFlow<()>
+    where
+        F: FnMut(u32, u32) -> ControlFlow<()>,
+    {
+        let mut emit = |a: &Entry, b: &Entry| visit(a.id.min(b.id), a.id.max(b.id));
+        let grids = &self.grids[..self.levels];
+        for (level, grid) in grids.iter().enumerate() {
+            grid.pairs(&mut emit)?;
+            for coarser in &grids[..level] {
+                for a in grid.entries() {
+                    coarser.around(a, &mut emit)?;
+                }
+            }
+        }
+        for (i, a) in self.unbounded.iter().enumerate() {
+            for b in self.unbounded[i + 1..].iter().chain(&self.all) {
+                if a.is_close(b) {
+                    emit(a, b)?;
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Moves the bodies with an extent of at least `bound` to the front and counts them. Already in place - one level - it
+/// only reads.
+fn take_large(bodies: &mut [Entry], bound: f64) -> usize {
+    let mut count = 0;
+    for i in 0..bodies.len() {
+        if bodies[i].extent >= bound {
+            if i != count {
+                bodies.swap(i, count);
+            }
+            count += 1;
+        }
+    }
+    count
+}

@@ -1,0 +1,14 @@
+//! Which pairs can meet at all.
+//!
+//! [`CellList`] finds the close pairs of one configuration in O(N); [`NeighbourList`] keeps such a list valid over
+//! many steps; [`overlaps`] checks a start configuration. Indices of bodies are `u32`: spheres first, `0..N`, then
+//! plane `p` is body `N + p`. Pairs are `(a, b)` with `a < b`, so at a plane the sphere is always A.
+
+mod cell_list;
+mod grid;
+mod overlap;
+mod verlet;
+
+pub use cell_list::CellList;
+pub use overlap::{overlaps, Overlap};
+pub use verlet::{Meeting, NeighbourList};
