@@ -1,0 +1,108 @@
+# Every command of the project; people and CI call the same ones. `make` alone lists them.
+#
+# Everything is made inside this folder: the virtual environment .venv, target/, dist/. Stamps in .venv/.carom remember what was
+# installed, so that a second call does nothing. Recipes use relative paths: the folder's own path may hold spaces.
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.SUFFIXES:
+.DELETE_ON_ERROR:
+unexport MAKEFLAGS MFLAGS
+# What a user's shell may hold and what would send an installation elsewhere.
+unexport PYTHONPATH PYTHONHOME PIP_USER PIP_TARGET PIP_PREFIX CONDA_PREFIX
+export VIRTUAL_ENV := $(CURDIR)/.venv
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+PY := .venv/bin/python
+STAMPS := .venv/.carom
+LOCK := pyproject.toml constraints.txt tools/requirements.py tools/setup.sh
+RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
+
+# An environment whose interpreter is gone, or an extension installed from another folder, is made again.
+ifneq ($(wildcard .venv),)
+ifneq ($(shell $(PY) -c 'import sys; print(sys.version_info >= (3, 11))' 2>/dev/null),True)
+$(shell rm -rf $(STAMPS))
+endif
+endif
+INSTALLED_FROM := $(if $(wildcard $(STAMPS)/extension),$(shell cat $(STAMPS)/extension))
+EXTENSION_LOST := $(if $(wildcard python/carom/_core*.so),,1)
+ifneq ($(INSTALLED_FROM)$(EXTENSION_LOST),$(CURDIR))
+$(shell rm -f $(STAMPS)/extension)
+endif
+
+.PHONY: help
+help: ## list the commands
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
+
+.PHONY: demo
+demo: $(STAMPS)/extension ## simulate the billiard break of the paper, compare, plot, animate
+	@.venv/bin/carom demo $(ARGS)
+
+.PHONY: test
+test: $(STAMPS)/test $(STAMPS)/extension ## quick tests, Rust and Python
+	@tools/test.sh quick $(ARGS)
+
+.PHONY: test-all
+test-all: $(STAMPS)/test $(STAMPS)/extension ## all tests, the long ones too
+	@tools/test.sh all $(ARGS)
+
+.PHONY: check
+check: preflight-check $(STAMPS)/run $(STAMPS)/check ## formatting, lints, types
+	@tools/check.sh
+
+.PHONY: bench
+bench: $(STAMPS)/extension ## benchmarks
+	@tools/bench.sh $(ARGS)
+
+.PHONY: docs
+docs: $(STAMPS)/docs ## the documentation, to docs/_build/html
+	@$(PY) -m sphinx --fail-on-warning --keep-going -q -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+.PHONY: wheel
+wheel: $(STAMPS)/extension ## wheel and source distribution to dist/, tried in an empty environment
+	@rm -rf dist
+	@.venv/bin/maturin build --release --out dist
+	@.venv/bin/maturin sdist --out dist
+	@tools/try_wheel.sh dist/*.whl
+
+.PHONY: dev
+dev: $(STAMPS)/extension $(STAMPS)/test $(STAMPS)/check ## .venv with the extension and all tools
+
+.PHONY: lock
+lock: preflight ## write constraints.txt anew
+	@tools/lock.sh
+
+.PHONY: clean
+clean: ## remove what was built; .venv stays
+	rm -rf target dist docs/_build .make .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -f python/carom/_core*.so $(STAMPS)/extension
+
+.PHONY: distclean
+distclean: clean ## remove .venv too
+	rm -rf .venv
+
+.PHONY: preflight
+preflight:
+	@tools/preflight.sh rust python
+
+.PHONY: preflight-check
+preflight-check:
+	@tools/preflight.sh rust rustfmt python
+
+$(STAMPS)/run: $(LOCK) | preflight
+	@tools/setup.sh $@ base plot build
+
+$(STAMPS)/test: $(LOCK) $(STAMPS)/run
+	@tools/setup.sh $@ base plot build test
+
+$(STAMPS)/check: $(LOCK) $(STAMPS)/run
+	@tools/setup.sh $@ check
+
+$(STAMPS)/docs: $(LOCK) | preflight
+	@tools/setup.sh $@ docs
+
+# Editable: a change of Python needs no rebuild. --release, like the tests: both share every compiled crate.
+$(STAMPS)/extension: $(RUST) pyproject.toml $(STAMPS)/run | preflight
+	@.venv/bin/maturin develop --release $(if $(CI),--locked)
+	@printf '%s\n' "$(CURDIR)" > $@

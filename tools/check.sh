@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Formatting, lints and types, all of them even where one fails.
+
+set -uo pipefail
+cd "$(dirname "$0")/.."
+python=.venv/bin/python
+locked=${CI:+--locked}
+failed=()
+
+step() {
+    local name=$1
+    shift
+    echo "--- $name"
+    "$@" || failed+=("$name")
+}
+
+# Clippy works in the profile dev: its check of the bindings would otherwise undo that of the extension each time. It needs no Python.
+export PYO3_NO_PYTHON=1
+step "rustfmt" cargo fmt --all --check
+step "clippy" cargo clippy --workspace --all-targets $locked --quiet -- -D warnings
+step "ruff check" "$python" -m ruff check
+step "ruff format" "$python" -m ruff format --check
+step "mypy" "$python" -m mypy
+
+if [ ${#failed[@]} -gt 0 ]; then
+    printf 'check failed: %s\n' "$(IFS=, && echo "${failed[*]}")"
+    exit 1
+fi
+echo "check passed: rustfmt, clippy, ruff, mypy"
