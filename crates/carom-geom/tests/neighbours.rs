@@ -1,0 +1,360 @@
+//! The neighbour list against brute force: random, moving, mixed, and absurd configurations.
+
+use carom_geom::{overlaps, sphere_plane, sphere_sphere, DVec3, NeighbourList};
+use proptest::prelude::*;
+use std::collections::BTreeSet;
+
+#[derive(Clone, Debug, Default)]
+struct Scene {
+    x: Vec<DVec3>,
+    radius: Vec<f64>,
+    planes: Vec<(DVec3, DVec3)>,
+    need: Vec<f64>,
+}
+
+impl Scene {
+    /// The definition: every pair within its needs.
+    fn brute_force(&self) -> Vec<(u32, u32)> {
+        let n = self.x.len();
+        let mut pairs = Vec::new();
+        for a in 0..n {
+            for b in a + 1..n {
+                let reach = self.radius[a] + self.radius[b] + (self.need[a] + self.need[b]);
+                if (self.x[a] - self.x[b]).length_squared() <= reach * reach {
+                    pairs.push((a as u32, b as u32));
+                }
+            }
+            for (p, &(point, normal)) in self.planes.iter().enumerate() {
+                if sphere_plane(self.x[a], self.radius[a], point, normal).gap <= self.need[a] {
+                    pairs.push((a as u32, (n + p) as u32));
+                }
+            }
+        }
+        pairs
+    }
+
+    fn refresh(&self, list: &mut NeighbourList) -> bool {
+        list.refresh(&self.x, &self.radius, &self.planes, &self.need)
+    }
+
+    /// Sorted, complete, and exact after filtering.
+    fn check(&self, list: &NeighbourList) {
+        assert!(
+            list.pairs().windows(2).all(|w| w[0] < w[1]),
+            "sorted, no duplicates"
+        );
+        assert!(list.pairs().iter().all(|(a, b)| a < b));
+        let wanted = self.brute_force();
+        let listed: BTreeSet<_> = list.pairs().iter().copied().collect();
+        for pair in &wanted {
+            assert!(
+                listed.contains(pair),
+                "missing {pair:?} of {}",
+                wanted.len()
+            );
+        }
+        let mut within = Vec::new();
+        for m in list.within(&self.x, &self.radius, &self.planes, &self.need) {
+            within.push((m.a, m.b));
+            let (i, j) = (m.a as usize, m.b as usize);
+            let expected = match j.checked_sub(self.x.len()) {
+                None => sphere_sphere(self.x[i], self.radius[i], self.x[j], self.radius[j]),
+                Some(p) => sphere_plane(
+                    self.x[i],
+                    self.radius[i],
+                    self.planes[p].0,
+                    self.planes[p].1,
+                ),
+            };
+            assert_eq!(m.proximity, expected);
+        }
+        assert_eq!(within, wanted);
+    }
+}
+
+fn vector(size: f64) -> impl Strategy<Value = DVec3> {
+    (-size..size, -size..size, -size..size).prop_map(|(x, y, z)| DVec3::new(x, y, z))
+}
+
+/// Up to 300 spheres with radii of 0.02 to `0.02 ratio`, in a box that makes them crowded or sparse.
+fn scene(largest: usize, ratio: f64) -> impl Strategy<Value = Scene> {
+    (1..=largest, 0.1..3.0f64).prop_flat_map(move |(n, size)| {
+        (
+            prop::collection::vec(vector(size), n),
+            prop::collection::vec(0.02..0.02 * ratio, n),
+            prop::collection::vec(prop_oneof![4 => 0.0..0.02f64, 1 => 0.0..0.5f64], n),
+            prop::collection::vec((vector(size), vector(1.0)), 0..4),
+        )
+            .prop_map(|(x, radius, need, planes)| Scene {
+                x,
+                radius,
+                need,
+                planes: planes
+                    .into_iter()
+                    .map(|(p, v)| (p, v.normalize_or(DVec3::Z)))
+                    .collect(),
+            })
+    })
+}
+
+/// Moves, changes needs and pushes planes by amounts that sometimes cause a rebuild and often do not.
+fn advance(scene: &mut Scene, moves: &[DVec3], step: usize) {
+    let n = scene.x.len();
+    for i in 0..n {
+        scene.x[i] += moves[(i + step) % moves.len()];
+        scene.need[i] = (scene.need[i] * (0.7 + 0.1 * ((i + step) % 7) as f64)).max(1e-6);
+    }
+    for (p, plane) in scene.planes.iter_mut().enumerate() {
+        plane.0 += 0.003 * ((p + step) % 3) as f64 * plane.1;
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(150))]
+
+    #[test]
+    fn complete_over_many_moving_steps(
+        mut scene in scene(300, 5.0),
+        moves in prop::collection::vec(vector(0.004), 1..40),
+    ) {
+        let mut list = NeighbourList::new();
+        prop_assert!(scene.refresh(&mut list));
+        scene.check(&list);
+        for step in 0..12 {
+            advance(&mut scene, &moves, step);
+            let rebuilt = scene.refresh(&mut list);
+            scene.check(&list);
+            prop_assert!(!scene.refresh(&mut list), "a second refresh finds nothing to do ({rebuilt})");
+        }
+    }
+
+    #[test]
+    fn strongly_mixed_radii(scene in scene(200, 400.0)) {
+        let mut list = NeighbourList::new();
+        scene.refresh(&mut list);
+        scene.check(&list);
+    }
+
+    #[test]
+    fn one_flown_away(mut scene in scene(150, 3.0), direction in vector(1.0), far in 3.0..16.0f64, near in vector(0.05)) {
+        // A pair far out must still be found, and the rest with it.
+        let there = direction * 10f64.powf(far);
+        scene.x[0] = there;
+        if scene.x.len() > 1 {
+            scene.x[1] = there + near;
+        }
+        let mut list = NeighbourList::new();
+        scene.refresh(&mut list);
+        scene.check(&list);
+    }
+
+    #[test]
+    fn two_heaps_far_apart(mut scene in scene(300, 2.0), shift in vector(1e9)) {
+        let half = scene.x.len() / 2;
+        for x in &mut scene.x[..half] {
+            *x += shift;
+        }
+        let mut list = NeighbourList::new();
+        scene.refresh(&mut list);
+        scene.check(&list);
+    }
+
+    #[test]
+    fn the_answer_does_not_depend_on_the_history(
+        mut scene in scene(120, 3.0),
+        moves in prop::collection::vec(vector(0.01), 1..20),
+    ) {
+        let mut old = NeighbourList::new();
+        for step in 0..8 {
+            scene.refresh(&mut old);
+            advance(&mut scene, &moves, step);
+        }
+        scene.refresh(&mut old);
+        let (mut fresh, mut wide) = (NeighbourList::new(), NeighbourList::new());
+        wide.set_skin(2.0);
+        scene.refresh(&mut fresh);
+        scene.refresh(&mut wide);
+        let of = |list: &NeighbourList| {
+            list.within(&scene.x, &scene.radius, &scene.planes, &scene.need).collect::<Vec<_>>()
+        };
+        prop_assert_eq!(of(&old), of(&fresh));
+        prop_assert_eq!(of(&wide), of(&fresh));
+    }
+
+    #[test]
+    fn overlaps_are_all_found(scene in scene(200, 4.0)) {
+        let found = overlaps(&scene.x, &scene.radius, &scene.planes, 1e-9, usize::MAX);
+        let mut at_contact = scene.clone();
+        at_contact.need.fill(0.0);
+        let inside = |&(a, b): &(u32, u32)| {
+            let (i, j) = (a as usize, b as usize);
+            let (gap, r) = match j.checked_sub(scene.x.len()) {
+                None => (
+                    sphere_sphere(scene.x[i], scene.radius[i], scene.x[j], scene.radius[j]).gap,
+                    scene.radius[i].min(scene.radius[j]),
+                ),
+                Some(p) => (
+                    sphere_plane(scene.x[i], scene.radius[i], scene.planes[p].0, scene.planes[p].1).gap,
+                    scene.radius[i],
+                ),
+            };
+            gap < -1e-9 * r
+        };
+        let wanted: Vec<_> = at_contact.brute_force().into_iter().filter(inside).collect();
+        prop_assert_eq!(found.iter().map(|o| (o.a, o.b)).collect::<Vec<_>>(), wanted);
+    }
+}
+
+/// A cubic lattice of touching balls of radius 0.03 m.
+fn lattice(side: usize) -> Scene {
+    let n = side * side * side;
+    let at = |i: usize| {
+        DVec3::new(
+            (i % side) as f64,
+            (i / side % side) as f64,
+            (i / side / side) as f64,
+        )
+    };
+    Scene {
+        x: (0..n).map(|i| 0.06 * at(i)).collect(),
+        radius: vec![0.03; n],
+        planes: vec![(DVec3::new(0.0, 0.0, -0.03), DVec3::Z)],
+        need: vec![1e-4; n],
+    }
+}
+
+#[test]
+fn lattice_has_three_contacts_per_ball() {
+    let scene = lattice(12);
+    let mut list = NeighbourList::new();
+    scene.refresh(&mut list);
+    let within = list
+        .within(&scene.x, &scene.radius, &scene.planes, &scene.need)
+        .count();
+    assert_eq!(within, 3 * 12 * 12 * 11 + 12 * 12);
+}
+
+#[test]
+fn a_bullet_and_an_escapee_cost_nothing_much() {
+    // One ball that may travel 50 m, one a thousand million metres out: neither may make the search quadratic.
+    // 27 000 balls tried against each other would be 4e8 pairs; a second is generous for what should take 20 ms.
+    let mut scene = lattice(30);
+    scene.need[17] = 50.0;
+    scene.x[40] = DVec3::new(1e9, -1e9, 3e8);
+    let clock = std::time::Instant::now();
+    let mut list = NeighbourList::new();
+    scene.refresh(&mut list);
+    assert!(clock.elapsed().as_secs_f64() < 1.0, "{:?}", clock.elapsed());
+    let of_bullet = list
+        .pairs()
+        .iter()
+        .filter(|(a, b)| *a == 17 || *b == 17)
+        .count();
+    assert_eq!(
+        of_bullet,
+        27_000 - 2 + 1,
+        "all but itself and the escapee, and the plane"
+    );
+    assert!(!list.is_truncated());
+}
+
+#[test]
+fn a_lattice_without_contacts_is_found_empty() {
+    // Regular spacing, far larger than a cell: the worst case for tables indexed by coordinates modulo their size.
+    let mut scene = lattice(30);
+    scene.planes.clear();
+    for x in &mut scene.x {
+        *x *= 64.0;
+    }
+    let clock = std::time::Instant::now();
+    let mut list = NeighbourList::new();
+    scene.refresh(&mut list);
+    assert!(list.pairs().is_empty());
+    assert!(clock.elapsed().as_secs_f64() < 1.0, "{:?}", clock.elapsed());
+}
+
+#[test]
+fn absurd_needs_stop_at_the_limit() {
+    let mut scene = lattice(20);
+    scene.need.fill(1e300);
+    let mut list = NeighbourList::new();
+    list.set_limit(100_000);
+    scene.refresh(&mut list);
+    assert!(list.is_truncated());
+    assert_eq!(list.pairs().len(), 100_000);
+    scene.need.fill(1e-4);
+    list.invalidate();
+    scene.refresh(&mut list);
+    assert!(!list.is_truncated());
+    scene.check(&list);
+}
+
+#[test]
+fn infinite_needs_and_nans_do_no_harm() {
+    for n in [6, 60] {
+        let mut scene = Scene {
+            x: (0..n).map(|i| DVec3::new(i as f64, 0.0, 0.0)).collect(),
+            radius: vec![0.5; n],
+            planes: vec![(DVec3::new(0.0, 0.0, -0.5), DVec3::Z)],
+            need: vec![0.0; n],
+        };
+        scene.need[3] = f64::INFINITY;
+        let mut list = NeighbourList::new();
+        scene.refresh(&mut list);
+        scene.check(&list);
+        scene.x[2] = DVec3::NAN;
+        scene.x[4].y = f64::NAN;
+        scene.need[5] = f64::NAN;
+        assert!(scene.refresh(&mut list), "NaN asks for a rebuild");
+        let broken = |i: u32| [2, 4].contains(&i);
+        assert!(list
+            .within(&scene.x, &scene.radius, &scene.planes, &scene.need)
+            .all(|m| !broken(m.a) && !broken(m.b)));
+        scene.planes[0].0.z = f64::NAN;
+        assert!(scene.refresh(&mut list));
+    }
+}
+
+#[test]
+fn nothing_at_all() {
+    let mut list = NeighbourList::default();
+    assert!(Scene::default().refresh(&mut list));
+    assert!(!Scene::default().refresh(&mut list));
+    assert!(list.pairs().is_empty());
+}
+
+#[test]
+fn rebuilds_only_when_it_must() {
+    for side in [3, 4] {
+        let mut scene = lattice(side);
+        let mut list = NeighbourList::new();
+        assert!(scene.refresh(&mut list));
+        // Skin 0.3 r = 9 mm; need 0.1 mm. Body 1 may move 9 mm.
+        scene.x[1].x += 0.0089;
+        assert!(!scene.refresh(&mut list));
+        scene.x[1].x += 0.0002;
+        assert!(scene.refresh(&mut list));
+        // The plane may rise 9 mm, and sink for ever.
+        scene.planes[0].0.z += 0.0089;
+        assert!(!scene.refresh(&mut list));
+        scene.planes[0].0.z -= 5.0;
+        assert!(!scene.refresh(&mut list));
+        scene.planes[0].0 = DVec3::new(0.0, 3.0, -0.03 + 0.0091);
+        assert!(scene.refresh(&mut list));
+        scene.planes[0].1 = DVec3::new(0.0, 0.6, 0.8);
+        assert!(scene.refresh(&mut list), "a tilt");
+        scene.radius[2] += 0.0092;
+        assert!(scene.refresh(&mut list), "growth");
+        scene.radius[2] -= 0.0092;
+        assert!(!scene.refresh(&mut list), "shrinking");
+        scene.need[0] = 0.0093;
+        assert!(scene.refresh(&mut list), "a larger need");
+        assert!(scene.refresh(&mut { NeighbourList::new() }));
+        scene.x.pop();
+        scene.radius.pop();
+        scene.need.pop();
+        assert!(scene.refresh(&mut list), "a body less");
+        scene.check(&list);
+        assert_eq!(list.rebuilds(), 7);
+    }
+}
