@@ -23,6 +23,8 @@ impl Factor for Lu {
 
     fn analyse(&mut self, a: SymbolicSparseColMatRef<'_, usize>) -> Result<StackReq, DirectError> {
         self.symbolic = None;
+        // faer 0.24.4 panics when the factors of a larger matrix are reused for a smaller one.
+        self.numeric = NumericLu::new();
         let symbolic =
             factorize_symbolic_lu(a, Default::default()).map_err(|_| DirectError::OutOfMemory)?;
         let need = StackReq::or(

@@ -16,6 +16,8 @@ mod llt;
 mod lu;
 mod pattern;
 mod sparse;
+#[cfg(test)]
+mod tests;
 
 pub use dense::Singular;
 pub use llt::SparseLlt;
