@@ -1,0 +1,73 @@
+"""Carom: frictional spheres that touch, hit, slide, roll and spin, by nonsmooth contact dynamics.
+
+Nothing heavy is imported here: every name below is fetched at first use, so that `import carom` costs
+milliseconds.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    __version__: str
+    from carom.errors import CaromError as CaromError
+    from carom.errors import ScenarioError as ScenarioError
+    from carom.result import Result as Result
+    from carom.result import load as load
+    from carom.run import RunFailed as RunFailed
+    from carom.run import resume as resume
+    from carom.run import simulate as simulate
+    from carom.scene import Scene as Scene
+
+# The one table of public names: what `from carom import X` finds, and where it lives.
+_HOMES = {
+    "CaromError": "carom.errors",
+    "ScenarioError": "carom.errors",
+    "Result": "carom.result",
+    "load": "carom.result",
+    "Scene": "carom.scene",
+    "RunFailed": "carom.run",
+    "resume": "carom.run",
+    "simulate": "carom.run",
+}
+
+__all__ = [
+    "CaromError",
+    "Result",
+    "RunFailed",
+    "ScenarioError",
+    "Scene",
+    "__version__",
+    "load",
+    "resume",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return _version()
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'carom' has no attribute '{name}'")
+    value = getattr(import_module(home), name)
+    globals()[name] = value
+    return value
+
+
+def _version() -> str:
+    # Stated once, in Cargo.toml, whence the core has it; without a built core only the installer knows.
+    try:
+        return str(import_module("carom._core").__version__)
+    except ImportError:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("carom")
+        except PackageNotFoundError:
+            return "unknown"
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -1,0 +1,178 @@
+"""Checkpoints: the whole state of a run in a small file of its own, from which it continues bit for bit.
+
+A checkpoint is a plain `.npz` without pickles. The state, a tree of dicts, lists, arrays and numbers, is laid
+out as arrays `0`, `1`, ... and a JSON description that refers to them; a SHA-256 over all of it tells a torn
+or altered file from a whole one. It is written to a temporary file, forced to the disk and renamed; the last
+two are kept, so that even a damaged newest one costs only the time since the one before.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.record.layout import Rows
+from carom.record.writer import RecordError, reason
+
+FORMAT = 1
+KEEP = 2
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A saved state: what `Simulation.restore` takes, the step it belongs to and the rows recorded up to it."""
+
+    step: int
+    time: float
+    rows: Rows
+    scenario: str  # SHA-256 of what the state depends on; another scene must not continue it
+    state: Mapping[str, Any]
+
+
+def save(directory: Path, checkpoint: Checkpoint) -> Path:
+    """Write `checkpoint-<step>.npz` so that a crash at any moment leaves either the old files or the new one
+    whole.
+    """
+    arrays: list[NDArray[Any]] = []
+    head = {
+        "format": FORMAT,
+        "step": checkpoint.step,
+        "time": checkpoint.time,
+        "rows": list(checkpoint.rows),
+        "scenario": checkpoint.scenario,
+        "state": _pack(checkpoint.state, arrays),
+    }
+    text = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
+    members = {str(i): array for i, array in enumerate(arrays)}
+    buffer = BytesIO()
+    np.savez(buffer, head=text, sha256=np.frombuffer(_digest(text, arrays), dtype=np.uint8), **members)  # type: ignore[arg-type]
+    path = directory / f"checkpoint-{checkpoint.step:012d}.npz"
+    write_whole(path, buffer.getbuffer(), durable=True)
+    for old in found(directory)[KEEP:]:
+        old.unlink(missing_ok=True)
+    return path
+
+
+def found(directory: Path) -> list[Path]:
+    """The checkpoints of a run directory, newest first."""
+    return sorted(directory.glob("checkpoint-*.npz"), reverse=True)
+
+
+def load(path: Path) -> Checkpoint:
+    """Read one checkpoint; a torn or altered file is a `CaromError`."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            text, digest = archive["head"], archive["sha256"].tobytes()
+            arrays = [archive[str(i)] for i in range(len(archive.files) - 2)]
+        if _digest(text, arrays) != digest:
+            raise ValueError("its checksum does not match")
+        head = json.loads(text.tobytes())
+        if head["format"] != FORMAT:
+            raise ValueError(f"it has format {head['format']}, wanted {FORMAT}")
+        state = _unpack(head["state"], arrays)
+        return Checkpoint(head["step"], head["time"], Rows(*head["rows"]), head["scenario"], state)
+    except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile, EOFError) as error:
+        raise CaromError(f"checkpoint {path} cannot be used: {reason(error)}") from error
+
+
+def newest(directory: Path) -> tuple[Checkpoint | None, list[str]]:
+    """The newest checkpoint that is whole, or None; and what is wrong with those that are not."""
+    complaints: list[str] = []
+    for path in found(directory):
+        try:
+            return load(path), complaints
+        except CaromError as error:
+            complaints.append(str(error))
+    return None, complaints
+
+
+def write_whole(path: Path, data: bytes | memoryview, *, durable: bool) -> None:
+    """Replace a file by another in one move: readers see the old or the new one, never half of it."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        os.replace(temporary, path)
+        if durable:
+            _sync_directory(path.parent)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink()
+        raise RecordError(f"cannot write {path}: {reason(error)}") from error
+
+
+def _sync_directory(path: Path) -> None:
+    # The rename itself must reach the disk; some systems cannot sync a directory, and then do not need it.
+    with suppress(OSError):
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _digest(head: NDArray[np.uint8], arrays: list[NDArray[Any]]) -> bytes:
+    digest = hashlib.sha256(head.tobytes())
+    for array in arrays:
+        digest.update(f"{array.dtype.str}{array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.digest()
+
+
+def _pack(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    """JSON for a tree of values. Bits must survive: arrays go aside as they are, floats as hexadecimal text."""
+    if isinstance(value, np.ndarray):
+        if value.dtype.hasobject:
+            raise TypeError("a state holds plain arrays only")
+        arrays.append(value)
+        return {"array": len(arrays) - 1}
+    if isinstance(value, np.generic):
+        arrays.append(np.asarray(value))
+        return {"scalar": len(arrays) - 1}
+    if isinstance(value, Mapping):
+        return {"dict": [[_pack(k, arrays), _pack(v, arrays)] for k, v in value.items()]}
+    if isinstance(value, (list, tuple)):
+        return {type(value).__name__: [_pack(v, arrays) for v in value]}
+    if isinstance(value, (bytes, bytearray)):
+        return {"bytes": bytes(value).hex()}
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        return {"float": value.hex()}
+    raise TypeError(f"a state cannot hold a {type(value).__name__}")
+
+
+def _unpack(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    if not isinstance(value, dict):
+        return value
+    ((kind, content),) = value.items()
+    if kind == "array":
+        return arrays[content]
+    if kind == "scalar":
+        return arrays[content][()]
+    if kind == "dict":
+        return {_unpack(k, arrays): _unpack(v, arrays) for k, v in content}
+    if kind == "list":
+        return [_unpack(v, arrays) for v in content]
+    if kind == "tuple":
+        return tuple(_unpack(v, arrays) for v in content)
+    if kind == "bytes":
+        return bytes.fromhex(content)
+    if kind == "float":
+        return float.fromhex(content)
+    raise ValueError(f"it holds an unknown kind of value, {kind}")

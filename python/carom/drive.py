@@ -1,0 +1,269 @@
+"""Drives the core through a run: blocks of steps, each recorded, shown and now and then saved.
+
+One loop serves `carom.simulate`, `carom run` and `carom resume`. The core decides nothing about files and
+this page nothing about physics. Order matters at three places and is explained there: checkpoints, the last
+frame, interruption.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from carom import checkpoint
+from carom.record import Writer
+from carom.rundir import RunDir
+
+if TYPE_CHECKING:
+    from carom._core import Simulation
+
+#: Seconds of computing between two looks at the clock, the progress bar and the interrupt flag.
+BLOCK_SECONDS = 0.1
+#: Bytes of results the core may hold in one block.
+BLOCK_BYTES = 64 * 1024 * 1024
+#: A checkpoint is written this many seconds after the last one, at first sooner, and never for more than 2 %
+#: of the time.
+CHECKPOINT_SECONDS = 30.0
+FIRST_CHECKPOINT_SECONDS = 3.0
+CHECKPOINT_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to compute and keep: steps in all, steps between frames, step size (s), whether contacts are kept."""
+
+    steps: int
+    every: int
+    step: float
+    contacts: bool
+
+    @property
+    def until(self) -> float:
+        """Time at the last step, s."""
+        return self.steps * self.step
+
+    @classmethod
+    def of(cls, until: float, step: float, every: int | None, contacts: bool) -> Plan:
+        """The plan for `until` seconds; without `every` about 1000 frames are kept."""
+        steps = max(1, math.ceil(until / step - 1e-9))
+        return cls(steps, every or thinned(steps), step, contacts)
+
+
+def thinned(steps: int, frames: int = 1000) -> int:
+    """Steps between frames for about `frames` of them; if possible a divisor of `steps`, so that the last
+    step is one.
+    """
+    least = max(1, math.ceil(steps / frames))
+    return next((n for n in range(least, 2 * least) if steps % n == 0), least)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands, for a progress bar: numbers of the last step, and the pace so far."""
+
+    step: int
+    steps: int
+    time: float
+    until: float
+    contacts: int
+    iterations_position: int
+    iterations_velocity: int
+    wall_s: float
+    steps_per_s: float
+    eta_s: float
+
+
+class Interrupt:
+    """A flag that Ctrl-C (or the given signals) sets, so that a run stops between two blocks and not inside a
+    write.
+
+    A second signal of the same kind acts as if this object were not there.
+    """
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+
+    def __bool__(self) -> bool:
+        return self.signal is not None
+
+    @contextmanager
+    def listening(self, *signals: int) -> Iterator[Interrupt]:
+        """Listen while the block runs. Only the main thread may; elsewhere nothing is caught."""
+        if threading.current_thread() is not threading.main_thread():
+            yield self
+            return
+        old = {number: signal.getsignal(number) for number in signals}
+
+        def note(number: int, frame: FrameType | None) -> None:
+            self.signal = number
+            signal.signal(number, old[number])
+
+        for number in signals:
+            signal.signal(number, note)
+        try:
+            yield self
+        finally:
+            for number, handler in old.items():
+                signal.signal(number, handler)
+
+
+@dataclass
+class Ending:
+    """How a call of `drive` ended: `kind` is "done", "interrupted" or the core's word for what went wrong."""
+
+    outcome: dict[str, Any]
+    wall_s: float = 0.0
+    core_s: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        return str(self.outcome["kind"])
+
+
+def drive(
+    simulation: Simulation,
+    writer: Writer,
+    directory: RunDir,
+    plan: Plan,
+    *,
+    bodies: int,
+    identity: str,
+    checkpoints: bool,
+    stop: Interrupt,
+    progress: Callable[[Progress], None] | None,
+) -> Ending:
+    """Advance from the simulation's step to the plan's last one; everything recorded is committed when it
+    returns.
+    """
+    begin = last_saved = time.perf_counter()
+    first_step = simulation.step
+    core_s = save_s = 0.0
+    failure: dict[str, Any] | None = None
+    next_save = FIRST_CHECKPOINT_SECONDS
+    # Where the last step is no frame of the grid, it is computed by itself and framed: results then end at
+    # `until`. The checkpoint is taken before it, so that a later extension of the run is not disturbed by a
+    # frame off the grid.
+    grid_end = plan.steps if plan.steps % plan.every == 0 else plan.steps - 1
+
+    def save() -> None:
+        nonlocal save_s, last_saved, next_save
+        start = time.perf_counter()
+        # Rows first, then the state that belongs to them: a state must never be ahead of what can be read.
+        writer.commit()
+        rows = writer.first + writer.committed
+        state = simulation.state()
+        path = checkpoint.save(
+            directory.path, checkpoint.Checkpoint(simulation.step, simulation.time, rows, identity, state)
+        )
+        last_saved = time.perf_counter()
+        save_s = last_saved - start
+        next_save = max(CHECKPOINT_SECONDS, save_s / CHECKPOINT_SHARE)
+        directory.log("checkpoint", step=simulation.step, file=path.name, seconds=round(save_s, 4))
+
+    while simulation.step < plan.steps and failure is None and not stop:
+        last = simulation.step >= grid_end
+        steps = 1 if last else min(grid_end - simulation.step, _block_steps(bodies, plan))
+        if last and checkpoints:
+            save()
+        start = time.perf_counter()
+        block = simulation.advance(steps, 1 if last else plan.every, plan.contacts, BLOCK_SECONDS)
+        core_s += time.perf_counter() - start
+        failure = block["outcome"]
+        writer.append(block)
+        now = time.perf_counter()
+        if progress is not None:
+            progress(_progress(block, simulation, plan, now - begin, first_step))
+        if checkpoints and now - last_saved > next_save and simulation.step < grid_end:
+            save()
+
+    if failure is not None:
+        writer.append(_last_frame(simulation, writer))
+        outcome = dict(failure)
+    else:
+        kind = "done" if simulation.step >= plan.steps else "interrupted"
+        outcome = {"kind": kind, "step": simulation.step, "time": simulation.time}
+        if checkpoints and simulation.step <= grid_end:
+            save()
+    writer.commit()
+    return Ending(outcome, time.perf_counter() - begin, core_s)
+
+
+def identify(model: Mapping[str, Any]) -> str:
+    """SHA-256 of everything a state depends on: the arrays and options of the model, threads aside."""
+    digest = hashlib.sha256()
+
+    def feed(name: str, value: Any) -> None:
+        if isinstance(value, Mapping):
+            for key in sorted(value):
+                feed(f"{name}/{key}", value[key])
+        elif name != "/options/threads":
+            array = np.asarray(value)
+            digest.update(f"{name} {array.dtype.kind} {array.shape}".encode())
+            digest.update(repr(array.tolist()).encode() if array.dtype.kind in "OU" else array.tobytes())
+
+    feed("", model)
+    return digest.hexdigest()
+
+
+def empty_block(simulation: Simulation, plan: Plan) -> dict[str, Any]:
+    """A block without rows, which still tells all columns and their types."""
+    return dict(simulation.advance(0, plan.every, plan.contacts, 0.0))
+
+
+def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) -> dict[str, Any]:
+    """`block` (without rows) with one frame: the state as it stands, no contacts."""
+    columns = dict(block["frames"])
+    for name, values in columns.items():
+        if name == "step":
+            columns[name] = np.array([step], dtype=np.uint64)
+        elif name == "contact_end":
+            columns[name] = np.zeros(1, dtype=np.uint64)
+        else:
+            columns[name] = np.asarray(frame[name])[np.newaxis].astype(values.dtype)
+    return {**block, "frames": columns}
+
+
+def _last_frame(simulation: Simulation, writer: Writer) -> dict[str, Any]:
+    """The last good state of a run that failed, unless the last frame shows it already."""
+    empty = dict(simulation.advance(0, 0, False, 0.0))
+    if writer.last_frame == simulation.step:
+        return empty
+    return with_frame(empty, simulation.frame(), simulation.step)
+
+
+def _block_steps(bodies: int, plan: Plan) -> int:
+    per_frame = bodies * (104 + (3 * 250 if plan.contacts else 0))  # state, and about three contacts a body
+    frames = max(1, BLOCK_BYTES // max(1, per_frame))
+    return min(frames * plan.every, 100_000)
+
+
+def _progress(
+    block: Mapping[str, Any], simulation: Simulation, plan: Plan, wall: float, first: int
+) -> Progress:
+    def last(column: str) -> int:
+        values = block["steps"].get(column, ())
+        return int(values[-1]) if len(values) else 0
+
+    pace = (simulation.step - first) / wall if wall > 0 else 0.0
+    return Progress(
+        step=simulation.step,
+        steps=plan.steps,
+        time=simulation.time,
+        until=plan.until,
+        contacts=last("contacts"),
+        iterations_position=last("iterations_position"),
+        iterations_velocity=last("iterations_velocity"),
+        wall_s=wall,
+        steps_per_s=pace,
+        eta_s=(plan.steps - simulation.step) / pace if pace > 0 else math.inf,
+    )

@@ -1,0 +1,132 @@
+"""The layout of `results.h5`: groups, units, and what each known column means.
+
+The columns themselves are data: whatever the core delivers is written with its own type and shape. This table
+only adds the unit and one line of explanation to those it knows, so that the file explains itself to a reader
+without Carom. `docs/reference/results.md` describes the whole.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+FORMAT = 1
+
+#: Groups of a file, in the order of the columns of `/commit`.
+TABLES = ("frames", "contacts", "steps", "impacts", "residuals")
+
+#: The column of a flat table that holds running ends into another one; they are made global on writing.
+ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
+
+#: The one column whose rows are not the rows of its table: histories of several contact problems, end to end.
+VALUES = ("residuals", "value")
+
+
+class Rows(NamedTuple):
+    """How many rows of each table are whole. The last row of `/commit` is the only truth a reader may rely
+    on.
+    """
+
+    frames: int = 0
+    contacts: int = 0
+    steps: int = 0
+    impacts: int = 0
+    residuals: int = 0
+    values: int = 0
+
+    def __add__(self, other: object) -> Rows:  # element by element, not concatenation
+        if not isinstance(other, tuple) or len(other) != len(self):
+            return NotImplemented
+        return Rows(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+class Meaning(NamedTuple):
+    """Unit (SI, "1" for a count or ratio) and one line of explanation of a column."""
+
+    unit: str
+    text: str
+
+
+MEANINGS: dict[str, Meaning] = {
+    "frames/step": Meaning("1", "number of the step after which the frame was taken, 0 for the start"),
+    "frames/time": Meaning("s", "time of the frame"),
+    "frames/position": Meaning("m", "(frame, body, xyz) centres"),
+    "frames/orientation": Meaning("1", "(frame, body, wxyz) unit quaternions, scalar part first"),
+    "frames/velocity": Meaning("m/s", "(frame, body, xyz) velocities of the centres"),
+    "frames/angular_velocity": Meaning("rad/s", "(frame, body, xyz) angular velocities in the world frame"),
+    "frames/contact_end": Meaning("1", "rows of /contacts up to and including this frame"),
+    "contacts/body": Meaning(
+        "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
+    ),
+    "contacts/status": Meaning("1", "0 open, 1 stick, 2 slip, at the frame"),
+    "contacts/gap": Meaning("m", "gap at the frame"),
+    "contacts/normal": Meaning("1", "(row, xyz) unit normal at the frame, from B to A"),
+    "contacts/impulse": Meaning(
+        "N s", "(row, xyz) velocity-level impulse on A since the last frame, world frame"
+    ),
+    "contacts/moment": Meaning(
+        "N m s", "(row, xyz) velocity-level rolling and spinning impulse on A since the last frame"
+    ),
+    "contacts/position_impulse": Meaning(
+        "N s^2", "(row, xyz) position-level multiplier on A since the last frame"
+    ),
+    "contacts/position_moment": Meaning(
+        "N m s^2", "(row, xyz) position-level rotational multiplier on A since the last frame"
+    ),
+    "contacts/work_normal": Meaning("J", "work of the normal impulse since the last frame"),
+    "contacts/work_friction": Meaning("J", "work of sliding friction since the last frame"),
+    "contacts/work_rolling": Meaning("J", "work of rolling friction since the last frame"),
+    "contacts/work_spinning": Meaning("J", "work of spinning friction since the last frame"),
+    "impacts/step": Meaning("1", "step in which the contact took part in an impact problem"),
+    "impacts/time": Meaning("s", "time at the end of that step"),
+    "impacts/problem": Meaning("1", "number of the impact problem in the sequence of its step"),
+    "impacts/body": Meaning(
+        "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
+    ),
+    "impacts/status": Meaning("1", "0 open, 1 stick, 2 slip"),
+    "impacts/normal": Meaning("1", "(row, xyz) unit normal from B to A"),
+    "impacts/impulse": Meaning("N s", "(row, xyz) impulse on A, world frame"),
+    "impacts/moment": Meaning("N m s", "(row, xyz) rolling and spinning impulse on A"),
+    "impacts/approach": Meaning("m/s", "closing speed along the normal before the problem"),
+    "impacts/separation": Meaning("m/s", "separating speed along the normal after the problem"),
+    "impacts/restitution_scale": Meaning(
+        "1", "factor on the restitution by the energy safeguard, 1 if untouched"
+    ),
+    "steps/step": Meaning("1", "number of the step, from 1"),
+    "steps/time": Meaning("s", "time at the end of the step"),
+    "steps/iterations_smooth": Meaning("1", "iterations of the smooth sub-problem"),
+    "steps/iterations_position": Meaning("1", "Newton iterations of the position sub-problem"),
+    "steps/iterations_velocity": Meaning("1", "Newton iterations of the velocity sub-problem"),
+    "steps/line_search_position": Meaning("1", "line-search trials of the position sub-problem"),
+    "steps/line_search_velocity": Meaning("1", "line-search trials of the velocity sub-problem"),
+    "steps/impact_problems": Meaning("1", "problems of the impact sequence"),
+    "steps/contacts": Meaning("1", "closed contacts"),
+    "steps/islands": Meaning("1", "groups of bodies joined by closed contacts"),
+    "steps/largest_island": Meaning("1", "contacts of the largest group"),
+    "steps/residual_position": Meaning("1", "relative residual of the position sub-problem, eq. 44"),
+    "steps/residual_velocity": Meaning("1", "relative residual of the velocity sub-problem, eq. 44"),
+    "steps/energy_kinetic": Meaning("J", "kinetic energy, translation and rotation"),
+    "steps/energy_potential": Meaning("J", "potential energy of gravity"),
+    "steps/penetration": Meaning("m", "deepest penetration after the step, 0 if there is none"),
+    "steps/fallbacks": Meaning("1", "times a rescue method of the solver was used"),
+    "steps/truncated": Meaning("1", "impact sequences cut at the limit of problems"),
+    "steps/unconverged": Meaning("1", "sub-problems accepted without convergence"),
+    "steps/halvings": Meaning("1", "times the step was halved"),
+    "steps/missed_impacts": Meaning("1", "contacts found overlapping while separating"),
+    "steps/relisted": Meaning("1", "times a new pair was found after the position sub-problem"),
+    "steps/restitution_scale": Meaning("1", "smallest factor on the restitution by the energy safeguard"),
+    "residuals/step": Meaning("1", "step of the contact problem"),
+    "residuals/level": Meaning("1", "1 position, 2 velocity"),
+    "residuals/problem": Meaning("1", "number of the contact problem in its step and level"),
+    "residuals/contacts": Meaning("1", "contacts of the problem"),
+    "residuals/end": Meaning("1", "end of its history in /residuals/value"),
+    "residuals/value": Meaning("1", "residual norms, one per iteration, histories end to end"),
+    "bodies/name": Meaning("1", "names"),
+    "bodies/radius": Meaning("m", "radii"),
+    "bodies/mass": Meaning("kg", "masses"),
+    "bodies/inertia": Meaning("kg m^2", "moments of inertia about any diameter"),
+    "bodies/material": Meaning("1", "index of the material"),
+    "planes/name": Meaning("1", "names"),
+    "planes/point": Meaning("m", "(plane, xyz) a point of the plane"),
+    "planes/normal": Meaning("1", "(plane, xyz) unit normal, to the side where bodies live"),
+    "planes/material": Meaning("1", "index of the material"),
+}

@@ -1,0 +1,195 @@
+"""Reads the segments of a run as one record: only what was committed, and only as much as is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.record.layout import FORMAT, TABLES, VALUES, Rows
+
+#: A column up to this size is read whole at first use: one read of 3000 frames is as cheap as a read of one.
+CACHE_BYTES = 64 * 1024 * 1024
+
+
+class Column(NDArrayOperatorsMixin):
+    """A column of a table as a lazy array: reads what is indexed, acts as a NumPy array where one is needed.
+
+    `column[10:20]`, `column[-1]`, `column[:, 0]`, `np.asarray(column)`, `2 * column` and the methods of an
+    array (`column.max()`) give NumPy arrays. Small columns are read once and kept; a large one is read piece
+    by piece.
+    """
+
+    def __init__(self, parts: Sequence[tuple[h5py.Dataset, int]], unit: str = "") -> None:
+        self._parts = [(dataset, rows) for dataset, rows in parts if rows > 0]
+        model = parts[0][0]
+        self.dtype: np.dtype[Any] = model.dtype
+        self.shape: tuple[int, ...] = (sum(rows for _, rows in self._parts), *model.shape[1:])
+        self.unit = unit
+
+    @property
+    def ndim(self) -> int:
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        return int(np.prod(self.shape, dtype=np.int64))
+
+    @property
+    def nbytes(self) -> int:
+        return self.size * self.dtype.itemsize
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, key: Any) -> Any:
+        if self.nbytes <= CACHE_BYTES:
+            return self._whole[key]
+        first, *rest = key if isinstance(key, tuple) else (key,)
+        if isinstance(first, (int, np.integer)):
+            row = int(first) + (len(self) if first < 0 else 0)
+            if not 0 <= row < len(self):
+                raise IndexError(f"row {int(first)} of a column with {len(self)} rows")
+            return self._rows(row, row + 1)[(0, *rest)]
+        if isinstance(first, slice):
+            start, stop, stride = first.indices(len(self))
+            if stride > 0:
+                return self._rows(start, max(start, stop), stride)[(slice(None), *rest)]
+        return np.asarray(self)[key]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        whole = self._whole if self.nbytes <= CACHE_BYTES else self._rows(0, len(self))
+        if dtype is not None and whole.dtype != dtype:
+            return whole.astype(dtype)
+        return whole.copy() if copy else whole
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        arrays = [np.asarray(i) if isinstance(i, Column) else i for i in inputs]
+        return getattr(ufunc, method)(*arrays, **kwargs)
+
+    def __getattr__(self, name: str) -> Any:
+        # Methods of an array (max, mean, reshape ...); private names stay missing so that copying and
+        # pickling behave.
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(np.asarray(self), name)
+
+    def __repr__(self) -> str:
+        unit = f", unit {self.unit}" if self.unit not in ("", "1") else ""
+        return f"<column of shape {self.shape}, {self.dtype}{unit}>"
+
+    @cached_property
+    def _whole(self) -> NDArray[Any]:
+        whole = self._rows(0, len(self))
+        whole.flags.writeable = False  # shared between all who index it
+        return whole
+
+    def _rows(self, start: int, stop: int, stride: int = 1) -> NDArray[Any]:
+        """Rows `start:stop:stride` over all segments."""
+        pieces, offset = [], 0
+        for dataset, rows in self._parts:
+            low = max(start, offset)
+            low += (start - low) % stride
+            high = min(stop, offset + rows)
+            if low < high:
+                pieces.append(dataset[low - offset : high - offset : stride])
+            offset += rows
+        if not pieces:
+            return np.empty((0, *self.shape[1:]), self.dtype)
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+class Segments:
+    """All segments of a run, opened for reading while they may still be written to. Row counts are those at
+    opening.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        if not paths:
+            raise CaromError("there are no results yet: no results.h5 in the run directory")
+        self._files = [_open(path) for path in paths]
+        firsts = [Rows(*(int(n) for n in file.attrs["first_rows"])) for file in self._files]
+        self._rows: list[Rows] = []
+        for k, file in enumerate(self._files):
+            commit = file["commit"]
+            written = Rows(*(int(n) for n in commit[-1])) if commit.shape[0] else Rows()
+            # A later segment overrules every row from its start on, in all segments before it.
+            limits = [
+                min(f[i] for f in firsts[k + 1 :]) if firsts[k + 1 :] else None
+                for i in range(len(Rows._fields))
+            ]
+            self._rows.append(
+                Rows(
+                    *(
+                        max(0, min(w, m - f) if m is not None else w)
+                        for w, f, m in zip(written, firsts[k], limits, strict=True)
+                    )
+                )
+            )
+        self._cache: dict[tuple[str, str], Column] = {}
+
+    @property
+    def rows(self) -> Rows:
+        """Whole rows of each table over all segments."""
+        return sum(self._rows, Rows())
+
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """Attributes of the first segment: gravity, step, versions."""
+        return dict(self._files[0].attrs)
+
+    def columns(self, table: str) -> list[str]:
+        """Names of the columns of one of `TABLES`."""
+        return [_text(name) for name in self._files[0][table].attrs["columns"]]
+
+    def column(self, table: str, name: str) -> Column:
+        """One column over all segments."""
+        found = self._cache.get((table, name))
+        if found is None:
+            datasets = [file[table][name] for file in self._files]
+            counts = [rows.values if (table, name) == VALUES else getattr(rows, table) for rows in self._rows]
+            found = Column(list(zip(datasets, counts, strict=True)), _text(datasets[0].attrs.get("unit", "")))
+            self._cache[table, name] = found
+        return found
+
+    def static(self, table: str) -> dict[str, NDArray[Any]]:
+        """The table `bodies` or `planes`; names as an array of `str`."""
+        group = self._files[0][table]
+        return {n: np.array(d.asstr()[:], dtype=object) if n == "name" else d[()] for n, d in group.items()}
+
+    def close(self) -> None:
+        for file in self._files:
+            file.close()
+
+
+def _open(path: Path) -> h5py.File:
+    try:
+        # Without locks: the writer may be at work, or dead with its lock left on a network file system.
+        file = h5py.File(path, "r", libver="latest", swmr=True, locking=False)
+    except OSError as error:
+        if not path.exists():
+            raise CaromError(f"{path}: no such file") from error
+        raise CaromError(
+            f"{path} cannot be read as results of a run: {str(error).splitlines()[0]}"
+        ) from error
+    found = int(file.attrs.get("format", -1))
+    if found != FORMAT or any(table not in file for table in (*TABLES, "commit")):
+        file.close()
+        raise CaromError(
+            f"{path} is not a results file of this version of Carom (format {found}, wanted {FORMAT})"
+        )
+    return file
+
+
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)

@@ -1,0 +1,232 @@
+"""Writes one segment of a run (`results.h5`) so that a reader can open it at any moment, even after `kill
+-9`.
+
+The order is the whole idea: every dataset exists before single-writer-multiple-readers mode begins; rows go
+in by batches; when they are out of our hands a row of `/commit` states how many of each table are whole.
+Readers trust nothing else. No compression: it buys 10-16 % of the size for ten times the work
+(docs/reference/results.md).
+"""
+
+from __future__ import annotations
+
+import errno
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.record.layout import ENDS, FORMAT, MEANINGS, TABLES, VALUES, Meaning, Rows
+
+Table = Mapping[str, Any]
+
+#: A chunk of a dataset is as many whole rows as fit in this, at most MAX_CHUNK_ROWS; a frame of many bodies
+#: is one chunk.
+CHUNK_BYTES = 128 * 1024
+MAX_CHUNK_ROWS = 4096
+#: Rows wait in memory until there are this many bytes of them, or the oldest is this many seconds old.
+BATCH_BYTES = 16 * 1024 * 1024
+BATCH_SECONDS = 1.0
+
+
+class RecordError(CaromError):
+    """Results could not be written: no space, no permission, a file system that went away."""
+
+
+class Writer:
+    """The writer of one segment. Blocks are appended; `commit` makes what was appended durable for readers.
+
+    `bodies` and `planes` are the static tables (name, radius, ... with N and P rows). `first` counts the rows
+    of the whole run before this segment: what earlier segments hold beyond it was written after the
+    checkpoint from which this one starts, and no longer counts. `expected` is a guess of the row counts, used
+    only to avoid large chunks in small files.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        bodies: Table,
+        planes: Table,
+        attributes: Mapping[str, Any],
+        first: Rows | None = None,
+        expected: Rows | None = None,
+    ) -> None:
+        self.path = path
+        self.first = first or Rows()
+        self.rows = Rows()  # of this segment, appended, committed or not
+        self.committed = Rows()
+        self.last_frame: int | None = None  # step of the newest frame of this segment
+        self._attributes = dict(attributes, format=FORMAT, first_rows=np.array(self.first, dtype=np.uint64))
+        self._static = {"bodies": bodies, "planes": planes}
+        self._expected = expected or Rows()
+        self._file: h5py.File | None = None
+        self._columns: dict[str, dict[str, h5py.Dataset]] = {}
+        self._pending: list[dict[str, dict[str, Any]]] = []
+        self._pending_bytes = 0
+        self._pending_since = 0.0
+
+    def append(self, block: Mapping[str, Any]) -> None:
+        """Take over a block as `Simulation.advance` returns it; the first one fixes columns and types of the
+        file.
+        """
+        if self._file is None:
+            with _explained(self.path):
+                self._create(block)
+        counts = _count(block)
+        tables = {name: dict(block[name]) for name in TABLES}
+        for (table, column), target in ENDS.items():
+            offset = np.uint64(getattr(self.first, target) + getattr(self.rows, target))
+            tables[table][column] = np.asarray(tables[table][column], dtype=np.uint64) + offset
+        self.rows = self.rows + counts
+        if counts.frames:
+            self.last_frame = int(tables["frames"]["step"][-1])
+        if not any(counts):
+            return
+        if not self._pending:
+            self._pending_since = time.monotonic()
+        self._pending.append(tables)
+        self._pending_bytes += sum(np.asarray(c).nbytes for t in tables.values() for c in t.values())
+        if self._pending_bytes >= BATCH_BYTES or time.monotonic() - self._pending_since >= BATCH_SECONDS:
+            self.commit()
+
+    def commit(self) -> Rows:
+        """Write all that was appended, then say so in `/commit`. Returns the committed row counts."""
+        if self._file is None or self.rows == self.committed:
+            return self.committed
+        with _explained(self.path):
+            for table, columns in self._columns.items():
+                for name, dataset in columns.items():
+                    parts = [np.asarray(block[table][name]) for block in self._pending]
+                    _extend(dataset, parts[0] if len(parts) == 1 else np.concatenate(parts))
+            self._file.flush()
+            commit = self._file["commit"]
+            _extend(commit, np.array([self.rows], dtype=np.uint64))
+            commit.flush()
+        self.committed = self.rows
+        self._pending.clear()
+        self._pending_bytes = 0
+        return self.committed
+
+    def close(self) -> None:
+        """Commit the rest and close the file."""
+        if self._file is None:
+            return
+        try:
+            self.commit()
+        except BaseException:
+            self.abandon()
+            raise
+        with _explained(self.path):
+            self._file.close()
+        self._file = None
+
+    def abandon(self) -> None:
+        """Close without committing, after a failed write; whatever was committed before stays readable."""
+        self._pending.clear()
+        if self._file is not None:
+            # On a full disk even closing fails; there is nothing left to save and the first error was told
+            # already.
+            with suppress(Exception):
+                self._file.close()
+            self._file = None
+
+    def _create(self, block: Mapping[str, Any]) -> None:
+        file = h5py.File(self.path, "x", libver="latest", fs_strategy=None)
+        self._file = file
+        for key, value in self._attributes.items():
+            file.attrs[key] = value
+        for table, columns in self._static.items():
+            group = file.create_group(table)
+            for name, values in columns.items():
+                is_text = len(values) > 0 and isinstance(values[0], str)
+                data = (
+                    np.array(values, dtype=h5py.string_dtype())
+                    if is_text or name == "name"
+                    else np.asarray(values)
+                )
+                _describe(group.create_dataset(name, data=data), f"{table}/{name}")
+        for table in TABLES:
+            group = file.create_group(table)
+            guess = getattr(self._expected, table)
+            self._columns[table] = {}
+            for name, values in block[table].items():
+                rows = self._expected.values if (table, name) == VALUES else guess
+                self._columns[table][name] = _new_column(group, table, name, np.asarray(values), rows)
+            group.attrs["columns"] = list(self._columns[table])
+        commit = file.create_dataset(
+            "commit", (0, len(Rows._fields)), np.uint64, maxshape=(None, len(Rows._fields)), chunks=(128, 6)
+        )
+        commit.attrs["columns"] = list(Rows._fields)
+        commit.attrs["description"] = "rows of each table that are whole; the last row counts"
+        file.swmr_mode = True
+
+
+def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], guess: int) -> h5py.Dataset:
+    dtype = np.uint64 if (table, name) in ENDS else values.dtype
+    shape = values.shape[1:]
+    row_bytes = max(1, int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
+    rows = min(max(1, CHUNK_BYTES // row_bytes), MAX_CHUNK_ROWS)
+    if guess:
+        rows = min(rows, max(64, guess))
+    dataset = group.create_dataset(
+        name, (0, *shape), dtype, maxshape=(None, *shape), chunks=(rows, *(max(1, n) for n in shape))
+    )
+    _describe(dataset, f"{table}/{name}")
+    return dataset
+
+
+def _describe(dataset: h5py.Dataset, key: str) -> None:
+    meaning = MEANINGS.get(key, Meaning("", ""))
+    dataset.attrs["unit"] = meaning.unit
+    dataset.attrs["description"] = meaning.text
+
+
+def _extend(dataset: h5py.Dataset, rows: NDArray[Any]) -> None:
+    if len(rows):
+        start = dataset.shape[0]
+        dataset.resize(start + len(rows), axis=0)
+        dataset[start:] = rows
+
+
+def _count(block: Mapping[str, Any]) -> Rows:
+    key = {"frames": "step", "contacts": "gap", "steps": "step", "impacts": "step", "residuals": "step"}
+    counts = [len(block[table][key[table]]) for table in TABLES]
+    return Rows(*counts, len(block["residuals"]["value"]))
+
+
+class _explained:
+    """Turns what HDF5 raises when the disk is full or the file unwritable into one line that says so."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        # h5py reports some failed writes as RuntimeError (from closing) instead of OSError.
+        if isinstance(error, (OSError, RuntimeError)):
+            raise RecordError(f"cannot write {self.path}: {reason(error)}") from error
+
+
+def reason(error: BaseException) -> str:
+    """The cause of an input/output error in a few words; HDF5 hides the error number inside a long message."""
+    text = str(error)
+    number = getattr(error, "errno", None)
+    for code, words in (
+        (errno.ENOSPC, "no space left on the disk; free some, or write elsewhere with -o"),
+        (errno.EDQUOT, "the disk quota is used up; free some, or write elsewhere with -o"),
+        (errno.EFBIG, "the file grew beyond the limit of this process (ulimit -f)"),
+        (errno.EACCES, "permission denied; choose another place with -o"),
+        (errno.EROFS, "the file system is read-only; choose another place with -o"),
+        (errno.EIO, "the disk reports an input/output error"),
+    ):
+        if number == code or f"errno = {code}," in text:
+            return words
+    return text.splitlines()[0] if text else type(error).__name__

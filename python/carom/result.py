@@ -1,0 +1,372 @@
+"""`carom.Result`: what a run left behind, read from its directory as far as it is asked for.
+
+Arrays are `Column`s: they know their shape, read what is indexed, and act as NumPy arrays. Tables have one
+column per quantity: `result.impacts["time"]` or `result.impacts.time`. Units are SI throughout.
+"""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.record import Column, Segments
+from carom.rundir import RunDir
+from carom.tables import Contacts, Energy, Impacts, Outcome, Residuals, Static, Steps
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from carom.plot import Plots
+    from carom.view import ViewInfo
+
+F64 = NDArray[np.float64]
+
+
+class UnfinishedRun(UserWarning):
+    """The run did not reach its end, or has not yet; what is readable is whole."""
+
+
+def load(path: str | Path) -> Result:
+    """The result of a run directory, also of one that is still being written or was killed."""
+    result = Result(RunDir.open(path))
+    if result.status == "running":
+        why = "is still being written" if result.is_being_written else "did not finish"
+        cure = "" if result.is_being_written else f" (`carom resume {result.path}` continues it)"
+        warnings.warn(f"run {why}; {len(result.time)} frames readable{cure}", UnfinishedRun, stacklevel=2)
+    return result
+
+
+class Result:
+    """A run: T frames of N bodies, its impacts, contacts and steps. Obtained by `carom.simulate` or
+    `carom.load`.
+
+    What was committed when the object was made is what it shows; load again to see more of a run in progress.
+    """
+
+    def __init__(self, directory: RunDir) -> None:
+        self._directory = directory
+        self._about = directory.read()
+        self._segments = Segments(directory.segments())
+
+    @property
+    def path(self) -> Path:
+        """The run directory."""
+        return self._directory.path
+
+    # Motion, one row per frame.
+
+    @property
+    def time(self) -> Column:
+        """Times of the frames, (T,), s."""
+        return self._segments.column("frames", "time")
+
+    @property
+    def step(self) -> Column:
+        """Steps after which the frames were taken, (T,); 0 is the start."""
+        return self._segments.column("frames", "step")
+
+    @property
+    def position(self) -> Column:
+        """Centres, (T, N, 3), m."""
+        return self._segments.column("frames", "position")
+
+    @property
+    def orientation(self) -> Column:
+        """Unit quaternions, scalar part first, (T, N, 4): body frame to world frame."""
+        return self._segments.column("frames", "orientation")
+
+    @property
+    def velocity(self) -> Column:
+        """Velocities of the centres, (T, N, 3), m/s."""
+        return self._segments.column("frames", "velocity")
+
+    @property
+    def angular_velocity(self) -> Column:
+        """Angular velocities in the world frame, (T, N, 3), rad/s."""
+        return self._segments.column("frames", "angular_velocity")
+
+    # What the run is about.
+
+    @cached_property
+    def bodies(self) -> Static:
+        """One row per body: name, radius (m), mass (kg), inertia (kg m^2), material."""
+        return Static(self._segments.static("bodies"))
+
+    @cached_property
+    def planes(self) -> Static:
+        """One row per plane: name, point (m), normal, material."""
+        return Static(self._segments.static("planes"))
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the bodies, in the order of the second axis of all arrays."""
+        return list(self.bodies["name"])
+
+    @property
+    def plane_names(self) -> list[str]:
+        """Names of the planes."""
+        return list(self.planes["name"])
+
+    @property
+    def gravity(self) -> F64:
+        """Acceleration of gravity, (3,), m/s^2."""
+        return np.asarray(self._segments.attributes["gravity"], dtype=np.float64)
+
+    @property
+    def title(self) -> str:
+        """Title of the scenario."""
+        return str(self._about.get("scenario", {}).get("title") or "")
+
+    @property
+    def scenario(self) -> str:
+        """The scenario as it was run, as TOML."""
+        return self._directory.scenario.read_text(encoding="utf-8")
+
+    def __getitem__(self, name: str) -> Body:
+        try:
+            return Body(self, self.names.index(name))
+        except ValueError:
+            raise KeyError(
+                f"no body is called {name!r}; {did_you_mean(str(name), self.names[:20])}"
+            ) from None
+
+    def __iter__(self) -> Any:
+        # Without this, `for body in result` would try result[0], result[1], ... by the old protocol.
+        return (Body(self, i) for i in range(len(self.names)))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    # What happened.
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies after every step, (S,), J."""
+        return Energy(self._segments)
+
+    @cached_property
+    def impacts(self) -> Impacts:
+        """One row per contact and impact problem: time, step, problem, pair, impulse, status ..."""
+        return Impacts(self._segments, [*self.names, *self.plane_names])
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """One row per frame and contact: impulses of both levels and work by cause since the last frame."""
+        return Contacts(self._segments, [*self.names, *self.plane_names])
+
+    @cached_property
+    def steps(self) -> Steps:
+        """One row per step: iterations, residuals, counts, energies, penetration."""
+        return Steps(self._segments)
+
+    @cached_property
+    def residuals(self) -> Residuals:
+        """One row per recorded contact problem: the residual after each iteration."""
+        return Residuals(self._segments)
+
+    @property
+    def status(self) -> str:
+        """ "done", "failed", "interrupted", or "running" (also for a run whose process was killed)."""
+        return str(self._about["status"])
+
+    @property
+    def is_being_written(self) -> bool:
+        """Whether the process that computes the run is alive, on this machine."""
+        return self._directory.is_being_written()
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended, with advice if it did not end well; `outcome.ok` is true if it reached its end."""
+        return Outcome.of(self._about.get("outcome") or {"kind": self.status})
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What `carom run --json` prints; empty while the run goes on."""
+        found: Mapping[str, Any] = self._about.get("summary", {})
+        return found
+
+    @property
+    def versions(self) -> Mapping[str, Any]:
+        """Versions of all that computed the run."""
+        found: Mapping[str, Any] = self._about.get("versions", {})
+        return found
+
+    # What can be done with it.
+
+    @property
+    def plot(self) -> Plots:
+        """Figures: `result.plot.velocities()` returns one of matplotlib, `result.plot.save("figures")` writes
+        all.
+        """
+        from carom.plot import Plots
+
+        return Plots(self)
+
+    def view(self, path: str | Path | None = None, *, open_browser: bool = False, **options: Any) -> ViewInfo:
+        """Write the run as one HTML page that plays offline, by default `view.html` in the run directory."""
+        from carom.view import write_html
+
+        info = write_html(self, Path(path) if path else self.path / "view.html", **options)  # type: ignore[arg-type]
+        if open_browser:
+            import webbrowser
+
+            webbrowser.open(info.path.resolve().as_uri())
+        return info
+
+    def save(self, path: str | Path, *, force: bool = False) -> Result:
+        """Copy the run directory, to keep a result that was simulated without `out`; returns the copy."""
+        copy = RunDir.create(path, force=force)
+        try:
+            shutil.copytree(self.path, copy.path, dirs_exist_ok=True)
+        except OSError as error:
+            copy.remove()
+            raise CaromError(f"cannot copy the run to {path}: {error}") from error
+        return load(copy.path)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Motion as an `xarray.Dataset` with dimensions time, body, axis (and quaternion)."""
+        try:
+            import xarray
+        except ImportError as error:
+            raise CaromError("to_xarray needs xarray: pip install 'carom[interop]'") from error
+        quantities = {
+            "position": (("time", "body", "axis"), "m"),
+            "orientation": (("time", "body", "quaternion"), "1"),
+            "velocity": (("time", "body", "axis"), "m/s"),
+            "angular_velocity": (("time", "body", "axis"), "rad/s"),
+        }
+        data = {
+            name: (dims, np.asarray(getattr(self, name)), {"units": unit})
+            for name, (dims, unit) in quantities.items()
+        }
+        coordinates = {
+            "time": ("time", np.asarray(self.time), {"units": "s"}),
+            "body": self.names,
+            "axis": list("xyz"),
+            "quaternion": list("wxyz"),
+            "radius": ("body", self.bodies["radius"], {"units": "m"}),
+            "mass": ("body", self.bodies["mass"], {"units": "kg"}),
+        }
+        return xarray.Dataset(data, coordinates, {"title": self.title, **self.versions})
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Motion as a `pandas.DataFrame`, one row per frame and body (index time, body); tables have a
+        `to_pandas` too.
+        """
+        pandas = _pandas()
+        index = pandas.MultiIndex.from_product([np.asarray(self.time), self.names], names=["time", "body"])
+        columns: dict[str, F64] = {}
+        axes = {"position": "xyz", "orientation": "wxyz", "velocity": "xyz", "angular_velocity": "xyz"}
+        for name, letters in axes.items():
+            values = np.asarray(getattr(self, name)).reshape(len(index), len(letters))
+            columns |= {f"{name}_{letter}": values[:, i] for i, letter in enumerate(letters)}
+        return pandas.DataFrame(columns, index=index)
+
+    def close(self) -> None:
+        """Close the files. Columns that were read stay usable."""
+        self._segments.close()
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        frames, bodies = len(self.time), self.names
+        shown = ", ".join(bodies[:4]) + (f", ... ({len(bodies)})" if len(bodies) > 4 else "")
+        span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if frames else "no frames yet"
+        lines = [
+            f"<carom.Result {self.title or self.path.name!r}: {self.outcome.brief}>",
+            f"  {frames} frames, {span}; {len(self.steps)} steps",
+            f"  bodies    {shown}",
+            f"  impacts   {len(self.impacts)} rows; contacts {len(self.contacts)} rows",
+            f"  directory {self.path}",
+        ]
+        return "\n".join(lines)
+
+
+class Body:
+    """One body of a result: `result["cue"].velocity` is (T, 3)."""
+
+    def __init__(self, result: Result, index: int) -> None:
+        self._result = result
+        self.index = index
+        self.name = result.names[index]
+
+    @property
+    def time(self) -> Column:
+        """Times of the frames, (T,), s."""
+        return self._result.time
+
+    @property
+    def position(self) -> F64:
+        """Centre, (T, 3), m."""
+        return self._column("position")
+
+    @property
+    def orientation(self) -> F64:
+        """Unit quaternion, scalar part first, (T, 4)."""
+        return self._column("orientation")
+
+    @property
+    def velocity(self) -> F64:
+        """Velocity of the centre, (T, 3), m/s."""
+        return self._column("velocity")
+
+    @property
+    def angular_velocity(self) -> F64:
+        """Angular velocity in the world frame, (T, 3), rad/s."""
+        return self._column("angular_velocity")
+
+    @property
+    def speed(self) -> F64:
+        """Speed of the centre, (T,), m/s."""
+        return np.asarray(np.linalg.norm(self.velocity, axis=1))
+
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+        return float(self._result.bodies["radius"][self.index])
+
+    @property
+    def mass(self) -> float:
+        """Mass, kg."""
+        return float(self._result.bodies["mass"][self.index])
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about any diameter, kg m^2."""
+        return float(self._result.bodies["inertia"][self.index])
+
+    @property
+    def impacts(self) -> Impacts:
+        """The impacts that this body took part in."""
+        impacts = self._result.impacts
+        return impacts.where((np.asarray(impacts["body"]) == self.index).any(axis=1))
+
+    def _column(self, name: str) -> F64:
+        found: F64 = self._result._segments.column("frames", name)[:, self.index]
+        return found
+
+    def __repr__(self) -> str:
+        return (
+            f"<body {self.name!r}: radius {self.radius:g} m, mass {self.mass:g} kg, {len(self.time)} frames>"
+        )
+
+
+def _pandas() -> Any:
+    try:
+        import pandas
+    except ImportError as error:
+        raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+    return pandas

@@ -1,0 +1,320 @@
+"""`carom.simulate` and `carom.resume`: from a scene to a run directory and its `Result`.
+
+(The module is not called `simulate`: importing it would hide the function of that name in the package.)
+"""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import warnings
+import weakref
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import carom
+from carom import checkpoint, summary
+from carom.drive import Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
+from carom.errors import CaromError
+from carom.record import Rows, Writer
+from carom.result import Result, load
+from carom.rundir import RunDir, now
+
+if TYPE_CHECKING:
+    from carom._core import Simulation
+    from carom.scene import Scene
+
+OnProgress = Callable[[Progress], None]
+
+
+class CaromWarning(UserWarning):
+    """Advice on a scene that can be simulated but may not mean what its author thinks."""
+
+
+class RunFailed(CaromError):
+    """A run that stopped before its end. `result` holds all up to the last good step, `result.outcome` says
+    why.
+    """
+
+    def __init__(self, message: str, result: Result) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+def simulate(
+    scene: Scene,
+    *,
+    out: str | Path | None = None,
+    force: bool = False,
+    progress: OnProgress | None = None,
+    **options: Any,
+) -> Result:
+    """Simulate a scene and return its result.
+
+    `options` are the keys of `[run]` and `[record]` of a scenario and override those of the scene, which is
+    not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The run directory is `out` (an
+    existing one is refused without `force`), or a temporary one that lives as long as the result;
+    `Result.save` keeps it. `progress` is called about ten times a second. Ctrl-C stops between two steps with
+    everything recorded, then raises `KeyboardInterrupt`.
+
+    Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
+    so far).
+    """
+    scene = scene.with_options(**options) if options else scene
+    for advice in scene.validate():
+        warnings.warn(str(advice), CaromWarning, stacklevel=2)
+    stop = Interrupt()
+    with stop.listening(signal.SIGINT):
+        if out is not None:
+            result = launch(scene, lambda: RunDir.create(out, force=force), stop=stop, progress=progress)
+        else:
+            result = launch(scene, _temporary, stop=stop, progress=progress, keep=False)
+            weakref.finalize(result, _discard, RunDir(result.path), result.close)
+    return _judged(result, stop)
+
+
+def resume(run: str | Path, *, until: float | None = None, progress: OnProgress | None = None) -> Result:
+    """Continue a run that was interrupted or killed, bit for bit as if nothing had happened; `until` (s)
+    extends it.
+
+    A run that has reached its end already is returned as it is.
+    """
+    stop = Interrupt()
+    with stop.listening(signal.SIGINT):
+        result = relaunch(RunDir.open(run), until=until, stop=stop, progress=progress)
+    return _judged(result, stop)
+
+
+def launch(
+    scene: Scene,
+    create: Callable[[], RunDir],
+    *,
+    stop: Interrupt,
+    progress: OnProgress | None = None,
+    source: str | None = None,
+    keep: bool = True,
+) -> Result:
+    """Run a validated scene to its end, failure or interruption: the result says which.
+
+    The directory is created last, so that a wrong scene neither leaves one behind nor replaces an old one.
+    `source` is the scenario file, for the summary. Without `keep` no checkpoints are written (nobody could
+    use them).
+    """
+    simulation, model, plan = _build(scene)
+    text = scene.to_toml(resolved=True)
+    about: dict[str, Any] = {
+        "format": 1,
+        "status": "running",
+        "outcome": None,
+        "scenario": {"title": scene.title, "file": source and Path(source).name, "identity": identify(model)},
+        "seed": getattr(scene, "seed", None),
+        "versions": summary.versions(),
+        "created": now(),
+        "segments": [],
+    }
+    directory = create()
+    with directory.writing():
+        try:
+            directory.write_scenario(text)
+            directory.write(about)
+            start = _Start(simulation, model, plan, about)
+            writer = _writer(scene, directory.next_segment(), start)
+        except BaseException:
+            directory.remove()
+            raise
+        _execute(scene, directory, start, writer, stop=stop, progress=progress, checkpoints=keep)
+    return load(directory.path)
+
+
+def relaunch(
+    directory: RunDir, *, until: float | None = None, stop: Interrupt, progress: OnProgress | None = None
+) -> Result:
+    """Continue the run in `directory` from its newest whole checkpoint, or from the start if there is none."""
+    from carom.scene import Scene
+
+    scene = Scene.from_toml(directory.scenario)
+    if until is not None:
+        scene = scene.with_options(until=until)
+    simulation, model, plan = _build(scene)
+    if directory.is_finished(plan.steps):
+        return load(directory.path)
+    with directory.writing():
+        about = directory.read()
+        saved, complaints = checkpoint.newest(directory.path)
+        if saved is not None:
+            if saved.scenario != identify(model):
+                raise CaromError(
+                    f"{directory.scenario} was changed since the checkpoint; a run continues only with the"
+                    " same scenario (start a new one with `carom run`)"
+                )
+            if until is not None and plan.steps < saved.step:
+                raise CaromError(
+                    f"the run has reached t = {saved.time:g} s already; give --until a later time"
+                )
+            simulation.restore(dict(saved.state))
+        for complaint in complaints:
+            directory.log("damaged checkpoint", message=complaint)
+        if until is not None:
+            directory.write_scenario(scene.to_toml(resolved=True))
+        about.update(status="running", outcome=None)
+        directory.write(about)
+        start = _Start(simulation, model, plan, about, saved.rows if saved else Rows())
+        writer = _writer(scene, directory.next_segment(), start)
+        _execute(scene, directory, start, writer, stop=stop, progress=progress, checkpoints=True)
+    return load(directory.path)
+
+
+@dataclass
+class _Start:
+    """All that `_execute` needs to know of the beginning of a segment."""
+
+    simulation: Simulation
+    model: Mapping[str, Any]
+    plan: Plan
+    about: dict[str, Any]
+    first: Rows = field(default_factory=Rows)
+
+
+def _build(scene: Scene) -> tuple[Simulation, Mapping[str, Any], Plan]:
+    from carom import _core
+
+    if scene.run.until is None:
+        raise CaromError(
+            "the scenario does not say how long to simulate; set `until` in [run], or pass until=..."
+        )
+    model = scene.to_model()
+    try:
+        simulation = _core.Simulation(model)
+    except _core.ModelError as error:
+        raise CaromError(str(error)) from error
+    plan = Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts)
+    return simulation, model, plan
+
+
+def _execute(
+    scene: Scene,
+    directory: RunDir,
+    start: _Start,
+    writer: Writer,
+    *,
+    stop: Interrupt,
+    progress: OnProgress | None,
+    checkpoints: bool,
+) -> None:
+    """Run from `start` into the segment of `writer` and say in `run.json` how it ended."""
+    simulation, plan, about = start.simulation, start.plan, start.about
+    segment = {"file": writer.path.name, "from_step": simulation.step, "started": now()}
+    directory.log(
+        "start", step=simulation.step, steps=plan.steps, segment=writer.path.name, **about["versions"]
+    )
+    try:
+        block = empty_block(simulation, plan)
+        if not any(start.first):
+            block = with_frame(block, simulation.frame(), simulation.step)
+        writer.append(block)
+        writer.commit()
+        ending = drive(
+            simulation,
+            writer,
+            directory,
+            plan,
+            bodies=len(scene.names),
+            identity=about["scenario"]["identity"],
+            checkpoints=checkpoints,
+            stop=stop,
+            progress=progress,
+        )
+        writer.close()
+        _finish(scene, directory, start, segment, ending)
+    except BaseException as error:
+        _note_failure(directory, writer, about, error)
+        raise
+
+
+def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
+    model, plan = start.model, start.plan
+    bodies = {"name": list(scene.names), **{k: model[k] for k in ("radius", "mass", "inertia", "material")}}
+    planes = {
+        "name": list(scene.plane_names),
+        **{k: model[f"plane_{k}"] for k in ("point", "normal", "material")},
+    }
+    frames = plan.steps // plan.every + 2
+    attributes = {
+        "title": scene.title or "",
+        "carom_version": carom.__version__,
+        "step": plan.step,
+        "every": plan.every,
+        "gravity": np.asarray(model["gravity"], dtype=np.float64),
+        "start_step": start.simulation.step,
+    }
+    expected = Rows(frames, 2 * len(bodies["name"]) * frames, plan.steps, 256, plan.steps, 4 * plan.steps)
+    return Writer(
+        path, bodies=bodies, planes=planes, attributes=attributes, first=start.first, expected=expected
+    )
+
+
+def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, Any], ending: Ending) -> None:
+    simulation, about = start.simulation, start.about
+    failed = ending.kind not in ("done", "interrupted")
+    outcome = summary.named(ending.outcome, scene.names, scene.plane_names)
+    problem = simulation.failing_problem() if failed else None
+    if problem is not None:
+        from carom.record.problem import write_problem
+
+        outcome["problem_file"] = write_problem(directory.path / "failing_problem.h5", problem, outcome).name
+    about["segments"].append(
+        {**segment, "to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
+    )
+    about["status"] = "failed" if failed else ending.kind
+    about["outcome"] = outcome
+    about["finished"] = now()
+    about["summary"] = summary.summary(scene, simulation, start.plan, about)
+    directory.write(about)
+    directory.log(
+        "end", status=about["status"], **{k: v for k, v in outcome.items() if k in ("kind", "step", "time")}
+    )
+
+
+def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], error: BaseException) -> None:
+    """Leave a directory that does not claim to be more than it is, whatever the error; the error itself goes
+    on.
+    """
+    try:
+        writer.close()
+    except Exception:
+        writer.abandon()
+    kind = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+    message = str(error) or type(error).__name__
+    about.update(
+        status=kind,
+        outcome={"kind": "error" if kind == "failed" else kind, "advice": message},
+        finished=now(),
+    )
+    directory.log("end", status=kind, message=message)
+    # On a full disk run.json goes on saying "running", and the freed lock says that it is not.
+    with suppress(CaromError):
+        directory.write(about)
+
+
+def _judged(result: Result, stop: Interrupt) -> Result:
+    if stop and not result.outcome.ok:
+        raise KeyboardInterrupt(
+            f"interrupted at t = {result.outcome.time:g} s; what was computed is in {result.path}"
+        )
+    if not result.outcome.ok:
+        raise RunFailed(str(result.outcome), result)
+    return result
+
+
+def _temporary() -> RunDir:
+    return RunDir(Path(tempfile.mkdtemp(prefix="carom-")))
+
+
+def _discard(directory: RunDir, close: Callable[[], None]) -> None:
+    close()
+    directory.remove()

@@ -1,0 +1,226 @@
+"""The run directory: which files make up a run, who may create or replace one, and whether its writer still
+lives.
+
+scenario.toml      the scenario as it was run: every default spelled out, random numbers drawn
+run.json           status, outcome, versions, summary
+results.h5         frames, contacts, impacts, steps; after a resume also results-0002.h5 and so on
+checkpoint-*.npz   the last two states from which the run continues bit for bit
+log.jsonl          one JSON object per line: what happened when
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Any
+
+from carom.checkpoint import write_whole
+from carom.errors import CaromError
+from carom.record.writer import RecordError, reason
+
+#: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted.
+_OWN = (
+    "scenario.toml",
+    "run.json",
+    "results*.h5",
+    "checkpoint-*.npz",
+    "log.jsonl",
+    "failing_problem.h5",
+    "plots/*",
+    "view.html",
+    ".*.tmp",
+)
+
+
+class RunDir:
+    """The files of one run. `create` makes a new one, `RunDir(path)` stands for one that is there."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.scenario = path / "scenario.toml"
+        self.about = path / "run.json"
+        self.log_file = path / "log.jsonl"
+        self._log: IO[str] | None = None
+
+    @classmethod
+    def open(cls, path: Path | str) -> RunDir:
+        """An existing run; a path that is none is a `CaromError` that says what was found instead."""
+        path = Path(path)
+        if (
+            path.is_file()
+            and path.name in ("run.json", "scenario.toml", "results.h5")
+            and (path.parent / "run.json").exists()
+        ):
+            path = path.parent  # a file inside the directory, as completion in a shell offers it
+        if not path.exists():
+            raise CaromError(f"{path}: no such run directory")
+        if not (path / "run.json").is_file():
+            what = (
+                "a file, not a run directory"
+                if path.is_file()
+                else "not a run directory (it has no run.json)"
+            )
+            raise CaromError(f"{path} is {what}; `carom run SCENARIO` makes one")
+        return cls(path)
+
+    @classmethod
+    def create(cls, path: Path | str, *, force: bool = False) -> RunDir:
+        """A new, empty run directory. An existing path is refused; with `force` an old run there is removed
+        first.
+        """
+        path = Path(path)
+        try:
+            if path.is_dir() and force:
+                old = cls(path)
+                if any(path.iterdir()) and not old.about.exists():
+                    raise CaromError(
+                        f"{path} holds other files and is not a run directory; choose another with -o"
+                    )
+                with old.writing():
+                    old._remove_own()
+            elif path.exists():
+                cure = "give --force to replace it, or another directory with -o"
+                raise CaromError(
+                    f"{path} exists already; {cure}"
+                    if path.is_dir()
+                    else f"{path} is a file; choose another with -o"
+                )
+            path.mkdir(parents=True, exist_ok=force)
+        except OSError as error:
+            raise RecordError(f"cannot create the run directory {path}: {reason(error)}") from error
+        return cls(path)
+
+    @classmethod
+    def next(cls, stem: str, parent: Path | str = "runs") -> RunDir:
+        """A new run directory `runs/<stem>-<n>` with the first free number, even if others do the same right
+        now.
+        """
+        parent = Path(parent)
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            taken = [p.name[len(stem) + 1 :] for p in parent.glob(f"{_literal(stem)}-*")]
+            n = max((int(t) for t in taken if t.isdecimal()), default=0) + 1
+            while True:
+                with suppress(FileExistsError):
+                    (parent / f"{stem}-{n}").mkdir()
+                    return cls(parent / f"{stem}-{n}")
+                n += 1
+        except OSError as error:
+            raise RecordError(
+                f"cannot create a run directory in {parent}: {reason(error)}; name another with -o"
+            ) from error
+
+    def segments(self) -> list[Path]:
+        """`results.h5`, `results-0002.h5`, ... in the order of the run."""
+        first = self.path / "results.h5"
+        return [first] * first.exists() + sorted(self.path.glob("results-*.h5"))
+
+    def next_segment(self) -> Path:
+        """Where a new segment goes."""
+        n = len(self.segments()) + 1
+        return self.path / ("results.h5" if n == 1 else f"results-{n:04d}.h5")
+
+    def read(self) -> dict[str, Any]:
+        """The content of `run.json`."""
+        try:
+            content = json.loads(self.about.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise CaromError(f"{self.about} cannot be read: {reason(error)}") from error
+        if not isinstance(content, dict):
+            raise CaromError(f"{self.about} does not describe a run")
+        return content
+
+    def is_finished(self, steps: int) -> bool:
+        """Whether the run has reached step `steps` and ended well."""
+        about = self.read()
+        outcome = about.get("outcome") or {}
+        return about.get("status") == "done" and outcome.get("step") == steps
+
+    def write(self, about: Mapping[str, Any]) -> None:
+        """Replace `run.json`."""
+        text = json.dumps(about, indent=2, ensure_ascii=False, allow_nan=True) + "\n"
+        write_whole(self.about, text.encode(), durable=False)
+
+    def write_scenario(self, text: str) -> None:
+        """Replace `scenario.toml`."""
+        write_whole(self.scenario, text.encode(), durable=False)
+
+    def log(self, event: str, **facts: Any) -> None:
+        """Append a line to `log.jsonl`; only inside `writing`."""
+        if self._log is not None:
+            line = {"time": datetime.now(UTC).isoformat(timespec="milliseconds"), "event": event, **facts}
+            with suppress(OSError):  # the log is a courtesy; the results report a full disk
+                self._log.write(json.dumps(line, ensure_ascii=False) + "\n")
+                self._log.flush()
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Be the one writer of this run. A lock on the log tells a living writer from one that was killed."""
+        try:
+            self._log = open(self.log_file, "a", encoding="utf-8")  # noqa: SIM115  # closed below, also by the kernel
+        except OSError as error:
+            raise RecordError(f"cannot write {self.log_file}: {reason(error)}") from error
+        try:
+            if not _lock(self._log, shared=False):
+                raise CaromError(
+                    f"{self.path} is being written by another process; wait for it, or interrupt it first"
+                )
+            yield
+        finally:
+            with suppress(OSError):
+                self._log.close()
+            self._log = None
+
+    def is_being_written(self) -> bool:
+        """Whether the process that writes this run still lives (on this machine)."""
+        try:
+            with open(self.log_file, encoding="utf-8") as log:
+                return not _lock(log, shared=True)
+        except OSError:
+            return False
+
+    def _remove_own(self) -> None:
+        for pattern in _OWN:
+            for file in self.path.glob(pattern):
+                file.unlink()
+
+    def remove(self) -> None:
+        """Delete what a run writes, and the directory if nothing else is in it."""
+        with suppress(OSError):
+            self._remove_own()
+            for empty in (self.path / "plots", self.path):
+                if empty.exists():
+                    empty.rmdir()
+
+
+def size_on_disk(path: Path) -> int:
+    """Bytes of all files in a run directory."""
+    return sum(f.stat().st_size for f in path.rglob("*") if f.is_file())
+
+
+def now() -> str:
+    """The time for `run.json`, UTC, to the second."""
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+
+
+def _literal(stem: str) -> str:
+    return "".join(f"[{c}]" if c in "*?[" else c for c in stem)
+
+
+def _lock(file: IO[str], *, shared: bool) -> bool:
+    """Try to lock a file; True also where the system has no such locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True  # network file systems without locks
+    return True
