@@ -1,0 +1,117 @@
+"""What Carom says when a description is wrong.
+
+Every mistake a person can make in a scenario (a file or a `carom.Scene`) becomes a `Problem`: where it is,
+what was found, what would be right. A `ScenarioError` holds all problems of a scenario, so that they are
+mended in one go. Nothing here imports more than the standard library: the command line catches these errors
+before it loads anything else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+SHOWN = 50
+"""Problems printed by `str(error)`; a generated file can have one per sphere. `error.problems` holds all of
+them.
+"""
+
+
+class CaromError(ValueError):
+    """Root of every error that Carom raises on purpose: the user can mend the cause."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong (or, in a list of warnings, one piece of advice).
+
+    `where` is a file, or the call such as `Scene.sphere("cue")`; `line` (from 1) and `source` (that line) are
+    given for files only. `cause` says what was found and what is allowed, `cure` what to write instead; both
+    fit on one line.
+    """
+
+    where: str
+    key: str
+    cause: str
+    cure: str
+    line: int | None = None
+    source: str = ""
+
+    def __str__(self) -> str:
+        place = self.where if self.line is None else f"{self.where}:{self.line}"
+        key = f" {self.key}:" if self.key else ""
+        return one_line(f"{place}:{key} {self.cause}; {self.cure}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields, for `--json`."""
+        return asdict(self)
+
+
+class ScenarioError(CaromError):
+    """A scenario that cannot be simulated as it stands; `problems` holds everything that is wrong with it.
+
+    `str(error)` is a list of lines `FILE:LINE: key: cause; cure`; `error.report()` shows the lines of the
+    file as well.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems: list[Problem] = sorted(problems, key=lambda p: (p.where, p.line or 0))
+        super().__init__(str(self))
+
+    def __reduce__(self) -> tuple[type[ScenarioError], tuple[list[Problem]]]:
+        return type(self), (self.problems,)  # sweeps send errors between processes
+
+    def __str__(self) -> str:
+        return "\n".join([*map(str, self.problems[:SHOWN]), *self._rest()])
+
+    def report(self) -> str:
+        """The same list with the line of the file under each problem, for a terminal."""
+        shown = []
+        for problem in self.problems[:SHOWN]:
+            shown.append(str(problem))
+            if problem.source.strip():
+                shown.append(f"    {problem.line} | {one_line(problem.source.strip(), 120)}")
+        return "\n".join([*shown, *self._rest()])
+
+    def _rest(self) -> list[str]:
+        more = len(self.problems) - SHOWN
+        return [f"... and {more} more problems of this kind or other"] if more > 0 else []
+
+
+def one_line(text: str, width: int = 600) -> str:
+    """`text` without line breaks or control characters (a file could otherwise write on the terminal), cut at
+    `width`.
+    """
+    clean = "".join(c if c.isprintable() else " " for c in text)
+    return clean if len(clean) <= width else clean[: width - 3] + "..."
+
+
+def quoted(value: object) -> str:
+    """A value as the scenario's author would write it, short enough for a message."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return '"' + one_line(value, 40).replace('"', "'") + '"'
+    if isinstance(value, dict):
+        return "a table"
+    if value is None:
+        return "nothing"
+    return one_line(repr(value), 40)
+
+
+def nearest(name: str, known: Sequence[str]) -> str | None:
+    """The known name that the user probably meant, or None."""
+    from difflib import get_close_matches  # only needed once something is wrong
+
+    if name.lower() in known:
+        return name.lower()
+    found = get_close_matches(name.lower()[:80], known, n=1, cutoff=0.6)
+    return found[0] if found else None
+
+
+def did_you_mean(name: str, known: Sequence[str]) -> str:
+    """A cure: the nearest known name, or the list of all of them."""
+    best = nearest(name, known)
+    listed = ", ".join(known) if known else "(none)"
+    return f"did you mean {best}? (known: {listed})" if best else f"known: {listed}"

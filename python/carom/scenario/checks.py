@@ -1,0 +1,258 @@
+"""Rules about a scenario as a whole, checked before a run: names, materials, contact laws, the starting
+positions.
+
+Each check yields `Finding`s; nothing is raised here. The tables may come from a file of which other tables
+could not be read (`Parts.damaged`): then rules that would only repeat that error are left out, so that one
+mistake gives one message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from carom.errors import did_you_mean, quoted
+from carom.scenario.bodies import Bodies, expand
+from carom.scenario.model import Ball, Contact, Material, Plane, Scenario
+from carom.scenario.options import RunBase
+from carom.scenario.overlap import overlaps
+from carom.scenario.problems import Finding
+from carom.scenario.table import Table
+from carom.scenario.vectors import scaled
+
+TOUCHING = 1e-9
+"""A gap above minus this fraction of the radius counts as touching; the step has the same tolerance."""
+MOST = 20
+"""Overlaps and spheres below planes that are listed; more say nothing new."""
+
+
+@dataclass
+class Parts:
+    """The tables of a scenario that could be read, each with its place in the file."""
+
+    run: RunBase | None
+    entries: Mapping[str, Sequence[tuple[int, Table]]]
+    damaged: frozenset[str] = frozenset()
+    """Sections with a table that could not be read."""
+    lost_materials: frozenset[str] = frozenset()
+    """Names of materials whose tables could not be read."""
+    _bodies: Bodies | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(cls, tree: Scenario) -> Parts:
+        return cls(tree.run, {name: list(enumerate(getattr(tree, name))) for name in SECTIONS})
+
+    def materials(self) -> list[str]:
+        return [t.name for _, t in self.entries["material"] if isinstance(t, Material)]
+
+    def contacts(self) -> list[tuple[int, Contact]]:
+        return [(i, t) for i, t in self.entries["contact"] if isinstance(t, Contact)]
+
+    def planes(self) -> list[tuple[int, Plane]]:
+        return [(i, t) for i, t in self.entries["plane"] if isinstance(t, Plane)]
+
+    def bodies(self) -> Bodies:
+        if self._bodies is None:
+            self._bodies = expand(self.entries, self.materials())
+        return self._bodies
+
+
+SECTIONS = ("material", "contact", "sphere", "rack", "lattice", "plane")
+BALLS = ("sphere", "rack", "lattice")
+
+
+def check(parts: Parts) -> Iterator[Finding]:
+    """Everything that forbids a run."""
+    yield from _times(parts)
+    yield from _names(parts)
+    yield from _materials(parts)
+    yield from _pairs(parts)
+    if len(parts.bodies().names) == 0:
+        if not parts.damaged & set(BALLS):
+            cure = "add a [[sphere]], [[rack]] or [[lattice]]"
+            yield Finding(("sphere",), "the scene has no spheres", cure, "add one with scene.sphere(...)")
+        return
+    bad_numbers = list(_usable_numbers(parts))
+    yield from bad_numbers
+    if not bad_numbers:
+        yield from _below_planes(parts)
+        yield from _overlaps(parts)
+
+
+def steps(run: RunBase) -> int:
+    """Number of steps of a run: `until` rounded to whole steps."""
+    ratio = (run.until or 0.0) / run.step
+    return round(ratio) if ratio < 2**62 else 2**62
+
+
+def _times(parts: Parts) -> Iterator[Finding]:
+    run = parts.run
+    if run is None:
+        return
+    if run.until is None:
+        cure = "add until = 3.0 (simulated time, s); it has no default"
+        yield Finding(
+            ("run", "until"), "is missing", cure, "pass until=... (simulated time, s); it has no default"
+        )
+    elif steps(run) < 1:
+        cause = f"until = {run.until:g} s is shorter than one step of {run.step:g} s"
+        yield Finding(("run", "until"), cause, "give a longer until or a shorter step")
+    elif steps(run) > 10**12:
+        cause = f"{run.until:g} s in steps of {run.step:g} s are more than 10^12 steps"
+        yield Finding(("run", "step"), cause, "give a longer step or a shorter until")
+
+
+def _names(parts: Parts) -> Iterator[Finding]:
+    seen: dict[str, str] = {}
+    for i, name in ((i, t.name) for i, t in parts.entries["material"] if isinstance(t, Material)):
+        if name in seen:
+            yield Finding(("material", i, "name"), f"{quoted(name)} is declared twice", "remove one of them")
+        seen[name] = "material"
+    bodies = parts.bodies()
+    if len(set(bodies.names)) < len(bodies.names) or parts.planes():
+        first: dict[str, tuple[str, int]] = {}
+        reported = 0
+        for body, name in enumerate(bodies.names):
+            if name in first and reported < MOST:
+                reported += 1
+                path = bodies.origin(body)
+                yield Finding((*path, "name"), f"there are two spheres {quoted(name)}", _rename(path[0]))
+            first.setdefault(name, ("sphere", body))
+        for i, plane in parts.planes():
+            if plane.name in first:
+                what = first[plane.name][0]
+                cause = f"there is already a {what} {quoted(plane.name)}"
+                yield Finding(("plane", i, "name"), cause, "give the plane another name")
+            first.setdefault(plane.name, ("plane", i))
+
+
+def _rename(section: str) -> str:
+    return "give one another name" if section == "sphere" else "change name (the prefix) or first_number"
+
+
+def _materials(parts: Parts) -> Iterator[Finding]:
+    known = parts.materials()
+    admitted = set(known) | parts.lost_materials
+    cure = 'add [[material]] name = "..."' if not known else ""
+    for section in (*BALLS, "plane"):
+        for i, table in parts.entries[section]:
+            assert isinstance(table, Ball | Plane)
+            if table.material not in admitted:
+                hint = cure or did_you_mean(table.material, known)
+                yield Finding((section, i, "material"), f"unknown material {quoted(table.material)}", hint)
+    for i, contact in parts.contacts():
+        for name in dict.fromkeys(contact.between):
+            if name not in admitted:
+                cause = f"unknown material {quoted(name)}"
+                yield Finding(("contact", i, "between"), cause, cure or did_you_mean(name, known))
+
+
+def _pairs(parts: Parts) -> Iterator[Finding]:
+    laws: set[frozenset[str]] = set()
+    for i, contact in parts.contacts():
+        pair = frozenset(contact.between)
+        if pair in laws:
+            names = " and ".join(quoted(n) for n in contact.between)
+            yield Finding(("contact", i, "between"), f"a second law for {names}", "remove one of the two")
+        laws.add(pair)
+    if "contact" in parts.damaged:
+        return
+    known = set(parts.materials())
+    for (a, b), why in meetings(parts).items():
+        if frozenset((a, b)) not in laws and {a, b} <= known:
+            place = max(
+                i for i, t in parts.entries["material"] if isinstance(t, Material) and t.name in (a, b)
+            )
+            cure = f'add [[contact]] between = ["{a}", "{b}"] with friction and restitution'
+            call = f'add scene.contact("{a}", "{b}", friction=..., restitution=...)'
+            yield Finding(
+                ("material", place), f"no contact law for {quoted(a)} and {quoted(b)}: {why}", cure, call
+            )
+
+
+def meetings(parts: Parts) -> dict[tuple[str, str], str]:
+    """Pairs of materials that can meet (planes do not meet planes), with two bodies that show it."""
+    first: dict[str, list[str]] = {}  # the first two balls of each material
+    bodies = parts.bodies()
+    names = parts.materials()
+    kinds, starts, counts = np.unique(bodies.material, return_index=True, return_counts=True)
+    for kind, start, count in zip(kinds, starts, counts, strict=True):
+        if kind >= 0:
+            second = np.flatnonzero(bodies.material == kind)[1] if count > 1 else start
+            first[names[kind]] = [bodies.names[start], bodies.names[second]][: int(count)]
+    found: dict[tuple[str, str], str] = {}
+    ordered = list(first)
+    for k, a in enumerate(ordered):
+        if len(first[a]) > 1:
+            found[a, a] = f"spheres {quoted(first[a][0])} and {quoted(first[a][1])} can meet"
+        for b in ordered[k + 1 :]:
+            found[a, b] = f"spheres {quoted(first[a][0])} and {quoted(first[b][0])} can meet"
+        for _, plane in parts.planes():
+            pair = (a, plane.material)
+            if pair not in found and pair[::-1] not in found:
+                found[pair] = f"sphere {quoted(first[a][0])} can meet plane {quoted(plane.name)}"
+    return found
+
+
+def _usable_numbers(parts: Parts) -> Iterator[Finding]:
+    """Sizes at which squares and cubes neither overflow nor vanish, distances that doubles resolve."""
+    bodies = parts.bodies()
+    limits = (
+        ("radius", bodies.radius, 1e-12, 1e12),
+        ("mass", bodies.mass, 1e-60, 1e60),
+        ("inertia", bodies.inertia, 1e-90, 1e90),
+    )
+    for segment in bodies.segments:
+        for key, values, least, most in limits:
+            value = values[segment.start]
+            if not least <= value <= most:
+                path = (segment.section, segment.index, key)
+                yield Finding(
+                    path, f"{key} comes to {value:g}, outside {least:g} to {most:g}", "check the units"
+                )
+    with np.errstate(over="ignore"):
+        far = np.abs(bodies.position).max(axis=1) > 1e12 * bodies.radius
+    for body in np.flatnonzero(far)[:MOST]:
+        cause = f"{quoted(bodies.names[body])} is more than 10^12 radii from the origin"
+        yield Finding((*bodies.origin(int(body)), "position"), cause, "move the origin near the spheres")
+
+
+def _below_planes(parts: Parts) -> Iterator[Finding]:
+    bodies = parts.bodies()
+    reported = 0
+    for _, plane in parts.planes():
+        gap = (bodies.position - np.array(plane.point)) @ np.array(scaled(plane.normal)) - bodies.radius
+        for body in np.flatnonzero(gap < -TOUCHING * bodies.radius)[: MOST - reported]:
+            reported += 1
+            name, depth = bodies.names[body], -gap[body]
+            cause = f"sphere {quoted(name)} reaches {depth:.4g} m behind plane {quoted(plane.name)}"
+            if depth > 2 * bodies.radius[body]:
+                cure = "move it to the side that the normal points to, or reverse the normal"
+            else:
+                cure = f"move it by {depth:.4g} m along the normal of the plane"
+            yield Finding((*bodies.origin(int(body)), _place(bodies, int(body))), cause, cure)
+
+
+def _overlaps(parts: Parts) -> Iterator[Finding]:
+    bodies = parts.bodies()
+    found = overlaps(bodies.position, bodies.radius, TOUCHING, MOST)
+    for a, b, gap in found:
+        names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
+        cause = f"spheres {names} overlap at the start, gap {gap:.4g} m"
+        section, index = bodies.origin(b)
+        if section == "sphere":
+            cure = f"move them {-gap:.4g} m further apart"
+        elif section == "rack" and bodies.origin(a) == (section, index):
+            cure = "give a larger gap or less jitter"
+        elif section == "lattice" and bodies.origin(a) == (section, index):
+            cure = "give a larger spacing or less jitter"
+        else:
+            cure = f"move the {section} by more than {-gap:.4g} m"
+        yield Finding((section, index, _place(bodies, b)), cause, cure)
+
+
+def _place(bodies: Bodies, body: int) -> str:
+    """The key that says where a ball is."""
+    return {"sphere": "position", "rack": "apex", "lattice": "origin"}[bodies.origin(body)[0]]

@@ -1,0 +1,340 @@
+"""Types of the values in a scenario: each checks one value, says what is wrong with it, and states its JSON
+Schema.
+
+All checks are our own (pydantic only reports missing and unknown keys), so that every message has a cause and
+a cure, and the bounds in the message, in the schema and in the check are the same object.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from carom import units
+from carom.errors import did_you_mean, quoted
+from carom.scenario.vectors import norm, scaled
+
+OURS = "carom"
+"""Type of the pydantic errors made here; their context holds `cause`, `cure` and perhaps `part` (a place in
+the value).
+"""
+
+
+def refuse(cause: str, cure: str, part: tuple[int, ...] = ()) -> PydanticCustomError:
+    """The error to raise for a value that cannot be used. Braces would be read as fields of a template."""
+    return PydanticCustomError(OURS, "{cause}; {cure}", {"cause": cause, "cure": cure, "part": part})
+
+
+def _is(kind: type, value: Any) -> bool:
+    """Whether a value, Python's or NumPy's, is a number of that kind; true and false are not numbers here."""
+    return isinstance(value, kind) and not isinstance(value, bool)
+
+
+class Checked:
+    """Metadata for `Annotated`: `check` gets the raw value and returns the stored one, or raises
+    `refuse(...)`.
+    """
+
+    def check(self, value: Any) -> Any:
+        raise NotImplementedError
+
+    def json_schema(self) -> dict[str, Any]:
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return self.json_schema()
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Limits of a number; `words` says them in the message."""
+
+    gt: float | None = None
+    ge: float | None = None
+    lt: float | None = None
+    le: float | None = None
+
+    def hold(self, x: float) -> bool:
+        return (
+            (self.gt is None or x > self.gt)
+            and (self.ge is None or x >= self.ge)
+            and (self.lt is None or x < self.lt)
+            and (self.le is None or x <= self.le)
+        )
+
+    def words(self) -> str:
+        if self == Bounds(gt=0):
+            return "positive"
+        if self == Bounds(ge=0):
+            return "zero or positive"
+        parts = [
+            ("greater than", self.gt),
+            ("at least", self.ge),
+            ("less than", self.lt),
+            ("at most", self.le),
+        ]
+        return " and ".join(f"{word} {limit:g}" for word, limit in parts if limit is not None)
+
+    def schema(self) -> dict[str, float]:
+        names = ("exclusiveMinimum", "minimum", "exclusiveMaximum", "maximum")
+        limits = (self.gt, self.ge, self.lt, self.le)
+        return {name: limit for name, limit in zip(names, limits, strict=True) if limit is not None}
+
+
+ANY = Bounds()
+POSITIVE = Bounds(gt=0)
+NOT_NEGATIVE = Bounds(ge=0)
+
+
+@dataclass(frozen=True)
+class Quantity(Checked):
+    """A finite number in SI, or a string with a unit of `dimension` (see `carom.units`); stored as a float in
+    SI.
+    """
+
+    dimension: str = "number"
+    bounds: Bounds = ANY
+
+    def check(self, value: Any) -> float:
+        if type(value) is float:
+            x = value
+        elif isinstance(value, str) and self.dimension != "number":
+            try:
+                x = units.parse(value, self.dimension)
+            except units.UnitError as e:
+                raise refuse(e.cause, e.cure) from None
+        elif _is(numbers.Real, value):
+            try:
+                x = float(value)
+            except OverflowError:
+                x = math.inf
+        else:
+            raise refuse(
+                f"expected a number, found {quoted(value)}", f"write {units.expected(self.dimension)}"
+            )
+        if not math.isfinite(x):
+            raise refuse(f"must be a finite number, found {quoted(value)}", "write a finite number")
+        if not self.bounds.hold(x):
+            raise refuse(
+                f"must be {self.bounds.words()}, found {quoted(value)}", f"give a value {self.bounds.words()}"
+            )
+        return x
+
+    def json_schema(self) -> dict[str, Any]:
+        number: dict[str, Any] = {"type": "number", **self.bounds.schema()}
+        if self.dimension == "number":
+            return number
+        return {"anyOf": [number, {"type": "string", "pattern": units.SCHEMA_PATTERN}]}
+
+
+@dataclass(frozen=True)
+class Vector(Checked):
+    """`size` quantities of one dimension; stored as a tuple of floats."""
+
+    dimension: str = "number"
+    size: int = 3
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        tolist = getattr(value, "tolist", None)  # NumPy arrays, from Python
+        if callable(tolist):
+            value = tolist()
+        if not isinstance(value, list | tuple) or len(value) != self.size:
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            raise refuse(f"expected a list of {self.size} numbers, found {found}", f"write {self._example()}")
+        item = Quantity(self.dimension)
+        numbers_si = []
+        for place, x in enumerate(value):
+            try:
+                numbers_si.append(item.check(x))
+            except PydanticCustomError as e:
+                context = e.context or {}
+                raise refuse(
+                    f"number {place + 1}: {context['cause']}", str(context["cure"]), (place,)
+                ) from None
+        return tuple(numbers_si)
+
+    def _example(self) -> str:
+        si = units.DIMENSIONS[self.dimension][1]
+        letters = ["w", "x", "y", "z"] if self.size == 4 else ["x", "y", "z"][: self.size]
+        return f"[{', '.join(letters)}]" + (f" in {si}, or strings with units" if si else "")
+
+    def json_schema(self) -> dict[str, Any]:
+        items = Quantity(self.dimension).json_schema()
+        return {"type": "array", "items": items, "minItems": self.size, "maxItems": self.size}
+
+
+@dataclass(frozen=True)
+class Direction(Vector):
+    """Three numbers, not all zero, kept as written (the arrays of the model hold unit vectors)."""
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        vector = super().check(value)
+        if norm(vector) == 0:
+            raise refuse("a direction must not be zero", "write for example [0.0, 0.0, 1.0]")
+        return vector
+
+
+@dataclass(frozen=True)
+class Quaternion(Vector):
+    """A unit quaternion, w first; kept as written (the arrays of the model hold it normalised)."""
+
+    size: int = 4
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        q = super().check(value)
+        length = norm(q)
+        if abs(length - 1) > 1e-6:
+            unit = ", ".join(f"{x:.9g}" for x in scaled(q)) if length > 0 else "1.0, 0.0, 0.0, 0.0"
+            raise refuse(f"a unit quaternion has length 1, found {length:.9g}", f"write [{unit}]")
+        return q
+
+
+@dataclass(frozen=True)
+class Version(Checked):
+    """The version of the format."""
+
+    known: int
+
+    def check(self, value: Any) -> int:
+        if value != self.known or isinstance(value, bool):
+            raise refuse(
+                f"this Carom reads format {self.known}, found {quoted(value)}", f"write format = {self.known}"
+            )
+        return self.known
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"const": self.known}
+
+
+@dataclass(frozen=True)
+class Integer(Checked):
+    """A whole number within bounds."""
+
+    bounds: Bounds = ANY
+
+    def check(self, value: Any) -> int:
+        if not _is(numbers.Integral, value):
+            raise refuse(
+                f"expected a whole number, found {quoted(value)}", "write a whole number, without a point"
+            )
+        if abs(value) > 2**63 - 1 or not self.bounds.hold(int(value)):
+            words = self.bounds.words() or "below 2^63"
+            raise refuse(f"must be {words}, found {quoted(value)}", f"give a value {words}")
+        return int(value)
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"type": "integer", **self.bounds.schema()}
+
+
+@dataclass(frozen=True)
+class Integers(Checked):
+    """`size` whole numbers, as a tuple."""
+
+    size: int
+    bounds: Bounds = ANY
+
+    def check(self, value: Any) -> tuple[int, ...]:
+        tolist = getattr(value, "tolist", None)
+        if callable(tolist):
+            value = tolist()
+        if not isinstance(value, list | tuple) or len(value) != self.size:
+            raise refuse(
+                f"expected a list of {self.size} whole numbers, found {quoted(value)}", "write such a list"
+            )
+        return tuple(Integer(self.bounds).check(x) for x in value)
+
+    def json_schema(self) -> dict[str, Any]:
+        items = Integer(self.bounds).json_schema()
+        return {"type": "array", "items": items, "minItems": self.size, "maxItems": self.size}
+
+
+@dataclass(frozen=True)
+class Flag(Checked):
+    """true or false."""
+
+    def check(self, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise refuse(
+                f"expected true or false, found {quoted(value)}", "write true or false, without quotes"
+            )
+        return value
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"type": "boolean"}
+
+
+@dataclass(frozen=True)
+class Choice(Checked):
+    """One of the `values`."""
+
+    values: tuple[str, ...]
+
+    def check(self, value: Any) -> str:
+        if not isinstance(value, str) or value not in self.values:
+            cure = did_you_mean(value if isinstance(value, str) else "", self.values)
+            raise refuse(f"unknown value {quoted(value)}", cure)
+        return value
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"enum": list(self.values)}
+
+
+@dataclass(frozen=True)
+class Text(Checked):
+    """A string of one line; names must not be empty."""
+
+    least: int = 0
+    most: int = 200
+
+    def check(self, value: Any) -> str:
+        if not isinstance(value, str):
+            raise refuse(
+                f"expected a string, found {quoted(value)}", 'write it in quotes, for example "ball"'
+            )
+        if not self.least <= len(value) <= self.most or not (value.isprintable()):
+            found = "nothing" if not value else quoted(value)
+            raise refuse(
+                f"must be {self.least} to {self.most} printable characters, found {found}",
+                "shorten or rename it",
+            )
+        if self.least and value != value.strip():
+            raise refuse(f"begins or ends with a blank: {quoted(value)}", "remove the blank")
+        return value
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"type": "string", "minLength": self.least, "maxLength": self.most}
+
+
+@dataclass(frozen=True)
+class Pair(Checked):
+    """Two names of materials, order without meaning."""
+
+    def check(self, value: Any) -> tuple[str, str]:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            raise refuse(f"expected two material names, found {found}", 'write between = ["ball", "cloth"]')
+        name = Text(1)
+        return name.check(value[0]), name.check(value[1])
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": Text(1).json_schema(), "minItems": 2, "maxItems": 2}
+
+
+def exactly_one(table: Mapping[str, Any], first: str, second: str) -> PydanticCustomError | None:
+    """The error if not exactly one of two keys is given, which says the same thing in two ways."""
+    given = [key for key in (first, second) if table.get(key) is not None]
+    if len(given) == 1:
+        return None
+    cause = f"both {first} and {second} are given" if given else f"neither {first} nor {second} is given"
+    return refuse(cause, f"give exactly one of {first} and {second}")

@@ -1,0 +1,144 @@
+"""The section `[run]`: what the numerical options of the core mean, in words and bounds.
+
+Names and defaults come from `carom._core.defaults()` and the admitted names from `carom._core.choices()`: the
+core states them once. Here each is given a unit, bounds and a sentence for the documentation. An option that
+the core has and this page lacks still works (its type is that of its default); a test demands that both lists
+agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import Field, create_model
+
+from carom import _core
+from carom.scenario.fields import (
+    ANY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Checked,
+    Choice,
+    Flag,
+    Integer,
+    Quantity,
+    Text,
+)
+from carom.scenario.table import Table
+
+
+@dataclass(frozen=True)
+class Option:
+    """One numerical option: meaning, bounds, and the dimension if it has a unit."""
+
+    meaning: str
+    bounds: Bounds = ANY
+    dimension: str = "number"
+
+
+_FRACTION = Bounds(gt=0, lt=1)
+_COUNT = Bounds(ge=1, le=1_000_000)
+_COUNT_OR_NONE = Bounds(ge=0, le=1_000_000)
+
+OPTIONS: dict[str, Option] = {
+    "step": Option("time step h, s", POSITIVE, "time"),
+    "method": Option("how time passes: nsga (nonsmooth generalized-alpha), moreau or penalty"),
+    "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
+    "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
+    "impact": Option("law for several impacts at once: sequence, sequence-paper (as printed) or one-shot"),
+    "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
+    "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
+    "max_iterations": Option("Newton iterations per sub-problem before the fallbacks begin", _COUNT),
+    "penalty_scale": Option("p of eq. 5 in units of 1/D_cc (rule R1)", Bounds(gt=0, lt=2)),
+    "tolerance_floor": Option("absolute floor of eq. 44, relative to m r", POSITIVE),
+    "gap_tolerance": Option("largest gap of a closed contact after a solve, relative to r", _FRACTION),
+    "touching_tolerance": Option("gap below which a contact counts as touching, relative to r", _FRACTION),
+    "proximal_shift": Option("shift of the multiplier block where contacts are redundant", _FRACTION),
+    "line_search": Option("halve a Newton step that does not reduce the residual"),
+    "max_line_search": Option("halvings of one Newton step at most", _COUNT_OR_NONE),
+    "max_problems": Option(
+        "impact problems per island and step before one inelastic problem ends it", _COUNT
+    ),
+    "closing_tolerance_load": Option(
+        "closing speed that counts, relative to the speed gained in a step (R3)", POSITIVE
+    ),
+    "closing_tolerance_speed": Option(
+        "closing speed that counts, relative to the fastest body (R3)", POSITIVE
+    ),
+    "energy_safeguard": Option("scale restitution down where an impact problem would create energy (R4)"),
+    "restitution_threshold": Option(
+        "approach speed below which restitution is off, m/s", NOT_NEGATIVE, "speed"
+    ),
+    "dense_contacts": Option(
+        "largest island, in contacts, solved by the dense exact Newton method", _COUNT_OR_NONE
+    ),
+    "gauss_seidel_sweeps": Option("sweeps of the fallback before Newton is tried again", _COUNT_OR_NONE),
+    "max_halvings": Option(
+        "halvings of a step that could not be solved, before the run stops", Bounds(ge=0, le=20)
+    ),
+    "on_nonconvergence": Option("what to do with a step that could not be solved: stop, or warn and go on"),
+}
+
+
+def kind(name: str, default: float | int | bool | str) -> Checked:
+    """How values of the option `name` are checked: by its default's type and the table above."""
+    option = OPTIONS.get(name, Option(""))
+    if isinstance(default, bool):
+        return Flag()
+    if isinstance(default, int):
+        return Integer(option.bounds)
+    if isinstance(default, float):
+        return Quantity(option.dimension, option.bounds)
+    admitted = _core.choices().get(name)
+    return Choice(tuple(admitted)) if admitted else Text(1)
+
+
+class RunBase(Table):
+    """The part of `[run]` that is not the core's."""
+
+    section: ClassVar[str] = "run"
+
+    until: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
+        None,
+        description="simulated time, s; rounded to a whole number of steps. It has no default",
+        examples=[3.0],
+        json_schema_extra={"unit": "s"},
+    )
+    step: float = Field(
+        default_factory=lambda: float(_core.defaults()["step"])
+    )  # checked as the others, below
+
+    def options(self) -> dict[str, Any]:
+        """The options of the core, every one with its value."""
+        return {name: getattr(self, name) for name in _core.defaults()}
+
+
+def _fields() -> dict[str, Any]:
+    found = {}
+    for name, default in _core.defaults().items():
+        option = OPTIONS.get(name, Option("(an option of the core that is not documented yet)"))
+        extra = (
+            {"unit": "s" if option.dimension == "time" else "m/s"} if option.dimension != "number" else None
+        )
+        field = Field(default, description=option.meaning, examples=[default], json_schema_extra=extra)  # type: ignore[arg-type]
+        found[name] = (Annotated[type(default), kind(name, default)], field)
+    return found
+
+
+if TYPE_CHECKING:
+
+    class Run(RunBase):
+        """`[run]`; its further attributes are the options that `carom._core.defaults()` lists."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    Run = create_model(
+        "Run",
+        __base__=RunBase,
+        __module__=__name__,
+        __doc__="How to compute; keywords of `carom.simulate`.",
+        **_fields(),
+    )

@@ -1,0 +1,42 @@
+"""The published JSON Schema of the format: editors complete and check scenario files with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from carom.scenario.model import FORMAT, Scenario
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of a scenario file; the content of `carom schema`."""
+    schema: dict[str, Any] = _without_null(Scenario.model_json_schema(mode="validation"))
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = f"Carom scenario, format {FORMAT}"
+    # `until` may be left to the caller of carom.simulate, not so in a file that is run as it stands
+    schema["required"] = [*schema["required"], "run"]
+    schema["$defs"]["Run"]["required"] = ["until"]
+    for name, keys in (
+        ("Sphere", ("mass", "density")),
+        ("Lattice", ("mass", "density")),
+        ("Rack", ("mass", "density")),
+    ):
+        schema["$defs"][name]["oneOf"] = [{"required": [key]} for key in keys]
+    schema["$defs"]["Rack"]["allOf"] = [{"oneOf": [{"required": ["balls"]}, {"required": ["rows"]}]}]
+    return schema
+
+
+def _without_null(node: Any) -> Any:
+    """TOML has no null: a key without a value is left out. pydantic writes optional keys as "or null"."""
+    if isinstance(node, list):
+        return [_without_null(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    node = {
+        key: _without_null(value) for key, value in node.items() if not (key == "default" and value is None)
+    }
+    options = node.get("anyOf")
+    if isinstance(options, list) and {"type": "null"} in options:
+        rest = [option for option in options if option != {"type": "null"}]
+        del node["anyOf"]
+        node = {**rest[0], **node} if len(rest) == 1 else {**node, "anyOf": rest}
+    return node

@@ -1,0 +1,464 @@
+"""`carom.Scene`: a scenario as a Python object.
+
+A scene and a scenario file are the same tree (`carom.scenario.model`), and each converts into the other
+without loss. Lengths and all other quantities are numbers in SI, or strings with a unit: `radius="28.575
+mm"`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from carom.errors import Problem, ScenarioError, did_you_mean, quoted
+from carom.scenario import load
+from carom.scenario.advice import advise
+from carom.scenario.bodies import Bodies, expand
+from carom.scenario.checks import Parts, check, steps
+from carom.scenario.dump import to_text
+from carom.scenario.model import (
+    FORMAT,
+    Contact,
+    Generator,
+    Lattice,
+    Material,
+    Plane,
+    Rack,
+    Record,
+    Scenario,
+    Sphere,
+    World,
+)
+from carom.scenario.options import Run
+from carom.scenario.problems import Finding, Source, from_python
+from carom.scenario.table import Table
+from carom.scenario.vectors import scaled
+
+Number = float | str
+"""A number in SI or a string with a unit."""
+Vector = Sequence[Number] | NDArray[np.float64]
+_T = TypeVar("_T", bound=Table)
+
+EXPANDED = 10_000
+"""A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond
+it.
+"""
+
+
+class Scene:
+    """Spheres, planes, materials and how to simulate them.
+
+    `scene.run` and `scene.record` hold the keys of `[run]` and `[record]` as attributes: `scene.run.step =
+    1e-4`. Values are checked as they are given; `validate` checks the scene as a whole. Whatever is wrong
+    raises `carom.ScenarioError`.
+    """
+
+    def __init__(
+        self,
+        title: str = "",
+        *,
+        gravity: Vector = (0.0, 0.0, -9.8),
+        run: Mapping[str, Any] | None = None,
+        record: Mapping[str, Any] | None = None,
+    ) -> None:
+        given: dict[str, Any] = {"title": title} if title else {}
+        self._tree: Scenario = _make(
+            Scenario,
+            "Scene",
+            format=FORMAT,
+            world=_make(World, "Scene", gravity=gravity),
+            run=_make(Run, "Scene(run=...)", **(run or {})),
+            record=_make(Record, "Scene(record=...)", **(record or {})),
+            **given,
+        )
+        self._source: Source | None = None
+        self._names: set[str] = set()
+
+    # --- reading and writing --------------------------------------------------------------------------------
+
+    @classmethod
+    def from_toml(cls, source: str | Path) -> Scene:
+        """The scene of a scenario file, or of TOML text (a `str` that is empty or has a line break).
+
+        All mistakes in the keys and values are reported at once, with file and line. A scene that can be read
+        may still be impossible to simulate (spheres that overlap, a missing contact law): `validate` tells.
+        """
+        if isinstance(source, str) and (not source or "\n" in source):
+            tree, origin = load.parse(source)
+        else:
+            tree, origin = load.read(source)
+        scene = cls._of(tree)
+        scene._source = origin
+        return scene
+
+    @classmethod
+    def _of(cls, tree: Scenario) -> Scene:
+        scene = cls.__new__(cls)
+        scene._tree, scene._source = tree, None
+        scene._names = {*(s.name for s in tree.sphere), *(p.name for p in tree.plane)}
+        return scene
+
+    def to_toml(self, path: str | Path | None = None, *, resolved: bool = False) -> str:
+        """The scene as TOML text, also written to `path` if given. `Scene.from_toml` of it equals this scene.
+
+        With `resolved` nothing is left to defaults or to chance: every key has its value and racks and
+        lattices are written as the spheres they stand for (unless these are more than `EXPANDED`). A run
+        directory holds this form.
+        """
+        tree = self._expanded()._tree if resolved else self._tree
+        text = to_text(tree, everything=resolved)
+        if path is not None:
+            Path(path).write_text(text, encoding="utf-8")
+        return text
+
+    def _expanded(self) -> Scene:
+        tree = self._tree
+        generators = [*tree.rack, *tree.lattice]
+        if not generators or sum(g.size() for g in generators) > EXPANDED:
+            return self
+        bodies = self._bodies()
+        spheres = list(tree.sphere)
+        for segment in bodies.segments[len(spheres) :]:
+            table = getattr(tree, segment.section)[segment.index]
+            same = table.model_dump(
+                include={"material", "radius", "mass", "density", "inertia"}, exclude_none=True
+            )
+            for body in range(segment.start, segment.stop):
+                position, velocity = bodies.position[body].tolist(), bodies.velocity[body].tolist()
+                spheres.append(Sphere(name=bodies.names[body], position=position, velocity=velocity, **same))
+        return Scene._of(tree.model_copy(update={"sphere": spheres, "rack": [], "lattice": []}))
+
+    # --- building -------------------------------------------------------------------------------------------
+
+    def material(self, name: str) -> Material:
+        """Declare a material. Not needed before it is used: spheres, planes and contacts declare theirs."""
+        material = _make(Material, f"Scene.material({quoted(name)})", name=name)
+        for known in self._tree.material:
+            if known.name == name:
+                return known
+        self._tree.material.append(material)
+        return material
+
+    def contact(
+        self,
+        a: str,
+        b: str,
+        *,
+        friction: float,
+        restitution: float,
+        tangential_restitution: float | None = None,
+        rolling_radius: Number | None = None,
+        spinning_radius: Number | None = None,
+    ) -> Contact:
+        """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
+
+        `friction` mu >= 0; `restitution` e_N in [0, 1]; `tangential_restitution` e_T in (-1, 1);
+        `rolling_radius` rho and `spinning_radius` delta: moment that resists rolling or spinning over the
+        normal force, m.
+        """
+        label = f"Scene.contact({quoted(a)}, {quoted(b)})"
+        contact = _make(
+            Contact,
+            label,
+            between=(a, b),
+            friction=friction,
+            restitution=restitution,
+            tangential_restitution=tangential_restitution,
+            rolling_radius=rolling_radius,
+            spinning_radius=spinning_radius,
+        )
+        if any({*known.between} == {a, b} for known in self._tree.contact):
+            cause = f"there is already a law for {quoted(a)} and {quoted(b)}"
+            raise ScenarioError([Problem(label, "", cause, "change the one that contact() returned")])
+        self.material(a)
+        self.material(b)
+        self._tree.contact.append(contact)
+        return contact
+
+    def sphere(
+        self,
+        name: str,
+        *,
+        radius: Number,
+        material: str,
+        position: Vector | None = None,
+        at: Vector | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Number | None = None,
+        velocity: Vector | None = None,
+        angular_velocity: Vector | None = None,
+        orientation: Vector | None = None,
+    ) -> Sphere:
+        """Add a ball and return it; its attributes may be changed (`cue.velocity = (2, 0, 0)`).
+
+        `radius` m; `mass` kg or `density` kg/m^3; `inertia` kg m^2, by default 2/5 m r^2; centre `position`
+        (or `at`) m; `velocity` m/s; `angular_velocity` rad/s in fixed axes; `orientation` unit quaternion, w
+        first.
+        """
+        label = f"Scene.sphere({quoted(name)})"
+        if position is not None and at is not None:
+            raise ScenarioError(
+                [Problem(label, "at", "both position and at are given", "give one, they mean the same")]
+            )
+        sphere = _make(
+            Sphere,
+            label,
+            name=name,
+            material=material,
+            radius=radius,
+            mass=mass,
+            density=density,
+            inertia=inertia,
+            position=position if at is None else at,
+            velocity=velocity,
+            angular_velocity=angular_velocity,
+            orientation=orientation,
+        )
+        self._take_name(name, label)
+        self.material(material)
+        self._tree.sphere.append(sphere)
+        return sphere
+
+    def plane(self, name: str, *, point: Vector, normal: Vector, material: str) -> Plane:
+        """Add a fixed half-space through `point`; `normal` (any length) points to the side where spheres
+        live.
+        """
+        label = f"Scene.plane({quoted(name)})"
+        plane = _make(Plane, label, name=name, material=material, point=point, normal=normal)
+        self._take_name(name, label)
+        self.material(material)
+        self._tree.plane.append(plane)
+        return plane
+
+    def rack(
+        self,
+        name: str,
+        *,
+        apex: Vector,
+        direction: Vector,
+        radius: Number,
+        material: str,
+        balls: int | None = None,
+        rows: int | None = None,
+        shape: str | None = None,
+        up: Vector | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Number | None = None,
+        gap: Number | None = None,
+        jitter: Number | None = None,
+        seed: int | None = None,
+        first_number: int | None = None,
+    ) -> Rack:
+        """Add a billiard rack: `balls` (or `rows`) in a "triangle" or "diamond", from the `apex` along
+        `direction`.
+
+        The balls are called `name` + number, row by row from `first_number`, each row from left to right.
+        Neighbours are `gap` m apart; `jitter` m moves each centre at random along each axis of the table,
+        drawn with `seed`.
+        """
+        given = {k: v for k, v in locals().items() if k != "self"}
+        rack = _make(Rack, f"Scene.rack({quoted(name)})", **given)
+        self.material(material)
+        self._tree.rack.append(rack)
+        return rack
+
+    def lattice(
+        self,
+        name: str,
+        *,
+        counts: Sequence[int],
+        origin: Vector,
+        radius: Number,
+        material: str,
+        kind: str | None = None,
+        spacing: Number | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Number | None = None,
+        velocity: Vector | None = None,
+        jitter: Number | None = None,
+        seed: int | None = None,
+        first_number: int | None = None,
+    ) -> Lattice:
+        """Add a grid of balls, "cubic" or "hcp": `counts` along x, y, z from the centre `origin`, `spacing` m
+        (default 2 r).
+
+        The balls are called `name` + number, x fastest; `jitter` m moves each centre at random along each
+        axis, drawn with `seed`; `velocity` m/s is that of all balls.
+        """
+        given = {k: v for k, v in locals().items() if k != "self"}
+        lattice = _make(Lattice, f"Scene.lattice({quoted(name)})", **given)
+        self.material(material)
+        self._tree.lattice.append(lattice)
+        return lattice
+
+    def _take_name(self, name: str, label: str) -> None:
+        if name in self._names:
+            cause = f"there is already a sphere or plane {quoted(name)}"
+            raise ScenarioError([Problem(label, "name", cause, "give another name")])
+        self._names.add(name)
+
+    # --- settings -------------------------------------------------------------------------------------------
+
+    @property
+    def title(self) -> str:
+        return self._tree.title
+
+    @title.setter
+    def title(self, value: str) -> None:
+        self._tree.title = value
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """Acceleration of gravity, m/s^2."""
+        return self._tree.world.gravity
+
+    @gravity.setter
+    def gravity(self, value: Vector) -> None:
+        self._tree.world.gravity = value  # type: ignore[assignment]  # converted by the model
+
+    @property
+    def run(self) -> Run:
+        """How to compute: the keys of `[run]`."""
+        return self._tree.run
+
+    @property
+    def record(self) -> Record:
+        """What to keep: the keys of `[record]`."""
+        return self._tree.record
+
+    def with_options(self, **options: Any) -> Scene:
+        """This scene with other keys of `[run]` and `[record]`; spheres and everything else are shared with
+        it.
+        """
+        tree = self._tree.model_copy()
+        for section in (tree.run, tree.record):
+            mine = {key: options.pop(key) for key in list(options) if key in type(section).model_fields}
+            kept = {key: value for key, value in section.written().items() if key not in mine}
+            setattr(tree, section.section, _make(type(section), "carom.simulate", **kept, **mine))
+        if options:
+            known = [*type(tree.run).model_fields, *type(tree.record).model_fields]
+            raise ScenarioError(
+                Problem("carom.simulate", key, "unknown option", did_you_mean(key, known)) for key in options
+            )
+        scene = Scene._of(tree)
+        scene._source = self._source
+        return scene
+
+    # --- the whole ------------------------------------------------------------------------------------------
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all balls, in the order of the arrays: spheres, then racks, then lattices."""
+        generated = (g.ball_names() for g in self._generators())
+        return [*(s.name for s in self._tree.sphere), *(name for names in generated for name in names)]
+
+    @property
+    def plane_names(self) -> list[str]:
+        return [p.name for p in self._tree.plane]
+
+    @property
+    def spheres(self) -> tuple[Sphere, ...]:
+        """The single balls (without those of racks and lattices)."""
+        return tuple(self._tree.sphere)
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        return tuple(self._tree.plane)
+
+    def _generators(self) -> list[Generator]:
+        return [*self._tree.rack, *self._tree.lattice]
+
+    def _bodies(self) -> Bodies:
+        return expand(Parts.of(self._tree).entries, [m.name for m in self._tree.material])
+
+    def validate(self) -> list[Problem]:
+        """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at
+        once.
+        """
+        parts = Parts.of(self._tree)
+        wrong = list(check(parts))
+        if wrong:
+            raise ScenarioError(self._problem(f) for f in wrong)
+        return [self._problem(f) for f in advise(parts, self._tree.world)]
+
+    def _problem(self, finding: Finding) -> Problem:
+        """A finding with its place: the line of the file, or the call that made the table."""
+        path = finding.path
+        if self._source is not None and self._source.holds(path):
+            return self._source.problem(finding)
+        section = str(path[0])
+        cure = finding.call or finding.cure
+        if len(path) > 2 and isinstance(path[1], int):
+            table = getattr(self._tree, section)[path[1]]
+            return Problem(table.label(), str(path[2]), finding.cause, cure)
+        key = section if section not in ("run", "record") else ".".join(map(str, path))
+        return Problem("scene", key if section != "material" else "contact", finding.cause, cure)
+
+    def to_model(self) -> dict[str, Any]:
+        """The arrays for `carom._core.Simulation` (their names, units and shapes are in `_core.pyi`)."""
+        tree = self._tree
+        materials = {m.name: i for i, m in enumerate(tree.material)}
+        used = {p.material for p in tree.plane} | {name for c in tree.contact for name in c.between}
+        bodies = self._bodies()
+        if not used <= set(materials) or bodies.material.min(initial=0) < 0:
+            self.validate()  # raises and says which
+        laws = tree.contact
+        return {
+            "gravity": np.array(tree.world.gravity),
+            "radius": bodies.radius,
+            "mass": bodies.mass,
+            "inertia": bodies.inertia,
+            "position": bodies.position,
+            "velocity": bodies.velocity,
+            "angular_velocity": bodies.angular_velocity,
+            "orientation": bodies.orientation,
+            "material": bodies.material,
+            "plane_point": _rows([p.point for p in tree.plane]),
+            "plane_normal": _rows([scaled(p.normal) for p in tree.plane]),
+            "plane_material": np.array([materials[p.material] for p in tree.plane], dtype=np.int64),
+            "law_a": np.array([materials[c.between[0]] for c in laws], dtype=np.int64),
+            "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
+            **{key: np.array([getattr(c, key) for c in laws], dtype=np.float64) for key in LAW_KEYS},
+            "options": tree.run.options(),
+        }
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and self._tree.model_dump() == other._tree.model_dump()
+
+    __hash__ = None  # type: ignore[assignment]  # a scene can be changed
+
+    def __repr__(self) -> str:
+        run = self.run
+        counts = (
+            f"{len(self.names)} spheres, {len(self.planes)} planes, {len(self._tree.contact)} contact laws"
+        )
+        time = (
+            f"{steps(run)} steps of {run.step:g} s"
+            if run.until is not None
+            else f"step {run.step:g} s, no end yet"
+        )
+        return f"<Scene {quoted(self.title)}: {counts}; {time}>"
+
+
+LAW_KEYS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
+
+
+def _rows(vectors: list[tuple[float, ...]]) -> NDArray[np.float64]:
+    return np.array(vectors, dtype=np.float64).reshape(len(vectors), 3)
+
+
+def _make(table: type[_T], label: str, **given: Any) -> _T:
+    """A checked table; arguments that are None count as not given."""
+    given = {key: value for key, value in given.items() if value is not None}
+    try:
+        return table.model_validate(given)
+    except ValidationError as e:
+        raise from_python(e, table, label, given) from None

@@ -1,0 +1,149 @@
+"""Quantities with units at the border: `"28.575 mm"` becomes 0.028575, in SI, correctly rounded.
+
+Inside Carom every number is SI and has no unit attached. The table is small on purpose: what a person writes
+about spheres, and nothing that could be mistaken (`g` is the gram). Angles are a dimension of their own, so
+that `1/s` is not taken for `rad/s`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+from functools import lru_cache
+
+from carom.errors import nearest, quoted
+
+Dimension = tuple[int, int, int, int]
+"""Exponents of length, mass, time and angle."""
+
+DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
+    # name: exponents, SI unit, other units worth naming in a message
+    "number": ((0, 0, 0, 0), "", "no unit"),
+    "length": ((1, 0, 0, 0), "m", "m, cm, mm, um, in"),
+    "mass": ((0, 1, 0, 0), "kg", "kg, g, mg, oz, lb"),
+    "time": ((0, 0, 1, 0), "s", "s, ms, us, min"),
+    "angle": ((0, 0, 0, 1), "rad", "rad, deg, rev"),
+    "speed": ((1, 0, -1, 0), "m/s", "m/s, mm/s, km/h"),
+    "acceleration": ((1, 0, -2, 0), "m/s^2", "m/s^2, cm/s^2"),
+    "angular speed": ((0, 0, -1, 1), "rad/s", "rad/s, deg/s, rpm"),
+    "density": ((-3, 1, 0, 0), "kg/m^3", "kg/m^3, g/cm^3"),
+    "moment of inertia": ((2, 1, 0, 0), "kg m^2", "kg m^2, g mm^2"),
+    "force": ((1, 1, -2, 0), "N", "N, mN"),
+}
+
+_Unit = tuple[Fraction, int, Dimension]  # rational factor, power of pi, exponents
+
+
+def _unit(factor: str, dimension: Dimension, pi: int = 0) -> _Unit:
+    return Fraction(factor), pi, dimension
+
+
+_LENGTH, _MASS, _TIME, _ANGLE = (DIMENSIONS[k][0] for k in ("length", "mass", "time", "angle"))
+
+UNITS: dict[str, _Unit] = {
+    "m": _unit("1", _LENGTH),
+    "km": _unit("1000", _LENGTH),
+    "cm": _unit("0.01", _LENGTH),
+    "mm": _unit("0.001", _LENGTH),
+    "um": _unit("1e-6", _LENGTH),
+    "in": _unit("0.0254", _LENGTH),
+    "ft": _unit("0.3048", _LENGTH),
+    "kg": _unit("1", _MASS),
+    "g": _unit("0.001", _MASS),
+    "mg": _unit("1e-6", _MASS),
+    "t": _unit("1000", _MASS),
+    "oz": _unit("0.028349523125", _MASS),
+    "lb": _unit("0.45359237", _MASS),
+    "s": _unit("1", _TIME),
+    "ms": _unit("0.001", _TIME),
+    "us": _unit("1e-6", _TIME),
+    "min": _unit("60", _TIME),
+    "h": _unit("3600", _TIME),
+    "rad": _unit("1", _ANGLE),
+    "deg": _unit("1/180", _ANGLE, pi=1),
+    "rev": _unit("2", _ANGLE, pi=1),
+    "rpm": _unit("1/30", (0, 0, -1, 1), pi=1),
+    "N": _unit("1", (1, 1, -2, 0)),
+    "mN": _unit("0.001", (1, 1, -2, 0)),
+}
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?)\s*(.*?)\s*", re.DOTALL)
+_FACTOR = re.compile(r"([*/ ]?)\s*([A-Za-z]+|1)(?:\^?(-?\d))?\s*")
+
+SCHEMA_PATTERN = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\S.*$"
+"""A number and a unit, as a regular expression that JSON Schema and its editors understand."""
+
+
+class UnitError(ValueError):
+    """A quantity string that cannot be read; `cause` and `cure` are ready for a message."""
+
+    def __init__(self, cause: str, cure: str) -> None:
+        super().__init__(f"{cause}; {cure}")
+        self.cause, self.cure = cause, cure
+
+
+def parse(text: str, dimension: str) -> float:
+    """The value of `text` in SI, which must have the dimension named (a key of `DIMENSIONS`).
+
+    The factor is a fraction, so the result is the double nearest to the true value: `"28.575 mm"` equals
+    `0.028575`.
+    """
+    cure = f"write {expected(dimension)}"
+    match = _QUANTITY.fullmatch(text) if len(text) <= 80 else None
+    if match is None:
+        raise UnitError(f"{quoted(text)} is not a number with a unit", cure)
+    digits, exponent, unit = match.groups()
+    if not unit:
+        # "0.5" in quotes: accepting it would hide the forgotten unit that a string announces
+        raise UnitError(f"{quoted(text)} is text without a unit", f"remove the quotes, or {cure}")
+    factor, pi, found = _parse_unit(unit.replace("µ", "u").replace("μ", "u").replace("·", "*"), cure)
+    wanted = DIMENSIONS[dimension][0]
+    if found != wanted:
+        is_a = next((f", {_article(name)}" for name, row in DIMENSIONS.items() if row[0] == found), "")
+        raise UnitError(f"expected {_article(dimension)}, found {quoted(text)}{is_a}", cure)
+    if exponent is not None and abs(int(exponent)) > 400:
+        return float(digits)  # 0 or infinite (refused by the caller); a fraction of that size would not end
+    try:
+        value = float(Fraction(digits) * factor)
+    except OverflowError:
+        return math.inf
+    return value * math.pi**pi if pi else value
+
+
+def expected(dimension: str) -> str:
+    """What may stand there, in words: `a number in m, or a string with a unit such as m, cm, mm`."""
+    _, si, others = DIMENSIONS[dimension]
+    return f'a number in {si}, or "NUMBER UNIT" with a unit of {others}' if si else "a plain number"
+
+
+def _article(name: str) -> str:
+    return f"a{'n' if name[0] in 'aeiou' else ''} {name}"
+
+
+@lru_cache(maxsize=256)
+def _parse_unit(text: str, cure: str) -> _Unit:
+    """Products and powers of `UNITS`: `kg/m^3`, `kg m^2`, `m/s2`, `1/s`. A slash divides by the next factor
+    only.
+    """
+    factor, pi, exponents = Fraction(1), 0, (0, 0, 0, 0)
+    position = 0
+    while position < len(text):
+        match = _FACTOR.match(text, position)
+        if match is None or (position and not match[1] and text[position - 1] not in " "):
+            raise UnitError(f"cannot read the unit {quoted(text)}", cure)
+        name, power = match[2], int(match[3] or 1) * (-1 if match[1] == "/" else 1)
+        if name != "1":
+            if name not in UNITS:
+                # case matters (mN, Mn), so the nearest name is looked up without it
+                near = {unit.lower(): unit for unit in UNITS}
+                best = nearest(name, list(near))
+                hint = f"did you mean {near[best]}? otherwise {cure}" if best else cure
+                raise UnitError(f"unknown unit {quoted(name)}", hint)
+            base, base_pi, base_exponents = UNITS[name]
+            factor *= base**power
+            pi += base_pi * power
+            a, b, c, d = (e + power * f for e, f in zip(exponents, base_exponents, strict=True))
+            exponents = (a, b, c, d)
+        position = match.end()
+    return factor, pi, exponents
