@@ -1,7 +1,7 @@
 """The contact element: gap, normal, rows and their derivative, for sphere on sphere and sphere on plane.
 
-The rows of a contact act on the generalised vector of its own bodies, (6,) at a plane and (12,) between spheres, A first.
-Order of the rows: N, then T (2), R (2), S (1) as far as the law of the pair has them.
+The rows of a contact act on the generalised vector of its own bodies, (6,) at a plane and (12,) between
+spheres, A first. Order of the rows: N, then T (2), R (2), S (1) as far as the law of the pair has them.
 """
 
 from dataclasses import dataclass
@@ -27,8 +27,9 @@ class Disc:
 class Element:
     """A pair with its frame frozen at t_n; everything that does not change within the step.
 
-    `rows` (k, 6 or 12): row 0 is the normal row with the normal of t_n, the others are those used at both levels
-    (eq. 41 and its kin for rolling and spinning). `delassus` (k,): diagonal D_cc of G M^-1 G^T [1/kg or 1/(kg m^2)].
+    `rows` (k, 6 or 12): row 0 is the normal row with the normal of t_n, the others are those used at both
+    levels (eq. 41 and its kin for rolling and spinning). `delassus` (k,): diagonal D_cc of G M^-1 G^T [1/kg
+    or 1/(kg m^2)].
     """
 
     pair: Pair
@@ -67,7 +68,7 @@ def normal_row(pair: Pair, normal: F64) -> F64:
 
 
 def normal_curvature(normal: F64, distance: float) -> F64:
-    """Second derivative of the gap between spheres (eq. 42 with its zero rotation rows), (12,12); zero at a plane."""
+    """Second derivative of the gap (eq. 42 with its zero rotation rows), (12,12); zero (6,6) at a plane."""
     if not np.isfinite(distance):
         return np.zeros((6, 6))
     block = (np.eye(3) - np.outer(normal, normal)) / distance
@@ -78,7 +79,7 @@ def normal_curvature(normal: F64, distance: float) -> F64:
 
 
 def tangents_of(normal: F64) -> F64:
-    """Two unit vectors with the normal a right-handed frame, (2,3): eq. 32 with the axis farthest from the normal."""
+    """t_1 and t_2 = n x t_1, (2,3): eq. 32 with e the axis farthest from the normal."""
     axis = np.zeros(3)
     axis[int(np.argmin(np.abs(normal)))] = 1.0
     first = np.cross(axis, normal)
@@ -91,7 +92,7 @@ def element(model: Model, pair: Pair, x_n: F64, tangents: F64 | None = None) -> 
     _, n, _ = gap_and_normal(model, pair, x_n)
     t = tangents_of(n) if tangents is None else tangents
     radii = model.radius[list(pair.bodies)]
-    sign = (1.0, -1.0)
+    sides = [(1.0, float(radii[0])), *((-1.0, float(r)) for r in radii[1:])]
     law, zero = pair.law, np.zeros(3)
     rows = [normal_row(pair, n)]
     discs = []
@@ -104,28 +105,26 @@ def element(model: Model, pair: Pair, x_n: F64, tangents: F64 | None = None) -> 
         for tangent in t:
             # t.(n x r w) = r (t x n).w, with the same sign for both spheres (eq. 34)
             arm = np.cross(tangent, n)
-            rows.append(
-                np.concatenate([part for s, r in zip(sign, radii) for part in (s * tangent, r * arm)])
-            )
+            rows.append(np.concatenate([part for s, r in sides for part in (s * tangent, r * arm)]))
         delassus += [inv_slip] * 2
     if law.rolling_radius > 0.0:
         discs.append(Disc("R", len(rows), len(rows) + 2, law.rolling_radius))
         for tangent in t:
-            rows.append(np.concatenate([part for s, _ in zip(sign, radii) for part in (zero, s * tangent)]))
+            rows.append(np.concatenate([part for s, _ in sides for part in (zero, s * tangent)]))
         delassus += [inv_inertia] * 2
     if law.spinning_radius > 0.0:
         discs.append(Disc("S", len(rows), len(rows) + 1, law.spinning_radius))
-        rows.append(np.concatenate([part for s, _ in zip(sign, radii) for part in (zero, s * n)]))
+        rows.append(np.concatenate([part for s, _ in sides for part in (zero, s * n)]))
         delassus.append(inv_inertia)
     return Element(pair, n, t, np.stack(rows), tuple(discs), np.array(delassus))
 
 
 @dataclass(frozen=True)
 class Impulse:
-    """What B does to A through a contact, in world axes, so that it does not depend on the choice of tangents.
+    """What B does to A through a contact, in world axes, so that the choice of tangents does not matter.
 
-    `normal` [N s; at position level N s^2] along the normal of t_{n+1}; `friction` (3,) along the plane of contact of t_n;
-    `moment` (3,) [N m s] rolling and spinning.
+    `normal` [N s; at position level N s^2] along the normal of t_{n+1}; `friction` (3,) along the plane of
+    contact of t_n; `moment` (3,) [N m s] rolling and spinning.
     """
 
     normal: float
@@ -162,7 +161,7 @@ def from_world(e: Element, impulse: Impulse) -> F64:
 
 
 def islands(elements: list[Element]) -> list[list[int]]:
-    """Groups of element numbers joined through common spheres; planes join nothing. Order of first appearance."""
+    """Groups of element numbers joined through common spheres, in order; planes join nothing."""
     groups: list[tuple[set[int], list[int]]] = []
     for number, e in enumerate(elements):
         bodies, members = set(e.pair.bodies), [number]

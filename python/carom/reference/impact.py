@@ -1,10 +1,11 @@
 """Velocity level: the sequence of impact problems of one island (section 5 of the specification; eqs. 24-29).
 
-Three laws: `sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (the paper as printed) and `one-shot` (one
-simultaneous problem with Newton's law).
+Three laws: `sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (the paper as printed) and
+`one-shot` (one simultaneous problem with Newton's law).
 """
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -20,7 +21,7 @@ BISECTIONS = 12
 
 @dataclass
 class ImpactProblem:
-    """Record of one problem: its stage ('0', '1', ..., 'one-shot', 'truncated'), members and their impulses."""
+    """Record of one problem: its stage ('0', '1', ..., 'one-shot', 'truncated'), members, impulses."""
 
     island: tuple[int, ...]
     """Spheres of the island."""
@@ -51,7 +52,7 @@ class IslandResult:
 
 
 class Island:
-    """One island with its contacts of A, velocities in local numbering, gradients frozen at the corrected positions.
+    """One island with its contacts of A: velocities in local numbering, gradients at the corrected positions.
 
     `u_n`, `u_check` (6N,) generalised velocities; `x_new` (N,3) corrected centres.
     """
@@ -62,9 +63,9 @@ class Island:
         self.u_n, self.u_check = u_n[lay.dofs], u_check[lay.dofs]
         self.gradient_n = lay.frozen_gradient()
         self.gradient = self.gradient_n.copy()
-        for e, row, columns in zip(elements, lay.start, lay.columns):
+        for e, row, columns in zip(elements, lay.start, lay.columns, strict=True):
             self.gradient[row, columns] = normal_row(e.pair, gap_and_normal(model, e.pair, x_new)[1])
-        self.normal_rows = lay.start[:-1]
+        self.normal_rows = lay.start
         radius = model.radius[lay.bodies]
         before, free = self.u_n.reshape(-1, 6), self.u_check.reshape(-1, 6)
         self.load = float(np.max(np.linalg.norm(free[:, :3] - before[:, :3], axis=1)))
@@ -90,8 +91,8 @@ class Island:
     def offset(self, u_minus: F64, scale: F64, tolerance: float, paper: bool) -> F64:
         """The part e gamma^- of eq. 24 for every row (m,); `scale` per contact multiplies its coefficients.
 
-        Default law: normal of t_{n+1}, clipped to approach, tangential restitution only where the contact approaches.
-        `paper`: normal of t_n and neither clip.
+        Default law: normal of t_{n+1}, clipped to approach, tangential restitution only where the contact
+        approaches. `paper`: normal of t_n and neither clip.
         """
         approach = self.normal_velocity(u_minus, frozen=paper)
         result = np.zeros(self.layout.rows)
@@ -108,14 +109,16 @@ class Island:
 @dataclass
 class _Solved:
     multipliers: F64
+    """Of the members, (m,)."""
     jump: F64
+    """Of these and the fixed impulses, (d,)."""
     iterations: int
     history: list[float]
     fallback: str
 
 
 def _solve_members(island: Island, members: list[int], offset: F64, fixed: F64, what: str) -> _Solved:
-    """Solve the contacts `members`; `fixed` (m,) are the impulses that already act. Jump of all impulses, (d,)."""
+    """Solve the contacts `members`; `fixed` (m,) are the impulses that already act."""
     lay = island.layout
     rows = np.concatenate([np.arange(lay.rows)[lay.slices[i]] for i in members])
     sub = Layout(island.model, [island.elements[i] for i in members])
@@ -156,10 +159,9 @@ def impact_problem(
     u_minus: F64 | None,
     tolerance: float,
     stage: str,
-    guard: bool = True,
     paper: bool = False,
 ) -> tuple[F64, ImpactProblem]:
-    """One problem with members C; `u_minus` (d,) is V^- of the law, None for e = 0. Returns new impulses (m,), record."""
+    """One problem with members C: its impulses (m,), and a record. `u_minus` (d,) is V^-, None for e = 0."""
     what = f"impact problem, stage {stage}, spheres {island.layout.bodies}"
     scale = np.ones(len(island.elements))
 
@@ -170,7 +172,7 @@ def impact_problem(
 
     solved = at(scale)
     before = island.jump(fixed)
-    if u_minus is not None and guard and not paper and island.model.options.energy_safeguard:
+    if u_minus is not None and not paper and island.model.options.energy_safeguard:
         energy = 0.5 * island.layout.mass * (island.u_check + before) ** 2
         # scaling one group may let a contact between two groups push: look again until no group gains
         for _ in range(len(members)):
@@ -212,7 +214,22 @@ def impact_problem(
     return solved.multipliers, record
 
 
-def solve_island(island: Island) -> IslandResult:
+class ProblemSolver(Protocol):
+    """What `solve_island` calls for each problem: `impact_problem`, or a judge of impulses found elsewhere."""
+
+    def __call__(
+        self,
+        island: Island,
+        members: list[int],
+        fixed: F64,
+        u_minus: F64 | None,
+        tolerance: float,
+        stage: str,
+        paper: bool = False,
+    ) -> tuple[F64, ImpactProblem]: ...
+
+
+def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem) -> IslandResult:
     """All impact problems of one island by the law that the options name."""
     result = IslandResult(np.zeros(len(island.layout.dofs)), np.zeros(island.layout.rows))
     tolerance = result.tolerance = island.closing_tolerance()

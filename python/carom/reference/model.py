@@ -1,8 +1,8 @@
 """What is simulated: arrays of spheres and planes, contact laws by material pair, numerical options.
 
-SI units throughout. A *generalised* vector of N bodies has shape (6 N,): for each body three translations, then three
-rotations about the **spatial** axes. The isotropic inertia makes the mass matrix the constant diagonal
-`diag(m, m, m, I, I, I)` per body, so there is no gyroscopic term anywhere in this package.
+SI units throughout. A *generalised* vector of N bodies has shape (6 N,): for each body three translations,
+then three rotations about the **spatial** axes. The isotropic inertia makes the mass matrix the constant
+diagonal `diag(m, m, m, I, I, I)` per body, so there is no gyroscopic term anywhere in this package.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ TOUCH = 1e-9
 
 @dataclass(frozen=True)
 class Law:
-    """Contact law of a pair of materials: mu, e_N, e_T [-] and the radii rho, delta [m] of rolling and spinning."""
+    """Contact law of two materials: mu, e_N, e_T [-] and the radii rho, delta [m] of rolling and spinning."""
 
     friction: float = 0.0
     restitution: float = 0.0
@@ -33,8 +33,8 @@ class Law:
 class Options:
     """Numerical options. `step` is h [s]; `spectral_radius` the rho_inf of eq. 7.
 
-    `tolerance` is tol_r of eq. 44. It is deliberately not read from the `tolerance` of a model (that of the core), since
-    this package judges others; `reference_tolerance` overrides it.
+    `tolerance` is tol_r of eq. 44. It is deliberately not read from the `tolerance` of a model (that of the
+    core), since this package judges others; `reference_tolerance` overrides it.
     """
 
     step: float
@@ -130,7 +130,7 @@ class Model:
 
     @staticmethod
     def from_dict(model: Mapping[str, Any]) -> "Model":
-        """Read the dict that `carom._core.Simulation` takes; options that only the core knows are ignored."""
+        """Read the dict of `carom._core.Simulation`; options that only the core knows are ignored."""
         radius = _array(model["radius"])
         n = len(radius)
         if n > 10:

@@ -1,8 +1,9 @@
 """Semi-smooth Newton on the saddle system, and what is tried when it does not converge.
 
-The chain is that of rule R1: p, p x 0.5, p x 2, fifteen Gauss-Seidel sweeps and Newton from there. The reference adds
-two links of its own, because it must not fail where the core succeeds: Newton with a large proximal shift (slow, hard to
-upset) and Gauss-Seidel until Newton can take over. A problem that survives all of that raises `NotConverged`.
+The chain is that of rule R1: p, p x 0.5, p x 2, fifteen Gauss-Seidel sweeps and Newton from there. The
+reference adds two links of its own, because it must not fail where the core succeeds: Newton with a large
+proximal shift (slow, hard to upset) and Gauss-Seidel until Newton can take over. A problem that survives all
+of that raises `NotConverged`.
 """
 
 from dataclasses import dataclass, field
@@ -51,8 +52,10 @@ def solve(problem: ContactProblem, u: F64, options: Options, what: str = "") -> 
     )
     for name, sweeps, p_factor, shift, limit in attempts:
         history.clear()
-        start = gauss_seidel(problem, u, zero, sweeps)
-        solution = newton(problem, *start, options, p_factor, history, shift, limit)
+        # an attempt may diverge; that is an answer, not an error
+        with np.errstate(over="ignore", invalid="ignore"):
+            start = gauss_seidel(problem, u, zero, sweeps)
+            solution = newton(problem, *start, options, p_factor, history, shift, limit)
         if solution is not None:
             solution.fallback = name
             return solution
@@ -69,7 +72,7 @@ def newton(
     shift: float = 0.0,
     limit: int = 0,
 ) -> Solution | None:
-    """Iterate from u, lambda; None when the limit is reached. `shift` keeps the proximal shift from vanishing."""
+    """Iterate from u, lambda; None at the limit. `shift` is what the proximal shift does not fall below."""
     base, problem.p = problem.p, problem.layout.p * p_factor
     limit = limit or options.max_iterations
     try:
@@ -107,12 +110,13 @@ def _step(
 ) -> tuple[F64, F64]:
     """One Newton direction: du (d,), d lambda (m,).
 
-    Contacts in gap decouple (d lambda = -lambda) and are left out. The remaining system is made dimensionless with the
-    square roots of mass and p. The shift of the multiplier block (rules R1, R11) is in the matrix only, so it changes the
-    path, not the solution; it vanishes with the residual, down to a floor that keeps redundant contacts solvable.
+    Contacts in gap decouple (d lambda = -lambda) and are left out. The remaining system is made dimensionless
+    with the square roots of mass and p. The shift of the multiplier block (rules R1, R11) is in the matrix
+    only, so it changes the path, not the solution; it vanishes with the residual, down to a floor that keeps
+    redundant contacts solvable.
     """
     lay, d = problem.layout, len(problem.layout.dofs)
-    active = np.flatnonzero(np.diagonal(at.tangent)[lay.start[:-1]][lay.owner] > 0.0)
+    active = np.flatnonzero(np.diagonal(at.tangent)[lay.start][lay.owner] > 0.0)
     dl = -multipliers + 0.0
     dl[active] = 0.0
     keep = np.concatenate([np.arange(d), d + active])

@@ -1,7 +1,8 @@
 """A contact problem: dynamics of some bodies, projected multipliers, residual and exact Hessian.
 
-With `xi = lambda - p z` and `phi` its projection (section 4 of the specification; eqs. 21, 23, 29 with the multiplier row
-scaled) the unknowns `u` (displacement U [m, rad] or velocity jump W [m/s, rad/s]) and `lambda` satisfy
+With `xi = lambda - p z` and `phi` its projection (section 4 of the specification; eqs. 21, 23, 29 with the
+multiplier row scaled) the unknowns `u` (displacement U [m, rad] or velocity jump W [m/s, rad/s]) and `lambda`
+satisfy
 
     r_u = M u - fixed - G^T phi = 0        r_l = phi - lambda = 0
 
@@ -11,6 +12,7 @@ which is the whole saddle system of the paper: no multiplier and no velocity is 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .contact import Element, gap_and_normal, normal_curvature, normal_row
 from .model import F64, Model
@@ -30,14 +32,16 @@ class Layout:
             np.array([6 * local[body] + k for body in e.pair.bodies for k in range(6)]) for e in elements
         ]
         counts = [len(e.rows) for e in elements]
-        self.start = np.concatenate([[0], np.cumsum(counts)]).astype(int)
-        self.slices = [slice(int(s), int(s) + k) for s, k in zip(self.start, counts)]
-        self.rows = int(self.start[-1])
+        ends = [int(end) for end in np.cumsum(counts)]
+        self.slices = [slice(end - k, end) for end, k in zip(ends, counts, strict=True)]
+        self.rows = sum(counts)
+        self.start = np.array([rows.start for rows in self.slices], dtype=np.intp)
+        """First row of every element: its normal row."""
         self.mass = model.mass_diagonal[self.dofs]
         self.p = 0.5 / np.concatenate([e.delassus for e in elements])
         """Penalty per row, 0.5/D_cc (rule R1) [kg, kg m^2]."""
         self.owner = np.repeat(np.arange(len(elements)), counts)
-        # weights of eq. 44: moments are divided by a radius, so that all entries are impulses in N s (or N s^2)
+        # weights of eq. 44: moments are divided by a radius, so that all entries are impulses [N s or N s^2]
         self.weight_u = np.ones(len(self.dofs))
         self.weight_l = np.ones(self.rows)
         for i, body in enumerate(self.bodies):
@@ -56,7 +60,7 @@ class Layout:
     def frozen_gradient(self) -> F64:
         """G (m, d) with every row, the normal one included, in the frame of t_n."""
         gradient = np.zeros((self.rows, len(self.dofs)))
-        for e, columns, rows in zip(self.elements, self.columns, self.slices):
+        for e, columns, rows in zip(self.elements, self.columns, self.slices, strict=True):
             gradient[rows, columns] = e.rows
         return gradient
 
@@ -138,7 +142,7 @@ class ContactProblem:
         return Evaluation(r_u, r_l, norm, scale, phi, tangent, z, gradient)
 
     def hessian(self, u: F64, at: Evaluation) -> F64:
-        """Exact derivative of (r_u, r_l) by (u, lambda), (d + m, d + m): section 2 of the theory with k = 1."""
+        """Exact derivative of (r_u, r_l) by (u, lambda), (d + m, d + m); `at` is the evaluation at u."""
         lay, c, g = self.layout, at.tangent, at.gradient
         d, m = len(lay.dofs), lay.rows
         result = np.zeros((d + m, d + m))
@@ -166,6 +170,10 @@ class PositionProblem(ContactProblem):
         self.rounding = 16.0 * EPS * size
         self._frozen = layout.frozen_gradient()
 
+    def _contacts(self) -> "zip[tuple[Element, np.intp, NDArray[np.intp]]]":
+        lay = self.layout
+        return zip(lay.elements, lay.start, lay.columns, strict=True)
+
     def centres(self, u: F64) -> F64:
         """Centres (N,3) after the correction u."""
         x = self.x_check.copy()
@@ -175,7 +183,7 @@ class PositionProblem(ContactProblem):
     def kinematics(self, u: F64) -> tuple[F64, F64]:
         x, gradient = self.centres(u), self._frozen.copy()
         z = gradient @ (self.d_check + u)
-        for e, n, columns in zip(self.layout.elements, self.layout.start, self.layout.columns):
+        for e, n, columns in self._contacts():
             z[n], normal, _ = gap_and_normal(self.model, e.pair, x)
             gradient[n, columns] = normal_row(e.pair, normal)
         return z, gradient
@@ -183,7 +191,7 @@ class PositionProblem(ContactProblem):
     def curvature(self, u: F64, phi: F64) -> F64 | None:
         x = self.centres(u)
         result = np.zeros((len(u), len(u)))
-        for e, n, columns in zip(self.layout.elements, self.layout.start, self.layout.columns):
+        for e, n, columns in self._contacts():
             if e.pair.plane < 0 and phi[n] > 0.0:
                 _, normal, distance = gap_and_normal(self.model, e.pair, x)
                 result[np.ix_(columns, columns)] += phi[n] * normal_curvature(normal, distance)
@@ -192,7 +200,7 @@ class PositionProblem(ContactProblem):
     def closed_gap(self, u: F64, phi: F64) -> float:
         z, _ = self.kinematics(u)
         worst = 0.0
-        for e, n in zip(self.layout.elements, self.layout.start):
+        for e, n in zip(self.layout.elements, self.layout.start, strict=True):
             # an open gap is admitted where nothing pushes, and rounding of the coordinates is no error
             miss = abs(z[n]) if phi[n] > 0.0 else max(0.0, -z[n])
             worst = max(worst, max(0.0, miss - self.rounding) / e.pair.radius)
@@ -200,9 +208,10 @@ class PositionProblem(ContactProblem):
 
 
 class VelocityProblem(ContactProblem):
-    """Eqs. 1f-h, 29: velocity jump W with `z = G (u_check + W) + offset`, G (m, d) constant, offset from restitution.
+    """Eqs. 1f-h, 29: velocity jump W with `z = G (u_check + W) + offset`; G (m, d) constant, offset (m,).
 
-    `u_check` (d,) velocity before any impulse of the step, `fixed` (d,) impulses of earlier problems: the P of eq. 28.
+    `u_check` (d,) velocity before any impulse of the step, `fixed` (d,) impulses of earlier problems: the P
+    of eq. 28.
     """
 
     def __init__(

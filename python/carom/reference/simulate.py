@@ -22,7 +22,7 @@ class Reference:
         self.state = initial_state(self.model)
 
     def advance(self, steps: int) -> list[StepReport]:
-        """Advance by `steps` steps and return their reports; raises `NotConverged` with the last good state kept."""
+        """Advance by `steps` steps, one report each; `NotConverged` leaves the last good state."""
         reports = []
         for _ in range(steps):
             self.state, report = advance(self.model, self.state)

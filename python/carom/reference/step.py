@@ -13,7 +13,7 @@ from .problem import Layout, PositionProblem
 
 @dataclass
 class StepReport:
-    """What happened in a step. Contacts are named by `Pair.key`, impulses are in world axes on the first partner."""
+    """What happened in a step. Contacts are named by `Pair.key`; impulses act on the first partner."""
 
     smooth_iterations: int = 0
     position_iterations: list[int] = field(default_factory=list)
@@ -43,7 +43,7 @@ class StepReport:
 
 
 def applied_force(model: Model, x_check: F64, u_check: F64, time: float) -> tuple[F64, F64, F64]:
-    """Smooth force f (6N,) and its derivatives by displacement and velocity, (6N, 6N) each: here gravity alone.
+    """Smooth force f (6N,) and its derivatives by displacement and velocity, (6N, 6N): here gravity alone.
 
     Loads that depend on position, velocity or time enter the reference at this one place.
     """
@@ -96,7 +96,7 @@ def smooth(model: Model, state: State) -> tuple[F64, F64, F64, F64, int]:
 
 @dataclass
 class Corrected:
-    """Result of the position level: centres (N,3), displacement of the whole step (6N,) and the closed contacts."""
+    """Result of the position level: centres (N,3), displacement of the whole step (6N,), closed contacts."""
 
     x: F64
     displacement: F64
@@ -141,7 +141,7 @@ def position(model: Model, state: State, d_check: F64, report: StepReport) -> Co
         report.position_histories.append(solution.history)
         if solution.fallback:
             report.fallbacks.append(f"position: {solution.fallback}")
-        for e, rows in zip(layout.elements, layout.slices):
+        for e, rows in zip(layout.elements, layout.slices, strict=True):
             multipliers = solution.multipliers[rows]
             if multipliers[0] > 0.0:
                 pushed.add(e.pair.key)
@@ -154,7 +154,7 @@ def position(model: Model, state: State, d_check: F64, report: StepReport) -> Co
 
 
 def velocity(model: Model, corrected: Corrected, u_n: F64, u_check: F64, report: StepReport) -> F64:
-    """Lines 31-40 (eqs. 1f-h, 24-29): u_{n+1} = u_check + W, (6N,), from the impact problems of every island."""
+    """Lines 31-40 (eqs. 1f-h, 24-29): u_{n+1} = u_check + W, (6N,), from the problems of every island."""
     u = u_check.copy()
     for group in islands(corrected.closed):
         island = Island(model, [corrected.closed[i] for i in group], corrected.x, u_n, u_check)
@@ -163,7 +163,7 @@ def velocity(model: Model, corrected: Corrected, u_n: F64, u_check: F64, report:
         report.problems += result.problems
         report.truncated += int(result.truncated)
         report.fallbacks += [f"velocity {p.stage}: {p.fallback}" for p in result.problems if p.fallback]
-        for e, rows in zip(island.elements, island.layout.slices):
+        for e, rows in zip(island.elements, island.layout.slices, strict=True):
             if result.multipliers[rows.start] > 0.0:
                 report.velocity_impulses[e.pair.key] = to_world(e, result.multipliers[rows])
     return u
