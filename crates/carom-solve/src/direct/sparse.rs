@@ -185,8 +185,7 @@ impl<F: Factor> Sparse<F> {
             }
         }
         let residual = left / scale;
-        // An overflow of the quotient is as bad as NaN.
-        if !(residual <= WORST_RESIDUAL) {
+        if residual.is_nan() || residual > WORST_RESIDUAL {
             return Err(DirectError::Inaccurate { residual });
         }
         let backward_error = left / (self.norm * largest(out) + scale);
