@@ -1,8 +1,8 @@
-"""A stand-in for `carom._core` where the extension is not built: only the options that the scenario model
-asks for.
+"""A stand-in for `carom._core` where the extension is not built: the options that the scenario model asks for.
 
-`install()` puts it into `sys.modules` if the real module cannot be imported, and says whether it did. It
-simulates nothing.
+    PYTHONPATH=python:tests pytest -p fake_core tests/test_scenario*.py
+
+puts it into `sys.modules` if the real module cannot be imported. It simulates nothing.
 """
 
 from __future__ import annotations
@@ -60,3 +60,6 @@ def install() -> bool:
         sys.modules["carom._core"] = fake
         return True
     return bool(getattr(core, "FAKE", False))
+
+
+install()
