@@ -1,1 +1,27 @@
-//! Placeholder; filled in the next commits.
+//! How time passes: the decoupled nonsmooth generalized-alpha scheme for rigid spheres.
+//!
+//! Start at [`step`]: it is the page of the time step. `docs/theory/algorithm.md` states it in formulas; the oracle
+//! `carom.reference` states it in NumPy.
+
+pub mod contact;
+pub mod force;
+pub mod impact;
+pub mod islands;
+pub mod level;
+pub mod model;
+pub mod options;
+pub mod record;
+pub mod report;
+pub mod rotation;
+pub mod scratch;
+pub mod simulation;
+pub mod state;
+pub mod step;
+pub mod stepper;
+pub mod timers;
+
+pub use model::{InitialState, Model, ModelError, ModelInput};
+pub use options::{Options, Value};
+pub use report::{Monitors, Outcome, StepReport};
+pub use simulation::{Recording, Simulation};
+pub use state::State;

@@ -1,1 +1,41 @@
-//! Placeholder.
+//! The skin: converts arrays, releases the interpreter lock, maps errors. No physics.
+
+mod convert;
+mod simulation;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+pyo3::create_exception!(_core, ModelError, pyo3::exceptions::PyValueError);
+
+/// Every numerical option with its default.
+#[pyfunction]
+fn defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let out = PyDict::new(py);
+    for (name, value) in carom_core::Options::default().entries() {
+        convert::set_value(&out, name, &value)?;
+    }
+    Ok(out)
+}
+
+/// Admitted values of the options that are names.
+#[pyfunction]
+fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    use carom_core::options::{Impact, Method, OnNonconvergence, Solver};
+    let out = PyDict::new(py);
+    out.set_item("method", Method::NAMES)?;
+    out.set_item("impact", Impact::NAMES)?;
+    out.set_item("solver", Solver::NAMES)?;
+    out.set_item("on_nonconvergence", OnNonconvergence::NAMES)?;
+    Ok(out)
+}
+
+#[pymodule]
+fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add("ModelError", m.py().get_type::<ModelError>())?;
+    m.add_function(wrap_pyfunction!(defaults, m)?)?;
+    m.add_function(wrap_pyfunction!(choices, m)?)?;
+    m.add_class::<simulation::Simulation>()?;
+    Ok(())
+}

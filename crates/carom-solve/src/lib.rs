@@ -1,1 +1,18 @@
-//! Placeholder; filled in the next commits.
+//! How contacts push: contact problems as numbers, cones, one residual, semi-smooth Newton and its fallbacks.
+//!
+//! Nothing here knows bodies or shapes. A problem is a [`rows::RowSystem`]: nodes with a mass, contacts with rows
+//! (Jacobians) over at most two nodes, and bounds that tie friction to the normal multiplier.
+
+pub mod cone;
+pub mod direct;
+pub mod gauss_seidel;
+pub mod linear_step;
+pub mod newton;
+pub mod report;
+pub mod rows;
+pub mod single;
+
+pub use cone::{Bounds, Status};
+pub use newton::{Newton, NewtonOptions};
+pub use report::SolveReport;
+pub use rows::{RowSystem, Subproblem};

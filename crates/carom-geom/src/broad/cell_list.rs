@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 
 /// More levels than this are not made; the last takes what remains (sizes below `2^-23` of the largest).
 const MAX_LEVELS: usize = 24;
-/// Extents [m] beyond this, infinity included, are compared with everything instead of overflowing.
+/// Extents (m) beyond this, infinity included, are compared with everything instead of overflowing.
 const UNBOUNDED: f64 = 1e100;
 
 /// Reusable search structure; see the module's page.
@@ -33,7 +33,7 @@ impl CellList {
         Self::default()
     }
 
-    /// Takes in `N` bodies: centres `x` (N) [m] and extents (N) [m].
+    /// Takes in `N` bodies: centres `x` (N) (m) and extents (N) (m).
     ///
     /// A body with a position that is not finite, or with a NaN or negative extent, is left out: it is close to nothing.
     pub fn build(&mut self, x: impl Iterator<Item = DVec3>, extent: &[f64]) {

@@ -12,14 +12,14 @@ pub struct Overlap {
     pub a: u32,
     /// The other sphere or plane.
     pub b: u32,
-    /// Gap [m], negative (eq. 33).
+    /// Gap (m), negative (eq. 33).
     pub gap: f64,
 }
 
 /// All pairs with `gap < -tol r_c`, where `r_c = min(r_a, r_b)` (`r_a` at a plane), sorted by `(a, b)`, but no
 /// more than `cap` of them.
 ///
-/// Centres `x` (N) [m], radii (N) [m], planes `(point [m], unit normal)` (P). O(N P) and O(N) for spheres that are
+/// Centres `x` (N) (m), radii (N) (m), planes `(point (m), unit normal)` (P). O(N P) and O(N) for spheres that are
 /// not piled into one another. Where `cap` cuts the list, which pairs remain is deterministic but not meaningful.
 /// The contract takes a gap within `tol = 1e-9` as touching.
 pub fn overlaps(

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! where `s` is how far any plane has moved along its normal since. A plane that tilts forces a rebuild.
-//! `need_i` [m] is what the caller must not miss: how far body `i` may travel before the next call, plus its share
+//! `need_i` (m) is what the caller must not miss: how far body `i` may travel before the next call, plus its share
 //! of any gap that has to count as touching.
 
 use super::cell_list::CellList;
@@ -29,7 +29,7 @@ const PAIRS_AT_LEAST: usize = 1 << 16;
 #[derive(Clone, Copy, Debug)]
 struct Reference {
     x: DVec3,
-    /// `R_i + r_i` [m].
+    /// `R_i + r_i` (m).
     extent: f64,
 }
 
@@ -126,9 +126,9 @@ impl NeighbourList {
         &self.pairs
     }
 
-    /// Makes the list valid at centres `x` (N) [m] and tells whether it had to be rebuilt for that.
+    /// Makes the list valid at centres `x` (N) (m) and tells whether it had to be rebuilt for that.
     ///
-    /// Given `radius` (N) [m], `planes` (P) as `(point [m], unit normal)` and `need` (N) [m], afterwards
+    /// Given `radius` (N) (m), `planes` (P) as `(point (m), unit normal)` and `need` (N) (m), afterwards
     /// [`Self::pairs`] holds every pair of spheres with `|x_a - x_b| - r_a - r_b <= need_a + need_b` and every
     /// sphere and plane with `gap <= need_a`, unless [`Self::is_truncated`]. A body with a NaN has no pairs.
     ///

@@ -22,11 +22,11 @@ use glam::DVec3;
 /// so two numbers and a vector hold the gap, its gradient and its Hessian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
-    /// Signed distance of the surfaces [m]; negative where they overlap.
+    /// Signed distance of the surfaces (m); negative where they overlap.
     pub gap: f64,
     /// Unit normal, pointing from B to A.
     pub normal: DVec3,
-    /// How fast the normal turns with the relative position [1/m]: `1/distance of centres` for two spheres,
+    /// How fast the normal turns with the relative position (1/m): `1/distance of centres` for two spheres,
     /// 0 at a plane.
     pub curvature: f64,
 }

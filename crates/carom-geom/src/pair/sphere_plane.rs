@@ -13,7 +13,7 @@
 use super::Proximity;
 use glam::DVec3;
 
-/// Sphere with centre `x` [m] and radius `r` [m] at the plane through `point` [m] with unit `normal`.
+/// Sphere with centre `x` (m) and radius `r` (m) at the plane through `point` (m) with unit `normal`.
 #[inline]
 pub fn sphere_plane(x: DVec3, r: f64, point: DVec3, normal: DVec3) -> Proximity {
     Proximity {

@@ -9,10 +9,10 @@
 use super::Proximity;
 use glam::DVec3;
 
-/// Below this distance [m] its square loses digits, above the inverse so does the square of large distances.
+/// Below this distance (m) its square loses digits, above the inverse so does the square of large distances.
 const SMALL: f64 = 1e-150;
 
-/// Two spheres with centres `xa`, `xb` [m] and radii `ra`, `rb` [m].
+/// Two spheres with centres `xa`, `xb` (m) and radii `ra`, `rb` (m).
 ///
 /// Concentric spheres have no normal. They get `+z` and curvature 0: a wrong direction for one iterate is
 /// repaired by the next, a NaN by none.

@@ -13,7 +13,7 @@ use super::{sphere_plane, sphere_sphere, Proximity};
 use crate::shape::Shape;
 use glam::DVec3;
 
-/// How shape `a` at centre `xa` [m] meets shape `b` at centre `xb` [m]; `None` for an empty cell of the table.
+/// How shape `a` at centre `xa` (m) meets shape `b` at centre `xb` (m); `None` for an empty cell of the table.
 ///
 /// A half-space is placed by its own `point`, its centre is ignored. For loops over many contacts of one kind
 /// call the function of the pair itself.

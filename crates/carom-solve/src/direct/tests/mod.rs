@@ -102,7 +102,7 @@ fn sparse_matrix(largest: usize) -> impl Strategy<Value = (Matrix, Vec<f64>)> {
         for (k, a) in m.a.iter_mut().enumerate() {
             let (i, j) = (k / n, k % n);
             if i == j {
-                *a = 3.0 + *a;
+                *a += 3.0;
             } else if (i * 31 + j * 17) % 11 > 2 {
                 *a = 0.0;
             }

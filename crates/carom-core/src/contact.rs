@@ -1,0 +1,163 @@
+//! A contact within a step: frames, gaps and rows (eqs. 31-43), and its multipliers.
+//!
+//! Symbols: `n` normal from B to A; `t1, t2 = n x t1`; lever of A `-r_A n`, of B `+r_B n`. Departures: the rows act on
+//! *spatial* angular velocities and rotation increments (erratum E1); rolling and spinning rows are added.
+
+use crate::model::{ContactLaw, Model};
+use carom_solve::rows::NODE_DOF;
+use carom_solve::Status;
+use glam::DVec3;
+
+/// Rows over both bodies, at most six.
+pub type Rows = [[[f64; NODE_DOF]; 2]; 6];
+
+/// One candidate contact of a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact {
+    /// Body A: a sphere.
+    pub a: u32,
+    /// Body B: a sphere of larger index, or plane `b - N`.
+    pub b: u32,
+    pub law: u32,
+    /// Frame at t_n.
+    pub n0: DVec3,
+    pub t1: DVec3,
+    pub t2: DVec3,
+    /// Normal at the corrected positions.
+    pub n1: DVec3,
+    /// Gap at t_n, after the smooth step, and after the position correction, m.
+    pub gap_start: f64,
+    pub gap_check: f64,
+    pub gap: f64,
+    /// r_c, m.
+    pub length: f64,
+    /// Position multipliers, rows packed as in `carom_solve::cone`, kg m.
+    pub nu: [f64; 6],
+    /// Velocity multipliers accumulated over the step's impact problems, N s.
+    pub lambda: [f64; 6],
+    /// Work of the step's impulses: normal, sliding, rolling, spinning, J.
+    pub work: [f64; 4],
+    pub closed: bool,
+    pub status: Status,
+}
+
+/// World vectors of a multiplier on body A.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WorldImpulse {
+    pub impulse: DVec3,
+    pub moment: DVec3,
+}
+
+impl Contact {
+    #[inline]
+    pub fn is_plane(&self, model: &Model) -> bool {
+        self.b as usize >= model.spheres()
+    }
+
+    #[inline]
+    pub fn law<'m>(&self, model: &'m Model) -> &'m ContactLaw {
+        &model.laws[self.law as usize]
+    }
+
+    /// Radius of body B, 0 for a plane.
+    #[inline]
+    pub fn radius_b(&self, model: &Model) -> f64 {
+        model.radius.get(self.b as usize).copied().unwrap_or(0.0)
+    }
+
+    /// Jacobian rows with the given normal in the normal row and the frame of t_n in all others; returns their number.
+    pub fn rows(&self, model: &Model, normal: DVec3, rows: &mut Rows) -> usize {
+        let (ra, rb) = (model.radius[self.a as usize], self.radius_b(model));
+        let bounds = self.law(model).bounds;
+        let (n, t1, t2) = (self.n0, self.t1, self.t2);
+        rows[0] = row(normal, DVec3::ZERO, -normal, DVec3::ZERO);
+        let mut count = 1;
+        if bounds.sliding > 0.0 {
+            rows[count] = row(t1, -ra * t2, -t1, -rb * t2);
+            rows[count + 1] = row(t2, ra * t1, -t2, rb * t1);
+            count += 2;
+        }
+        if bounds.rolling > 0.0 {
+            rows[count] = row(DVec3::ZERO, t1, DVec3::ZERO, -t1);
+            rows[count + 1] = row(DVec3::ZERO, t2, DVec3::ZERO, -t2);
+            count += 2;
+        }
+        if bounds.spinning > 0.0 {
+            rows[count] = row(DVec3::ZERO, n, DVec3::ZERO, -n);
+            count += 1;
+        }
+        count
+    }
+
+    /// World vectors of packed multipliers, the normal one along `normal`.
+    pub fn to_world(&self, model: &Model, normal: DVec3, packed: &[f64; 6]) -> WorldImpulse {
+        let bounds = self.law(model).bounds;
+        let mut out = WorldImpulse {
+            impulse: packed[0] * normal,
+            moment: DVec3::ZERO,
+        };
+        let mut k = 1;
+        if bounds.sliding > 0.0 {
+            out.impulse += packed[k] * self.t1 + packed[k + 1] * self.t2;
+            k += 2;
+        }
+        if bounds.rolling > 0.0 {
+            out.moment += packed[k] * self.t1 + packed[k + 1] * self.t2;
+            k += 2;
+        }
+        if bounds.spinning > 0.0 {
+            out.moment += packed[k] * self.n0;
+        }
+        out
+    }
+
+    /// Packed multipliers of world vectors, projected on this step's frame (warm start, rule R8).
+    pub fn to_rows(&self, model: &Model, world: &WorldImpulse, packed: &mut [f64; 6]) {
+        let bounds = self.law(model).bounds;
+        packed[0] = world.impulse.dot(self.n1).max(0.0);
+        let mut k = 1;
+        if bounds.sliding > 0.0 {
+            packed[k] = world.impulse.dot(self.t1);
+            packed[k + 1] = world.impulse.dot(self.t2);
+            k += 2;
+        }
+        if bounds.rolling > 0.0 {
+            packed[k] = world.moment.dot(self.t1);
+            packed[k + 1] = world.moment.dot(self.t2);
+            k += 2;
+        }
+        if bounds.spinning > 0.0 {
+            packed[k] = world.moment.dot(self.n0);
+        }
+    }
+
+    /// Which work column (normal, sliding, rolling, spinning) a packed row belongs to.
+    pub fn row_kind(&self, model: &Model, row: usize) -> usize {
+        let bounds = self.law(model).bounds;
+        let mut end = 1;
+        for (kind, present) in [(1, bounds.sliding > 0.0), (2, bounds.rolling > 0.0)] {
+            if row < end {
+                break;
+            }
+            if present {
+                end += 2;
+                if row < end {
+                    return kind;
+                }
+            }
+        }
+        if row == 0 {
+            0
+        } else {
+            3
+        }
+    }
+}
+
+#[inline]
+fn row(va: DVec3, wa: DVec3, vb: DVec3, wb: DVec3) -> [[f64; NODE_DOF]; 2] {
+    [
+        [va.x, va.y, va.z, wa.x, wa.y, wa.z],
+        [vb.x, vb.y, vb.z, wb.x, wb.y, wb.z],
+    ]
+}

@@ -1,0 +1,58 @@
+//! Impact laws: strategies over velocity sub-problems of one island (section 3.2; rules R2 to R4).
+//!
+//! `problem.rs` states and solves one impact problem over chosen contacts, `sequence.rs` orders them.
+
+mod problem;
+mod sequence;
+
+pub use problem::ImpactScratch;
+
+use crate::model::Model;
+use crate::options::Impact;
+use crate::report::StepReport;
+use crate::scratch::Scratch;
+use crate::state::State;
+
+/// An impact problem gains energy if its work exceeds this share of the island's kinetic energy (rule R4).
+pub const GAIN_TOLERANCE: f64 = 1e-10;
+
+/// Bisections of the restitution scale (rule R4).
+const BISECTIONS: u32 = 12;
+
+/// Largest scale found in [0, 1] at which `admissible` holds, keeping the admissible end; 0 is taken as admissible.
+pub fn bisect_scale(mut admissible: impl FnMut(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if admissible(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// Solves one island by the law of the run.
+pub fn solve_island(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    members: &[u32],
+    h: f64,
+    report: &mut StepReport,
+    accept_unconverged: bool,
+) -> bool {
+    let mut work = std::mem::take(&mut scratch.impact);
+    work.begin(model, state, scratch, members, accept_unconverged);
+    let solved = match model.options.impact {
+        Impact::Sequence => sequence::with_load_offset(model, state, scratch, &mut work, h, report),
+        Impact::SequencePaper => sequence::as_printed(model, scratch, &mut work, report),
+        Impact::OneShot => sequence::one_shot(model, scratch, &mut work, report),
+    };
+    if solved {
+        work.finish(model, scratch, report);
+    }
+    scratch.impact = work;
+    solved
+}

@@ -1,0 +1,538 @@
+//! One impact problem: chosen contacts of an island, fixed impulses of earlier problems, Newton's law (eqs. 16, 24).
+
+use super::{bisect_scale, GAIN_TOLERANCE};
+use crate::contact::{Contact, Rows};
+use crate::level::position::along;
+use crate::level::velocity::Speeds;
+use crate::level::{keep_failed, newton_options};
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::scratch::{ImpactRecord, Scratch};
+use crate::state::State;
+use carom_solve::rows::{Linear, RowSystem, NODE_DOF};
+use carom_solve::Status;
+
+/// Restitution terms of a problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// e_N = e_T = 0.
+    Plastic,
+    /// Newton's law on `v_minus`, normal of n+1, clipped.
+    Newton,
+    /// As printed: normal of n, not clipped, e_T always.
+    Printed,
+}
+
+/// An island at velocity level, in local nodes and rows.
+#[derive(Default)]
+pub struct ImpactScratch {
+    /// All closed contacts of the island.
+    pub full: RowSystem,
+    pub members: Vec<u32>,
+    /// Smooth and old velocities, total jump, jump of the fixed impulses, jump of stage 0, `V_minus` (6 per node).
+    pub v_check: Vec<f64>,
+    pub v_old: Vec<f64>,
+    pub jump: Vec<f64>,
+    pub fixed: Vec<f64>,
+    pub v_minus: Vec<f64>,
+    /// Accumulated impulses per row of `full`.
+    pub impulse: Vec<f64>,
+    /// Slots (into `members`) of the contacts of the problem at hand.
+    pub chosen: Vec<usize>,
+    pub tol: f64,
+    pub speeds: Speeds,
+    pub problems: u32,
+    pub had_impact: bool,
+    work: Vec<[f64; 4]>,
+    status: Vec<Status>,
+    sub: RowSystem,
+    lambda: Vec<f64>,
+    u: Vec<f64>,
+    scale: Vec<f64>,
+    velocity: Vec<f64>,
+    force: Vec<f64>,
+    group: Vec<u32>,
+    accept_unconverged: bool,
+}
+
+impl ImpactScratch {
+    /// Collects the island: rows with the normal of n+1, velocities per node, speeds and the closing tolerance.
+    pub fn begin(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &mut Scratch,
+        members: &[u32],
+        accept_unconverged: bool,
+    ) {
+        let Scratch {
+            contacts,
+            solve,
+            linear,
+            angular,
+            ..
+        } = scratch;
+        solve.begin(model, contacts, members);
+        std::mem::swap(&mut self.full, &mut solve.system);
+        self.members.clear();
+        self.members.extend_from_slice(members);
+        let mut rows: Rows = Default::default();
+        for &m in members {
+            let c = &contacts[m as usize];
+            let dim = c.rows(model, c.n1, &mut rows);
+            let (a, b) = (solve.node(model, c.a), solve.node(model, c.b));
+            let bounds = c.law(model).bounds;
+            self.full.push_contact(
+                a,
+                b,
+                bounds,
+                c.length,
+                c.n1.to_array(),
+                &rows[..dim],
+                &[0.0; 6][..dim],
+            );
+        }
+        self.v_check.clear();
+        self.v_old.clear();
+        self.speeds = Speeds::default();
+        for &body in &solve.bodies {
+            let i = body as usize;
+            let (lin, ang) = (linear[i].velocity, angular[i].velocity);
+            self.v_check
+                .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
+            let (lin, ang) = (state.velocity[i], state.angular_velocity[i]);
+            self.v_old
+                .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
+            self.speeds.add(model, state, linear[i].velocity, i);
+        }
+        self.tol = self.speeds.closing_tolerance(&model.options);
+        let dofs = self.v_check.len();
+        for v in [&mut self.jump, &mut self.fixed] {
+            v.clear();
+            v.resize(dofs, 0.0);
+        }
+        self.v_minus.clone_from(&self.v_old);
+        for v in [&mut self.velocity, &mut self.force, &mut self.u] {
+            v.clear();
+            v.resize(dofs, 0.0);
+        }
+        self.impulse.clear();
+        self.impulse.resize(self.full.rows(), 0.0);
+        self.work.clear();
+        self.work.resize(members.len(), [0.0; 4]);
+        self.status.clear();
+        self.status.resize(members.len(), Status::Gap);
+        self.problems = 0;
+        self.had_impact = false;
+        self.accept_unconverged = accept_unconverged;
+    }
+
+    /// Normal relative velocity of a contact at `v_check + jump`.
+    #[inline]
+    pub fn normal_velocity(&self, slot: usize, jump: &[f64]) -> f64 {
+        let c = &self.full.contacts[slot];
+        let row = c.row as usize;
+        self.full.row_velocity(c, row, &self.v_check) + self.full.row_velocity(c, row, jump)
+    }
+
+    /// Normal relative velocity of a contact at `v_n`.
+    #[inline]
+    pub fn old_normal_velocity(&self, slot: usize) -> f64 {
+        let c = &self.full.contacts[slot];
+        self.full.row_velocity(c, c.row as usize, &self.v_old)
+    }
+
+    /// Chooses every contact that closes by more than the tolerance at `v_check + jump`.
+    pub fn choose_closing(&mut self) {
+        self.chosen.clear();
+        for slot in 0..self.members.len() {
+            if self.normal_velocity(slot, &self.jump) < -self.tol {
+                self.chosen.push(slot);
+            }
+        }
+    }
+
+    /// Recomputes the jump from all impulses: momentum balance to rounding, whatever path led here.
+    fn update_jump(&mut self) {
+        self.full.impulses(&self.impulse, &mut self.force);
+        self.full.apply_inverse_mass(&self.force, &mut self.jump);
+    }
+
+    /// Forgets the impulses of the chosen contacts (stage 1 solves them anew); the kept ones' work is restated.
+    pub fn drop_chosen(&mut self, model: &Model, contacts: &[Contact]) {
+        for &slot in &self.chosen {
+            let c = &self.full.contacts[slot];
+            self.impulse[c.row as usize..(c.row + c.dim) as usize].fill(0.0);
+        }
+        self.update_jump();
+        for slot in 0..self.members.len() {
+            let c = self.full.contacts[slot];
+            self.work[slot] = [0.0; 4];
+            for r in 0..c.dim as usize {
+                let row = c.row as usize + r;
+                let before = self.full.row_velocity(&c, row, &self.v_check);
+                let after = before + self.full.row_velocity(&c, row, &self.jump);
+                let kind = contacts[self.members[slot] as usize].row_kind(model, r);
+                self.work[slot][kind] += 0.5 * self.impulse[row] * (before + after);
+            }
+        }
+    }
+
+    /// Solves the chosen contacts by `law` with all present impulses fixed, adds the new ones. With `index` the
+    /// problem is an impact (safeguarded and recorded); without it is stage 0. `warm` starts from given impulses.
+    pub fn solve_chosen(
+        &mut self,
+        model: &Model,
+        scratch: &mut Scratch,
+        law: Law,
+        index: Option<u32>,
+        warm: Option<&[f64]>,
+        report: &mut StepReport,
+    ) -> bool {
+        self.problems += 1;
+        self.fixed.clone_from(&self.jump);
+        for (v, (c, j)) in self
+            .velocity
+            .iter_mut()
+            .zip(self.v_check.iter().zip(&self.fixed))
+        {
+            *v = c + j;
+        }
+        self.scale.clear();
+        self.scale.resize(self.chosen.len(), 1.0);
+        self.build(model, &scratch.contacts, law);
+        if !self.solve_built(model, scratch, index.unwrap_or(0), warm, report) {
+            return false;
+        }
+        if index.is_some() && law == Law::Newton && model.options.energy_safeguard {
+            let fine = self.safeguard(model, scratch, law, index.unwrap_or(0), report);
+            if !fine {
+                return false;
+            }
+        }
+        self.commit(model, &scratch.contacts);
+        if let Some(problem) = index {
+            self.had_impact = true;
+            self.record(model, scratch, problem);
+        }
+        true
+    }
+
+    /// Rows of the chosen contacts with their free measures `z0`.
+    fn build(&mut self, model: &Model, contacts: &[Contact], law: Law) {
+        let mut sub = std::mem::take(&mut self.sub);
+        sub.clear();
+        sub.inv_mass.extend_from_slice(&self.full.inv_mass);
+        sub.inv_inertia.extend_from_slice(&self.full.inv_inertia);
+        sub.node_length.extend_from_slice(&self.full.node_length);
+        for (position, &slot) in self.chosen.iter().enumerate() {
+            let c = self.full.contacts[slot];
+            let contact = &contacts[self.members[slot] as usize];
+            let row = sub.jac.len();
+            let rows = c.row as usize..(c.row + c.dim) as usize;
+            sub.jac.extend_from_slice(&self.full.jac[rows.clone()]);
+            sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
+            sub.z0.extend(
+                rows.clone()
+                    .map(|r| self.full.row_velocity(&c, r, &self.velocity)),
+            );
+            sub.contacts.push(carom_solve::rows::RowContact {
+                row: row as u32,
+                ..c
+            });
+            if law == Law::Plastic {
+                continue;
+            }
+            let material = contact.law(model);
+            let scale = self.scale[position];
+            let old = self.full.row_velocity(&c, c.row as usize, &self.v_minus);
+            let (e_n, approach, tangential) = if law == Law::Printed {
+                (
+                    material.restitution,
+                    self.printed_approach(&c, contact),
+                    true,
+                )
+            } else {
+                let slow = -old < model.options.restitution_threshold;
+                (
+                    if slow { 0.0 } else { material.restitution },
+                    old.min(0.0),
+                    old < -self.tol,
+                )
+            };
+            sub.z0[row] += scale * e_n * approach;
+            if tangential && contact.law(model).bounds.sliding > 0.0 {
+                for r in 1..3 {
+                    let slip = self
+                        .full
+                        .row_velocity(&c, c.row as usize + r, &self.v_minus);
+                    sub.z0[row + r] += scale * material.tangential_restitution * slip;
+                }
+            }
+        }
+        self.sub = sub;
+    }
+
+    /// `G_N(n) V_minus`: the normal of t_n, as eqs. 16, 24 and 43 print it.
+    fn printed_approach(&self, c: &carom_solve::rows::RowContact, contact: &Contact) -> f64 {
+        let n = contact.n0;
+        let row = [n.x, n.y, n.z, 0.0, 0.0, 0.0];
+        let part = |node: u32| {
+            let v = &self.v_minus[NODE_DOF * node as usize..];
+            along(&row, glam::DVec3::new(v[0], v[1], v[2]), glam::DVec3::ZERO)
+        };
+        let mut sum = part(c.node_a);
+        if c.node_b != carom_solve::rows::WORLD {
+            sum -= part(c.node_b);
+        }
+        sum
+    }
+
+    fn solve_built(
+        &mut self,
+        model: &Model,
+        scratch: &mut Scratch,
+        problem: u32,
+        warm: Option<&[f64]>,
+        report: &mut StepReport,
+    ) -> bool {
+        self.lambda.clear();
+        self.lambda.resize(self.sub.rows(), 0.0);
+        if let Some(start) = warm {
+            self.lambda.copy_from_slice(start);
+        }
+        self.sub.impulses(&self.lambda, &mut self.force);
+        self.sub.apply_inverse_mass(&self.force, &mut self.u);
+        let nodes = self.sub.nodes() as f64;
+        let mass = self.sub.inv_mass.iter().map(|im| 1.0 / im).sum::<f64>() / nodes;
+        let speed = self.speeds.speed.max(self.speeds.load);
+        let floor = model.options.tolerance_floor * mass * speed;
+        let mut options = newton_options(&model.options, self.chosen.len(), floor, false);
+        // The closing tolerance must stand clear of what the solver leaves (rule R3).
+        if self.speeds.speed > 0.0 {
+            options.tolerance = options.tolerance.min(self.tol / (10.0 * self.speeds.speed));
+        }
+        let newton = &mut scratch.solve.newton;
+        let result = newton.solve(
+            &mut self.sub,
+            &mut Linear,
+            &options,
+            &mut self.lambda,
+            &mut self.u,
+        );
+        report.add_velocity(&result);
+        let history = &mut scratch.history[1];
+        if newton.history.len() > history.values.len() {
+            history.values.clone_from(&newton.history);
+            history.problem = problem;
+            history.contacts = self.chosen.len() as u32;
+        }
+        if result.converged {
+            return true;
+        }
+        let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
+        std::mem::swap(&mut scratch.solve.system, &mut self.sub);
+        scratch.failed = Some(keep_failed(
+            &scratch.solve,
+            &scratch.contacts,
+            &members,
+            "velocity",
+            result.residual,
+        ));
+        std::mem::swap(&mut scratch.solve.system, &mut self.sub);
+        report.unconverged += u32::from(self.accept_unconverged);
+        self.accept_unconverged
+    }
+
+    /// Rule R4: scales restitution in islands of contacts with impulse whose work is positive.
+    fn safeguard(
+        &mut self,
+        model: &Model,
+        scratch: &mut Scratch,
+        law: Law,
+        problem: u32,
+        report: &mut StepReport,
+    ) -> bool {
+        self.group_by_impulse();
+        let groups = self.group.clone();
+        let mut done: Vec<u32> = Vec::new();
+        for position in 0..self.chosen.len() {
+            let group = groups[position];
+            if group == u32::MAX || done.contains(&group) {
+                continue;
+            }
+            done.push(group);
+            let inside: Vec<usize> = (0..self.chosen.len())
+                .filter(|&p| groups[p] == group)
+                .collect();
+            if !self.gains(&inside) {
+                continue;
+            }
+            let mut fine = true;
+            let mut trial = |this: &mut Self, s: f64| {
+                inside.iter().for_each(|&p| this.scale[p] = s);
+                this.build(model, &scratch.contacts, law);
+                fine &= this.solve_built(model, scratch, problem, None, report);
+                !this.gains(&inside)
+            };
+            let scale = bisect_scale(|s| trial(self, s));
+            trial(self, scale);
+            if !fine {
+                return false;
+            }
+            report.restitution_scale = report.restitution_scale.min(scale);
+        }
+        true
+    }
+
+    /// Marks contacts with impulse by connected group (through spheres), others `u32::MAX`.
+    fn group_by_impulse(&mut self) {
+        let contacts = &self.sub.contacts;
+        let mut node_group: Vec<u32> = (0..self.sub.nodes() as u32).collect();
+        let loaded = |c: &carom_solve::rows::RowContact| self.lambda[c.row as usize] > 0.0;
+        // Small islands: repeat the sweep until nothing changes.
+        loop {
+            let mut changed = false;
+            for c in contacts
+                .iter()
+                .filter(|c| loaded(c) && c.node_b != carom_solve::rows::WORLD)
+            {
+                let (a, b) = (node_group[c.node_a as usize], node_group[c.node_b as usize]);
+                if a != b {
+                    let low = a.min(b);
+                    node_group[c.node_a as usize] = low;
+                    node_group[c.node_b as usize] = low;
+                    changed = true;
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+        self.group.clear();
+        self.group.extend(contacts.iter().map(|c| {
+            if loaded(c) {
+                node_group[c.node_a as usize]
+            } else {
+                u32::MAX
+            }
+        }));
+    }
+
+    /// Whether the work of the given contacts of the problem exceeds the tolerance of rule R4.
+    fn gains(&self, inside: &[usize]) -> bool {
+        let mut work = 0.0;
+        let mut nodes: Vec<u32> = Vec::new();
+        for &position in inside {
+            let c = &self.sub.contacts[position];
+            for row in c.row as usize..(c.row + c.dim) as usize {
+                let before = self.sub.row_velocity(c, row, &self.velocity);
+                let after = before + self.sub.row_velocity(c, row, &self.u);
+                work += 0.5 * self.lambda[row] * (before + after);
+            }
+            for node in [c.node_a, c.node_b] {
+                if node != carom_solve::rows::WORLD && !nodes.contains(&node) {
+                    nodes.push(node);
+                }
+            }
+        }
+        let kinetic: f64 = nodes
+            .iter()
+            .map(|&node| {
+                let v = &self.velocity[NODE_DOF * node as usize..][..NODE_DOF];
+                let (im, ii) = (
+                    self.sub.inv_mass[node as usize],
+                    self.sub.inv_inertia[node as usize],
+                );
+                0.5 * ((v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / im
+                    + (v[3] * v[3] + v[4] * v[4] + v[5] * v[5]) / ii)
+            })
+            .sum();
+        work > GAIN_TOLERANCE * kinetic
+    }
+
+    /// Adds the new impulses and their work to the totals.
+    fn commit(&mut self, model: &Model, contacts: &[Contact]) {
+        for (position, &slot) in self.chosen.iter().enumerate() {
+            let (c, s) = (self.full.contacts[slot], self.sub.contacts[position]);
+            for r in 0..c.dim as usize {
+                let (row, sub_row) = (c.row as usize + r, s.row as usize + r);
+                let value = self.lambda[sub_row];
+                self.impulse[row] += value;
+                let before = self.full.row_velocity(&c, row, &self.velocity);
+                let after = before + self.full.row_velocity(&c, row, &self.u);
+                let kind = contacts[self.members[slot] as usize].row_kind(model, r);
+                self.work[slot][kind] += 0.5 * value * (before + after);
+            }
+            if self.lambda[s.row as usize] > 0.0 {
+                let xi_slip = self.is_slipping(position);
+                self.status[slot] = if xi_slip { Status::Slip } else { Status::Stick };
+            }
+        }
+        self.update_jump();
+    }
+
+    /// Whether the sliding disc of a chosen contact is saturated.
+    fn is_slipping(&self, position: usize) -> bool {
+        let c = &self.sub.contacts[position];
+        if c.bounds.sliding <= 0.0 {
+            return true;
+        }
+        let row = c.row as usize;
+        let friction = self.lambda[row + 1].hypot(self.lambda[row + 2]);
+        friction >= c.bounds.sliding * self.lambda[row] * (1.0 - 1e-12)
+    }
+
+    fn record(&self, model: &Model, scratch: &mut Scratch, problem: u32) {
+        for (position, &slot) in self.chosen.iter().enumerate() {
+            let s = &self.sub.contacts[position];
+            let row = s.row as usize;
+            if self.lambda[row] <= 0.0 {
+                continue;
+            }
+            let contact = scratch.contacts[self.members[slot] as usize];
+            let mut packed = [0.0; 6];
+            packed[..s.dim as usize].copy_from_slice(&self.lambda[row..row + s.dim as usize]);
+            let world = contact.to_world(model, contact.n1, &packed);
+            let approach = self.sub.row_velocity(s, row, &self.velocity);
+            scratch.impacts.push(ImpactRecord {
+                problem,
+                a: contact.a,
+                b: contact.b,
+                status: self.status[slot] as u8,
+                normal: contact.n1,
+                impulse: world.impulse,
+                moment: world.moment,
+                approach,
+                separation: approach + self.sub.row_velocity(s, row, &self.u),
+                restitution_scale: self.scale[position],
+            });
+        }
+    }
+
+    /// Writes the island's result into the step's scratch.
+    pub fn finish(&mut self, model: &Model, scratch: &mut Scratch, report: &mut StepReport) {
+        report.impact_problems = report.impact_problems.max(self.problems);
+        for (node, &body) in scratch.solve.bodies.iter().enumerate() {
+            let j = &self.jump[NODE_DOF * node..NODE_DOF * (node + 1)];
+            scratch.jump[body as usize] = [
+                glam::DVec3::new(j[0], j[1], j[2]),
+                glam::DVec3::new(j[3], j[4], j[5]),
+            ];
+        }
+        for (slot, &m) in self.members.iter().enumerate() {
+            let c = &self.full.contacts[slot];
+            let contact = &mut scratch.contacts[m as usize];
+            contact.lambda = [0.0; 6];
+            contact.lambda[..c.dim as usize]
+                .copy_from_slice(&self.impulse[c.row as usize..(c.row + c.dim) as usize]);
+            contact.work = self.work[slot];
+            contact.status = self.status[slot];
+            let free = self.full.row_velocity(c, c.row as usize, &self.v_check);
+            let touching = contact.gap_start <= model.options.touching_tolerance * contact.length;
+            if contact.nu[0] > 0.0 && free > self.tol && !touching {
+                report.missed_impacts += 1;
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The order of impact problems in a step: with load offset (rule R2, the default), as printed, and one-shot.
+
+use super::problem::{ImpactScratch, Law};
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::scratch::Scratch;
+use crate::state::{State, Warm};
+
+/// Rule R2: loads first, then impacts. `docs/theory/algorithm.md` section 5 has it stage by stage.
+pub fn with_load_offset(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    work: &mut ImpactScratch,
+    h: f64,
+    report: &mut StepReport,
+) -> bool {
+    if work.tol == 0.0 {
+        return true;
+    }
+    let slots = work.members.len();
+    let resting: Vec<bool> = (0..slots)
+        .map(|s| work.old_normal_velocity(s) >= -work.tol)
+        .collect();
+    let loaded: Vec<bool> = (0..slots)
+        .map(|s| resting[s] && work.normal_velocity(s, &work.jump) < -work.tol)
+        .collect();
+    // Stage 0: the load of this step on contacts that were not approaching, without restitution.
+    if loaded.contains(&true) {
+        work.chosen.clear();
+        work.chosen.extend((0..slots).filter(|&s| resting[s]));
+        let start = warm_start(model, state, scratch, work, h);
+        if !work.solve_chosen(model, scratch, Law::Plastic, None, Some(&start), report) {
+            return false;
+        }
+    }
+    let offset = work.jump.clone();
+    // Stage 1: contacts that close now, together with the resting ones that the load closes.
+    work.choose_closing();
+    if work.chosen.is_empty() {
+        keep_warm(model, scratch, work);
+        return true;
+    }
+    let closing: Vec<bool> = (0..slots).map(|s| work.chosen.contains(&s)).collect();
+    work.chosen.clear();
+    work.chosen
+        .extend((0..slots).filter(|&s| closing[s] || loaded[s]));
+    work.drop_chosen(model, &scratch.contacts);
+    work.v_minus.clone_from(&work.v_old);
+    if !work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report) {
+        return false;
+    }
+    for problem in 2..=model.options.max_problems {
+        work.choose_closing();
+        if work.chosen.is_empty() {
+            return true;
+        }
+        for ((v, old), (jump, w0)) in work
+            .v_minus
+            .iter_mut()
+            .zip(&work.v_old)
+            .zip(work.jump.iter().zip(&offset))
+        {
+            *v = old + (jump - w0);
+        }
+        if !work.solve_chosen(model, scratch, Law::Newton, Some(problem), None, report) {
+            return false;
+        }
+    }
+    truncate(model, scratch, work, report)
+}
+
+/// The paper's own sequence (eqs. 24-29): strictly closing contacts from the first problem on.
+pub fn as_printed(
+    model: &Model,
+    scratch: &mut Scratch,
+    work: &mut ImpactScratch,
+    report: &mut StepReport,
+) -> bool {
+    if work.tol == 0.0 {
+        return true;
+    }
+    for problem in 1..=model.options.max_problems {
+        work.choose_closing();
+        if work.chosen.is_empty() {
+            return true;
+        }
+        for (v, (old, jump)) in work
+            .v_minus
+            .iter_mut()
+            .zip(work.v_old.iter().zip(&work.jump))
+        {
+            *v = old + jump;
+        }
+        if !work.solve_chosen(model, scratch, Law::Printed, Some(problem), None, report) {
+            return false;
+        }
+    }
+    truncate(model, scratch, work, report)
+}
+
+/// Newton's law on all closed contacts at once.
+pub fn one_shot(
+    model: &Model,
+    scratch: &mut Scratch,
+    work: &mut ImpactScratch,
+    report: &mut StepReport,
+) -> bool {
+    if work.tol == 0.0 {
+        return true;
+    }
+    work.chosen.clear();
+    work.chosen.extend(0..work.members.len());
+    work.v_minus.clone_from(&work.v_old);
+    work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report)
+}
+
+/// The bound of the sequence: everything at once without restitution leaves nothing closing, and is dissipative.
+fn truncate(
+    model: &Model,
+    scratch: &mut Scratch,
+    work: &mut ImpactScratch,
+    report: &mut StepReport,
+) -> bool {
+    work.choose_closing();
+    if work.chosen.is_empty() {
+        return true;
+    }
+    report.truncated += 1;
+    work.chosen.clear();
+    work.chosen.extend(0..work.members.len());
+    let index = model.options.max_problems + 1;
+    work.solve_chosen(model, scratch, Law::Plastic, Some(index), None, report)
+}
+
+/// Impulses of the last step for the chosen contacts, scaled to this step's size (rule R8).
+fn warm_start(
+    model: &Model,
+    state: &State,
+    scratch: &Scratch,
+    work: &ImpactScratch,
+    h: f64,
+) -> Vec<f64> {
+    let mut start = Vec::with_capacity(work.full.rows());
+    let scale = h / state.warm_step;
+    for &slot in &work.chosen {
+        let contact = &scratch.contacts[work.members[slot] as usize];
+        let dim = work.full.contacts[slot].dim as usize;
+        let mut packed = [0.0; 6];
+        if let Ok(found) = state
+            .warm
+            .binary_search_by_key(&(contact.a, contact.b), |w| w.key)
+        {
+            let warm = &state.warm[found];
+            let world = crate::contact::WorldImpulse {
+                impulse: scale * warm.impulse,
+                moment: scale * warm.moment,
+            };
+            contact.to_rows(model, &world, &mut packed);
+        }
+        start.extend_from_slice(&packed[..dim]);
+    }
+    start
+}
+
+/// Keeps the impulses of an island that had no impact in this step.
+fn keep_warm(model: &Model, scratch: &mut Scratch, work: &ImpactScratch) {
+    for (slot, &m) in work.members.iter().enumerate() {
+        let c = &work.full.contacts[slot];
+        let row = c.row as usize;
+        if work.impulse[row] <= 0.0 {
+            continue;
+        }
+        let mut packed = [0.0; 6];
+        packed[..c.dim as usize].copy_from_slice(&work.impulse[row..row + c.dim as usize]);
+        let contact = &scratch.contacts[m as usize];
+        let world = contact.to_world(model, contact.n1, &packed);
+        scratch.warm.push(Warm {
+            key: (contact.a, contact.b),
+            impulse: world.impulse,
+            moment: world.moment,
+        });
+    }
+}

@@ -1,0 +1,97 @@
+//! The sub-problems of a step that are contact problems (eqs. 1c-e and 1f-h).
+
+pub mod position;
+pub mod single;
+pub mod velocity;
+
+use crate::contact::Contact;
+use crate::model::Model;
+use crate::options::{Options, Solver};
+use crate::scratch::{FailedProblem, SolveScratch};
+use carom_solve::NewtonOptions;
+
+/// Contacts of an island up to which the gap tolerance is asked for.
+const GAP_CHECK_CONTACTS: usize = 50;
+
+/// Solver options of one island of one level; `floor` in the unit of the multipliers.
+pub(crate) fn newton_options(
+    options: &Options,
+    contacts: usize,
+    floor: f64,
+    position: bool,
+) -> NewtonOptions {
+    NewtonOptions {
+        tolerance: options.tolerance,
+        floor,
+        gap_tolerance: if position && contacts <= GAP_CHECK_CONTACTS {
+            options.gap_tolerance
+        } else {
+            f64::INFINITY
+        },
+        max_iterations: options.max_iterations,
+        penalty_scale: options.penalty_scale,
+        proximal_shift: options.proximal_shift,
+        max_line_search: if options.line_search {
+            options.max_line_search
+        } else {
+            0
+        },
+        sweeps: options.gauss_seidel_sweeps,
+        dense_contacts: options.dense_contacts as usize,
+    }
+}
+
+/// Whether a lone contact goes to the closed form.
+pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
+    model.options.solver == Solver::Auto && contact.is_plane(model)
+}
+
+/// Keeps a problem that could not be solved, with the contact that is worst.
+pub(crate) fn keep_failed(
+    scratch: &SolveScratch,
+    contacts: &[Contact],
+    members: &[u32],
+    level: &'static str,
+    residual: f64,
+) -> FailedProblem {
+    let system = &scratch.system;
+    let worst = system
+        .contacts
+        .iter()
+        .enumerate()
+        .map(|(i, c)| {
+            let rows = c.row as usize..(c.row + c.dim) as usize;
+            (
+                i,
+                rows.map(|r| scratch.newton.residual_rows()[r].abs())
+                    .fold(0.0f64, f64::max),
+            )
+        })
+        .fold((0, -1.0), |best, x| if x.1 > best.1 { x } else { best })
+        .0;
+    FailedProblem {
+        level,
+        step: 0,
+        time: 0.0,
+        // A dense matrix of a large island would not help anyone and could fill the memory.
+        delassus: if system.rows() <= 3000 {
+            system.dense_delassus()
+        } else {
+            Vec::new()
+        },
+        free: system.z0.clone(),
+        bodies: members
+            .iter()
+            .map(|&m| (contacts[m as usize].a, contacts[m as usize].b))
+            .collect(),
+        first_row: system.contacts.iter().map(|c| c.row).collect(),
+        rows: system.contacts.iter().map(|c| c.dim).collect(),
+        bounds: system
+            .contacts
+            .iter()
+            .map(|c| [c.bounds.sliding, c.bounds.rolling, c.bounds.spinning])
+            .collect(),
+        residual,
+        worst: worst as u32,
+    }
+}

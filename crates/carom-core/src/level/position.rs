@@ -1,0 +1,224 @@
+//! Position sub-problem (eqs. 1c-e, 14, 21): removes penetration and the slip that friction does not allow.
+//!
+//! `M U = G^T lambda` with the normal row at the current iterate (its derivative, eq. 42, is in the Hessian) and all
+//! other rows in the frame of t_n, acting on the increments over the whole step (eq. 37).
+
+use super::{closed_form, keep_failed, newton_options, single};
+use crate::contact::{Contact, Rows};
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::scratch::{Scratch, SolveScratch};
+use carom_geom::{sphere_plane, sphere_sphere, Proximity};
+use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
+use carom_solve::{SolveReport, Status};
+use glam::DVec3;
+
+/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres) `xb`.
+#[inline]
+pub fn proximity(model: &Model, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
+    let ra = model.radius[c.a as usize];
+    if c.is_plane(model) {
+        let plane = &model.planes[c.b as usize - model.spheres()];
+        sphere_plane(xa, ra, plane.point, plane.normal)
+    } else {
+        sphere_sphere(xa, ra, xb, model.radius[c.b as usize])
+    }
+}
+
+/// Position measures of an island as functions of U.
+struct Positions<'a> {
+    model: &'a Model,
+    contacts: &'a [Contact],
+    members: &'a [u32],
+    /// Centres after the smooth step, per node.
+    centres: &'a [DVec3],
+}
+
+impl Subproblem for Positions<'_> {
+    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
+        let at = |node: u32| {
+            let k = NODE_DOF * node as usize;
+            self.centres[node as usize] + DVec3::new(u[k], u[k + 1], u[k + 2])
+        };
+        for (slot, &index) in self.members.iter().enumerate() {
+            let c = &self.contacts[index as usize];
+            let rc = system.contacts[slot];
+            let plane = c.is_plane(self.model);
+            let xb = if plane { DVec3::ZERO } else { at(rc.node_b) };
+            let p = proximity(self.model, c, at(rc.node_a), xb);
+            let row = rc.row as usize;
+            z[row] = p.gap;
+            if !plane {
+                let n = p.normal;
+                system.jac[row] = [
+                    [n.x, n.y, n.z, 0.0, 0.0, 0.0],
+                    [-n.x, -n.y, -n.z, 0.0, 0.0, 0.0],
+                ];
+                system.contacts[slot].normal = n.to_array();
+                system.contacts[slot].curvature = p.curvature;
+            }
+            for r in row + 1..row + rc.dim as usize {
+                z[r] = system.z0[r] + system.row_velocity(&rc, r, u);
+            }
+        }
+    }
+}
+
+/// Solves one island; writes `shift` of its bodies and `nu` of its contacts. False: not converged.
+pub fn solve_island(
+    model: &Model,
+    scratch: &mut Scratch,
+    members: &[u32],
+    report: &mut StepReport,
+    accept_unconverged: bool,
+) -> bool {
+    // Nothing overlaps: U = 0 satisfies every condition.
+    if members
+        .iter()
+        .all(|&m| scratch.contacts[m as usize].gap_check >= 0.0)
+    {
+        return true;
+    }
+    if let [m] = *members {
+        let c = scratch.contacts[m as usize];
+        if closed_form(model, &c) {
+            let i = c.a as usize;
+            let (linear, angular) = (
+                scratch.linear[i].displacement,
+                scratch.angular[i].displacement,
+            );
+            let mut z = single::motion(&c, model.radius[i], linear, angular);
+            z.normal = c.gap_check;
+            let s = single::problem(model, &c, &z).solve();
+            scratch.contacts[m as usize].nu = single::pack(model, &c, &s);
+            scratch.shift[i] = single::correction(model, &c, &s);
+            report.add_position(&SolveReport::CLOSED_FORM);
+            return true;
+        }
+    }
+    solve_by_newton(model, scratch, members, report, accept_unconverged)
+}
+
+fn solve_by_newton(
+    model: &Model,
+    scratch: &mut Scratch,
+    members: &[u32],
+    report: &mut StepReport,
+    accept_unconverged: bool,
+) -> bool {
+    let Scratch {
+        contacts,
+        solve,
+        linear,
+        angular,
+        position,
+        shift,
+        history,
+        failed,
+        ..
+    } = scratch;
+    solve.begin(model, contacts, members);
+    let mut rows: Rows = Default::default();
+    for &m in members {
+        let c = &contacts[m as usize];
+        let dim = c.rows(model, c.n0, &mut rows);
+        let (ja, jb) = (solve.node(model, c.a), solve.node(model, c.b));
+        let mut z0 = [0.0; 6];
+        for (z, row) in z0.iter_mut().zip(&rows[..dim]).skip(1) {
+            *z = along(
+                &row[0],
+                linear[c.a as usize].displacement,
+                angular[c.a as usize].displacement,
+            );
+            if !c.is_plane(model) {
+                *z += along(
+                    &row[1],
+                    linear[c.b as usize].displacement,
+                    angular[c.b as usize].displacement,
+                );
+            }
+        }
+        z0[0] = c.gap_check;
+        let bounds = c.law(model).bounds;
+        solve.system.push_contact(
+            ja,
+            jb,
+            bounds,
+            c.length,
+            c.n0.to_array(),
+            &rows[..dim],
+            &z0[..dim],
+        );
+    }
+    let SolveScratch {
+        newton,
+        system,
+        bodies,
+        lambda,
+        u,
+        ..
+    } = solve;
+    lambda.clear();
+    lambda.resize(system.rows(), 0.0);
+    u.clear();
+    u.resize(NODE_DOF * bodies.len(), 0.0);
+    let centres: Vec<DVec3> = bodies.iter().map(|&b| position[b as usize]).collect();
+    let scale = bodies
+        .iter()
+        .map(|&b| model.mass[b as usize] * model.radius[b as usize])
+        .sum::<f64>();
+    let floor = model.options.tolerance_floor * scale / bodies.len() as f64;
+    let options = newton_options(&model.options, members.len(), floor, true);
+    let mut problem = Positions {
+        model,
+        contacts,
+        members,
+        centres: &centres,
+    };
+    let result = newton.solve(system, &mut problem, &options, lambda, u);
+    report.add_position(&result);
+    if newton.history.len() > history[0].values.len() {
+        history[0].values.clone_from(&newton.history);
+        history[0].contacts = members.len() as u32;
+        history[0].problem = 0;
+    }
+    if !result.converged {
+        *failed = Some(keep_failed(
+            solve,
+            contacts,
+            members,
+            "position",
+            result.residual,
+        ));
+        if !accept_unconverged {
+            return false;
+        }
+        report.unconverged += 1;
+    }
+    for (node, &body) in solve.bodies.iter().enumerate() {
+        let v = &solve.u[NODE_DOF * node..NODE_DOF * (node + 1)];
+        shift[body as usize] = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])];
+    }
+    for (slot, &m) in members.iter().enumerate() {
+        let rc = &solve.system.contacts[slot];
+        let c = &mut contacts[m as usize];
+        c.nu = [0.0; 6];
+        c.nu[..rc.dim as usize]
+            .copy_from_slice(&solve.lambda[rc.row as usize..(rc.row + rc.dim) as usize]);
+        if solve.newton.statuses()[slot] == Status::Gap {
+            c.nu = [0.0; 6];
+        }
+    }
+    true
+}
+
+/// One row on a pair of vectors.
+#[inline]
+pub(crate) fn along(row: &[f64; NODE_DOF], linear: DVec3, angular: DVec3) -> f64 {
+    row[0] * linear.x
+        + row[1] * linear.y
+        + row[2] * linear.z
+        + row[3] * angular.x
+        + row[4] * angular.y
+        + row[5] * angular.z
+}

@@ -1,0 +1,86 @@
+//! A lone contact of a sphere with a plane: both levels in closed form (`carom_solve::single`).
+
+use crate::contact::Contact;
+use crate::model::Model;
+use carom_solve::single::{SingleContact, SingleSolution};
+use glam::DVec3;
+
+/// Measures of a lone sphere-plane contact in its frame: normal, slip (2), turned rolling (2), spin.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    pub normal: f64,
+    pub slip: [f64; 2],
+    pub turn: [f64; 2],
+    pub spin: f64,
+}
+
+/// Decomposes a translation (or velocity) and a rotation (or angular velocity) at the contact.
+#[inline]
+pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> Motion {
+    let slip = linear + radius * c.n0.cross(angular);
+    Motion {
+        normal: c.n0.dot(linear),
+        slip: [c.t1.dot(slip), c.t2.dot(slip)],
+        turn: [-c.t2.dot(angular), c.t1.dot(angular)],
+        spin: c.n0.dot(angular),
+    }
+}
+
+/// The one-contact problem with the given measures.
+#[inline]
+pub fn problem(model: &Model, c: &Contact, z: &Motion) -> SingleContact {
+    let i = c.a as usize;
+    let (r, im, ii) = (model.radius[i], model.inv_mass[i], model.inv_inertia[i]);
+    let bounds = c.law(model).bounds;
+    SingleContact {
+        z_normal: z.normal,
+        z_sliding: z.slip,
+        z_rolling: z.turn,
+        z_spinning: z.spin,
+        d_normal: im,
+        d_sliding: im + r * r * ii,
+        d_turn: ii,
+        d_coupling: r * ii,
+        mu: bounds.sliding,
+        rho: bounds.rolling,
+        delta: bounds.spinning,
+    }
+}
+
+/// Packs a solution into the contact's rows.
+#[inline]
+pub fn pack(model: &Model, c: &Contact, s: &SingleSolution) -> [f64; 6] {
+    let bounds = c.law(model).bounds;
+    let mut out = [s.normal, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let mut k = 1;
+    if bounds.sliding > 0.0 {
+        out[k] = s.sliding[0];
+        out[k + 1] = s.sliding[1];
+        k += 2;
+    }
+    if bounds.rolling > 0.0 {
+        // Back from the turned basis (w1, w2) = (-R2, R1).
+        out[k] = s.rolling[1];
+        out[k + 1] = -s.rolling[0];
+        k += 2;
+    }
+    if bounds.spinning > 0.0 {
+        out[k] = s.spinning;
+    }
+    out
+}
+
+/// Correction of translation and rotation by a solution.
+#[inline]
+pub fn correction(model: &Model, c: &Contact, s: &SingleSolution) -> [DVec3; 2] {
+    let i = c.a as usize;
+    let r = model.radius[i];
+    let force = s.normal * c.n0 + s.sliding[0] * c.t1 + s.sliding[1] * c.t2;
+    // Friction turns like the turned rolling rows times r; see `Motion`.
+    let (w1, w2) = (
+        r * s.sliding[0] + s.rolling[0],
+        r * s.sliding[1] + s.rolling[1],
+    );
+    let moment = w2 * c.t1 - w1 * c.t2 + s.spinning * c.n0;
+    [model.inv_mass[i] * force, model.inv_inertia[i] * moment]
+}

@@ -1,0 +1,173 @@
+//! Velocity sub-problem (eqs. 1f-h): one island of closed contacts, by the impact law of the run.
+
+use super::{closed_form, single};
+use crate::contact::Contact;
+use crate::impact;
+use crate::model::Model;
+use crate::options::{Impact, Options};
+use crate::report::StepReport;
+use crate::scratch::{ImpactRecord, Scratch};
+use crate::state::State;
+use carom_solve::{SolveReport, Status};
+
+/// Speeds of an island that set its closing tolerance (rule R3).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Speeds {
+    /// Largest |v-check - v_n|, m/s.
+    pub load: f64,
+    /// Largest |v_n| + r |w_n|, m/s.
+    pub speed: f64,
+}
+
+impl Speeds {
+    #[inline]
+    pub fn add(&mut self, model: &Model, state: &State, scratch_velocity: glam::DVec3, i: usize) {
+        let load = (scratch_velocity - state.velocity[i]).length();
+        let speed =
+            state.velocity[i].length() + model.radius[i] * state.angular_velocity[i].length();
+        self.load = self.load.max(load);
+        self.speed = self.speed.max(speed);
+    }
+
+    /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls.
+    #[inline]
+    pub fn closing_tolerance(&self, o: &Options) -> f64 {
+        if self.load == 0.0 {
+            return o.closing_tolerance_speed * self.speed;
+        }
+        (o.closing_tolerance_load * self.load)
+            .min(o.closing_tolerance_speed * self.speed.max(self.load))
+    }
+}
+
+/// Solves one island of closed contacts; writes `jump` of its bodies and `lambda` of its contacts.
+pub fn solve_island(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    members: &[u32],
+    h: f64,
+    report: &mut StepReport,
+    accept_unconverged: bool,
+) -> bool {
+    if let [m] = *members {
+        let c = scratch.contacts[m as usize];
+        if closed_form(model, &c) {
+            solve_single(model, state, scratch, m, report);
+            return true;
+        }
+    }
+    impact::solve_island(
+        model,
+        state,
+        scratch,
+        members,
+        h,
+        report,
+        accept_unconverged,
+    )
+}
+
+/// A lone sphere-plane contact: at most one impact problem, in closed form.
+fn solve_single(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    m: u32,
+    report: &mut StepReport,
+) {
+    let c: Contact = scratch.contacts[m as usize];
+    let i = c.a as usize;
+    let options = &model.options;
+    let radius = model.radius[i];
+    let (v_check, w_check) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
+    let mut speeds = Speeds::default();
+    speeds.add(model, state, v_check, i);
+    let tol = speeds.closing_tolerance(options);
+    let check = single::motion(&c, radius, v_check, w_check);
+    let gamma_n = c.n0.dot(state.velocity[i]);
+    if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
+        report.missed_impacts += 1;
+    }
+    let one_shot = options.impact == Impact::OneShot;
+    if tol == 0.0 || (!one_shot && check.normal >= -tol) {
+        return;
+    }
+    let resting = options.impact == Impact::Sequence && gamma_n >= -tol;
+    let law = c.law(model);
+    let paper = options.impact == Impact::SequencePaper;
+    let (mut e_n, mut e_t) = (law.restitution, law.tangential_restitution);
+    if resting {
+        (e_n, e_t) = (0.0, 0.0);
+    } else if !paper {
+        if gamma_n >= -tol {
+            e_t = 0.0;
+        }
+        if -gamma_n < options.restitution_threshold {
+            e_n = 0.0;
+        }
+    }
+    let before = single::motion(&c, radius, state.velocity[i], state.angular_velocity[i]);
+    let approach = if paper { gamma_n } else { gamma_n.min(0.0) };
+    let solve = |scale: f64| {
+        let mut z = check;
+        z.normal += scale * e_n * approach;
+        z.slip[0] += scale * e_t * before.slip[0];
+        z.slip[1] += scale * e_t * before.slip[1];
+        single::problem(model, &c, &z).solve()
+    };
+    let mut scale = 1.0;
+    let mut s = solve(scale);
+    let work = |s: &carom_solve::single::SingleSolution| {
+        let [dv, dw] = single::correction(model, &c, s);
+        let after = single::motion(&c, radius, v_check + dv, w_check + dw);
+        [
+            0.5 * s.normal * (check.normal + after.normal),
+            0.5 * (s.sliding[0] * (check.slip[0] + after.slip[0])
+                + s.sliding[1] * (check.slip[1] + after.slip[1])),
+            0.5 * (s.rolling[0] * (check.turn[0] + after.turn[0])
+                + s.rolling[1] * (check.turn[1] + after.turn[1])),
+            0.5 * s.spinning * (check.spin + after.spin),
+        ]
+    };
+    let mut done = work(&s);
+    if options.energy_safeguard && !paper && !resting {
+        let kinetic = 0.5
+            * (model.mass[i] * v_check.length_squared()
+                + model.inertia[i] * w_check.length_squared());
+        let gains = |w: &[f64; 4]| w.iter().sum::<f64>() > impact::GAIN_TOLERANCE * kinetic;
+        if gains(&done) {
+            scale = impact::bisect_scale(|trial| !gains(&work(&solve(trial))));
+            s = solve(scale);
+            done = work(&s);
+            report.restitution_scale = report.restitution_scale.min(scale);
+        }
+    }
+    if s.normal == 0.0 {
+        return;
+    }
+    report.add_velocity(&SolveReport::CLOSED_FORM);
+    report.impact_problems = report.impact_problems.max(1);
+    let jump = single::correction(model, &c, &s);
+    scratch.jump[i] = jump;
+    let packed = single::pack(model, &c, &s);
+    let target = &mut scratch.contacts[m as usize];
+    target.lambda = packed;
+    target.status = if s.slip { Status::Slip } else { Status::Stick };
+    target.work = done;
+    if !resting && gamma_n < -tol {
+        let world = c.to_world(model, c.n1, &packed);
+        scratch.impacts.push(ImpactRecord {
+            problem: 1,
+            a: c.a,
+            b: c.b,
+            status: target.status as u8,
+            normal: c.n1,
+            impulse: world.impulse,
+            moment: world.moment,
+            approach: check.normal,
+            separation: c.n1.dot(v_check + jump[0]),
+            restitution_scale: scale,
+        });
+    }
+}

@@ -1,0 +1,341 @@
+//! What is simulated: compiled, immutable, arrays and integer ids.
+
+use crate::options::Options;
+use carom_solve::Bounds;
+use glam::{DQuat, DVec3};
+use thiserror::Error;
+
+/// A number of the model is unusable.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ModelError {
+    #[error("option {name} {text}")]
+    Option { name: String, text: String },
+    #[error("{quantity} of {kind} {index}: {text}")]
+    Entry {
+        kind: &'static str,
+        index: usize,
+        quantity: &'static str,
+        text: String,
+    },
+    #[error("array {name} has {found} entries, expected {expected}")]
+    Length {
+        name: &'static str,
+        found: usize,
+        expected: usize,
+    },
+    #[error("the model has no spheres")]
+    Empty,
+}
+
+impl ModelError {
+    pub(crate) fn option(name: &str, text: String) -> Self {
+        ModelError::Option {
+            name: name.to_owned(),
+            text,
+        }
+    }
+}
+
+/// Law of a pair of materials.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactLaw {
+    /// mu, rho (m), delta (m).
+    pub bounds: Bounds,
+    /// Normal restitution e_N in [0, 1].
+    pub restitution: f64,
+    /// Tangential restitution e_T in (-1, 1).
+    pub tangential_restitution: f64,
+}
+
+/// A fixed half-space: spheres live where `normal . (x - point) >= 0`.
+#[derive(Clone, Copy, Debug)]
+pub struct Plane {
+    pub point: DVec3,
+    pub normal: DVec3,
+    /// Fixed tangents, `normal x tangent1 = tangent2`.
+    pub tangent1: DVec3,
+    pub tangent2: DVec3,
+    pub material: u32,
+}
+
+/// Description with plain arrays, as it comes over the border. Shapes: N spheres, P planes, L laws.
+#[derive(Clone, Debug, Default)]
+pub struct ModelInput {
+    pub gravity: [f64; 3],
+    pub radius: Vec<f64>,
+    pub mass: Vec<f64>,
+    pub inertia: Vec<f64>,
+    pub material: Vec<u32>,
+    pub position: Vec<[f64; 3]>,
+    /// Unit quaternions, w first.
+    pub orientation: Vec<[f64; 4]>,
+    pub velocity: Vec<[f64; 3]>,
+    /// Spatial angular velocities.
+    pub angular_velocity: Vec<[f64; 3]>,
+    pub plane_point: Vec<[f64; 3]>,
+    pub plane_normal: Vec<[f64; 3]>,
+    pub plane_material: Vec<u32>,
+    /// Unordered pairs of materials and their law: mu, e_N, e_T, rho, delta.
+    pub laws: Vec<(u32, u32, [f64; 5])>,
+}
+
+/// Compiled model.
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub gravity: DVec3,
+    pub radius: Vec<f64>,
+    pub mass: Vec<f64>,
+    pub inertia: Vec<f64>,
+    /// 1/m and 1/I per sphere.
+    pub inv_mass: Vec<f64>,
+    pub inv_inertia: Vec<f64>,
+    pub material: Vec<u32>,
+    pub planes: Vec<Plane>,
+    /// (point, normal) of each plane, for the broad phase.
+    pub half_spaces: Vec<(DVec3, DVec3)>,
+    pub laws: Vec<ContactLaw>,
+    /// Law index + 1 by material pair, 0 where there is none.
+    law_table: Vec<u32>,
+    materials: usize,
+    pub options: Options,
+}
+
+/// Position and velocity at the start.
+#[derive(Clone, Debug)]
+pub struct InitialState {
+    pub position: Vec<DVec3>,
+    pub orientation: Vec<DQuat>,
+    pub velocity: Vec<DVec3>,
+    pub angular_velocity: Vec<DVec3>,
+}
+
+impl Model {
+    /// Checks and compiles. Every refusal names the entry.
+    pub fn new(input: &ModelInput, options: Options) -> Result<(Model, InitialState), ModelError> {
+        options.validate()?;
+        let n = input.radius.len();
+        if n == 0 {
+            return Err(ModelError::Empty);
+        }
+        check_lengths(input, n)?;
+        for i in 0..n {
+            positive("sphere", i, "radius", input.radius[i])?;
+            positive("sphere", i, "mass", input.mass[i])?;
+            positive("sphere", i, "inertia", input.inertia[i])?;
+            finite("sphere", i, "position", &input.position[i])?;
+            finite("sphere", i, "velocity", &input.velocity[i])?;
+            finite("sphere", i, "angular_velocity", &input.angular_velocity[i])?;
+            finite("sphere", i, "orientation", &input.orientation[i])?;
+            let q = input.orientation[i];
+            let size = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if (size - 1.0).abs() > 1e-6 {
+                return Err(entry(
+                    "sphere",
+                    i,
+                    "orientation",
+                    format!("has norm {size}, expected 1"),
+                ));
+            }
+        }
+        finite("world", 0, "gravity", &input.gravity)?;
+        let planes = compile_planes(input)?;
+        let (laws, law_table, materials) = compile_laws(input)?;
+        let model = Model {
+            gravity: DVec3::from(input.gravity),
+            radius: input.radius.clone(),
+            mass: input.mass.clone(),
+            inertia: input.inertia.clone(),
+            inv_mass: input.mass.iter().map(|m| 1.0 / m).collect(),
+            inv_inertia: input.inertia.iter().map(|i| 1.0 / i).collect(),
+            material: input.material.clone(),
+            half_spaces: planes.iter().map(|p| (p.point, p.normal)).collect(),
+            planes,
+            laws,
+            law_table,
+            materials,
+            options,
+        };
+        let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();
+        let initial = InitialState {
+            position: vectors(&input.position),
+            orientation: input
+                .orientation
+                .iter()
+                .map(|q| DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize())
+                .collect(),
+            velocity: vectors(&input.velocity),
+            angular_velocity: vectors(&input.angular_velocity),
+        };
+        Ok((model, initial))
+    }
+
+    /// Number of spheres.
+    pub fn spheres(&self) -> usize {
+        self.radius.len()
+    }
+
+    /// Law of a pair of bodies (`b` may be a plane: index N + p), if its materials have one.
+    #[inline]
+    pub fn law_of(&self, a: usize, b: usize) -> Option<u32> {
+        let n = self.spheres();
+        let mb = if b < n {
+            self.material[b]
+        } else {
+            self.planes[b - n].material
+        };
+        self.law_table[self.material[a] as usize * self.materials + mb as usize].checked_sub(1)
+    }
+}
+
+fn entry(kind: &'static str, index: usize, quantity: &'static str, text: String) -> ModelError {
+    ModelError::Entry {
+        kind,
+        index,
+        quantity,
+        text,
+    }
+}
+
+fn positive(
+    kind: &'static str,
+    index: usize,
+    quantity: &'static str,
+    value: f64,
+) -> Result<(), ModelError> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    Err(entry(
+        kind,
+        index,
+        quantity,
+        format!("is {value}; it must be finite and above 0"),
+    ))
+}
+
+fn finite(
+    kind: &'static str,
+    index: usize,
+    quantity: &'static str,
+    values: &[f64],
+) -> Result<(), ModelError> {
+    if values.iter().all(|x| x.is_finite()) {
+        return Ok(());
+    }
+    Err(entry(
+        kind,
+        index,
+        quantity,
+        format!("is {values:?}; it must be finite"),
+    ))
+}
+
+fn check_lengths(input: &ModelInput, n: usize) -> Result<(), ModelError> {
+    let planes = input.plane_point.len();
+    for (name, found, expected) in [
+        ("mass", input.mass.len(), n),
+        ("inertia", input.inertia.len(), n),
+        ("material", input.material.len(), n),
+        ("position", input.position.len(), n),
+        ("orientation", input.orientation.len(), n),
+        ("velocity", input.velocity.len(), n),
+        ("angular_velocity", input.angular_velocity.len(), n),
+        ("plane_normal", input.plane_normal.len(), planes),
+        ("plane_material", input.plane_material.len(), planes),
+    ] {
+        if found != expected {
+            return Err(ModelError::Length {
+                name,
+                found,
+                expected,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn compile_planes(input: &ModelInput) -> Result<Vec<Plane>, ModelError> {
+    let mut planes = Vec::with_capacity(input.plane_point.len());
+    for (p, ((point, normal), material)) in input
+        .plane_point
+        .iter()
+        .zip(&input.plane_normal)
+        .zip(&input.plane_material)
+        .enumerate()
+    {
+        finite("plane", p, "point", point)?;
+        finite("plane", p, "normal", normal)?;
+        let normal = DVec3::from(*normal);
+        let size = normal.length();
+        if size < 1e-300 {
+            return Err(entry("plane", p, "normal", "is zero".to_owned()));
+        }
+        let normal = normal / size;
+        let (tangent1, tangent2) = carom_geom::tangent_frame(normal);
+        planes.push(Plane {
+            point: DVec3::from(*point),
+            normal,
+            tangent1,
+            tangent2,
+            material: *material,
+        });
+    }
+    Ok(planes)
+}
+
+type LawTable = (Vec<ContactLaw>, Vec<u32>, usize);
+
+fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
+    let used = input.material.iter().chain(&input.plane_material).copied();
+    let named = input.laws.iter().flat_map(|(a, b, _)| [*a, *b]);
+    let materials = used.chain(named).max().map_or(0, |m| m as usize + 1);
+    if materials > 4096 {
+        return Err(entry(
+            "world",
+            0,
+            "material",
+            format!("ids go up to {materials}; at most 4096 are admitted"),
+        ));
+    }
+    let mut table = vec![0u32; materials * materials];
+    let mut laws = Vec::with_capacity(input.laws.len());
+    for (index, (a, b, values)) in input.laws.iter().enumerate() {
+        let [mu, e_n, e_t, rho, delta] = *values;
+        finite("contact law", index, "coefficients", values)?;
+        for (quantity, value) in [
+            ("friction", mu),
+            ("rolling_radius", rho),
+            ("spinning_radius", delta),
+        ] {
+            if value < 0.0 {
+                return Err(entry(
+                    "contact law",
+                    index,
+                    quantity,
+                    format!("is {value}; it must not be negative"),
+                ));
+            }
+        }
+        if !(0.0..=1.0).contains(&e_n) {
+            let text = format!("is {e_n}; it must lie in [0, 1]");
+            return Err(entry("contact law", index, "restitution", text));
+        }
+        if !(-1.0 < e_t && e_t < 1.0) {
+            let text = format!("is {e_t}; it must lie in (-1, 1)");
+            return Err(entry("contact law", index, "tangential_restitution", text));
+        }
+        let id = laws.len() as u32 + 1;
+        table[*a as usize * materials + *b as usize] = id;
+        table[*b as usize * materials + *a as usize] = id;
+        laws.push(ContactLaw {
+            bounds: Bounds {
+                sliding: mu,
+                rolling: rho,
+                spinning: delta,
+            },
+            restitution: e_n,
+            tangential_restitution: e_t,
+        });
+    }
+    Ok((laws, table, materials))
+}

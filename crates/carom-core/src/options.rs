@@ -1,0 +1,266 @@
+//! Numerical options: the one place where their names and defaults are stated.
+//!
+//! Python reads this table (`carom._core.defaults()`), the scenario format takes its keys from it, and a value that
+//! is unusable is refused here.
+
+use crate::ModelError;
+
+/// A value as it crosses the border.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    Float(f64),
+    Int(u64),
+    Bool(bool),
+    Text(String),
+}
+
+trait Field: Sized {
+    fn to_value(&self) -> Value;
+    fn from_value(value: &Value) -> Option<Self>;
+}
+
+impl Field for f64 {
+    fn to_value(&self) -> Value {
+        Value::Float(*self)
+    }
+    fn from_value(value: &Value) -> Option<Self> {
+        match value {
+            Value::Float(x) => Some(*x),
+            Value::Int(i) => Some(*i as f64),
+            _ => None,
+        }
+    }
+}
+
+impl Field for u32 {
+    fn to_value(&self) -> Value {
+        Value::Int(u64::from(*self))
+    }
+    fn from_value(value: &Value) -> Option<Self> {
+        match value {
+            Value::Int(i) => u32::try_from(*i).ok(),
+            _ => None,
+        }
+    }
+}
+
+impl Field for bool {
+    fn to_value(&self) -> Value {
+        Value::Bool(*self)
+    }
+    fn from_value(value: &Value) -> Option<Self> {
+        match value {
+            Value::Bool(b) => Some(*b),
+            _ => None,
+        }
+    }
+}
+
+macro_rules! named_choice {
+    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $($(#[$vdoc])* $variant),+ }
+
+        impl $name {
+            /// Names in scenario files.
+            pub const NAMES: &'static [&'static str] = &[$($text),+];
+
+            pub fn name(self) -> &'static str {
+                match self { $($name::$variant => $text),+ }
+            }
+        }
+
+        impl Field for $name {
+            fn to_value(&self) -> Value {
+                Value::Text(self.name().to_owned())
+            }
+            fn from_value(value: &Value) -> Option<Self> {
+                match value {
+                    Value::Text(text) => match text.as_str() { $($text => Some($name::$variant),)+ _ => None },
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+named_choice! {
+    /// Time-stepping method.
+    Method {
+        /// Nonsmooth generalized-alpha (Algorithm 1).
+        Nsga = "nsga",
+    }
+}
+
+named_choice! {
+    /// Impact law over the velocity sub-problems.
+    Impact {
+        /// Sequence with load offset, restitution at the normal of n+1, energy safeguard (rules R2-R4).
+        Sequence = "sequence",
+        /// The sequence as printed in the paper (eqs. 24-29).
+        SequencePaper = "sequence-paper",
+        /// All closed contacts at once by Newton's law (eqs. 16-17).
+        OneShot = "one-shot",
+    }
+}
+
+named_choice! {
+    /// How contact problems are solved.
+    Solver {
+        /// Closed form, dense Newton or sparse Newton by island size.
+        Auto = "auto",
+        /// Newton for every island, also for one contact (to compare iteration counts with the paper's).
+        Newton = "newton",
+    }
+}
+
+named_choice! {
+    /// What a step that does not converge does, after every fallback.
+    OnNonconvergence {
+        Stop = "stop",
+        Warn = "warn",
+    }
+}
+
+macro_rules! options {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $default:expr),+ $(,)?) => {
+        /// Options of a run. Times in s, lengths relative where said.
+        #[derive(Clone, Debug)]
+        pub struct Options { $($(#[$doc])* pub $name: $type),+ }
+
+        impl Default for Options {
+            fn default() -> Self {
+                Options { $($name: $default),+ }
+            }
+        }
+
+        impl Options {
+            /// Every option with its current value.
+            pub fn entries(&self) -> Vec<(&'static str, Value)> {
+                vec![$((stringify!($name), self.$name.to_value())),+]
+            }
+
+            /// Sets one option by name.
+            pub fn set(&mut self, name: &str, value: &Value) -> Result<(), ModelError> {
+                match name {
+                    $(stringify!($name) => {
+                        self.$name = Field::from_value(value)
+                            .ok_or_else(|| ModelError::option(name, format!("cannot be {value:?}")))?;
+                    })+
+                    _ => return Err(ModelError::option(name, "is not an option of the core".to_owned())),
+                }
+                Ok(())
+            }
+        }
+    };
+}
+
+options! {
+    /// Step size h, s.
+    step: f64 = 1e-3,
+    /// Time-stepping method.
+    method: Method = Method::Nsga,
+    /// rho_inf of eq. 7, in [0, 1).
+    spectral_radius: f64 = 0.8,
+    /// tol_r of eq. 44.
+    tolerance: f64 = 1e-8,
+    /// Absolute floor of eq. 44 over m r (position, kg m) and m V (velocity, kg m/s).
+    tolerance_floor: f64 = 1e-12,
+    /// |gap| of closed contacts after the position solve, over r_c; asked in islands of up to 50 contacts.
+    gap_tolerance: f64 = 1e-10,
+    /// Gap over r_c up to which a contact without multiplier counts as closed.
+    touching_tolerance: f64 = 1e-9,
+    /// Impact law.
+    impact: Impact = Impact::Sequence,
+    /// Impact problems per island and step before one simultaneous problem with e = 0.
+    max_problems: u32 = 50,
+    /// Closing tolerance over the velocity change by loads in the step (rule R3).
+    closing_tolerance_load: f64 = 1e-2,
+    /// Closing tolerance over the speed in the island (rule R3).
+    closing_tolerance_speed: f64 = 1e-6,
+    /// Scale restitution where an impact problem would gain energy (rule R4).
+    energy_safeguard: bool = true,
+    /// Approach speed below which e_N = 0, m/s; 0: never.
+    restitution_threshold: f64 = 0.0,
+    /// Contact solver.
+    solver: Solver = Solver::Auto,
+    /// Newton iterations per solve and rung.
+    max_iterations: u32 = 50,
+    /// p D_cc (rule R1); below 2.
+    penalty_scale: f64 = 0.5,
+    /// Proximal shift of the multiplier block over its diagonal (rule R11).
+    proximal_shift: f64 = 1e-4,
+    /// Whether Newton shortens steps that raise the residual.
+    line_search: bool = true,
+    /// Reductions per iteration.
+    max_line_search: u32 = 10,
+    /// Gauss-Seidel sweeps before the last restart of a solve.
+    gauss_seidel_sweeps: u32 = 15,
+    /// Islands of up to this many contacts are solved dense, with the exact Hessian.
+    dense_contacts: u32 = 10,
+    /// How often a step that fails may be halved.
+    max_halvings: u32 = 4,
+    /// stop or warn.
+    on_nonconvergence: OnNonconvergence = OnNonconvergence::Stop,
+    /// Worker threads (islands run on one thread for now; results never depend on this number).
+    threads: u32 = 1,
+}
+
+impl Options {
+    /// Refuses values with which the scheme cannot work.
+    pub fn validate(&self) -> Result<(), ModelError> {
+        let positive = [
+            ("step", self.step),
+            ("tolerance", self.tolerance),
+            ("tolerance_floor", self.tolerance_floor),
+            ("gap_tolerance", self.gap_tolerance),
+            ("touching_tolerance", self.touching_tolerance),
+            ("closing_tolerance_load", self.closing_tolerance_load),
+            ("closing_tolerance_speed", self.closing_tolerance_speed),
+            ("penalty_scale", self.penalty_scale),
+            ("proximal_shift", self.proximal_shift),
+        ];
+        for (name, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ModelError::option(
+                    name,
+                    format!("is {value:e}; it must be finite and above 0"),
+                ));
+            }
+        }
+        if !(0.0..1.0).contains(&self.spectral_radius) {
+            let text = format!("is {}; it must lie in [0, 1)", self.spectral_radius);
+            return Err(ModelError::option("spectral_radius", text));
+        }
+        if self.penalty_scale >= 2.0 {
+            let text = format!(
+                "is {}; at 2 and above Newton can cycle (rule R1)",
+                self.penalty_scale
+            );
+            return Err(ModelError::option("penalty_scale", text));
+        }
+        if !(self.restitution_threshold >= 0.0 && self.restitution_threshold.is_finite()) {
+            return Err(ModelError::option(
+                "restitution_threshold",
+                "must be finite and not negative".to_owned(),
+            ));
+        }
+        for (name, value) in [
+            ("max_iterations", self.max_iterations),
+            ("max_problems", self.max_problems),
+            ("threads", self.threads),
+        ] {
+            if value == 0 {
+                return Err(ModelError::option(name, "must be at least 1".to_owned()));
+            }
+        }
+        if self.max_halvings > 20 {
+            return Err(ModelError::option(
+                "max_halvings",
+                "must be at most 20".to_owned(),
+            ));
+        }
+        Ok(())
+    }
+}

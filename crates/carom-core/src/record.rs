@@ -1,0 +1,185 @@
+//! What is kept of a run, in memory, until the border takes it: frames, contacts, impacts, steps, residuals.
+
+use crate::contact::Contact;
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::scratch::{ImpactRecord, Scratch};
+use crate::state::{ContactKey, State};
+use glam::DVec3;
+
+/// Impulses of one contact accumulated since the last frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactRecord {
+    pub key: ContactKey,
+    /// Status and geometry at the last step in which it was closed.
+    pub status: u8,
+    pub gap: f64,
+    pub normal: DVec3,
+    /// World vectors on body A: velocity level (N s, N m s) and position level (kg m, kg m^2).
+    pub impulse: DVec3,
+    pub moment: DVec3,
+    pub position_impulse: DVec3,
+    pub position_moment: DVec3,
+    /// Normal, sliding, rolling, spinning, J.
+    pub work: [f64; 4],
+}
+
+/// An impact with its time.
+#[derive(Clone, Copy, Debug)]
+pub struct TimedImpact {
+    pub step: u64,
+    pub time: f64,
+    pub impact: ImpactRecord,
+}
+
+/// Residual history of the worst solve of one level in one step.
+#[derive(Clone, Debug)]
+pub struct ResidualRecord {
+    pub step: u64,
+    /// 1 position, 2 velocity.
+    pub level: u8,
+    pub problem: u32,
+    pub contacts: u32,
+    pub values: Vec<f64>,
+}
+
+/// Rows since the border last took them. Frames are flat: N entries each.
+#[derive(Clone, Debug, Default)]
+pub struct Block {
+    pub frame_step: Vec<u64>,
+    pub frame_time: Vec<f64>,
+    pub position: Vec<f64>,
+    pub orientation: Vec<f64>,
+    pub velocity: Vec<f64>,
+    pub angular_velocity: Vec<f64>,
+    pub contact_end: Vec<u64>,
+    pub contacts: Vec<ContactRecord>,
+    pub impacts: Vec<TimedImpact>,
+    pub steps: Vec<StepReport>,
+    pub residuals: Vec<ResidualRecord>,
+}
+
+/// Collects a block.
+#[derive(Clone, Debug, Default)]
+pub struct Recorder {
+    pub block: Block,
+    /// Sorted by key; empty unless contacts are recorded. Part of what a checkpoint keeps.
+    pub open: Vec<ContactRecord>,
+    merged: Vec<ContactRecord>,
+}
+
+impl Recorder {
+    /// Takes the events of a (sub-)step that was made.
+    pub fn add_step(
+        &mut self,
+        model: &Model,
+        scratch: &Scratch,
+        step: u64,
+        time: f64,
+        contacts: bool,
+    ) {
+        for &impact in &scratch.impacts {
+            self.block.impacts.push(TimedImpact { step, time, impact });
+        }
+        for (level, history) in scratch.history.iter().enumerate() {
+            if !history.values.is_empty() {
+                self.block.residuals.push(ResidualRecord {
+                    step,
+                    level: level as u8 + 1,
+                    problem: history.problem,
+                    contacts: history.contacts,
+                    values: history.values.clone(),
+                });
+            }
+        }
+        if contacts {
+            self.accumulate(model, &scratch.contacts);
+        }
+    }
+
+    /// Merges the step's contacts into the open records; both are sorted by key.
+    fn accumulate(&mut self, model: &Model, contacts: &[Contact]) {
+        let mut cursor = 0;
+        let mut missing = false;
+        for c in contacts {
+            if c.nu[0] == 0.0 && c.lambda[0] == 0.0 {
+                continue;
+            }
+            let key = (c.a, c.b);
+            while cursor < self.open.len() && self.open[cursor].key < key {
+                cursor += 1;
+            }
+            if cursor < self.open.len() && self.open[cursor].key == key {
+                add(model, c, &mut self.open[cursor]);
+            } else {
+                missing = true;
+            }
+        }
+        if missing {
+            self.insert_missing(model, contacts);
+        }
+    }
+
+    fn insert_missing(&mut self, model: &Model, contacts: &[Contact]) {
+        self.merged.clear();
+        let mut old = self.open.iter().peekable();
+        for c in contacts
+            .iter()
+            .filter(|c| c.nu[0] != 0.0 || c.lambda[0] != 0.0)
+        {
+            let key = (c.a, c.b);
+            while let Some(record) = old.next_if(|r| r.key < key) {
+                self.merged.push(*record);
+            }
+            // A record with this key has already been added to.
+            if let Some(record) = old.next_if(|r| r.key == key) {
+                self.merged.push(*record);
+                continue;
+            }
+            let mut record = ContactRecord {
+                key,
+                ..ContactRecord::default()
+            };
+            add(model, c, &mut record);
+            self.merged.push(record);
+        }
+        self.merged.extend(old);
+        std::mem::swap(&mut self.open, &mut self.merged);
+    }
+
+    /// Closes a frame: state and the contacts since the last one.
+    pub fn add_frame(&mut self, state: &State, time: f64) {
+        let b = &mut self.block;
+        b.frame_step.push(state.step);
+        b.frame_time.push(time);
+        for x in &state.position {
+            b.position.extend(x.to_array());
+        }
+        for q in &state.orientation {
+            b.orientation.extend([q.w, q.x, q.y, q.z]);
+        }
+        for v in &state.velocity {
+            b.velocity.extend(v.to_array());
+        }
+        for w in &state.angular_velocity {
+            b.angular_velocity.extend(w.to_array());
+        }
+        b.contacts.append(&mut self.open);
+        b.contact_end.push(b.contacts.len() as u64);
+    }
+}
+
+fn add(model: &Model, c: &Contact, record: &mut ContactRecord) {
+    let velocity = c.to_world(model, c.n1, &c.lambda);
+    let position = c.to_world(model, c.n1, &c.nu);
+    record.status = c.status as u8;
+    record.gap = c.gap;
+    record.normal = c.n1;
+    record.impulse += velocity.impulse;
+    record.moment += velocity.moment;
+    record.position_impulse += position.impulse;
+    record.position_moment += position.moment;
+    for (sum, w) in record.work.iter_mut().zip(c.work) {
+        *sum += w;
+    }
+}

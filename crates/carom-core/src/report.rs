@@ -1,0 +1,288 @@
+//! What a step, and a run, tell about themselves.
+
+use carom_solve::report::Rung;
+use carom_solve::SolveReport;
+
+/// A column of the step table.
+#[derive(Clone, Debug)]
+pub enum Column {
+    F64(Vec<f64>),
+    U32(Vec<u32>),
+    U64(Vec<u64>),
+}
+
+trait Cell: Copy {
+    fn column(values: Vec<Self>) -> Column;
+}
+impl Cell for f64 {
+    fn column(values: Vec<Self>) -> Column {
+        Column::F64(values)
+    }
+}
+impl Cell for u32 {
+    fn column(values: Vec<Self>) -> Column {
+        Column::U32(values)
+    }
+}
+impl Cell for u64 {
+    fn column(values: Vec<Self>) -> Column {
+        Column::U64(values)
+    }
+}
+
+macro_rules! step_report {
+    ($($(#[$doc:meta])* $name:ident: $type:ty),+ $(,)?) => {
+        /// One row of the step table.
+        #[derive(Clone, Copy, Debug, Default)]
+        pub struct StepReport { $($(#[$doc])* pub $name: $type),+ }
+
+        impl StepReport {
+            /// The table as named columns, in the order of the fields.
+            pub fn columns(rows: &[StepReport]) -> Vec<(&'static str, Column)> {
+                vec![$((stringify!($name), Cell::column(rows.iter().map(|r| r.$name).collect::<Vec<$type>>()))),+]
+            }
+        }
+    };
+}
+
+step_report! {
+    /// Number of the step on the original grid (1 is the first).
+    step: u64,
+    /// Time at its end, s.
+    time: f64,
+    /// Newton iterations: largest of any island (and impact problem); a closed form counts 1.
+    iterations_smooth: u32,
+    iterations_position: u32,
+    iterations_velocity: u32,
+    /// Step-length reductions, largest of any solve.
+    line_search_position: u32,
+    line_search_velocity: u32,
+    /// Impact problems of the island that needed most, the resting solve (stage 0) among them.
+    impact_problems: u32,
+    /// Candidate contacts, closed contacts, islands with a closed contact, closed contacts of the largest island.
+    candidates: u32,
+    contacts: u32,
+    islands: u32,
+    largest_island: u32,
+    /// Relative residual of eq. 44 at the end, worst solve.
+    residual_position: f64,
+    residual_velocity: f64,
+    /// Energies after the step, J.
+    energy_kinetic: f64,
+    energy_potential: f64,
+    /// Largest penetration after the step, m, and over r_c.
+    penetration: f64,
+    penetration_relative: f64,
+    /// Solves that needed a later rung of the chain, impact sequences cut short, solves accepted unconverged.
+    fallbacks: u32,
+    truncated: u32,
+    unconverged: u32,
+    /// How often this step was halved.
+    halvings: u32,
+    /// Contacts found overlapping while separating: the step was too long to see them.
+    missed_impacts: u32,
+    /// Position solves repeated because a new pair overlapped.
+    relisted: u32,
+    /// Smallest factor of the energy safeguard (1: never needed).
+    restitution_scale: f64,
+}
+
+impl StepReport {
+    pub fn new(step: u64, time: f64) -> Self {
+        StepReport {
+            step,
+            time,
+            restitution_scale: 1.0,
+            ..StepReport::default()
+        }
+    }
+
+    pub(crate) fn add_position(&mut self, r: &SolveReport) {
+        self.iterations_position = self.iterations_position.max(r.iterations);
+        self.line_search_position = self.line_search_position.max(r.line_search);
+        self.residual_position = self.residual_position.max(r.residual);
+        self.fallbacks += u32::from(r.rung != Rung::First);
+    }
+
+    pub(crate) fn add_velocity(&mut self, r: &SolveReport) {
+        self.iterations_velocity = self.iterations_velocity.max(r.iterations);
+        self.line_search_velocity = self.line_search_velocity.max(r.line_search);
+        self.residual_velocity = self.residual_velocity.max(r.residual);
+        self.fallbacks += u32::from(r.rung != Rung::First);
+    }
+
+    /// Merges the second half of a halved step into the first.
+    pub(crate) fn merge(&mut self, later: &StepReport) {
+        let earlier = *self;
+        *self = *later;
+        self.iterations_smooth = self.iterations_smooth.max(earlier.iterations_smooth);
+        self.iterations_position = self.iterations_position.max(earlier.iterations_position);
+        self.iterations_velocity = self.iterations_velocity.max(earlier.iterations_velocity);
+        self.line_search_position = self.line_search_position.max(earlier.line_search_position);
+        self.line_search_velocity = self.line_search_velocity.max(earlier.line_search_velocity);
+        self.impact_problems = self.impact_problems.max(earlier.impact_problems);
+        self.residual_position = self.residual_position.max(earlier.residual_position);
+        self.residual_velocity = self.residual_velocity.max(earlier.residual_velocity);
+        self.penetration = self.penetration.max(earlier.penetration);
+        self.penetration_relative = self.penetration_relative.max(earlier.penetration_relative);
+        self.fallbacks += earlier.fallbacks;
+        self.truncated += earlier.truncated;
+        self.unconverged += earlier.unconverged;
+        self.halvings += earlier.halvings;
+        self.missed_impacts += earlier.missed_impacts;
+        self.relisted += earlier.relisted;
+        self.restitution_scale = self.restitution_scale.min(earlier.restitution_scale);
+    }
+}
+
+/// Largest value and sum, for the mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spread {
+    pub max: u64,
+    pub sum: u64,
+}
+
+impl Spread {
+    fn add(&mut self, value: u32) {
+        self.max = self.max.max(u64::from(value));
+        self.sum += u64::from(value);
+    }
+}
+
+/// Totals since the start of the run; part of what a checkpoint keeps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Monitors {
+    pub steps: u64,
+    pub smooth: Spread,
+    pub position: Spread,
+    pub velocity: Spread,
+    pub line_search_position: Spread,
+    pub line_search_velocity: Spread,
+    pub impact_problems: Spread,
+    pub contacts: Spread,
+    pub fallbacks: u64,
+    pub truncated: u64,
+    pub unconverged: u64,
+    pub halvings: u64,
+    pub missed_impacts: u64,
+    pub relisted: u64,
+    pub safeguarded: u64,
+    pub restitution_scale: f64,
+    pub residual_position: f64,
+    pub residual_velocity: f64,
+    pub penetration: f64,
+    pub penetration_relative: f64,
+    pub energy_initial: f64,
+    pub energy_final: f64,
+    /// Largest rise of the total energy in one step, J (0: it never rose).
+    pub energy_max_rise: f64,
+    /// Largest kinetic energy plus `sum m |g| r`: the scale against which a rise is judged, J.
+    pub energy_scale: f64,
+    /// Steps whose rise exceeds 1e-12 of the scale.
+    pub energy_rises: u64,
+    /// Largest `|v| h / r` of any sphere after any step (rule R6).
+    pub travel: f64,
+}
+
+impl Monitors {
+    pub fn new(kinetic: f64, potential: f64, static_scale: f64) -> Self {
+        Monitors {
+            restitution_scale: 1.0,
+            energy_initial: kinetic + potential,
+            energy_final: kinetic + potential,
+            energy_scale: kinetic + static_scale,
+            ..Monitors::default()
+        }
+    }
+
+    /// Takes a step's report into the totals. `static_scale` is `sum m |g| r`, J.
+    pub fn add(&mut self, r: &StepReport, static_scale: f64, travel: f64) {
+        self.steps += 1;
+        self.smooth.add(r.iterations_smooth);
+        self.position.add(r.iterations_position);
+        self.velocity.add(r.iterations_velocity);
+        self.line_search_position.add(r.line_search_position);
+        self.line_search_velocity.add(r.line_search_velocity);
+        self.impact_problems.add(r.impact_problems);
+        self.contacts.add(r.contacts);
+        self.fallbacks += u64::from(r.fallbacks);
+        self.truncated += u64::from(r.truncated);
+        self.unconverged += u64::from(r.unconverged);
+        self.halvings += u64::from(r.halvings);
+        self.missed_impacts += u64::from(r.missed_impacts);
+        self.relisted += u64::from(r.relisted);
+        self.safeguarded += u64::from(r.restitution_scale < 1.0);
+        self.restitution_scale = self.restitution_scale.min(r.restitution_scale);
+        self.residual_position = self.residual_position.max(r.residual_position);
+        self.residual_velocity = self.residual_velocity.max(r.residual_velocity);
+        self.penetration = self.penetration.max(r.penetration);
+        self.penetration_relative = self.penetration_relative.max(r.penetration_relative);
+        let energy = r.energy_kinetic + r.energy_potential;
+        let rise = energy - self.energy_final;
+        self.energy_scale = self.energy_scale.max(r.energy_kinetic + static_scale);
+        self.energy_max_rise = self.energy_max_rise.max(rise);
+        self.energy_rises += u64::from(rise > 1e-12 * self.energy_scale);
+        self.energy_final = energy;
+        self.travel = self.travel.max(travel);
+    }
+}
+
+/// Level of a sub-problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    Position,
+    Velocity,
+}
+
+impl Level {
+    pub fn name(self) -> &'static str {
+        match self {
+            Level::Position => "position",
+            Level::Velocity => "velocity",
+        }
+    }
+}
+
+/// Why a run stopped before its end.
+#[derive(Clone, Debug)]
+pub enum Outcome {
+    /// A sub-problem did not converge after the whole chain and every halving.
+    NotConverged {
+        step: u64,
+        time: f64,
+        level: Level,
+        bodies: (u32, u32),
+        contacts: u32,
+        residual: f64,
+    },
+    /// A position or velocity is not finite.
+    NotFinite { step: u64, time: f64, body: u32 },
+    /// Two bodies met whose materials have no law.
+    MissingLaw {
+        step: u64,
+        time: f64,
+        bodies: (u32, u32),
+    },
+}
+
+impl Outcome {
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Outcome::NotConverged { .. } => "not_converged",
+            Outcome::NotFinite { .. } => "not_finite",
+            Outcome::MissingLaw { .. } => "missing_law",
+        }
+    }
+
+    /// What a person can do about it.
+    pub fn advice(&self) -> &'static str {
+        match self {
+            Outcome::NotConverged { .. } => {
+                "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations; the failing contact \
+                 problem was kept"
+            }
+            Outcome::NotFinite { .. } => "look for extreme speeds, masses or radii; try a smaller step",
+            Outcome::MissingLaw { .. } => "add a [[contact]] entry for this pair of materials",
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! What can be recomputed: allocated once, reused in every step.
+
+use crate::contact::Contact;
+use crate::impact::ImpactScratch;
+use crate::islands::Islands;
+use crate::model::Model;
+use crate::state::Warm;
+use crate::stepper::generalized_alpha::Prediction;
+use carom_geom::NeighbourList;
+use carom_solve::{Newton, RowSystem};
+use glam::DVec3;
+
+/// Residual history of one solve, kept for the plot of quadratic convergence.
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    /// Smallest-first list of the relative residuals of eq. 44.
+    pub values: Vec<f64>,
+    pub problem: u32,
+    pub contacts: u32,
+}
+
+/// One contact's share in one impact problem.
+#[derive(Clone, Copy, Debug)]
+pub struct ImpactRecord {
+    pub problem: u32,
+    pub a: u32,
+    pub b: u32,
+    pub status: u8,
+    pub normal: DVec3,
+    /// World vectors on body A, N s and N m s.
+    pub impulse: DVec3,
+    pub moment: DVec3,
+    /// Normal relative velocity before and after the problem, m/s.
+    pub approach: f64,
+    pub separation: f64,
+    pub restitution_scale: f64,
+}
+
+/// A contact problem that could not be solved, in local form.
+#[derive(Clone, Debug, Default)]
+pub struct FailedProblem {
+    pub level: &'static str,
+    pub step: u64,
+    pub time: f64,
+    /// Delassus matrix, row-major, and free measures.
+    pub delassus: Vec<f64>,
+    pub free: Vec<f64>,
+    /// Per contact: bodies, first row, rows, mu, rho, delta.
+    pub bodies: Vec<(u32, u32)>,
+    pub first_row: Vec<u32>,
+    pub rows: Vec<u32>,
+    pub bounds: Vec<[f64; 3]>,
+    /// Relative residual reached.
+    pub residual: f64,
+    /// Contact with the largest residual row.
+    pub worst: u32,
+}
+
+/// Scratch memory of a step.
+pub struct Scratch {
+    /// Per sphere: translation and rotation predictions.
+    pub linear: Vec<Prediction>,
+    pub angular: Vec<Prediction>,
+    /// Corrections of position U and velocity W, and corrected positions.
+    pub shift: Vec<[DVec3; 2]>,
+    pub jump: Vec<[DVec3; 2]>,
+    pub position: Vec<DVec3>,
+    pub need: Vec<f64>,
+    pub neighbours: NeighbourList,
+    /// Candidate contacts, sorted by (a, b).
+    pub contacts: Vec<Contact>,
+    pub islands: Islands,
+    pub solve: SolveScratch,
+    pub impact: ImpactScratch,
+    /// Warm-start impulses found in this step.
+    pub warm: Vec<Warm>,
+    pub impacts: Vec<ImpactRecord>,
+    /// Histories of the worst solve of each level in this step.
+    pub history: [History; 2],
+    pub failed: Option<FailedProblem>,
+}
+
+/// Buffers of one island's solve.
+#[derive(Default)]
+pub struct SolveScratch {
+    pub newton: Newton,
+    pub system: RowSystem,
+    /// Local node of each sphere (valid only for the island at hand) and the reverse.
+    pub node_of: Vec<u32>,
+    pub bodies: Vec<u32>,
+    pub lambda: Vec<f64>,
+    pub u: Vec<f64>,
+}
+
+impl Scratch {
+    pub fn new(model: &Model) -> Scratch {
+        let n = model.spheres();
+        Scratch {
+            linear: vec![Prediction::default(); n],
+            angular: vec![Prediction::default(); n],
+            shift: vec![[DVec3::ZERO; 2]; n],
+            jump: vec![[DVec3::ZERO; 2]; n],
+            position: vec![DVec3::ZERO; n],
+            need: vec![0.0; n],
+            neighbours: NeighbourList::new(),
+            contacts: Vec::new(),
+            islands: Islands::default(),
+            impact: ImpactScratch::default(),
+            solve: SolveScratch {
+                node_of: vec![u32::MAX; n],
+                ..SolveScratch::default()
+            },
+            warm: Vec::new(),
+            impacts: Vec::new(),
+            history: Default::default(),
+            failed: None,
+        }
+    }
+}
+
+impl SolveScratch {
+    /// Starts an island: nodes for the spheres of the given contacts, in ascending order of first use.
+    pub fn begin(&mut self, model: &Model, contacts: &[Contact], members: &[u32]) {
+        self.system.clear();
+        self.bodies.clear();
+        for &index in members {
+            let c = &contacts[index as usize];
+            for body in [c.a, c.b] {
+                let i = body as usize;
+                if i < model.spheres() && !self.bodies.contains_recent(body, &self.node_of) {
+                    self.node_of[i] =
+                        self.system
+                            .push_node(model.mass[i], model.inertia[i], model.radius[i]);
+                    self.bodies.push(body);
+                }
+            }
+        }
+    }
+
+    /// Local node of a body; the world for planes.
+    #[inline]
+    pub fn node(&self, model: &Model, body: u32) -> u32 {
+        if (body as usize) < model.spheres() {
+            self.node_of[body as usize]
+        } else {
+            carom_solve::rows::WORLD
+        }
+    }
+}
+
+/// Membership in O(1): a stale entry of `node_of` points at another body or past the end.
+trait Recent {
+    fn contains_recent(&self, body: u32, node_of: &[u32]) -> bool;
+}
+
+impl Recent for Vec<u32> {
+    #[inline]
+    fn contains_recent(&self, body: u32, node_of: &[u32]) -> bool {
+        self.get(node_of[body as usize] as usize) == Some(&body)
+    }
+}

@@ -1,0 +1,217 @@
+//! A run: model, state, scratch and records together; halving of steps that fail, monitors, outcome.
+
+use crate::force;
+use crate::model::{InitialState, Model};
+use crate::options::OnNonconvergence;
+use crate::record::{Block, Recorder};
+use crate::report::{Monitors, Outcome, StepReport};
+use crate::scratch::{FailedProblem, Scratch};
+use crate::state::State;
+use crate::step::{step, Failure};
+use crate::stepper::Coefficients;
+use crate::timers::{Phase, Timers};
+use std::time::{Duration, Instant};
+
+/// Systems of this many spheres and more are timed and checked against the clock in every step.
+const LARGE: usize = 1000;
+
+/// What is recorded while advancing.
+#[derive(Clone, Copy, Debug)]
+pub struct Recording {
+    /// Steps between frames; 0: none.
+    pub frame_every: u64,
+    pub contacts: bool,
+}
+
+pub struct Simulation {
+    pub model: Model,
+    pub state: State,
+    pub recorder: Recorder,
+    pub monitors: Monitors,
+    pub timers: Timers,
+    pub failed: Option<FailedProblem>,
+    scratch: Scratch,
+    /// Coefficients of h, h/2, h/4, ...
+    coefficients: Vec<Coefficients>,
+    /// `sum m |g| r`, J.
+    static_scale: f64,
+}
+
+impl Simulation {
+    pub fn new(model: Model, initial: InitialState) -> Simulation {
+        let state = State::new(&model, initial);
+        let o = &model.options;
+        let coefficients = (0..=o.max_halvings)
+            .map(|depth| Coefficients::new(o.spectral_radius, o.step / f64::from(1u32 << depth)))
+            .collect();
+        let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
+        for i in 0..model.spheres() {
+            kinetic += 0.5
+                * (model.mass[i] * state.velocity[i].length_squared()
+                    + model.inertia[i] * state.angular_velocity[i].length_squared());
+            potential += force::potential(&model, i, state.position[i]);
+            static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
+        }
+        Simulation {
+            scratch: Scratch::new(&model),
+            monitors: Monitors::new(kinetic, potential, static_scale),
+            recorder: Recorder::default(),
+            timers: Timers::default(),
+            failed: None,
+            coefficients,
+            static_scale,
+            state,
+            model,
+        }
+    }
+
+    /// Time of the present state, s: step number times h, free of drift.
+    pub fn time(&self) -> f64 {
+        self.state.step as f64 * self.model.options.step
+    }
+
+    /// Advances by up to `steps` steps, or until `wall_limit` has passed.
+    pub fn advance(
+        &mut self,
+        steps: u64,
+        recording: Recording,
+        wall_limit: Duration,
+    ) -> Option<Outcome> {
+        let begin = Instant::now();
+        let large = self.model.spheres() >= LARGE;
+        let check_every = if large {
+            1
+        } else {
+            (LARGE / self.model.spheres()).max(1) as u64
+        };
+        for done in 1..=steps {
+            self.timers.start(large);
+            if let Err(outcome) = self.one_step(recording) {
+                return Some(outcome);
+            }
+            self.timers.mark(Phase::Record);
+            if done % check_every == 0 && begin.elapsed() >= wall_limit {
+                break;
+            }
+        }
+        None
+    }
+
+    /// Takes the records collected so far.
+    pub fn take_block(&mut self) -> Block {
+        std::mem::take(&mut self.recorder.block)
+    }
+
+    fn one_step(&mut self, recording: Recording) -> Result<(), Outcome> {
+        let number = self.state.step + 1;
+        let time = number as f64 * self.model.options.step;
+        let mut report = StepReport::new(number, time);
+        if let Err(failure) = self.attempt(0, self.time(), recording, &mut report) {
+            return Err(self.outcome(failure, number));
+        }
+        self.state.step = number;
+        let h_speed = self.state.velocity.iter().zip(&self.model.radius);
+        let travel = h_speed
+            .map(|(v, r)| v.length_squared() / (r * r))
+            .fold(0.0f64, f64::max)
+            .sqrt();
+        self.monitors
+            .add(&report, self.static_scale, travel * self.model.options.step);
+        self.recorder.block.steps.push(report);
+        if recording.frame_every > 0 && number % recording.frame_every == 0 {
+            self.recorder.add_frame(&self.state, time);
+        }
+        Ok(())
+    }
+
+    /// One step of size h / 2^depth from `t`; on failure two of half the size, down to the limit. The state is
+    /// restored if the halves fail too.
+    fn attempt(
+        &mut self,
+        depth: u32,
+        t: f64,
+        recording: Recording,
+        report: &mut StepReport,
+    ) -> Result<(), Failure> {
+        let last = depth == self.model.options.max_halvings;
+        let accept = last && self.model.options.on_nonconvergence == OnNonconvergence::Warn;
+        let c = self.coefficients[depth as usize];
+        let mut local = StepReport::new(report.step, report.time);
+        let (number, time) = (report.step, report.time);
+        let made = step(
+            &self.model,
+            &mut self.state,
+            &mut self.scratch,
+            &mut self.timers,
+            &c,
+            t,
+            accept,
+            &mut local,
+        );
+        match made {
+            Ok(()) => {
+                // The first sub-step that is made has nothing to merge with but the count of halvings.
+                if report.iterations_smooth == 0 {
+                    local.halvings = report.halvings;
+                    *report = local;
+                } else {
+                    report.merge(&local);
+                }
+                self.recorder.add_step(
+                    &self.model,
+                    &self.scratch,
+                    number,
+                    time,
+                    recording.contacts,
+                );
+                Ok(())
+            }
+            Err(Failure::NotConverged(level)) => {
+                self.failed = self.scratch.failed.take();
+                if last {
+                    return Err(Failure::NotConverged(level));
+                }
+                let (state, recorder) = (self.state.clone(), self.recorder.clone());
+                report.halvings += 1;
+                let half = self.coefficients[depth as usize + 1].h;
+                let halves = self
+                    .attempt(depth + 1, t, recording, report)
+                    .and_then(|()| self.attempt(depth + 1, t + half, recording, report));
+                if halves.is_err() {
+                    (self.state, self.recorder) = (state, recorder);
+                }
+                halves
+            }
+            Err(other) => Err(other),
+        }
+    }
+
+    fn outcome(&mut self, failure: Failure, step: u64) -> Outcome {
+        let time = step as f64 * self.model.options.step;
+        match failure {
+            Failure::NotFinite(body) => Outcome::NotFinite { step, time, body },
+            Failure::MissingLaw(a, b) => Outcome::MissingLaw {
+                step,
+                time,
+                bodies: (a, b),
+            },
+            Failure::NotConverged(level) => {
+                let (mut bodies, mut contacts, mut residual) = ((0, 0), 0, f64::NAN);
+                if let Some(f) = &mut self.failed {
+                    (f.step, f.time) = (step, time);
+                    bodies = f.bodies.get(f.worst as usize).copied().unwrap_or((0, 0));
+                    contacts = f.bodies.len() as u32;
+                    residual = f.residual;
+                }
+                Outcome::NotConverged {
+                    step,
+                    time,
+                    level,
+                    bodies,
+                    contacts,
+                    residual,
+                }
+            }
+        }
+    }
+}

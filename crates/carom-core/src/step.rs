@@ -1,0 +1,393 @@
+//! The time step: Algorithm 1 of the paper, phase by phase. Start reading here.
+//!
+//! predict and smooth -> broad -> meet -> position -> velocity -> finish. The state is written in `finish` alone: a
+//! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
+
+use crate::contact::Contact;
+use crate::force;
+use crate::level::{position, velocity};
+use crate::model::Model;
+use crate::report::{Level, StepReport};
+use crate::rotation;
+use crate::scratch::{History, Scratch};
+use crate::state::State;
+use crate::stepper::Coefficients;
+use crate::timers::{Phase, Timers};
+use carom_geom::tangent_frame;
+use carom_solve::Status;
+use glam::DVec3;
+
+/// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
+const CANDIDATE_MARGIN: f64 = 1e-2;
+/// Rounds of listing new overlaps after the position solve.
+const MAX_RELIST: u32 = 20;
+
+/// Why a step could not be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Failure {
+    NotConverged(Level),
+    NotFinite(u32),
+    MissingLaw(u32, u32),
+}
+
+/// Makes one step from `t` of the size in `coefficients`. With `accept` an unconverged iterate is taken and counted.
+pub fn step(
+    model: &Model,
+    state: &mut State,
+    scratch: &mut Scratch,
+    timers: &mut Timers,
+    coefficients: &Coefficients,
+    t: f64,
+    accept: bool,
+    report: &mut StepReport,
+) -> Result<(), Failure> {
+    predict_and_smooth(model, state, scratch, coefficients, t, report);
+    timers.mark(Phase::Predict);
+    list_pairs(model, state, scratch);
+    timers.mark(Phase::Broad);
+    meet(model, state, scratch)?;
+    timers.mark(Phase::Meet);
+    correct_positions(model, state, scratch, report, accept)?;
+    timers.mark(Phase::Position);
+    correct_velocities(model, state, scratch, coefficients.h, report, accept)?;
+    timers.mark(Phase::Velocity);
+    finish(model, state, scratch, coefficients, report)?;
+    timers.mark(Phase::Finish);
+    Ok(())
+}
+
+/// Lines 5-20: the motion without contacts. Loads do not depend on q and v here, so Newton ends after one iteration.
+fn predict_and_smooth(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    coefficients: &Coefficients,
+    t: f64,
+    report: &mut StepReport,
+) {
+    let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
+    for i in 0..model.spheres() {
+        let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
+        let mut linear = coefficients.predict(state.velocity[i], a, acc);
+        let mut angular = coefficients.predict(state.angular_velocity[i], alpha, ang);
+        let [f, moment] = force::load(model, i, t + coefficients.h);
+        coefficients.correct(&mut linear, per_velocity * model.inv_mass[i] * f);
+        coefficients.correct(&mut angular, per_velocity * model.inv_inertia[i] * moment);
+        scratch.position[i] = state.position[i] + linear.displacement;
+        scratch.linear[i] = linear;
+        scratch.angular[i] = angular;
+        scratch.shift[i] = [DVec3::ZERO; 2];
+        scratch.jump[i] = [DVec3::ZERO; 2];
+    }
+    report.iterations_smooth = 1;
+    scratch.impacts.clear();
+    scratch.warm.clear();
+    for history in &mut scratch.history {
+        *history = History::default();
+    }
+    scratch.failed = None;
+}
+
+/// Pairs that may come within the candidate margin during the step.
+fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) {
+    for i in 0..model.spheres() {
+        scratch.need[i] =
+            scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * model.radius[i];
+    }
+    scratch.neighbours.refresh(
+        &state.position,
+        &model.radius,
+        &model.half_spaces,
+        &scratch.need,
+    );
+}
+
+/// Turns listed pairs into candidate contacts, with frames of t_n.
+fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
+    scratch.contacts.clear();
+    let Scratch {
+        contacts,
+        neighbours,
+        position,
+        ..
+    } = scratch;
+    for &(a, b) in neighbours.pairs() {
+        if let Some(c) = candidate(model, state, position, a, b, CANDIDATE_MARGIN)? {
+            contacts.push(c);
+        }
+    }
+    Ok(())
+}
+
+/// The contact of a pair if its gap at `position` is below `margin r_c`.
+#[inline]
+fn candidate(
+    model: &Model,
+    state: &State,
+    position: &[DVec3],
+    a: u32,
+    b: u32,
+    margin: f64,
+) -> Result<Option<Contact>, Failure> {
+    let (i, j, n) = (a as usize, b as usize, model.spheres());
+    let ra = model.radius[i];
+    if j >= n {
+        let plane = &model.planes[j - n];
+        let gap = carom_geom::sphere_plane(position[i], ra, plane.point, plane.normal).gap;
+        if gap > margin * ra {
+            return Ok(None);
+        }
+        let Some(law) = law_or_miss(model, a, b, gap)? else {
+            return Ok(None);
+        };
+        let start = carom_geom::sphere_plane(state.position[i], ra, plane.point, plane.normal);
+        let frame = (plane.normal, plane.tangent1, plane.tangent2);
+        return Ok(Some(new_contact((a, b), law, frame, start.gap, gap, ra)));
+    }
+    let length = ra.min(model.radius[j]);
+    let reach = ra + model.radius[j] + margin * length;
+    let between = position[i] - position[j];
+    if between.length_squared() > reach * reach {
+        return Ok(None);
+    }
+    let gap = carom_geom::sphere_sphere(position[i], ra, position[j], model.radius[j]).gap;
+    let Some(law) = law_or_miss(model, a, b, gap)? else {
+        return Ok(None);
+    };
+    let start =
+        carom_geom::sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
+    let (t1, t2) = tangent_frame(start.normal);
+    Ok(Some(new_contact(
+        (a, b),
+        law,
+        (start.normal, t1, t2),
+        start.gap,
+        gap,
+        length,
+    )))
+}
+
+/// The law of a pair; a pair without one may come near, not touch.
+#[inline]
+fn law_or_miss(model: &Model, a: u32, b: u32, gap: f64) -> Result<Option<u32>, Failure> {
+    match model.law_of(a as usize, b as usize) {
+        Some(law) => Ok(Some(law)),
+        None if gap < 0.0 => Err(Failure::MissingLaw(a, b)),
+        None => Ok(None),
+    }
+}
+
+#[inline]
+fn new_contact(
+    (a, b): (u32, u32),
+    law: u32,
+    (n0, t1, t2): (DVec3, DVec3, DVec3),
+    gap_start: f64,
+    gap_check: f64,
+    length: f64,
+) -> Contact {
+    Contact {
+        a,
+        b,
+        law,
+        n0,
+        t1,
+        t2,
+        n1: n0,
+        gap_start,
+        gap_check,
+        gap: gap_check,
+        length,
+        nu: [0.0; 6],
+        lambda: [0.0; 6],
+        work: [0.0; 4],
+        closed: false,
+        status: Status::Gap,
+    }
+}
+
+/// Step 2: position corrections island by island; pairs that overlap only now join, and the solve is repeated.
+fn correct_positions(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    report: &mut StepReport,
+    accept: bool,
+) -> Result<(), Failure> {
+    for round in 0..=MAX_RELIST {
+        let mut islands = std::mem::take(&mut scratch.islands);
+        islands.build(model.spheres(), &scratch.contacts, |_| true);
+        let mut converged = true;
+        for island in 0..islands.len() {
+            converged &=
+                position::solve_island(model, scratch, islands.members(island), report, accept);
+            if !converged {
+                break;
+            }
+        }
+        scratch.islands = islands;
+        if !converged {
+            return Err(Failure::NotConverged(Level::Position));
+        }
+        place(model, state, scratch);
+        if round == MAX_RELIST || !relist(model, state, scratch)? {
+            break;
+        }
+        report.relisted += 1;
+    }
+    report.candidates = scratch.contacts.len() as u32;
+    Ok(())
+}
+
+/// Corrected positions, gaps, normals and the closed set A.
+fn place(model: &Model, state: &State, scratch: &mut Scratch) {
+    let Scratch {
+        position,
+        shift,
+        linear,
+        contacts,
+        ..
+    } = scratch;
+    for i in 0..model.spheres() {
+        position[i] = state.position[i] + linear[i].displacement + shift[i][0];
+    }
+    for c in contacts.iter_mut() {
+        let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
+        let p = position::proximity(model, c, position[c.a as usize], xb);
+        c.gap = p.gap;
+        c.n1 = p.normal;
+        c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
+    }
+}
+
+/// Adds pairs that overlap at the corrected positions and were no candidates. True: solve again from the start.
+fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
+    // A pair that was beyond the margin stays apart unless its spheres were pushed by as much together.
+    let pushed = scratch.shift.iter().map(|s| s[0].length_squared());
+    let largest = pushed.fold(0.0f64, f64::max).sqrt();
+    let smallest = model.radius.iter().copied().fold(f64::INFINITY, f64::min);
+    if 2.0 * largest < CANDIDATE_MARGIN * smallest {
+        return Ok(false);
+    }
+    let Scratch {
+        contacts,
+        neighbours,
+        position,
+        need,
+        shift,
+        linear,
+        ..
+    } = scratch;
+    for i in 0..model.spheres() {
+        need[i] =
+            (linear[i].displacement + shift[i][0]).length() + CANDIDATE_MARGIN * model.radius[i];
+    }
+    neighbours.refresh(&state.position, &model.radius, &model.half_spaces, need);
+    let known = contacts.len();
+    for &(a, b) in neighbours.pairs() {
+        if contacts[..known]
+            .binary_search_by_key(&(a, b), |c| (c.a, c.b))
+            .is_ok()
+        {
+            continue;
+        }
+        if let Some(mut c) = candidate(model, state, position, a, b, 0.0)? {
+            if c.gap_check < -model.options.gap_tolerance * c.length {
+                let xa = state.position[a as usize] + linear[a as usize].displacement;
+                let xb = linear
+                    .get(b as usize)
+                    .map_or(DVec3::ZERO, |p| state.position[b as usize] + p.displacement);
+                c.gap_check = position::proximity(model, &c, xa, xb).gap;
+                contacts.push(c);
+            }
+        }
+    }
+    if contacts.len() == known {
+        return Ok(false);
+    }
+    contacts.sort_unstable_by_key(|c| (c.a, c.b));
+    for c in contacts.iter_mut() {
+        c.nu = [0.0; 6];
+    }
+    for i in 0..model.spheres() {
+        shift[i] = [DVec3::ZERO; 2];
+        position[i] = state.position[i] + linear[i].displacement;
+    }
+    Ok(true)
+}
+
+/// Step 3: velocity corrections by the impact law, island by island of closed contacts.
+fn correct_velocities(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    h: f64,
+    report: &mut StepReport,
+    accept: bool,
+) -> Result<(), Failure> {
+    let mut islands = std::mem::take(&mut scratch.islands);
+    islands.build(model.spheres(), &scratch.contacts, |c| c.closed);
+    let mut converged = true;
+    for island in 0..islands.len() {
+        let members = islands.members(island);
+        report.contacts += members.len() as u32;
+        report.largest_island = report.largest_island.max(members.len() as u32);
+        converged &= velocity::solve_island(model, state, scratch, members, h, report, accept);
+        if !converged {
+            break;
+        }
+    }
+    report.islands = islands.len() as u32;
+    scratch.islands = islands;
+    if converged {
+        Ok(())
+    } else {
+        Err(Failure::NotConverged(Level::Velocity))
+    }
+}
+
+/// Line 41 and the new state, energies and penetration.
+fn finish(
+    model: &Model,
+    state: &mut State,
+    scratch: &mut Scratch,
+    coefficients: &Coefficients,
+    report: &mut StepReport,
+) -> Result<(), Failure> {
+    let (mut kinetic, mut potential) = (0.0, 0.0);
+    for i in 0..model.spheres() {
+        let v = scratch.linear[i].velocity + scratch.jump[i][0];
+        let w = scratch.angular[i].velocity + scratch.jump[i][1];
+        kinetic +=
+            0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
+        potential += force::potential(model, i, scratch.position[i]);
+        if !(kinetic.is_finite() && potential.is_finite()) {
+            return Err(Failure::NotFinite(i as u32));
+        }
+        scratch.jump[i] = [v, w];
+    }
+    for i in 0..model.spheres() {
+        [state.velocity[i], state.angular_velocity[i]] = scratch.jump[i];
+        state.position[i] = scratch.position[i];
+        let rot_incr_world = scratch.angular[i].displacement + scratch.shift[i][1];
+        state.orientation[i] = rotation::advance(rot_incr_world, state.orientation[i]);
+        state.pseudo[i] = [
+            coefficients.finish(&scratch.linear[i]),
+            coefficients.finish(&scratch.angular[i]),
+        ];
+        state.acceleration[i] = [
+            scratch.linear[i].acceleration,
+            scratch.angular[i].acceleration,
+        ];
+    }
+    std::mem::swap(&mut state.warm, &mut scratch.warm);
+    state.warm.sort_unstable_by_key(|w| w.key);
+    state.warm_step = coefficients.h;
+    report.energy_kinetic = kinetic;
+    report.energy_potential = potential;
+    for c in &scratch.contacts {
+        report.penetration = report.penetration.max(-c.gap);
+        report.penetration_relative = report.penetration_relative.max(-c.gap / c.length);
+    }
+    Ok(())
+}

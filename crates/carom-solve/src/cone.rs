@@ -1,0 +1,217 @@
+//! The admissible multipliers of one contact: a half-line for the normal, and discs whose radius is a bound times
+//! the normal augmented multiplier (eqs. 14-23, `docs/theory/algorithm.md` sections 2 and 4).
+//!
+//! Row order in a contact: normal; sliding (2); rolling (2); spinning (1). Discs with bound 0 have no rows.
+
+/// Rows a contact can have at most.
+pub const MAX_ROWS: usize = 6;
+
+/// A small dense block over the rows of one contact.
+pub type Block = [[f64; MAX_ROWS]; MAX_ROWS];
+
+/// Bounds of the discs of one contact over its normal multiplier.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bounds {
+    /// Coulomb coefficient mu, dimensionless.
+    pub sliding: f64,
+    /// Rolling radius rho, m.
+    pub rolling: f64,
+    /// Spinning radius delta, m.
+    pub spinning: f64,
+}
+
+/// State of one contact: eq. 21's three cases, decided on the sliding disc.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Status {
+    #[default]
+    Gap = 0,
+    Stick = 1,
+    Slip = 2,
+}
+
+/// One disc: first row within the contact, number of rows, bound.
+#[derive(Clone, Copy, Debug)]
+pub struct Disc {
+    pub start: usize,
+    pub dim: usize,
+    pub bound: f64,
+}
+
+impl Bounds {
+    /// Number of rows of a contact with these bounds.
+    #[inline]
+    pub fn dim(&self) -> usize {
+        1 + if self.sliding > 0.0 { 2 } else { 0 }
+            + if self.rolling > 0.0 { 2 } else { 0 }
+            + usize::from(self.spinning > 0.0)
+    }
+
+    /// The discs present, in row order.
+    #[inline]
+    pub fn discs(&self) -> impl Iterator<Item = Disc> {
+        let mut start = 1;
+        [(self.sliding, 2), (self.rolling, 2), (self.spinning, 1)]
+            .into_iter()
+            .filter_map(move |(bound, dim)| {
+                if bound <= 0.0 {
+                    return None;
+                }
+                let disc = Disc { start, dim, bound };
+                start += dim;
+                Some(disc)
+            })
+    }
+}
+
+/// Projects the augmented multiplier `xi` (rows of one contact) on the admissible set, writing `phi`.
+///
+/// The normal row is `max(0, xi_N)`; each disc has radius `bound * max(0, xi_N)`, evaluated at the *augmented*
+/// normal multiplier as in eq. 21. The status is that of the sliding disc (stick where there is none).
+#[inline]
+pub fn project(bounds: &Bounds, xi: &[f64], phi: &mut [f64]) -> Status {
+    let normal = xi[0];
+    if normal < 0.0 {
+        phi.fill(0.0);
+        return Status::Gap;
+    }
+    phi[0] = normal;
+    let mut status = Status::Stick;
+    for disc in bounds.discs() {
+        let rows = disc.start..disc.start + disc.dim;
+        let radius = disc.bound * normal;
+        let length = norm(&xi[rows.clone()]);
+        // `>=`: a disc of radius 0 (no normal load) is slip with phi = 0, never a division by zero.
+        if length >= radius {
+            let scale = if length > 0.0 { radius / length } else { 0.0 };
+            for row in rows {
+                phi[row] = scale * xi[row];
+            }
+            if disc.start == 1 && bounds.sliding > 0.0 {
+                status = Status::Slip;
+            }
+        } else {
+            phi[rows.clone()].copy_from_slice(&xi[rows]);
+        }
+    }
+    status
+}
+
+/// Derivative of [`project`] with respect to `xi`: an element of its generalised Jacobian (theory: the blocks
+/// `C_NN, C_TN, C_TT`). Unused entries of `block` are left alone.
+#[inline]
+pub fn tangent(bounds: &Bounds, xi: &[f64], block: &mut Block) {
+    let dim = xi.len();
+    for row in block.iter_mut().take(dim) {
+        row[..dim].fill(0.0);
+    }
+    let normal = xi[0];
+    if normal < 0.0 {
+        return;
+    }
+    block[0][0] = 1.0;
+    for disc in bounds.discs() {
+        let rows = disc.start..disc.start + disc.dim;
+        let radius = disc.bound * normal;
+        let length = norm(&xi[rows.clone()]);
+        if length < radius {
+            for row in rows {
+                block[row][row] = 1.0;
+            }
+            continue;
+        }
+        // tau is undefined without load or without slip: phi is 0 there and so is its tangent.
+        if radius <= 0.0 || length <= 0.0 {
+            continue;
+        }
+        let ratio = radius / length;
+        for row in rows.clone() {
+            let tau = xi[row] / length;
+            block[row][0] = disc.bound * tau;
+            for col in rows.clone() {
+                block[row][col] = -ratio * tau * (xi[col] / length);
+            }
+            block[row][row] += ratio;
+        }
+    }
+}
+
+#[inline]
+fn norm(v: &[f64]) -> f64 {
+    match v {
+        [x] => x.abs(),
+        [x, y] => (x * x + y * y).sqrt(),
+        _ => v.iter().map(|x| x * x).sum::<f64>().sqrt(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn bounds() -> impl Strategy<Value = Bounds> {
+        (0usize..8, 0.05f64..1.5, 0.05f64..1.5, 0.05f64..1.5).prop_map(|(mask, mu, rho, delta)| {
+            Bounds {
+                sliding: if mask & 1 != 0 { mu } else { 0.0 },
+                rolling: if mask & 2 != 0 { rho } else { 0.0 },
+                spinning: if mask & 4 != 0 { delta } else { 0.0 },
+            }
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// Given the normal, each disc gets the nearest point of its disc.
+        #[test]
+        fn projection_is_feasible_and_nearest(b in bounds(), xi in prop::array::uniform6(-1.0f64..1.0),
+                                              other in prop::array::uniform6(-1.0f64..1.0)) {
+            let dim = b.dim();
+            let (xi, mut phi) = (&xi[..dim], [0.0; MAX_ROWS]);
+            project(&b, xi, &mut phi[..dim]);
+            prop_assert!(phi[0] >= 0.0);
+            for disc in b.discs() {
+                let rows = disc.start..disc.start + disc.dim;
+                let radius = disc.bound * xi[0].max(0.0);
+                prop_assert!(norm(&phi[rows.clone()]) <= radius * (1.0 + 1e-15));
+                if xi[0] <= 0.0 { continue; }
+                let scale = radius / norm(&other[..disc.dim]).max(radius);
+                let d = |p: &dyn Fn(usize) -> f64| rows.clone()
+                    .map(|r| (xi[r] - p(r)).powi(2)).sum::<f64>();
+                let mine = d(&|r| phi[r]);
+                let any = d(&|r| scale * other[r - disc.start]);
+                prop_assert!(mine <= any + 1e-14);
+            }
+        }
+
+        /// The tangent equals central differences wherever the status does not change.
+        #[test]
+        fn tangent_matches_finite_differences(b in bounds(), xi in prop::array::uniform6(-1.0f64..1.0)) {
+            let dim = b.dim();
+            let step = 1e-6;
+            let kink = |x: &[f64]| -> bool {
+                if x[0].abs() < 1e-3 { return true; }
+                b.discs().any(|d| {
+                    let l = norm(&x[d.start..d.start + d.dim]);
+                    (l - d.bound * x[0]).abs() < 1e-3 || l < 1e-2
+                })
+            };
+            prop_assume!(!kink(&xi[..dim]));
+            let mut block = [[0.0; MAX_ROWS]; MAX_ROWS];
+            tangent(&b, &xi[..dim], &mut block);
+            for col in 0..dim {
+                let (mut plus, mut minus) = (xi, xi);
+                plus[col] += step;
+                minus[col] -= step;
+                let (mut fp, mut fm) = ([0.0; MAX_ROWS], [0.0; MAX_ROWS]);
+                project(&b, &plus[..dim], &mut fp[..dim]);
+                project(&b, &minus[..dim], &mut fm[..dim]);
+                for row in 0..dim {
+                    let fd = (fp[row] - fm[row]) / (2.0 * step);
+                    prop_assert!((fd - block[row][col]).abs() < 1e-7, "row {row} col {col}: {fd} {}", block[row][col]);
+                }
+            }
+        }
+    }
+}

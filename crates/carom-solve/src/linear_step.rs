@@ -1,0 +1,411 @@
+//! The linear system of one Newton iteration, reduced to the rows of the active contacts.
+//!
+//! With `Mt = M - sum phi_N K` (K: derivative of the normal rows, position level only), `W = G Mt^-1 G^T` over active
+//! rows and `C` the cone tangent, the increments satisfy
+//!
+//! `[1 - C + C p W] dl = phi - l - C p G du0`,  `du = du0 + Mt^-1 G^T dl`,  `du0 = Mt^-1 (G^T l - M u)`.
+//!
+//! Inactive rows (`xi_N < 0`) have `dl = -l` and leave the matrix. A proximal shift on the diagonal keeps redundant
+//! contacts factorable; it scales with the residual, so it changes the path and not the limit.
+
+use crate::cone::{Block, Status, MAX_ROWS};
+use crate::direct::dense::{chol_factor, chol_solve, lu_factor, lu_solve};
+use crate::direct::{DirectError, SparseLu};
+use crate::rows::{RowSystem, NODE_DOF, WORLD};
+
+/// The iterate at which the system is linearised.
+pub struct Iterate<'a> {
+    pub z: &'a [f64],
+    pub penalty: &'a [f64],
+    pub phi: &'a [f64],
+    pub tangents: &'a [Block],
+    pub statuses: &'a [Status],
+    pub lambda: &'a [f64],
+    pub u: &'a [f64],
+}
+
+/// Buffers of the reduced system.
+#[derive(Default)]
+pub struct LinearStep {
+    /// Active contacts, and the first reduced row of each.
+    active: Vec<(usize, usize)>,
+    matrix: Vec<f64>,
+    pivots: Vec<u32>,
+    rhs: Vec<f64>,
+    solution: Vec<f64>,
+    force: Vec<f64>,
+    du0: Vec<f64>,
+    /// Dense translational block of `Mt` (3 per node), its factor, and `Mt^-1 G^T` per active row.
+    mass: Vec<f64>,
+    compliance: Vec<f64>,
+    sparse: SparseParts,
+}
+
+/// Sparse assembly: contacts per node, the CSC arrays and the factorisation that is reused while the pattern stands.
+#[derive(Default)]
+struct SparseParts {
+    node_start: Vec<usize>,
+    node_contacts: Vec<usize>,
+    position: Vec<usize>,
+    neighbours: Vec<usize>,
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+    values: Vec<f64>,
+    lu: SparseLu,
+}
+
+impl LinearStep {
+    /// Solves for `(d_lambda, d_u)`. `shift` is relative to the diagonal of the multiplier block.
+    #[allow(clippy::too_many_arguments)]
+    pub fn solve(
+        &mut self,
+        system: &RowSystem,
+        at: &Iterate,
+        shift: f64,
+        dense: bool,
+        d_lambda: &mut [f64],
+        d_u: &mut [f64],
+    ) -> Result<(), DirectError> {
+        self.active.clear();
+        let mut rows = 0;
+        for (index, status) in at.statuses.iter().enumerate() {
+            if *status != Status::Gap {
+                self.active.push((index, rows));
+                rows += system.contacts[index].dim as usize;
+            }
+        }
+        let curved = dense && self.factor_curved_mass(system, at);
+        self.free_step(system, at, curved);
+        self.assemble_rhs(system, at, rows);
+        if dense {
+            self.assemble_dense(system, at, rows, curved, shift);
+            self.pivots.resize(rows, 0);
+            lu_factor(&mut self.matrix, rows, &mut self.pivots)?;
+            self.solution.clear();
+            self.solution.extend_from_slice(&self.rhs);
+            lu_solve(&self.matrix, rows, &self.pivots, &mut self.solution);
+        } else {
+            self.assemble_sparse(system, at, rows, shift);
+            self.solution.resize(rows, 0.0);
+            let s = &mut self.sparse;
+            s.lu.refactor(rows, &s.col_ptr, &s.row_idx, &s.values)?;
+            s.lu.solve(&self.rhs, &mut self.solution)?;
+        }
+        self.expand(system, at, curved, d_lambda, d_u);
+        Ok(())
+    }
+
+    /// Factors the translational block of `M - sum phi_N K` if some contact has curvature; false: plain `M`.
+    fn factor_curved_mass(&mut self, system: &RowSystem, at: &Iterate) -> bool {
+        let n = 3 * system.nodes();
+        let loaded =
+            |c: &crate::rows::RowContact| c.curvature != 0.0 && at.phi[c.row as usize] > 0.0;
+        if !system.contacts.iter().any(loaded) {
+            return false;
+        }
+        self.mass.clear();
+        self.mass.resize(n * n, 0.0);
+        for node in 0..system.nodes() {
+            for k in 0..3 {
+                self.mass[(3 * node + k) * (n + 1)] = 1.0 / system.inv_mass[node];
+            }
+        }
+        for c in system.contacts.iter().filter(|c| loaded(c)) {
+            let weight = at.phi[c.row as usize] * c.curvature;
+            let nodes = [(c.node_a, 1.0), (c.node_b, -1.0)];
+            for (node_r, sign_r) in nodes.iter().filter(|(node, _)| *node != WORLD) {
+                for (node_s, sign_s) in nodes.iter().filter(|(node, _)| *node != WORLD) {
+                    for i in 0..3 {
+                        for j in 0..3 {
+                            let k = f64::from(i == j) - c.normal[i] * c.normal[j];
+                            self.mass[(3 * *node_r as usize + i) * n + 3 * *node_s as usize + j] -=
+                                sign_r * sign_s * weight * k;
+                        }
+                    }
+                }
+            }
+        }
+        // Not positive definite (penetration of the order of a radius): fall back on M, a quasi-Newton step.
+        chol_factor(&mut self.mass, n).is_ok()
+    }
+
+    /// `x = Mt^-1 f` in place.
+    fn apply_inverse(
+        mass: &[f64],
+        system: &RowSystem,
+        curved: bool,
+        f: &mut [f64],
+        scratch: &mut Vec<f64>,
+    ) {
+        let nodes = system.nodes();
+        if curved {
+            scratch.clear();
+            for node in 0..nodes {
+                scratch.extend_from_slice(&f[NODE_DOF * node..NODE_DOF * node + 3]);
+            }
+            chol_solve(mass, 3 * nodes, scratch);
+        }
+        for node in 0..nodes {
+            for k in 0..3 {
+                let i = NODE_DOF * node + k;
+                f[i] = if curved {
+                    scratch[3 * node + k]
+                } else {
+                    system.inv_mass[node] * f[i]
+                };
+                f[i + 3] *= system.inv_inertia[node];
+            }
+        }
+    }
+
+    /// `du0 = Mt^-1 (G_act^T l_act - M u)`; multipliers of inactive rows count as already gone.
+    fn free_step(&mut self, system: &RowSystem, at: &Iterate, curved: bool) {
+        self.du0.clear();
+        self.du0.resize(NODE_DOF * system.nodes(), 0.0);
+        for (node, u) in at.u.chunks_exact(NODE_DOF).enumerate() {
+            for k in 0..NODE_DOF {
+                let inverse = if k < 3 {
+                    system.inv_mass[node]
+                } else {
+                    system.inv_inertia[node]
+                };
+                self.du0[NODE_DOF * node + k] = -u[k] / inverse;
+            }
+        }
+        for &(index, _) in &self.active {
+            system.add_impulse(&system.contacts[index], at.lambda, &mut self.du0);
+        }
+        Self::apply_inverse(&self.mass, system, curved, &mut self.du0, &mut self.force);
+    }
+
+    /// `rhs = phi - l - C p G du0` on active rows.
+    fn assemble_rhs(&mut self, system: &RowSystem, at: &Iterate, rows: usize) {
+        self.rhs.clear();
+        self.rhs.resize(rows, 0.0);
+        for &(index, first) in &self.active {
+            let c = &system.contacts[index];
+            let dim = c.dim as usize;
+            let mut pz = [0.0; MAX_ROWS];
+            for (r, value) in pz.iter_mut().enumerate().take(dim) {
+                let row = c.row as usize + r;
+                *value = at.penalty[row] * system.row_velocity(c, row, &self.du0);
+            }
+            for r in 0..dim {
+                let row = c.row as usize + r;
+                let mut value = at.phi[row] - at.lambda[row];
+                for (k, x) in pz.iter().enumerate().take(dim) {
+                    value -= at.tangents[index][r][k] * x;
+                }
+                self.rhs[first + r] = value;
+            }
+        }
+    }
+
+    /// One block `[1 - C + C p W + shift]` of the reduced matrix, from the Delassus block `w` of contacts i, j.
+    fn newton_block(
+        system: &RowSystem,
+        at: &Iterate,
+        i: usize,
+        same: bool,
+        w: &Block,
+        shift: f64,
+    ) -> Block {
+        let c = &system.contacts[i];
+        let dim = c.dim as usize;
+        let tangent = &at.tangents[i];
+        let mut out = [[0.0; MAX_ROWS]; MAX_ROWS];
+        for r in 0..dim {
+            for k in 0..dim {
+                let factor = tangent[r][k] * at.penalty[c.row as usize + k];
+                if factor != 0.0 {
+                    for s in 0..MAX_ROWS {
+                        out[r][s] += factor * w[k][s];
+                    }
+                }
+            }
+            if same {
+                for k in 0..dim {
+                    out[r][k] -= tangent[r][k];
+                }
+                let row = c.row as usize + r;
+                out[r][r] += 1.0 + shift * at.penalty[row] * system.diag[row];
+            }
+        }
+        out
+    }
+
+    fn assemble_dense(
+        &mut self,
+        system: &RowSystem,
+        at: &Iterate,
+        rows: usize,
+        curved: bool,
+        shift: f64,
+    ) {
+        self.matrix.clear();
+        self.matrix.resize(rows * rows, 0.0);
+        if curved {
+            self.compute_compliance(system, rows);
+        }
+        for &(j, first_j) in &self.active {
+            let cj = &system.contacts[j];
+            for &(i, first_i) in &self.active {
+                let ci = &system.contacts[i];
+                let mut w = [[0.0; MAX_ROWS]; MAX_ROWS];
+                if curved {
+                    let dofs = NODE_DOF * system.nodes();
+                    for (s, col) in (first_j..first_j + cj.dim as usize).enumerate() {
+                        let y = &self.compliance[col * dofs..(col + 1) * dofs];
+                        for (r, out) in w.iter_mut().enumerate().take(ci.dim as usize) {
+                            out[s] = system.row_velocity(ci, ci.row as usize + r, y);
+                        }
+                    }
+                } else {
+                    system.delassus_block(ci, cj, &mut w);
+                }
+                let block = Self::newton_block(system, at, i, i == j, &w, shift);
+                for (r, values) in block.iter().enumerate().take(ci.dim as usize) {
+                    let start = (first_i + r) * rows + first_j;
+                    self.matrix[start..start + cj.dim as usize]
+                        .copy_from_slice(&values[..cj.dim as usize]);
+                }
+            }
+        }
+    }
+
+    /// `Mt^-1 G^T` column by column of the active rows.
+    fn compute_compliance(&mut self, system: &RowSystem, rows: usize) {
+        let dofs = NODE_DOF * system.nodes();
+        self.compliance.clear();
+        self.compliance.resize(rows * dofs, 0.0);
+        for &(index, first) in &self.active {
+            let c = &system.contacts[index];
+            for r in 0..c.dim as usize {
+                let y = &mut self.compliance[(first + r) * dofs..(first + r + 1) * dofs];
+                let jac = &system.jac[c.row as usize + r];
+                y[NODE_DOF * c.node_a as usize..][..NODE_DOF].copy_from_slice(&jac[0]);
+                if c.node_b != WORLD {
+                    y[NODE_DOF * c.node_b as usize..][..NODE_DOF].copy_from_slice(&jac[1]);
+                }
+                Self::apply_inverse(&self.mass, system, true, y, &mut self.force);
+            }
+        }
+    }
+
+    /// Column-compressed assembly over contacts that share a node; row indices ascend within each column.
+    fn assemble_sparse(&mut self, system: &RowSystem, at: &Iterate, rows: usize, shift: f64) {
+        let s = &mut self.sparse;
+        s.index_contacts(system, &self.active);
+        s.col_ptr.clear();
+        s.row_idx.clear();
+        s.values.clear();
+        s.col_ptr.push(0);
+        for &(j, _) in &self.active {
+            let cj = system.contacts[j];
+            s.collect_neighbours(&cj);
+            let mut blocks = [[0.0; MAX_ROWS]; MAX_ROWS];
+            let start = s.row_idx.len();
+            let mut column_rows = 0;
+            for &slot in &s.neighbours {
+                column_rows += system.contacts[self.active[slot].0].dim as usize;
+            }
+            s.row_idx.resize(start + column_rows * cj.dim as usize, 0);
+            s.values.resize(start + column_rows * cj.dim as usize, 0.0);
+            let mut offset = 0;
+            for &slot in &s.neighbours {
+                let (i, first_i) = self.active[slot];
+                let ci = &system.contacts[i];
+                for row in blocks.iter_mut() {
+                    row.fill(0.0);
+                }
+                system.delassus_block(ci, &cj, &mut blocks);
+                let block = Self::newton_block(system, at, i, i == j, &blocks, shift);
+                for r in 0..ci.dim as usize {
+                    for col in 0..cj.dim as usize {
+                        let place = start + col * column_rows + offset + r;
+                        s.row_idx[place] = first_i + r;
+                        s.values[place] = block[r][col];
+                    }
+                }
+                offset += ci.dim as usize;
+            }
+            for _ in 0..cj.dim {
+                s.col_ptr
+                    .push(s.col_ptr.last().copied().unwrap_or(0) + column_rows);
+            }
+        }
+        debug_assert_eq!(s.col_ptr.len(), rows + 1);
+    }
+
+    /// Full increments from the reduced ones.
+    fn expand(
+        &mut self,
+        system: &RowSystem,
+        at: &Iterate,
+        curved: bool,
+        d_lambda: &mut [f64],
+        d_u: &mut [f64],
+    ) {
+        for (d, l) in d_lambda.iter_mut().zip(at.lambda) {
+            *d = -l;
+        }
+        d_u.fill(0.0);
+        for &(index, first) in &self.active {
+            let c = &system.contacts[index];
+            let row = c.row as usize;
+            d_lambda[row..row + c.dim as usize]
+                .copy_from_slice(&self.solution[first..first + c.dim as usize]);
+            system.add_impulse(c, d_lambda, d_u);
+        }
+        Self::apply_inverse(&self.mass, system, curved, d_u, &mut self.force);
+        for (d, free) in d_u.iter_mut().zip(&self.du0) {
+            *d += free;
+        }
+    }
+}
+
+impl SparseParts {
+    /// Lists, per node, the slots of the active contacts on it.
+    fn index_contacts(&mut self, system: &RowSystem, active: &[(usize, usize)]) {
+        self.node_start.clear();
+        self.node_start.resize(system.nodes() + 1, 0);
+        let ends = |index: usize| {
+            let c = &system.contacts[index];
+            [c.node_a, c.node_b]
+                .into_iter()
+                .filter(|&node| node != WORLD)
+                .map(|node| node as usize)
+        };
+        for &(index, _) in active {
+            ends(index).for_each(|node| self.node_start[node + 1] += 1);
+        }
+        for node in 0..system.nodes() {
+            self.node_start[node + 1] += self.node_start[node];
+        }
+        self.position.clear();
+        self.position
+            .extend_from_slice(&self.node_start[..system.nodes()]);
+        self.node_contacts
+            .resize(self.node_start[system.nodes()], 0);
+        for (slot, &(index, _)) in active.iter().enumerate() {
+            for node in ends(index) {
+                self.node_contacts[self.position[node]] = slot;
+                self.position[node] += 1;
+            }
+        }
+    }
+
+    /// Slots of the contacts that share a node with `c` (itself among them), ascending and once each.
+    fn collect_neighbours(&mut self, c: &crate::rows::RowContact) {
+        self.neighbours.clear();
+        for node in [c.node_a, c.node_b] {
+            if node != WORLD {
+                let range = self.node_start[node as usize]..self.node_start[node as usize + 1];
+                self.neighbours
+                    .extend_from_slice(&self.node_contacts[range]);
+            }
+        }
+        self.neighbours.sort_unstable();
+        self.neighbours.dedup();
+    }
+}

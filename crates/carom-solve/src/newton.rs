@@ -1,0 +1,328 @@
+//! Semi-smooth Newton on the augmented Lagrangian (eqs. 10-23), with line search and the chain of rule R1.
+//!
+//! Unknowns are the correction `u` (M u = G^T lambda) and the multipliers. One iteration solves
+//! `[M - sum phi_N K + p G^T C G, -G^T C; -C p G, C - 1] (du, dl) = -(M u - G^T phi, phi - l)`
+//! after elimination of `du` (see `linear_step`): the system that is factored is the small one over the rows of
+//! active contacts. At velocity level (`K = 0`) this gives the iterates of the full saddle system exactly, because
+//! `M u = G^T lambda` holds from the start (decision record 004).
+
+use crate::cone::{self, Block, Status, MAX_ROWS};
+use crate::gauss_seidel;
+use crate::linear_step::LinearStep;
+use crate::report::{Rung, SolveReport};
+use crate::rows::{RowSystem, Subproblem, NODE_DOF};
+
+/// Numerical options of a solve.
+#[derive(Clone, Copy, Debug)]
+pub struct NewtonOptions {
+    /// tol_r of eq. 44, dimensionless.
+    pub tolerance: f64,
+    /// Absolute floor of eq. 44 (tol_r tol_f), in the unit of the multipliers.
+    pub floor: f64,
+    /// Closed contacts must meet `|gap| <= gap_tolerance * r_c` (position level, small islands); infinite: not asked.
+    pub gap_tolerance: f64,
+    pub max_iterations: u32,
+    /// p per row is `penalty_scale / D_cc` (rule R1: 0.5; safe for one contact up to 2).
+    pub penalty_scale: f64,
+    /// Proximal shift of the multiplier block, relative to its diagonal, times min(1, |r|/|r_0|) (rule R11).
+    pub proximal_shift: f64,
+    /// Step-length reductions per iteration; 0 switches the line search off.
+    pub max_line_search: u32,
+    /// Gauss-Seidel sweeps before the last restart.
+    pub sweeps: u32,
+    /// Up to this many contacts: dense matrix with the exact Hessian.
+    pub dense_contacts: usize,
+}
+
+/// Merits of this many last iterates a new one may reach (non-monotone line search).
+const MEMORY: usize = 5;
+/// The shift never falls below this share of `proximal_shift`: a redundant system stays factorable.
+const SHIFT_FLOOR: f64 = 1e-6;
+
+/// Workspace of the solver; allocate once, reuse for every problem.
+#[derive(Default)]
+pub struct Newton {
+    z: Vec<f64>,
+    penalty: Vec<f64>,
+    xi: Vec<f64>,
+    phi: Vec<f64>,
+    residual: Vec<f64>,
+    tangents: Vec<Block>,
+    statuses: Vec<Status>,
+    force: Vec<f64>,
+    d_lambda: Vec<f64>,
+    d_u: Vec<f64>,
+    start_lambda: Vec<f64>,
+    start_u: Vec<f64>,
+    trial_lambda: Vec<f64>,
+    trial_u: Vec<f64>,
+    linear: LinearStep,
+    /// Relative residual (eq. 44) at each iterate of the last solve, all rungs in order.
+    pub history: Vec<f64>,
+}
+
+/// Norm of the residual and the sum of the norms of its terms.
+#[derive(Clone, Copy)]
+struct Norms {
+    residual: f64,
+    terms: f64,
+}
+
+impl Newton {
+    /// Statuses of the contacts at the end of the last solve.
+    pub fn statuses(&self) -> &[Status] {
+        &self.statuses
+    }
+
+    /// Rows of `phi - lambda` at the end of the last solve.
+    pub fn residual_rows(&self) -> &[f64] {
+        &self.residual
+    }
+
+    /// Measures `z` at the end of the last solve.
+    pub fn measures(&self) -> &[f64] {
+        &self.z
+    }
+
+    /// Solves from `(lambda, u)`, which must satisfy `M u = G^T lambda`; on success they hold the solution with
+    /// `lambda` inside its cones. On failure of a rung the next one starts from the same start.
+    pub fn solve<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        lambda: &mut [f64],
+        u: &mut [f64],
+    ) -> SolveReport {
+        self.resize(system);
+        self.history.clear();
+        self.start_lambda.copy_from_slice(lambda);
+        self.start_u.copy_from_slice(u);
+        let mut total = SolveReport::default();
+        for (rung, factor) in [
+            (Rung::First, 1.0),
+            (Rung::HalfPenalty, 0.5),
+            (Rung::DoublePenalty, 2.0),
+            (Rung::AfterSweeps, 1.0),
+        ] {
+            if rung != Rung::First {
+                lambda.copy_from_slice(&self.start_lambda);
+                u.copy_from_slice(&self.start_u);
+            }
+            if rung == Rung::AfterSweeps {
+                gauss_seidel::sweeps(system, problem, options.sweeps, lambda, u, &mut self.z);
+            }
+            let report = self.iterate(system, problem, options, factor, lambda, u);
+            total.iterations += report.iterations;
+            total.line_search += report.line_search;
+            total.residual = report.residual;
+            total.rung = rung;
+            if report.converged {
+                total.converged = true;
+                break;
+            }
+        }
+        // Also an iterate that is accepted unconverged (option `warn`) lies inside its cones.
+        lambda.copy_from_slice(&self.phi);
+        total
+    }
+
+    fn resize(&mut self, system: &RowSystem) {
+        let (rows, dofs) = (system.rows(), NODE_DOF * system.nodes());
+        for v in [
+            &mut self.z,
+            &mut self.penalty,
+            &mut self.xi,
+            &mut self.phi,
+            &mut self.residual,
+            &mut self.d_lambda,
+            &mut self.start_lambda,
+            &mut self.trial_lambda,
+        ] {
+            v.resize(rows, 0.0);
+        }
+        for v in [
+            &mut self.force,
+            &mut self.d_u,
+            &mut self.start_u,
+            &mut self.trial_u,
+        ] {
+            v.resize(dofs, 0.0);
+        }
+        self.tangents
+            .resize(system.contacts.len(), [[0.0; MAX_ROWS]; MAX_ROWS]);
+        self.statuses.resize(system.contacts.len(), Status::Gap);
+    }
+
+    fn iterate<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        factor: f64,
+        lambda: &mut [f64],
+        u: &mut [f64],
+    ) -> SolveReport {
+        for (p, d) in self.penalty.iter_mut().zip(&system.diag) {
+            *p = factor * options.penalty_scale / d;
+        }
+        let mut report = SolveReport::default();
+        let mut merits = [0.0; MEMORY];
+        problem.evaluate(system, u, &mut self.z);
+        let mut norms = self.norms(system, lambda, u);
+        let first = norms.residual;
+        loop {
+            report.residual = norms.residual / (norms.terms + options.floor / options.tolerance);
+            self.history.push(report.residual);
+            if !norms.residual.is_finite() {
+                return report;
+            }
+            if report.residual < options.tolerance
+                && self.gaps_closed(system, options.gap_tolerance)
+            {
+                lambda.copy_from_slice(&self.phi);
+                report.converged = true;
+                return report;
+            }
+            if report.iterations >= options.max_iterations {
+                return report;
+            }
+            merits[report.iterations as usize % MEMORY] = norms.residual;
+            let shift = options.proximal_shift * (norms.residual / first).clamp(SHIFT_FLOOR, 1.0);
+            for (c, block) in system.contacts.iter().zip(&mut self.tangents) {
+                let rows = c.row as usize..(c.row + c.dim) as usize;
+                cone::tangent(&c.bounds, &self.xi[rows], block);
+            }
+            let solved = self.linear.solve(
+                system,
+                &crate::linear_step::Iterate {
+                    z: &self.z,
+                    penalty: &self.penalty,
+                    phi: &self.phi,
+                    tangents: &self.tangents,
+                    statuses: &self.statuses,
+                    lambda,
+                    u,
+                },
+                shift,
+                system.contacts.len() <= options.dense_contacts,
+                &mut self.d_lambda,
+                &mut self.d_u,
+            );
+            if solved.is_err() {
+                return report;
+            }
+            report.iterations += 1;
+            norms = self.advance(system, problem, options, &merits, lambda, u, &mut report);
+        }
+    }
+
+    /// Takes the step, shortened while the merit exceeds those of the last iterates. If no length helps the full
+    /// step is taken: the merit is only piecewise smooth and may have to rise across a change of status.
+    #[allow(clippy::too_many_arguments)]
+    fn advance<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        merits: &[f64; MEMORY],
+        lambda: &mut [f64],
+        u: &mut [f64],
+        report: &mut SolveReport,
+    ) -> Norms {
+        let count = (report.iterations as usize).min(MEMORY);
+        let bound = merits[..count].iter().fold(0.0f64, |m, &x| m.max(x));
+        let mut length = 1.0;
+        let mut tries = 0;
+        loop {
+            for (t, (l, d)) in self
+                .trial_lambda
+                .iter_mut()
+                .zip(lambda.iter().zip(&self.d_lambda))
+            {
+                *t = l + length * d;
+            }
+            for (t, (v, d)) in self.trial_u.iter_mut().zip(u.iter().zip(&self.d_u)) {
+                *t = v + length * d;
+            }
+            let (trial_lambda, trial_u) = (
+                std::mem::take(&mut self.trial_lambda),
+                std::mem::take(&mut self.trial_u),
+            );
+            problem.evaluate(system, &trial_u, &mut self.z);
+            let norms = self.norms(system, &trial_lambda, &trial_u);
+            (self.trial_lambda, self.trial_u) = (trial_lambda, trial_u);
+            let accept = norms.residual <= bound * (1.0 + 1e-12)
+                || options.max_line_search == 0
+                || (tries > 0 && length == 1.0);
+            if accept {
+                lambda.copy_from_slice(&self.trial_lambda);
+                u.copy_from_slice(&self.trial_u);
+                return norms;
+            }
+            tries += 1;
+            report.line_search += 1;
+            length = if tries >= options.max_line_search {
+                1.0
+            } else {
+                0.5 * length
+            };
+        }
+    }
+
+    /// Augmented multipliers, projections, residual rows `phi - lambda`, statuses; returns the norms of eq. 44.
+    fn norms(&mut self, system: &RowSystem, lambda: &[f64], u: &[f64]) -> Norms {
+        let (mut rr, mut pp, mut ll) = (0.0, 0.0, 0.0);
+        for (index, c) in system.contacts.iter().enumerate() {
+            let rows = c.row as usize..(c.row + c.dim) as usize;
+            for row in rows.clone() {
+                self.xi[row] = lambda[row] - self.penalty[row] * self.z[row];
+            }
+            self.statuses[index] = cone::project(
+                &c.bounds,
+                &self.xi[rows.clone()],
+                &mut self.phi[rows.clone()],
+            );
+            let translational = c.row as usize + if c.bounds.sliding > 0.0 { 3 } else { 1 };
+            for row in rows {
+                let scale = if row < translational {
+                    1.0
+                } else {
+                    1.0 / c.length
+                };
+                let r = self.phi[row] - lambda[row];
+                self.residual[row] = r;
+                rr += (scale * r) * (scale * r);
+                pp += (scale * self.phi[row]) * (scale * self.phi[row]);
+                ll += (scale * lambda[row]) * (scale * lambda[row]);
+            }
+        }
+        system.impulses(&self.phi, &mut self.force);
+        let (mut inertia, mut force) = (0.0, 0.0);
+        for node in 0..system.nodes() {
+            let (m, i) = (1.0 / system.inv_mass[node], 1.0 / system.inv_inertia[node]);
+            let turn = 1.0 / system.node_length[node];
+            for k in 0..NODE_DOF {
+                let (mass, scale) = if k < 3 { (m, 1.0) } else { (i, turn) };
+                let a = scale * mass * u[NODE_DOF * node + k];
+                let b = scale * self.force[NODE_DOF * node + k];
+                inertia += a * a;
+                force += b * b;
+                rr += (a - b) * (a - b);
+            }
+        }
+        Norms {
+            residual: rr.sqrt(),
+            terms: inertia.sqrt() + force.sqrt() + pp.sqrt() + ll.sqrt(),
+        }
+    }
+
+    fn gaps_closed(&self, system: &RowSystem, tolerance: f64) -> bool {
+        tolerance.is_infinite()
+            || system.contacts.iter().all(|c| {
+                let z = self.z[c.row as usize];
+                z >= -tolerance * c.length
+                    && (self.phi[c.row as usize] == 0.0 || z <= tolerance * c.length)
+            })
+    }
+}

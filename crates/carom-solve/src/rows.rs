@@ -1,0 +1,248 @@
+//! A contact problem as rows over nodes: everything a solver may know.
+
+use crate::cone::{Bounds, MAX_ROWS};
+
+/// Index of "no node": the fixed world (a plane).
+pub const WORLD: u32 = u32::MAX;
+
+/// Degrees of freedom of a node: translation, then rotation (spatial).
+pub const NODE_DOF: usize = 6;
+
+/// One contact of a problem.
+#[derive(Clone, Copy, Debug)]
+pub struct RowContact {
+    /// First node (never [`WORLD`]).
+    pub node_a: u32,
+    /// Second node or [`WORLD`].
+    pub node_b: u32,
+    /// First row.
+    pub row: u32,
+    /// Number of rows, `bounds.dim()`.
+    pub dim: u32,
+    pub bounds: Bounds,
+    /// Reference length r_c, m: makes rotational rows comparable and gaps relative.
+    pub length: f64,
+    /// Derivative of the unit normal: `curvature (1 - n n^T)` over the relative position, 1/m (eq. 42); 0 at velocity level.
+    pub curvature: f64,
+    /// Current unit normal (needed with the curvature only).
+    pub normal: [f64; 3],
+}
+
+/// Nodes, contacts and rows. `M u = G^T lambda`, measures `z(u)` (gaps, or relative velocities with restitution).
+///
+/// The mass is diagonal here (free spheres); joints and other bodies bring a saddle system beside this one, not a
+/// different row type.
+#[derive(Clone, Debug, Default)]
+pub struct RowSystem {
+    /// Per node: 1/m, 1/I, length (radius, m).
+    pub inv_mass: Vec<f64>,
+    pub inv_inertia: Vec<f64>,
+    pub node_length: Vec<f64>,
+    pub contacts: Vec<RowContact>,
+    /// Jacobian of each row over node a and node b (6 each; b unused at the world).
+    pub jac: Vec<[[f64; NODE_DOF]; 2]>,
+    /// Measure of each row at `u = 0`.
+    pub z0: Vec<f64>,
+    /// `D_cc`, diagonal of `G M^-1 G^T` per row (nominal, without the turning of the normal).
+    pub diag: Vec<f64>,
+}
+
+/// A sub-problem of a step: measures as functions of the correction `u`.
+pub trait Subproblem {
+    /// Writes `z(u)`. May refresh the Jacobian rows, normals and curvatures that depend on `u`.
+    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]);
+}
+
+/// Measures that are linear in `u` (velocity level: gradients frozen at the corrected positions).
+pub struct Linear;
+
+impl Subproblem for Linear {
+    #[inline]
+    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
+        system.linear_measures(u, z);
+    }
+}
+
+impl RowSystem {
+    pub fn clear(&mut self) {
+        self.inv_mass.clear();
+        self.inv_inertia.clear();
+        self.node_length.clear();
+        self.contacts.clear();
+        self.jac.clear();
+        self.z0.clear();
+        self.diag.clear();
+    }
+
+    #[inline]
+    pub fn nodes(&self) -> usize {
+        self.inv_mass.len()
+    }
+
+    #[inline]
+    pub fn rows(&self) -> usize {
+        self.jac.len()
+    }
+
+    /// Adds a node; returns its index.
+    pub fn push_node(&mut self, mass: f64, inertia: f64, length: f64) -> u32 {
+        let index = self.inv_mass.len() as u32;
+        self.inv_mass.push(1.0 / mass);
+        self.inv_inertia.push(1.0 / inertia);
+        self.node_length.push(length);
+        index
+    }
+
+    /// Adds a contact with its rows (`jac[row] = [over a, over b]`, `z0[row]`), computing `D_cc`.
+    #[allow(clippy::too_many_arguments)] // one call site; a struct would only repeat the names
+    pub fn push_contact(
+        &mut self,
+        node_a: u32,
+        node_b: u32,
+        bounds: Bounds,
+        length: f64,
+        normal: [f64; 3],
+        jac: &[[[f64; NODE_DOF]; 2]],
+        z0: &[f64],
+    ) {
+        debug_assert_eq!(jac.len(), bounds.dim());
+        let row = self.jac.len() as u32;
+        self.contacts.push(RowContact {
+            node_a,
+            node_b,
+            row,
+            dim: jac.len() as u32,
+            bounds,
+            length,
+            curvature: 0.0,
+            normal,
+        });
+        for (j, z) in jac.iter().zip(z0) {
+            let mut d = self.weighted_dot(node_a, &j[0], &j[0]);
+            if node_b != WORLD {
+                d += self.weighted_dot(node_b, &j[1], &j[1]);
+            }
+            self.jac.push(*j);
+            self.z0.push(*z);
+            self.diag.push(d);
+        }
+    }
+
+    /// `x . M^-1 y` on one node.
+    #[inline]
+    pub fn weighted_dot(&self, node: u32, x: &[f64; NODE_DOF], y: &[f64; NODE_DOF]) -> f64 {
+        let (im, ii) = (
+            self.inv_mass[node as usize],
+            self.inv_inertia[node as usize],
+        );
+        im * (x[0] * y[0] + x[1] * y[1] + x[2] * y[2])
+            + ii * (x[3] * y[3] + x[4] * y[4] + x[5] * y[5])
+    }
+
+    /// `G u` of one row.
+    #[inline]
+    pub fn row_velocity(&self, contact: &RowContact, row: usize, u: &[f64]) -> f64 {
+        let mut sum = dot6(&self.jac[row][0], &u[NODE_DOF * contact.node_a as usize..]);
+        if contact.node_b != WORLD {
+            sum += dot6(&self.jac[row][1], &u[NODE_DOF * contact.node_b as usize..]);
+        }
+        sum
+    }
+
+    /// `z = z0 + G u` for all rows.
+    pub fn linear_measures(&self, u: &[f64], z: &mut [f64]) {
+        for c in &self.contacts {
+            for row in c.row as usize..(c.row + c.dim) as usize {
+                z[row] = self.z0[row] + self.row_velocity(c, row, u);
+            }
+        }
+    }
+
+    /// `f += G^T lambda` over the rows of one contact.
+    #[inline]
+    pub fn add_impulse(&self, c: &RowContact, lambda: &[f64], f: &mut [f64]) {
+        for row in c.row as usize..(c.row + c.dim) as usize {
+            let l = lambda[row];
+            if l == 0.0 {
+                continue;
+            }
+            axpy6(l, &self.jac[row][0], &mut f[NODE_DOF * c.node_a as usize..]);
+            if c.node_b != WORLD {
+                axpy6(l, &self.jac[row][1], &mut f[NODE_DOF * c.node_b as usize..]);
+            }
+        }
+    }
+
+    /// `f = G^T lambda`.
+    pub fn impulses(&self, lambda: &[f64], f: &mut [f64]) {
+        f.fill(0.0);
+        for c in &self.contacts {
+            self.add_impulse(c, lambda, f);
+        }
+    }
+
+    /// `u = M^-1 f`.
+    pub fn apply_inverse_mass(&self, f: &[f64], u: &mut [f64]) {
+        for node in 0..self.nodes() {
+            let (im, ii) = (self.inv_mass[node], self.inv_inertia[node]);
+            for k in 0..3 {
+                u[NODE_DOF * node + k] = im * f[NODE_DOF * node + k];
+                u[NODE_DOF * node + 3 + k] = ii * f[NODE_DOF * node + 3 + k];
+            }
+        }
+    }
+
+    /// Delassus block `G_i M^-1 G_j^T` over the nodes that contacts `i` and `j` share, added to `block`.
+    pub fn delassus_block(
+        &self,
+        i: &RowContact,
+        j: &RowContact,
+        block: &mut [[f64; MAX_ROWS]; MAX_ROWS],
+    ) {
+        for (side_i, node_i) in [(0, i.node_a), (1, i.node_b)] {
+            for (side_j, node_j) in [(0, j.node_a), (1, j.node_b)] {
+                if node_i == WORLD || node_i != node_j {
+                    continue;
+                }
+                for (r, out) in block.iter_mut().enumerate().take(i.dim as usize) {
+                    let ji = &self.jac[i.row as usize + r][side_i];
+                    for (s, value) in out.iter_mut().enumerate().take(j.dim as usize) {
+                        *value +=
+                            self.weighted_dot(node_i, ji, &self.jac[j.row as usize + s][side_j]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Dense `W = G M^-1 G^T`, row-major: for reports and stored problems, not for the hot path.
+    pub fn dense_delassus(&self) -> Vec<f64> {
+        let n = self.rows();
+        let mut w = vec![0.0; n * n];
+        for i in &self.contacts {
+            for j in &self.contacts {
+                let mut block = [[0.0; MAX_ROWS]; MAX_ROWS];
+                self.delassus_block(i, j, &mut block);
+                for r in 0..i.dim as usize {
+                    for s in 0..j.dim as usize {
+                        w[(i.row as usize + r) * n + j.row as usize + s] = block[r][s];
+                    }
+                }
+            }
+        }
+        w
+    }
+}
+
+#[inline]
+fn dot6(x: &[f64; NODE_DOF], y: &[f64]) -> f64 {
+    let y = &y[..NODE_DOF];
+    x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3] + x[4] * y[4] + x[5] * y[5]
+}
+
+#[inline]
+fn axpy6(a: f64, x: &[f64; NODE_DOF], y: &mut [f64]) {
+    for (yi, xi) in y[..NODE_DOF].iter_mut().zip(x) {
+        *yi += a * xi;
+    }
+}
