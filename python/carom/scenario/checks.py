@@ -204,14 +204,17 @@ def _usable_numbers(parts: Parts) -> Iterator[Finding]:
         ("mass", bodies.mass, 1e-60, 1e60),
         ("inertia", bodies.inertia, 1e-90, 1e90),
     )
+    unusable = False
     for segment in bodies.segments:
         for key, values, least, most in limits:
             value = values[segment.start]
             if not least <= value <= most:
-                path = (segment.section, segment.index, key)
-                yield Finding(
-                    path, f"{key} comes to {value:g}, outside {least:g} to {most:g}", "check the units"
-                )
+                cause = f"{key} comes to {value:g}, outside {least:g} to {most:g}"
+                yield Finding((segment.section, segment.index, key), cause, "check the units")
+                unusable = True
+                break  # mass and inertia follow from the radius
+    if unusable:
+        return
     with np.errstate(over="ignore"):
         far = np.abs(bodies.position).max(axis=1) > 1e12 * bodies.radius
     for body in np.flatnonzero(far)[:MOST]:

@@ -94,6 +94,8 @@ def _toml(text: str, name: str) -> dict[str, Any]:
         at = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
         rows = text.split("\n")
         line = int(at[1]) if at and at[1] else len(rows) if at else 1
+        if isinstance(e, RecursionError):
+            line = 1 + max(range(len(rows)), key=lambda i: rows[i].count("[") + rows[i].count("{"))
         row = rows[line - 1] if line <= len(rows) else ""
         cause = f"is not TOML: {message[: at.start()] if at else message}"
         if at and at[2]:

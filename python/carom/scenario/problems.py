@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from carom.errors import Problem, ScenarioError, did_you_mean, nearest, quoted
+from carom.errors import Problem, ScenarioError, did_you_mean, quoted
 from carom.scenario.fields import OURS, exactly_one
 from carom.scenario.lines import LineMap, Path
 from carom.scenario.table import Table
@@ -159,16 +159,15 @@ def _example(owner: type[Table], key: str) -> str:
 
 def _unknown(key: str, owner: type[Table], tables: Mapping[str, type[Table]]) -> str:
     known = list(owner.model_fields)
-    if nearest(key, known) is None:
-        homes = [name for name, table in tables.items() if key in table.model_fields and table is not owner]
-        if homes and owner.section != homes[0]:
-            return f"{key} belongs in {_header(homes[0], tables)}"
-        if key in ("format", "title"):
-            return f"{key} belongs at the top of the file, before the first section"
+    homes = [_header(name) for name, table in tables.items() if key in table.model_fields]
+    if homes:
+        return f"{key} belongs in {' or '.join(homes)}"
+    if key in ("format", "title") and owner.section:
+        return f"{key} belongs at the top of the file, before the first section"
     return did_you_mean(key, known)
 
 
-def _header(name: str, tables: Mapping[str, type[Table]]) -> str:
+def _header(name: str) -> str:
     return f"[{name}]" if name in ("run", "record", "world") else f"[[{name}]]"
 
 

@@ -1,0 +1,442 @@
+"""Every mistake a person can make in a scenario file gets a one-line error with file, line, key and cure."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from pathlib import Path
+
+import pytest
+from carom.errors import ScenarioError
+from carom.scene import Scene
+
+GOOD = """\
+format = 1
+title = "one ball on a table"
+
+[run]
+until = 1.0
+step = 1e-3
+
+[world]
+gravity = [0.0, 0.0, -9.8]
+
+[[material]]
+name = "ball"
+
+[[material]]
+name = "cloth"
+
+[[contact]]
+between = ["ball", "cloth"]
+friction = 0.2
+restitution = 0.5
+
+[[contact]]
+between = ["ball", "ball"]
+friction = 0.1
+restitution = 0.9
+
+[[sphere]]
+name = "cue"
+material = "ball"
+radius = "28.575 mm"
+mass = 0.17
+position = [0.0, 0.0, 0.028575]
+
+[[sphere]]
+name = "other"
+material = "ball"
+radius = "28.575 mm"
+mass = 0.17
+position = [0.5, 0.0, 0.028575]
+
+[[plane]]
+name = "bed"
+material = "cloth"
+point = [0.0, 0.0, 0.0]
+normal = [0.0, 0.0, 1.0]
+"""
+
+
+def problems_of(text: str, folder: Path) -> list[str]:
+    """The lines of the error for a scenario, which must name the file and stand on one line each."""
+    path = folder / "x.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        Scene.from_toml(path).validate()
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(caught.value.problems)
+    assert all(line.startswith(f"{path}:") and "; " in line for line in lines)
+    return [line.removeprefix(f"{path}:") for line in lines]
+
+
+def test_the_scenario_that_the_others_spoil_is_good() -> None:
+    scene = Scene.from_toml(GOOD)
+    assert scene.validate() == []
+    assert scene.names == ["cue", "other"]
+
+
+# what is replaced in GOOD, by what, then the parts that the one message must hold
+MISTAKES = {
+    "unknown key": (
+        "mass = 0.17\nposition = [0.5",
+        "mass = 0.17\nradiuss = 1\nposition = [0.5",
+        "sphere",
+        "did you mean radius?",
+    ),
+    "unknown table": ("[world]", "[record]\nevry = 2\n[world]", "record.evry", "did you mean every?"),
+    "unknown section": ("[world]", "[wrld]\na = 1\n[world]", "wrld: unknown key", "did you mean world?"),
+    "key of another table": (
+        "step = 1e-3",
+        "gravity = [0, 0, 0]",
+        "run.gravity",
+        "gravity belongs in [world]",
+    ),
+    "title below a table": ("step = 1e-3", 'title = "x"', "run.title", "top of the file"),
+    "wrong unit": (
+        '"28.575 mm"\nmass = 0.17\nposition = [0.0',
+        '"2 s"\nmass = 0.17\nposition = [0.0',
+        'sphere "cue" radius: expected a length, found "2 s", a time',
+        "cm, mm",
+    ),
+    "unknown unit": (
+        '"28.575 mm"\nmass = 0.17\nposition = [0.0',
+        '"2 mn"\nmass = 0.17\nposition = [0.0',
+        'unknown unit "mn"',
+        "did you mean m",
+    ),
+    "no unit": (
+        '"28.575 mm"\nmass = 0.17\nposition = [0.0',
+        '"0.02"\nmass = 0.17\nposition = [0.0',
+        "text without a unit",
+        "remove the quotes",
+    ),
+    "negative mass": (
+        "mass = 0.17\nposition = [0.0",
+        "mass = -1\nposition = [0.0",
+        'sphere "cue" mass: must be positive, found -1',
+    ),
+    "zero radius": (
+        '"28.575 mm"\nmass = 0.17\nposition = [0.0',
+        "0.0\nmass = 0.17\nposition = [0.0",
+        "radius: must be positive, found 0",
+    ),
+    "nan": (
+        "mass = 0.17\nposition = [0.0",
+        "mass = nan\nposition = [0.0",
+        "must be a finite number, found nan",
+    ),
+    "infinite": (
+        "[0.5, 0.0, 0.028575]",
+        "[0.5, inf, 0.028575]",
+        'sphere "other" position: number 2: must be a finite number',
+    ),
+    "huge integer": (
+        "mass = 0.17\nposition = [0.0",
+        "mass = 1" + "0" * 400 + "\nposition = [0.0",
+        "finite number",
+    ),
+    "boolean for a number": ("until = 1.0", "until = true", "run.until: expected a number, found true"),
+    "no mass": ("mass = 0.17\nposition = [0.0", "position = [0.0", 'sphere "cue": neither mass nor density'),
+    "two masses": (
+        "mass = 0.17\nposition = [0.0",
+        "mass = 0.17\ndensity = 1\nposition = [0.0",
+        "both mass and density",
+    ),
+    "missing key": (
+        "friction = 0.2\n",
+        "",
+        'contact "ball"-"cloth" friction: is missing',
+        "add friction = 0.2",
+    ),
+    "missing table": (
+        "[world]\ngravity = [0.0, 0.0, -9.8]\n",
+        "",
+        "world: is missing",
+        "add [world] and below it gravity = [0.0, 0.0, -9.8]",
+    ),
+    "missing format": ("format = 1\n", "", "format: is missing", "add format = 1"),
+    "later format": ("format = 1", "format = 2", "format: this Carom reads format 1, found 2"),
+    "two numbers": (
+        "gravity = [0.0, 0.0, -9.8]",
+        "gravity = [0.0, -9.8]",
+        "world.gravity: expected a list of 3 numbers, found a list of 2",
+    ),
+    "one bracket": (
+        "[[plane]]",
+        "[plane]",
+        "plane: expected any number of tables, found [plane]",
+        "[[plane]]",
+    ),
+    "two brackets": ("[world]", "[[world]]", "world: expected a table", "write [world]"),
+    "value for a table": ('title = "one ball on a table"', "record = 3", "record: expected a table, found 3"),
+    "overlap": (
+        "[0.5, 0.0, 0.028575]",
+        "[0.05, 0.0, 0.028575]",
+        'sphere "other" position: spheres "cue" and "other" overlap',
+        "gap -0.00715 m",
+        "0.00715 m further apart",
+    ),
+    "same place": ("[0.5, 0.0, 0.028575]", "[0.0, 0.0, 0.028575]", "overlap at the start, gap -0.05715 m"),
+    "below a plane": (
+        "[0.5, 0.0, 0.028575]",
+        "[0.5, 0.0, 0.02]",
+        'sphere "other" position: sphere "other" reaches 0.008575 m behind plane "bed"',
+        "move it by",
+    ),
+    "wrong side": ("[0.5, 0.0, 0.028575]", "[0.5, 0.0, -0.5]", "behind plane", "reverse the normal"),
+    "missing pair": (
+        'between = ["ball", "cloth"]',
+        'between = ["cloth", "cloth"]',
+        'material "cloth": no contact law for "ball" and "cloth"',
+        'plane "bed"',
+        'between = ["ball", "cloth"]',
+    ),
+    "missing pair of equals": (
+        'between = ["ball", "ball"]',
+        'between = ["cloth", "cloth"]',
+        'material "ball": no contact law for "ball" and "ball"',
+        '"cue" and "other" can meet',
+    ),
+    "second law": (
+        '[[sphere]]\nname = "cue"',
+        '[[contact]]\nbetween = ["cloth", "ball"]\nfriction = 0\nrestitution = 0\n[[sphere]]\nname = "cue"',
+        'a second law for "cloth" and "ball"',
+    ),
+    "unknown material": (
+        'material = "cloth"',
+        'material = "clooth"',
+        'plane "bed" material: unknown material "clooth"',
+        "did you mean cloth?",
+    ),
+    "name twice": ('name = "other"', 'name = "cue"', 'sphere "cue" name: there are two spheres "cue"'),
+    "plane called like a sphere": (
+        'name = "bed"',
+        'name = "cue"',
+        'plane "cue" name: there is already a sphere "cue"',
+    ),
+    "empty name": (
+        'name = "other"',
+        'name = ""',
+        "name: must be 1 to 200 printable characters, found nothing",
+    ),
+    "friction": ("friction = 0.2", "friction = -0.2", "friction: must be zero or positive, found -0.2"),
+    "restitution": (
+        "restitution = 0.5",
+        "restitution = 1.5",
+        "restitution: must be at least 0 and at most 1, found 1.5",
+    ),
+    "tangential restitution": (
+        "restitution = 0.5",
+        "restitution = 0.5\ntangential_restitution = 1",
+        "greater than -1 and less than 1",
+    ),
+    "rolling radius": (
+        "restitution = 0.5",
+        "restitution = 0.5\nrolling_radius = -1e-3",
+        "rolling_radius: must be zero or positive",
+    ),
+    "zero step": ("step = 1e-3", "step = 0", "run.step: must be positive, found 0"),
+    "negative step": ("step = 1e-3", "step = -1e-3", "run.step: must be positive"),
+    "zero until": ("until = 1.0", "until = 0.0", "run.until: must be positive"),
+    "no until": ("until = 1.0\n", "", "run.until: is missing", "it has no default"),
+    "less than a step": (
+        "until = 1.0",
+        "until = 1e-4",
+        "run.until: until = 0.0001 s is shorter than one step",
+    ),
+    "endless": ("step = 1e-3", "step = 1e-30", "more than 10^12 steps"),
+    "unknown method": (
+        "step = 1e-3",
+        'method = "nsgaa"',
+        'run.method: unknown value "nsgaa"',
+        "did you mean nsga?",
+    ),
+    "unknown law": ("step = 1e-3", 'impact = "newton"', "run.impact", "sequence-paper"),
+    "half an iteration": ("step = 1e-3", "max_iterations = 1.5", "expected a whole number, found 1.5"),
+    "no thread": ("step = 1e-3", "threads = 0", "run.threads: must be at least 1"),
+    "text for a flag": ("step = 1e-3", 'line_search = "yes"', "expected true or false"),
+    "zero normal": (
+        "normal = [0.0, 0.0, 1.0]",
+        "normal = [0, 0, 0]",
+        'plane "bed" normal: a direction must not be zero',
+    ),
+    "quaternion": (
+        "[0.5, 0.0, 0.028575]",
+        "[0.5, 0.0, 0.028575]\norientation = [2.0, 0.0, 0.0, 0.0]",
+        "orientation: a unit quaternion has length 1, found 2",
+        "[1, 0, 0, 0]",
+    ),
+    "tiny": (
+        '"28.575 mm"\nmass = 0.17\nposition = [0.0, 0.0, 0.028575]',
+        "1e-200\nmass = 0.17\nposition = [0.0, 0.0, 0.028575]",
+        "outside 1e-12 to 1e+12",
+        "check the units",
+    ),
+    "far": ("[0.5, 0.0, 0.028575]", "[1e200, 0.0, 0.028575]", "more than 10^12 radii"),
+    "unquoted text": (
+        'name = "cue"',
+        "name = cue",
+        "is not TOML",
+        'put text and quantities in quotes: "cue"',
+    ),
+    "unquoted unit": (
+        '"28.575 mm"\nmass = 0.17\nposition = [0.0',
+        "28.575 mm\nmass = 0.17\nposition = [0.0",
+        "is not TOML",
+        'in quotes: "28.575 mm"',
+    ),
+    "no digit before the point": (
+        "mass = 0.17\nposition = [0.0",
+        "mass = .17\nposition = [0.0",
+        "is not TOML",
+        "0.5, 1.0",
+    ),
+    "key twice": ("step = 1e-3", "step = 1e-3\nstep = 1e-3", "is not TOML", "may be given once"),
+    "open bracket": ("normal = [0.0, 0.0, 1.0]\n", "normal = [0.0, 0.0", "is not TOML"),
+    "too deep": ("normal = [0.0, 0.0, 1.0]", "normal = " + "[" * 100_000, "is not TOML"),
+    "date for a number": ("until = 1.0", "until = 2026-01-01", "run.until: expected a number"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_single_mistake_gives_a_single_line_with_cause_and_cure(mistake: str, tmp_path: Path) -> None:
+    old, new, *parts = MISTAKES[mistake]
+    assert GOOD.count(old) == 1
+    text = GOOD.replace(old, new)
+    lines = problems_of(text, tmp_path)
+    assert len(lines) == 1, lines
+    for part in parts:
+        assert part in lines[0]
+    number, key = re.match(r"(\d+): (?:([^:]*):)?", lines[0]).groups()
+    row = text.splitlines()[int(number) - 1]
+    if key and "is not TOML" not in key and number != "1":
+        # the line of the key, or where it is missing that of the table
+        assert re.split(r"[ .]", key)[-1] in row or re.split(r"[ .]", key)[0] in row, (row, lines)
+    elif not key and mistake not in ("open bracket", "key twice"):
+        assert new.splitlines()[0][:20] in row
+
+
+def test_all_mistakes_are_told_at_once_also_those_between_tables(tmp_path: Path) -> None:
+    text = GOOD
+    for old, new in [
+        ("step = 1e-3", "stp = 1e-3"),
+        ("friction = 0.2\n", "friction = -1\n"),
+        ("mass = 0.17\nposition = [0.5", 'mass = "1 m"\nmss = 3\nposition = [0.5'),
+        ('material = "cloth"', 'material = "clth"'),
+        ("[0.0, 0.0, 0.028575]", "[0.0, 0.0, -0.028575]"),
+    ]:
+        assert old in text
+        text = text.replace(old, new)
+    lines = problems_of(text, tmp_path)
+    rows = [text.splitlines()[int(line.split(":")[0]) - 1] for line in lines]
+    keys = ["stp =", "friction = -1", "position = [0.0", 'mass = "1 m"', "mss =", 'material = "clth"']
+    assert all(row.startswith(key) for row, key in zip(rows, keys, strict=True)), rows
+    assert "did you mean step?" in lines[0]
+    assert 'behind plane "bed"' in lines[2]
+    assert "expected a mass" in lines[3]
+    assert "did you mean mass?" in lines[4]
+    assert "did you mean cloth?" in lines[5]
+
+
+def test_mass_is_asked_for_together_with_other_mistakes(tmp_path: Path) -> None:
+    text = GOOD.replace("mass = 0.17\nposition = [0.5, 0.0, 0.028575]", "position = 3")
+    lines = problems_of(text, tmp_path)
+    assert len(lines) == 2
+    assert any("neither mass nor density" in line for line in lines)
+
+
+def test_an_empty_scene(tmp_path: Path) -> None:
+    text = GOOD[: GOOD.index("[[sphere]]")]
+    (line,) = problems_of(text, tmp_path)
+    assert "the scene has no spheres; add a [[sphere]]" in line
+
+
+def test_the_report_shows_the_line_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "x.toml"
+    path.write_text(GOOD.replace("step = 1e-3", "stp = 1e-3  # typing error"), encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        Scene.from_toml(path)
+    assert "\n    6 | stp = 1e-3  # typing error" in caught.value.report()
+    (problem,) = caught.value.problems
+    assert problem.to_dict() | {"cure": ""} == {
+        "where": str(path),
+        "line": 6,
+        "key": "run.stp",
+        "cause": "unknown key",
+        "cure": "",
+        "source": "stp = 1e-3  # typing error",
+    }
+
+
+def test_thousands_of_mistakes_are_counted_not_printed() -> None:
+    sphere = '[[sphere]]\nname = "s{}"\nmaterial = "ball"\nradius = 0\nmass = 1\nposition = [{}, 0, 1]\n'
+    text = GOOD + "".join(sphere.format(i, i) for i in range(1000))
+    with pytest.raises(ScenarioError) as caught:
+        Scene.from_toml(text)
+    assert len(caught.value.problems) == 1000
+    assert len(str(caught.value).splitlines()) == 51
+    assert "and 950 more" in str(caught.value)
+
+
+def test_spheres_all_at_one_place_do_not_hang() -> None:
+    scene = Scene(gravity=(0, 0, 0), run={"until": 1})
+    scene.contact("a", "a", friction=0, restitution=0)
+    scene.lattice("s", counts=(100, 100, 10), origin=(0, 0, 0), spacing=1e-9, radius=1, mass=1, material="a")
+    with pytest.raises(ScenarioError, match="give a larger spacing"):
+        scene.validate()
+
+
+class TestFiles:
+    """Files that cannot be read at all."""
+
+    def error(self, path: Path | str) -> str:
+        with pytest.raises(ScenarioError) as caught:
+            Scene.from_toml(path)
+        assert len(str(caught.value).splitlines()) == 1
+        return str(caught.value)
+
+    def test_absent(self, tmp_path: Path) -> None:
+        (tmp_path / "break.toml").write_text(GOOD)
+        assert "no such file; did you mean" in self.error(tmp_path / "brake.toml")
+        assert "no such file; check the path" in self.error(tmp_path / "nowhere" / "x.toml")
+        assert "no such file" in self.error("nowhere.toml")
+
+    def test_directory(self, tmp_path: Path) -> None:
+        assert "is a directory" in self.error(tmp_path)
+
+    def test_null_byte_and_overlong_name(self) -> None:
+        assert "cannot be read" in self.error("a\0b.toml")
+        assert "too long" in self.error("x" * 300)
+
+    @pytest.mark.skipif(os.geteuid() == 0, reason="root reads every file")
+    def test_forbidden(self, tmp_path: Path) -> None:
+        path = tmp_path / "x.toml"
+        path.write_text(GOOD)
+        path.chmod(stat.S_IWUSR)
+        assert "may not be read" in self.error(path)
+
+    def test_not_utf8(self, tmp_path: Path) -> None:
+        path = tmp_path / "x.toml"
+        path.write_bytes(b"format = 1\ntitle = '\xfcber'\n")
+        assert f"{path}:2: is not UTF-8 text (byte 0xfc)" in self.error(path)
+
+    def test_binary(self, tmp_path: Path) -> None:
+        path = tmp_path / "x.toml"
+        path.write_bytes(bytes(range(128)))
+        assert "is not TOML" in self.error(path)
+
+    @pytest.mark.parametrize("text", ["", "\n \n", "# only a comment\n"])
+    def test_empty(self, tmp_path: Path, text: str) -> None:
+        path = tmp_path / "x.toml"
+        path.write_text(text)
+        with pytest.raises(ScenarioError) as caught:
+            Scene.from_toml(path)
+        assert str(path) in str(caught.value)
+
+    def test_byte_order_mark_and_windows_line_ends_are_read(self, tmp_path: Path) -> None:
+        path = tmp_path / "x.toml"
+        path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+        assert Scene.from_toml(path) == Scene.from_toml(GOOD)
