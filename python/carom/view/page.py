@@ -1,0 +1,298 @@
+"""Write the page: facts of the run, its motion, the viewer, and a policy that forbids any request."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import html
+import json
+import os
+import re
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from carom.view import codec
+
+FORMAT = 1
+# A browser holds 20 bytes of each body in each frame; more than this and a laptop begins to swap.
+MAX_BODY_FRAMES = 10_000_000
+# Recorded velocities double the page, so large runs go without and the page takes differences.
+MAX_BODY_FRAMES_WITH_VELOCITY = 400_000
+# Below this many frames motion is no longer motion, and bodies are left out instead.
+MIN_FRAMES = 50
+MAX_MARKS = 2000
+
+
+class Viewable(Protocol):
+    """What the viewer asks of a result; `carom.Result` is one.
+
+    The tables are anything that gives a column by its name: `bodies["radius"]`, one a body, and
+    `planes["name"]`, `planes["point"]`, `planes["normal"]`, one a plane. `gravity` (3,) and
+    `impacts["time"]` are used where there are such.
+    """
+
+    @property
+    def time(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def position(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def orientation(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def velocity(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def angular_velocity(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def names(self) -> Sequence[str]: ...
+    @property
+    def bodies(self) -> Any: ...
+    @property
+    def planes(self) -> Any: ...
+
+
+@dataclass(frozen=True)
+class ViewInfo:
+    """What was written. `notes` says in words what was left out, and the page says the same."""
+
+    path: Path
+    bytes: int
+    frames: int
+    frames_recorded: int
+    bodies: int
+    bodies_recorded: int
+    notes: tuple[str, ...] = ()
+
+
+def write_html(
+    result: Viewable, path: str | os.PathLike[str], *, title: str | None = None, max_mb: float = 100.0
+) -> ViewInfo:
+    """Write `result` as one HTML file that opens offline, of `max_mb` megabytes (1e6 bytes) at most.
+
+    A run that does not fit is thinned, frames first and bodies only if it must be; the page and the
+    returned `ViewInfo.notes` say so.
+    """
+    target = Path(path)
+    shell = _Shell.load()
+    budget = int(max_mb * 1e6) - shell.size - 20_000
+    if budget < 100_000:
+        raise ValueError(
+            f"max_mb = {max_mb:g} leaves no room: the empty page takes {shell.size / 1e6:.1f} MB"
+        )
+
+    shape = tuple(result.position.shape)
+    _check(result, shape)
+    frames_recorded, bodies_recorded = shape[:2]
+    # Thinning is a search: how well frames compress depends on how far apart they are.
+    stride = max(1, -(-frames_recorded * bodies_recorded // MAX_BODY_FRAMES))
+    every = 1
+    while True:
+        if frames_recorded / stride < MIN_FRAMES and stride > 1:
+            every = max(every, -(-stride * MIN_FRAMES // frames_recorded))
+            stride = max(1, frames_recorded // MIN_FRAMES)
+        facts, packed = _pack(result, stride, every, title or "Carom")
+        size = len(packed) * 4 // 3 + len(facts["names"]) * 40
+        if size <= budget or (every >= bodies_recorded and stride >= frames_recorded):
+            break
+        factor = size / budget * 1.05
+        if frames_recorded / stride > MIN_FRAMES:
+            stride = max(stride + 1, int(np.ceil(stride * factor)))
+        else:
+            every = max(every + 1, int(np.ceil(every * factor)))
+
+    frames, bodies = len(facts["time_index"]), len(facts["names"])
+    notes = _notes(frames, frames_recorded, stride, bodies, bodies_recorded, every, max_mb)
+    del facts["time_index"]
+    facts["notes"] = notes
+    text = shell.fill(title or "Carom", json.dumps(facts, separators=(",", ":")), packed)
+    _replace(target, text)
+    return ViewInfo(target, len(text), frames, frames_recorded, bodies, bodies_recorded, tuple(notes))
+
+
+def _check(result: Viewable, shape: tuple[int, ...]) -> None:
+    if len(shape) != 3 or shape[2] != 3:
+        raise ValueError(f"positions must be (frame, body, 3), got {shape}")
+    if shape[0] == 0 or shape[1] == 0:
+        raise ValueError(f"nothing to show: the run has {shape[0]} frames and {shape[1]} bodies")
+    radius = np.asarray(result.bodies["radius"], dtype=np.float64)
+    if radius.shape != (shape[1],) or not (np.isfinite(radius) & (radius > 0.0)).all():
+        raise ValueError(f"every one of the {shape[1]} bodies needs a positive radius")
+
+
+def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[str, Any], bytes]:
+    """The facts (all that is not motion) and the gzip'd motion, of every `stride`-th frame."""
+    recorded = result.position.shape[0]
+    index = np.unique(np.append(np.arange(0, recorded, stride), recorded - 1))  # the last frame is always in
+    bodies = slice(None, None, every)
+
+    def read(array: Any) -> npt.NDArray[np.float64]:
+        whole = np.asarray(array[:] if stride == 1 else array[index], dtype=np.float64)
+        return whole[:, bodies]
+
+    names = [n.decode() if isinstance(n, bytes) else str(n) for n in result.names][bodies]
+    radius = np.asarray(result.bodies["radius"], dtype=np.float64)[bodies]
+    time = np.asarray(result.time, dtype=np.float64)[index]
+    chunks: list[bytes] = [time.astype("<f8").tobytes()]
+    arrays: dict[str, Any] = {"time": {"shape": [len(time)]}}
+
+    def add(name: str, integers: codec.Integers, **entry: Any) -> None:
+        data, how = codec.encode(integers)
+        arrays[name] = {"offset": sum(map(len, chunks)), "bytes": len(data), **how, **entry}
+        chunks.append(data)
+
+    position = _finite(read(result.position), "position", names, time)
+    origin, step = codec.position_grid(position, radius)
+    add("position", codec.quantise(position, step, origin), step=step, origin=origin.tolist())
+    low, high = position.min(axis=(0, 1)), position.max(axis=(0, 1))
+    add(
+        "orientation",
+        codec.orientation_integers(_finite(read(result.orientation), "orientation", names, time)),
+    )
+    if position.shape[0] * position.shape[1] <= MAX_BODY_FRAMES_WITH_VELOCITY:
+        for name in ("velocity", "angular_velocity"):
+            rate = _finite(read(getattr(result, name)), name, names, time)
+            step = max(float(np.abs(rate).max()), 1e-300) / 2**20
+            add(name, codec.quantise(rate, step, np.zeros(3)), step=step)
+
+    facts = {
+        "format": FORMAT,
+        "title": title,
+        "names": names,
+        "radius": [float(f"{r:.9g}") for r in radius],
+        "box": [low.tolist(), high.tolist()],
+        "planes": _planes(result.planes),
+        "gravity": _gravity(result),
+        "marks": _marks(result, time),
+        "arrays": arrays,
+        "time_index": index,
+    }
+    return facts, gzip.compress(b"".join(chunks), compresslevel=9, mtime=0)
+
+
+def _finite(
+    values: npt.NDArray[np.float64], what: str, names: Sequence[str], time: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        frame, body = bad[0][:2]
+        raise ValueError(f"{what} of {names[body]} is not a number at t = {time[frame]:g} s")
+    return values
+
+
+def _planes(table: Any) -> list[dict[str, Any]]:
+    names = [n.decode() if isinstance(n, bytes) else str(n) for n in table["name"]]
+    points = np.asarray(table["point"], dtype=np.float64).reshape(-1, 3)
+    normals = np.asarray(table["normal"], dtype=np.float64).reshape(-1, 3)
+    return [
+        {"name": name, "point": point.tolist(), "normal": (normal / np.linalg.norm(normal)).tolist()}
+        for name, point, normal in zip(names, points, normals, strict=True)
+    ]
+
+
+def _gravity(result: Viewable) -> list[float]:
+    gravity = np.asarray(getattr(result, "gravity", (0.0, 0.0, -1.0)), dtype=np.float64)
+    if gravity.shape != (3,) or not np.isfinite(gravity).all() or not gravity.any():
+        return [0.0, 0.0, -1.0]
+    return [float(g) for g in gravity]
+
+
+def _marks(result: Viewable, time: npt.NDArray[np.float64]) -> list[float]:
+    """Times of impacts, as ticks over the scrub bar; a run with a great many has none worth showing."""
+    table = getattr(result, "impacts", None)
+    if table is None:
+        return []
+    times = np.unique(np.round(np.asarray(table["time"], dtype=np.float64), 9))
+    times = times[(times >= time[0]) & (times <= time[-1])]
+    return [] if len(times) > MAX_MARKS else [float(t) for t in times]
+
+
+def _notes(
+    frames: int,
+    frames_recorded: int,
+    stride: int,
+    bodies: int,
+    bodies_recorded: int,
+    every: int,
+    max_mb: float,
+) -> list[str]:
+    notes = []
+    if frames < frames_recorded:
+        notes.append(f"Shows {frames} of {frames_recorded} frames (one in {stride}).")
+    if bodies < bodies_recorded:
+        notes.append(f"Shows {bodies} of {bodies_recorded} bodies (one in {every}).")
+    if notes:
+        notes.append(f"Thinned to keep the page below {max_mb:g} MB and light on memory.")
+    return notes
+
+
+@dataclass(frozen=True)
+class _Shell:
+    """The page without a run: markup, style and program, as they lie in the package."""
+
+    template: str
+    style: str
+    program: str
+
+    @classmethod
+    def load(cls) -> _Shell:
+        assets = files("carom.view") / "assets"
+        template, style, program = (
+            # Hashes are taken of what the browser sees, and it turns CR LF into LF.
+            (assets / name).read_bytes().decode().replace("\r\n", "\n")
+            for name in ("template.html", "viewer.css", "viewer.js")
+        )
+        for text, tag in ((style, "</style"), (program, "</script"), (program, "<!--")):
+            if tag in text.lower():
+                raise ValueError(f"the viewer's assets hold {tag!r}, which would end the element early")
+        return cls(template, style, program)
+
+    @property
+    def size(self) -> int:
+        return len((self.template + self.style + self.program).encode())
+
+    def fill(self, title: str, facts: str, packed: bytes) -> bytes:
+        policy = "; ".join(
+            [
+                "default-src 'none'",
+                f"script-src {_hash(self.program)}",
+                f"style-src {_hash(self.style)}",
+                "img-src data: blob:",
+                "base-uri 'none'",
+                "form-action 'none'",
+            ]
+        )
+        parts = {
+            "title": html.escape(title),
+            "policy": policy,
+            "style": self.style,
+            "program": self.program,
+            "facts": facts.replace("<", "\\u003c"),  # a body named "</script>" is still only a name
+            "motion": base64.b64encode(packed).decode(),
+        }
+        return re.sub(r"\{\{(\w+)\}\}", lambda m: parts[m[1]], self.template).encode()
+
+
+def _hash(text: str) -> str:
+    return "'sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() + "'"
+
+
+def _replace(target: Path, data: bytes) -> None:
+    """All of the page or nothing: a full disk leaves the old one in place."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(name, 0o666 & ~umask)
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

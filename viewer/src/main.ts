@@ -1,0 +1,204 @@
+// Reads the page's data, puts the parts together and runs the loop: sample, draw, wait for a change.
+
+import { Bar, fail, showNotes } from "./bar";
+import { Clock } from "./clock";
+import { byId } from "./dom";
+import { Labels, Panel } from "./panel";
+import { Run } from "./run";
+import { Stage } from "./stage";
+import { Theme } from "./theme";
+
+/** For tests and for the console. Times are the run's own, in seconds. */
+interface Hook {
+  /** Settles when the first picture is drawn, and fails with the reason if there will be none. */
+  ready: Promise<void>;
+  readonly frame: number;
+  setTime(time: number): Promise<void>;
+  play(on?: boolean): void;
+  select(body: number | string): void;
+  view(preset: "fit" | "top" | "side"): void;
+  follow(on?: boolean): void;
+  theme(): void;
+  state(): Record<string, unknown>;
+}
+
+declare global {
+  interface Window {
+    carom: Hook;
+  }
+}
+
+class App {
+  private readonly clock: Clock;
+  private readonly stage: Stage;
+  private readonly bar: Bar;
+  private readonly panel: Panel;
+  private readonly labels: Labels;
+  private readonly theme: Theme;
+  private selected = -1;
+  private listed = false;
+  private before: number | undefined;
+  private pictures = 0;
+  private waiting: (() => void)[] = [];
+
+  constructor(private readonly run: Run) {
+    const touch = () => (this.stage.dirty = true);
+    this.stage = new Stage(run, byId("stage"));
+    this.clock = new Clock(run, () => touch());
+    this.panel = new Panel(run, this.stage.looks, (body) => this.select(body));
+    this.labels = new Labels(run, this.stage);
+    this.bar = new Bar(run, this.clock, {
+      view: (preset) => this.view(preset),
+      follow: () => this.follow(),
+      labels: () => this.toggleLabels(),
+      bodies: () => this.list(!this.listed),
+      theme: () => this.theme.toggle(),
+      deselect: () => this.select(-1),
+    });
+    this.theme = new Theme((shades) => {
+      this.stage.paint(shades);
+      this.bar.drawMarks();
+    });
+    this.theme.apply();
+    showNotes(run.facts.notes);
+    this.pointer();
+    this.frame(performance.now());
+  }
+
+  hook(): Omit<Hook, "ready"> {
+    const app = this;
+    return {
+      get frame() {
+        return app.run.frame;
+      },
+      setTime: (time) => {
+        this.clock.play(false);
+        this.clock.seek(time);
+        return new Promise((done) => this.waiting.push(done));
+      },
+      play: (on = true) => this.clock.play(on),
+      select: (body) => this.select(typeof body === "string" ? this.run.names.indexOf(body) : body),
+      view: (preset) => this.view(preset),
+      follow: (on) => this.follow(on),
+      theme: () => this.theme.toggle(),
+      state: () => this.state(),
+    };
+  }
+
+  private state(): Record<string, unknown> {
+    const { run, clock, stage } = this;
+    const bodies = Array.from({ length: Math.min(run.count, 1000) }, (_, n) => n);
+    return {
+      time: run.now,
+      frame: run.frame,
+      frames: run.frames,
+      start: run.start,
+      end: run.end,
+      count: run.count,
+      names: run.names,
+      playing: clock.playing,
+      loop: clock.loop,
+      speed: clock.speed,
+      selected: this.selected,
+      followed: stage.eye.followed,
+      theme: this.theme.name,
+      table: stage.world.table,
+      pictures: this.pictures,
+      eye: stage.eye.camera.position.toArray().map((c, k) => c + run.origin[k]),
+      positions: bodies.map((n) => run.where(n)),
+      orientations: bodies.map((n) => [3, 0, 1, 2].map((k) => run.attitude[4 * n + k])), // w first, as in Python
+      screen: bodies.map((n) => stage.project([run.centre[4 * n], run.centre[4 * n + 1], run.centre[4 * n + 2]]) ?? null),
+    };
+  }
+
+  /** Once per refresh of the screen; does nothing unless something moves. */
+  private readonly frame = (now: number): void => {
+    requestAnimationFrame(this.frame);
+    const { clock, stage, run } = this;
+    if (clock.playing && this.before !== undefined) {
+      const wall = (now - this.before) / 1000;
+      // A tab that slept goes on where it was.
+      clock.advance(Math.min(wall, 0.25));
+      stage.pace(wall);
+    }
+    const moving = clock.playing;
+    this.before = moving ? now : undefined;
+    if (!moving && !stage.dirty) return;
+    run.sample(clock.time);
+    if (stage.draw(moving)) stage.dirty = true;
+    this.pictures++;
+    this.bar.update();
+    this.labels.update(this.selected);
+    this.panel.update(this.selected);
+    for (const done of this.waiting.splice(0)) done();
+  };
+
+  private select(body: number): void {
+    this.selected = body >= 0 && body < this.run.count ? body : -1;
+    this.stage.select(this.selected);
+    this.panel.mark(this.selected);
+    if (this.selected >= 0) this.list(true);
+    else this.follow(false);
+    if (this.stage.eye.followed >= 0) this.follow(true);
+  }
+
+  /** With nothing selected, follows the fastest: that is what happens. */
+  private follow(on = this.stage.eye.followed < 0): void {
+    if (on && this.selected < 0) {
+      const speeds = this.run.names.map((_, n) => Math.hypot(...this.run.velocityOf(n)));
+      this.stage.eye.followed = -1;
+      this.select(speeds.indexOf(Math.max(...speeds)));
+    }
+    this.stage.eye.follow(on ? this.selected : -1);
+    this.bar.press("follow", this.stage.eye.followed >= 0);
+    this.stage.dirty = true;
+  }
+
+  private view(preset: "fit" | "top" | "side"): void {
+    this.stage.eye.go(preset);
+    this.bar.press("follow", false);
+  }
+
+  private toggleLabels(): void {
+    this.labels.on = !this.labels.on;
+    this.bar.press("tags", this.labels.on);
+    this.stage.dirty = true;
+  }
+
+  private list(on: boolean): void {
+    this.listed = on;
+    this.panel.show(on);
+    this.bar.press("bodies", on);
+    this.stage.dirty = true;
+  }
+
+  /** A click that was not a drag selects. */
+  private pointer(): void {
+    const { canvas } = this.stage;
+    let down: [number, number] | undefined;
+    canvas.addEventListener("pointerdown", (event) => (down = event.isPrimary && event.button === 0 ? [event.clientX, event.clientY] : undefined));
+    canvas.addEventListener("pointerup", (event) => {
+      if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 5) return;
+      const { left, top } = canvas.getBoundingClientRect();
+      this.select(this.stage.pick(event.clientX - left, event.clientY - top));
+    });
+  }
+}
+
+async function start(): Promise<Omit<Hook, "ready">> {
+  if (typeof DecompressionStream === "undefined") throw new Error("This browser is too old for this page: it needs one from 2023 or later.");
+  if (!document.createElement("canvas").getContext("webgl2")) {
+    throw new Error("This page needs WebGL 2, which this browser does not offer or has switched off.");
+  }
+  const motion = byId("carom-motion");
+  const run = await Run.read(byId("carom-facts").textContent!, motion.textContent!);
+  motion.remove(); // megabytes that are no longer needed
+  return new App(run).hook();
+}
+
+const ready = start().then((hook) => {
+  // Descriptors, not values: `frame` is read live.
+  Object.defineProperties(window.carom, Object.getOwnPropertyDescriptors(hook));
+});
+window.carom = { ready } as Hook;
+ready.catch((error: unknown) => fail(error instanceof Error ? error.message : String(error)));

@@ -1,0 +1,155 @@
+// The list of bodies, the card of the selected one, and the labels that float over the balls.
+
+import { byId, create, decimals, figure } from "./dom";
+import type { Look } from "./palette";
+import type { Run, Vec } from "./run";
+import type { Stage } from "./stage";
+
+const MOST_LISTED = 300; // rows; a larger run is searched
+const MOST_LABELLED = 80; // labels at once: the nearest ones
+
+export class Panel {
+  private readonly panel = byId("panel");
+  private readonly card = byId("card");
+  private readonly list = byId("list");
+  private readonly find = byId<HTMLInputElement>("find");
+  private readonly cells = new Map<string, HTMLElement>();
+  private readonly digits: number;
+
+  constructor(
+    private readonly run: Run,
+    private readonly looks: Look[],
+    private readonly choose: (body: number) => void,
+  ) {
+    this.digits = Math.min(decimals(Math.min(...run.radius.slice(0, 1000)) / 50), 6);
+    this.find.hidden = run.count <= 20;
+    this.find.addEventListener("input", () => this.fill());
+    this.fill();
+    this.rows();
+  }
+
+  show(on: boolean): void {
+    this.panel.hidden = !on;
+  }
+
+  /** Numbers of the selected body at the time shown; -1 for none. */
+  update(selected: number): void {
+    this.card.hidden = selected < 0;
+    if (selected < 0 || this.panel.hidden) return;
+    const { run } = this;
+    this.card.querySelector("h2")!.textContent = run.names[selected];
+    (this.card.querySelector(".chip") as HTMLElement).style.background = this.looks[selected].css;
+    const put = (name: string, values: Vec, digits: number, extra = "") => {
+      const length = Math.hypot(...values);
+      values.forEach((v, k) => (this.cells.get(name + "xyz"[k])!.textContent = figure(v, digits)));
+      const total = this.cells.get(name);
+      if (total) total.textContent = figure(length, digits) + extra;
+    };
+    put("position", run.where(selected), this.digits);
+    put("velocity", run.velocityOf(selected), 4, " m/s");
+    put("spin", run.spinOf(selected), 3, " rad/s");
+    const turns = Math.hypot(...run.spinOf(selected)) / (2 * Math.PI);
+    this.card.querySelector(".fine")!.textContent =
+      `radius ${+run.radius[selected].toPrecision(5)} m \u00b7 ${turns.toFixed(2)} turns a second` +
+      (run.hasRates ? "" : " \u00b7 rates are differences between frames");
+  }
+
+  mark(selected: number): void {
+    for (const row of this.list.querySelectorAll("button")) {
+      row.setAttribute("aria-pressed", String(Number(row.dataset.body) === selected));
+    }
+  }
+
+  private rows(): void {
+    const body = this.card.querySelector("tbody")!;
+    for (const [name, title, unit] of [
+      ["position", "Position", "m"],
+      ["velocity", "Velocity", ""],
+      ["spin", "Spin", ""],
+    ]) {
+      const head = create("tr", "head");
+      const total = create("td", "", unit);
+      head.append(create("th", "", title), total);
+      if (!unit) this.cells.set(name, total);
+      const row = create("tr");
+      const all = create("td");
+      all.colSpan = 2;
+      const table = create("div", "triple");
+      for (const axis of "xyz") {
+        const cell = create("b");
+        this.cells.set(name + axis, cell);
+        const box = create("span", "", "");
+        box.append(create("i", "", axis), cell);
+        table.append(box);
+      }
+      all.append(table);
+      row.append(all);
+      body.append(head, row);
+    }
+  }
+
+  private fill(): void {
+    const wanted = this.find.value.trim().toLowerCase();
+    const found: number[] = [];
+    for (let n = 0; n < this.run.count && found.length <= MOST_LISTED; n++) {
+      if (this.run.names[n].toLowerCase().includes(wanted)) found.push(n);
+    }
+    const rows = found.slice(0, MOST_LISTED).map((n) => {
+      const button = create("button");
+      button.type = "button";
+      button.dataset.body = String(n);
+      const chip = create("i", "chip");
+      chip.style.background = this.looks[n].css;
+      button.append(chip, create("span", "", this.run.names[n]));
+      button.addEventListener("click", () => this.choose(n));
+      const item = create("li");
+      item.append(button);
+      return item;
+    });
+    if (found.length > MOST_LISTED) rows.push(create("li", "fine", `more than ${MOST_LISTED}: type to narrow`));
+    if (found.length === 0) rows.push(create("li", "fine", "no such body"));
+    this.list.replaceChildren(...rows);
+  }
+}
+
+export class Labels {
+  private readonly host = byId("labels");
+  private readonly tags: HTMLSpanElement[] = [];
+  on = false;
+
+  constructor(
+    private readonly run: Run,
+    private readonly stage: Stage,
+  ) {}
+
+  update(selected: number): void {
+    const wanted = this.on ? this.nearest() : [];
+    if (selected >= 0 && !wanted.includes(selected)) wanted.push(selected);
+    while (this.tags.length < wanted.length) this.tags.push(this.host.appendChild(create("span")));
+    this.tags.forEach((tag, i) => {
+      const n = wanted[i];
+      tag.hidden = n === undefined || !this.place(tag, n);
+      if (!tag.hidden) tag.classList.toggle("chosen", n === selected);
+    });
+  }
+
+  private place(tag: HTMLElement, n: number): boolean {
+    const { centre } = this.run;
+    const { up } = this.stage.world;
+    const at = [0, 1, 2].map((k) => centre[4 * n + k] + 1.25 * centre[4 * n + 3] * up[k]) as Vec;
+    const point = this.stage.project(at);
+    if (!point) return false;
+    tag.textContent = this.run.names[n];
+    tag.style.transform = `translate(${point[0].toFixed(1)}px, ${point[1].toFixed(1)}px) translate(-50%, -110%)`;
+    return true;
+  }
+
+  private nearest(): number[] {
+    const all = Array.from({ length: this.run.count }, (_, n) => n);
+    if (all.length <= MOST_LABELLED) return all;
+    const eye = this.stage.eye.camera.position;
+    const { centre } = this.run;
+    const away = all.map((n) => Math.hypot(centre[4 * n] - eye.x, centre[4 * n + 1] - eye.y, centre[4 * n + 2] - eye.z));
+    return all.sort((a, b) => away[a] - away[b]).slice(0, MOST_LABELLED);
+  }
+}

@@ -1,0 +1,235 @@
+// A run as the page holds it, and its state at any time between frames.
+
+import { decode, unpack, type Packed } from "./codec";
+
+export type Vec = [number, number, number];
+
+export interface Plane {
+  name: string;
+  point: Vec;
+  normal: Vec;
+}
+
+interface Facts {
+  format: number;
+  title: string;
+  names: string[];
+  radius: number[];
+  box: [Vec, Vec];
+  planes: Plane[];
+  gravity: Vec;
+  marks: number[];
+  notes: string[];
+  arrays: {
+    time: { shape: [number] };
+    position: Packed;
+    orientation: Packed;
+    velocity?: Packed;
+    angular_velocity?: Packed;
+  };
+}
+
+/** Coordinates inside are measured from `origin`, so that single precision on the GPU suffices far from zero. */
+export class Run {
+  readonly frames: number;
+  readonly count: number;
+  readonly time: Float64Array;
+  /** State at the sampled time: x y z and radius, then the quaternion x y z w. */
+  readonly centre: Float32Array;
+  readonly attitude: Float32Array;
+  /** The sampled time, and the frame at or before it. */
+  now = 0;
+  frame = 0;
+
+  private readonly position: Int32Array;
+  private readonly orientation: Int16Array;
+  private readonly velocity: Int32Array | undefined;
+  private readonly spin: Int32Array | undefined;
+
+  private constructor(
+    readonly facts: Facts,
+    data: Uint8Array<ArrayBuffer>,
+  ) {
+    const { arrays } = facts;
+    const wide = (entry: Packed) => decode(data, entry, new Int32Array(entry.shape.reduce((a, b) => a * b)));
+    this.frames = arrays.time.shape[0];
+    this.count = facts.names.length;
+    this.time = new Float64Array(data.buffer, data.byteOffset, this.frames);
+    this.position = wide(arrays.position);
+    this.orientation = decode(data, arrays.orientation, new Int16Array(this.frames * this.count * 4));
+    this.velocity = arrays.velocity && wide(arrays.velocity);
+    this.spin = arrays.angular_velocity && wide(arrays.angular_velocity);
+    this.centre = new Float32Array(4 * this.count);
+    this.attitude = new Float32Array(4 * this.count);
+    for (let n = 0; n < this.count; n++) this.centre[4 * n + 3] = facts.radius[n];
+    this.sample(this.start);
+  }
+
+  static async read(facts: string, motion: string): Promise<Run> {
+    const parsed = JSON.parse(facts) as Facts;
+    if (parsed.format !== 1) throw new Error(`this page's data have format ${parsed.format}, the viewer reads 1`);
+    return new Run(parsed, await unpack(motion));
+  }
+
+  get start(): number {
+    return this.time[0];
+  }
+  get end(): number {
+    return this.time[this.frames - 1];
+  }
+  get origin(): Vec {
+    return this.facts.arrays.position.origin!;
+  }
+  get names(): string[] {
+    return this.facts.names;
+  }
+  get radius(): number[] {
+    return this.facts.radius;
+  }
+  /** False where velocities are differences of positions, because the page left the recorded ones out. */
+  get hasRates(): boolean {
+    return this.velocity !== undefined;
+  }
+
+  /** The last frame at or before `t`. */
+  frameAt(t: number): number {
+    let low = 0;
+    let high = this.frames - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (this.time[middle] <= t) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  /** Moves `centre` and `attitude` to time `t`. */
+  sample(t: number): void {
+    this.now = Math.min(Math.max(t, this.start), this.end);
+    this.frame = this.frameAt(this.now);
+    const next = Math.min(this.frame + 1, this.frames - 1);
+    const span = this.time[next] - this.time[this.frame];
+    const s = span > 0 ? (this.now - this.time[this.frame]) / span : 0;
+    const { position, centre, count } = this;
+    const step = this.facts.arrays.position.step!;
+    const a = 3 * count * this.frame;
+    const b = 3 * count * next;
+    for (let n = 0; n < count; n++) {
+      for (let k = 0; k < 3; k++) {
+        const from = position[a + 3 * n + k];
+        centre[4 * n + k] = step * (from + s * (position[b + 3 * n + k] - from));
+      }
+      this.turn(n, next, span, s);
+    }
+  }
+
+  /** Attitude of body n, a fraction s from this frame to the next. */
+  private turn(n: number, next: number, span: number, s: number): void {
+    const q = this.orientation;
+    const out = this.attitude;
+    const i = 4 * (this.count * this.frame + n);
+    const j = 4 * (this.count * next + n);
+    const [ax, ay, az, aw] = [q[i] / 32767, q[i + 1] / 32767, q[i + 2] / 32767, q[i + 3] / 32767];
+    const [bx, by, bz, bw] = [q[j] / 32767, q[j + 1] / 32767, q[j + 2] / 32767, q[j + 3] / 32767];
+    const rate = this.meanSpin(n, next);
+    const predicted = rate ? Math.hypot(...rate) * span : 0;
+    if (predicted < 2.5) {
+      // Up to here the short way round is the way it went; neighbouring signs agree (see codec.py).
+      const dot = ax * bx + ay * by + az * bz + aw * bw;
+      const half = Math.acos(Math.min(1, Math.abs(dot)));
+      const sine = Math.sin(half);
+      const u = sine > 1e-3 ? Math.sin((1 - s) * half) / sine : 1 - s;
+      const v = (sine > 1e-3 ? Math.sin(s * half) / sine : s) * (dot < 0 ? -1 : 1);
+      write(out, 4 * n, u * ax + v * bx, u * ay + v * by, u * az + v * bz, u * aw + v * bw);
+      return;
+    }
+    // Fast spin: two frames do not tell how many whole turns lie between, but the recorded spin does.
+    let [x, y, z, w] = turnBetween(ax, ay, az, aw, bx, by, bz, bw);
+    const sine = Math.hypot(x, y, z);
+    if (sine < 0.05) [x, y, z] = rate!;
+    const length = Math.hypot(x, y, z) || 1;
+    [x, y, z] = [x / length, y / length, z / length];
+    const along = (x * rate![0] + y * rate![1] + z * rate![2]) * span;
+    const short = sine < 0.05 ? 0 : 2 * Math.atan2(sine, w);
+    const angle = s * (short + 2 * Math.PI * Math.round((along - short) / (2 * Math.PI)));
+    const [p, c] = [Math.sin(angle / 2), Math.cos(angle / 2)];
+    // Spin is spatial, so the turn multiplies from the left.
+    write(
+      out, 4 * n,
+      c * ax + p * (x * aw + y * az - z * ay),
+      c * ay + p * (y * aw + z * ax - x * az),
+      c * az + p * (z * aw + x * ay - y * ax),
+      c * aw - p * (x * ax + y * ay + z * az),
+    );
+  }
+
+  private meanSpin(n: number, next: number): Vec | undefined {
+    const { spin } = this;
+    if (!spin) return undefined;
+    const half = 0.5 * this.facts.arrays.angular_velocity!.step!;
+    const i = 3 * (this.count * this.frame + n);
+    const j = 3 * (this.count * next + n);
+    return [half * (spin[i] + spin[j]), half * (spin[i + 1] + spin[j + 1]), half * (spin[i + 2] + spin[j + 2])];
+  }
+
+  /** Position of body n in the scene's own coordinates. */
+  where(n: number): Vec {
+    return [0, 1, 2].map((k) => this.centre[4 * n + k] + this.origin[k]) as Vec;
+  }
+
+  /** Velocity of body n: as recorded at the frame shown, or the difference to the next one. */
+  velocityOf(n: number): Vec {
+    if (this.velocity) return this.recorded(this.velocity, this.facts.arrays.velocity!.step!, n);
+    const [i, span] = this.interval();
+    const scale = span > 0 ? this.facts.arrays.position.step! / span : 0;
+    const at = 3 * (this.count * i + n);
+    return [0, 1, 2].map((k) => scale * (this.position[at + 3 * this.count + k] - this.position[at + k])) as Vec;
+  }
+
+  /** Spatial angular velocity of body n, likewise; differences cannot tell whole turns. */
+  spinOf(n: number): Vec {
+    if (this.spin) return this.recorded(this.spin, this.facts.arrays.angular_velocity!.step!, n);
+    const [i, span] = this.interval();
+    if (span <= 0) return [0, 0, 0];
+    const q = this.orientation;
+    const a = 4 * (this.count * i + n);
+    const b = a + 4 * this.count;
+    const [ax, ay, az, aw, bx, by, bz, bw] = [...q.subarray(a, a + 4), ...q.subarray(b, b + 4)].map((c) => c / 32767);
+    const [x, y, z, w] = turnBetween(ax, ay, az, aw, bx, by, bz, bw);
+    const sine = Math.hypot(x, y, z);
+    const scale = sine > 1e-9 ? (2 * Math.atan2(sine, w)) / (sine * span) : 0;
+    return [x * scale, y * scale, z * scale];
+  }
+
+  private interval(): [number, number] {
+    const i = Math.min(this.frame, Math.max(0, this.frames - 2));
+    return this.frames > 1 ? [i, this.time[i + 1] - this.time[i]] : [0, 0];
+  }
+
+  private recorded(values: Int32Array, step: number, n: number): Vec {
+    const at = 3 * (this.count * this.frame + n);
+    return [step * values[at], step * values[at + 1], step * values[at + 2]];
+  }
+}
+
+/** The quaternion that turns attitude a into attitude b, in spatial axes: b times the inverse of a. */
+function turnBetween(
+  ax: number, ay: number, az: number, aw: number, bx: number, by: number, bz: number, bw: number,
+): [number, number, number, number] {
+  const w = aw * bw + ax * bx + ay * by + az * bz;
+  const sign = w < 0 ? -1 : 1; // the short way round
+  return [
+    sign * (aw * bx - ax * bw + ay * bz - az * by),
+    sign * (aw * by - ay * bw + az * bx - ax * bz),
+    sign * (aw * bz - az * bw + ax * by - ay * bx),
+    sign * w,
+  ];
+}
+
+function write(out: Float32Array, at: number, x: number, y: number, z: number, w: number): void {
+  const scale = 1 / (Math.hypot(x, y, z, w) || 1);
+  out[at] = x * scale;
+  out[at + 1] = y * scale;
+  out[at + 2] = z * scale;
+  out[at + 3] = w * scale;
+}
