@@ -62,7 +62,7 @@ docs: $(STAMPS)/docs ## the documentation, to docs/_build/html
 .PHONY: wheel
 wheel: $(STAMPS)/extension ## wheel and source distribution to dist/, tried in an empty environment
 	@rm -rf dist
-	@.venv/bin/maturin build --release --out dist
+	@.venv/bin/maturin build --release --strip --out dist
 	@.venv/bin/maturin sdist --out dist
 	@tools/try_wheel.sh dist/*.whl
 
