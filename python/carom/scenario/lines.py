@@ -87,6 +87,7 @@ class _Scanner:
         self.position += 2 if repeated else 1
         path: Path = ()
         for key in outer:
+            self.lines.setdefault((*path, key), line)
             path = self.latest((*path, key))
         path = (*path, last)
         if repeated:

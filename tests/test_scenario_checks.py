@@ -1,0 +1,133 @@
+"""Starting positions and advice: the search for overlaps is right and fast, warnings come when they should and only then."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from carom.errors import ScenarioError
+from carom.scenario.overlap import overlaps
+from carom.scene import Scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+def brute(position: np.ndarray, radius: np.ndarray) -> list[tuple[int, int]]:
+    found = []
+    for a in range(len(radius)):
+        for b in range(a + 1, len(radius)):
+            gap = np.linalg.norm(position[a] - position[b]) - radius[a] - radius[b]
+            if gap < -1e-9 * min(radius[a], radius[b]):
+                found.append((a, b))
+    return found
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 2**32), st.integers(2, 60), st.sampled_from([1.0, 1.5, 10.0, 1000.0]), st.floats(0.5, 30)
+)
+def test_overlaps_are_those_of_the_double_loop(seed: int, n: int, ratio: float, box: float) -> None:
+    random = np.random.default_rng(seed)
+    radius = np.exp(random.uniform(0, np.log(ratio), n))
+    position = random.uniform(-box, box, (n, 3)) * ratio**0.5
+    position[n // 2] = position[0]
+    found = overlaps(position, radius, most=10**6)
+    assert [(a, b) for a, b, _ in found] == brute(position, radius)
+    for a, b, gap in found:
+        assert gap == pytest.approx(
+            np.linalg.norm(position[a] - position[b]) - radius[a] - radius[b], abs=1e-12 * ratio
+        )
+
+
+def test_touching_spheres_do_not_overlap() -> None:
+    x = np.arange(100) * 0.1
+    position = np.stack([x, 0 * x, 0 * x], axis=1)
+    radius = np.full(100, 0.05)
+    assert overlaps(position, radius) == []
+    position[50, 0] += 1e-9
+    assert [(a, b) for a, b, _ in overlaps(position, radius)] == [(50, 51)]
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.8])
+def test_a_hundred_thousand_spheres_take_about_a_second(spread: float) -> None:
+    scene = Scene()
+    scene.lattice("s", kind="hcp", counts=(50, 50, 40), origin=(0, 0, 0), radius=1, mass=1, material="m")
+    model = scene.to_model()
+    radius = model["radius"] * (1 - spread * np.random.default_rng(0).random(100_000))
+    start = time.perf_counter()
+    assert overlaps(model["position"], radius) == []
+    assert time.perf_counter() - start < 8  # about 1 s on a quiet core
+    model["position"][77_777] += 1e-3
+    assert overlaps(model["position"], model["radius"])
+
+
+def billiards(**run: object) -> Scene:
+    scene = Scene("advice", run={"until": 1.0, "step": 1e-4, **run})
+    scene.contact("ball", "ball", friction=0.06, restitution=0.9)
+    scene.contact("ball", "cloth", friction=0.2, restitution=0)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="cloth")
+    scene.sphere("cue", radius=0.03, mass=0.17, at=(0, 0, 0.03), velocity=(3, 0, 0), material="ball")
+    scene.sphere("eight", radius=0.03, mass=0.17, at=(1, 0, 0.03), material="ball")
+    return scene
+
+
+def advice(scene: Scene) -> list[str]:
+    return [str(warning) for warning in scene.validate()]
+
+
+def test_no_advice_without_need() -> None:
+    assert advice(billiards()) == []
+
+
+def test_step_too_long_for_the_speed() -> None:
+    (line,) = advice(billiards(step=1e-3))
+    assert line.startswith('scene: run.step: a step of 0.001 s moves "cue" by 0.1 radii')
+    assert line.endswith("step = 0.0005 is safe, 0.0002 accurate")
+    assert advice(billiards(step=5e-4)) == []
+
+
+def test_until_between_two_steps() -> None:
+    (line,) = advice(billiards(until=0.12345))
+    assert "not a whole number of steps; the run ends at 0.1234 s" in line or "0.1235 s" in line
+    assert advice(billiards(until=0.3)) == []
+
+
+def test_rolling_resistance_that_no_ball_overcomes() -> None:
+    scene = billiards()
+    law = scene.contact("ball", "rubber", friction=0.2, restitution=0, rolling_radius="6 mm")
+    assert any("never starts to roll" in line for line in advice(scene))
+    law.rolling_radius = 0.005
+    assert advice(scene) == []
+
+
+def test_bounces_without_loss() -> None:
+    scene = billiards()
+    scene.contact("ball", "steel", friction=0, restitution=1)
+    assert advice(scene) == []
+    wall = scene.plane("wall", point=(9, 0, 0), normal=(-1, 0, 0), material="steel")
+    assert advice(scene) == []
+    wall.point, wall.normal = (0, 0, -1), (0.1, 0, 1)
+    assert any("each bounce loses energy" in line for line in advice(scene))
+
+
+def test_inertia_above_that_of_a_shell() -> None:
+    scene = billiards()
+    scene.spheres[1].inertia = 5.5e-2
+    (line,) = advice(scene)
+    assert line.startswith(
+        'scene.sphere["eight"]: inertia: 0.055 kg m^2 is more than that of a hollow sphere'
+    )
+
+
+def test_pairs_that_cannot_meet_need_no_law() -> None:
+    scene = Scene(run={"until": 1})
+    scene.sphere("only", radius=1, mass=1, at=(0, 0, 0), material="a")
+    scene.material("b")
+    scene.validate()
+    scene.plane("p", point=(0, 0, -2), normal=(0, 0, 1), material="c")
+    scene.plane("q", point=(0, 0, 2), normal=(0, 0, -1), material="d")
+    with pytest.raises(ScenarioError) as caught:
+        scene.validate()
+    assert len(caught.value.problems) == 2  # a-c and a-d, not a-a or c-d
+    assert 'add scene.contact("a", "c", friction=..., restitution=...)' in str(caught.value)

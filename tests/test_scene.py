@@ -1,0 +1,346 @@
+"""`carom.Scene`: built in Python, written as TOML, read back without the loss of a bit."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from carom import _core
+from carom.errors import CaromError, ScenarioError
+from carom.scene import Scene
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+
+def example() -> Scene:
+    scene = Scene("one ball", gravity=(0, 0, "-9.8 m/s^2"), run={"until": 1}, record={"every": 5})
+    scene.sphere(
+        "cue",
+        radius="28.575 mm",
+        mass="170 g",
+        at=(0, 0, 0.028575),
+        velocity=np.array([1.8, 0, 0]),
+        material="ball",
+    )
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 2), material="cloth")
+    scene.contact("ball", "cloth", friction=0.2, restitution=0, rolling_radius="1 mm")
+    return scene
+
+
+def test_model_has_the_arrays_of_the_core() -> None:
+    scene = example()
+    assert scene.validate() == []
+    model = scene.to_model()
+    expected: dict[str, Any] = {
+        "gravity": [0, 0, -9.8],
+        "radius": [0.028575],
+        "mass": [0.17],
+        "inertia": [0.4 * 0.17 * 0.028575**2],
+        "position": [[0, 0, 0.028575]],
+        "velocity": [[1.8, 0, 0]],
+        "angular_velocity": [[0, 0, 0]],
+        "orientation": [[1, 0, 0, 0]],
+        "material": [0],
+        "plane_point": [[0, 0, 0]],
+        "plane_normal": [[0, 0, 1]],
+        "plane_material": [1],
+        "law_a": [0],
+        "law_b": [1],
+        "friction": [0.2],
+        "restitution": [0],
+        "tangential_restitution": [0],
+        "rolling_radius": [1e-3],
+        "spinning_radius": [0],
+    }
+    assert model.pop("options") == _core.defaults()
+    assert set(model) == set(expected)
+    for key, values in expected.items():
+        array = model[key]
+        assert array.dtype == (
+            np.int64 if key in ("material", "plane_material", "law_a", "law_b") else np.float64
+        )
+        assert array.flags.c_contiguous
+        assert array.shape == np.shape(values)
+        np.testing.assert_array_equal(array, values)
+
+
+def test_a_scene_without_planes_has_empty_arrays() -> None:
+    model = Scene().to_model()
+    assert model["plane_point"].shape == model["position"].shape == (0, 3)
+    assert model["orientation"].shape == (0, 4)
+
+
+def test_what_was_given_is_written_and_nothing_else() -> None:
+    assert (
+        example().to_toml()
+        == """\
+format = 1
+title = "one ball"
+
+[run]
+until = 1.0
+
+[record]
+every = 5
+
+[world]
+gravity = [0.0, 0.0, -9.8]
+
+[[material]]
+name = "ball"
+
+[[material]]
+name = "cloth"
+
+[[contact]]
+between = ["ball", "cloth"]
+friction = 0.2
+restitution = 0.0
+rolling_radius = 0.001
+
+[[sphere]]
+name = "cue"
+material = "ball"
+radius = 0.028575
+mass = 0.17
+position = [0.0, 0.0, 0.028575]
+velocity = [1.8, 0.0, 0.0]
+
+[[plane]]
+name = "bed"
+material = "cloth"
+point = [0.0, 0.0, 0.0]
+normal = [0.0, 0.0, 2.0]
+"""
+    )
+
+
+def test_resolved_copy_has_every_option() -> None:
+    text = example().to_toml(resolved=True)
+    for key in _core.defaults():
+        assert f"\n{key} = " in text
+    assert "orientation = [1.0, 0.0, 0.0, 0.0]" in text
+    assert "contacts = true" in text
+
+
+def test_file_and_text_and_path(tmp_path: Path) -> None:
+    scene = example()
+    path = tmp_path / "x.toml"
+    text = scene.to_toml(path)
+    assert path.read_text(encoding="utf-8") == text
+    assert Scene.from_toml(path) == Scene.from_toml(str(path)) == Scene.from_toml(text) == scene
+    assert scene != example().with_options(until=2)
+    assert scene != 3
+
+
+def test_options_override_those_of_the_scene() -> None:
+    scene = example()
+    other = scene.with_options(step="0.1 ms", every=7, contacts=False)
+    assert (other.run.step, other.record.every, other.record.contacts, other.run.until) == (
+        1e-4,
+        7,
+        False,
+        1.0,
+    )
+    assert (scene.run.step, scene.record.every, scene.record.contacts) == (1e-3, 5, True)
+    with pytest.raises(ScenarioError) as caught:
+        scene.with_options(stpe=1, evry=2)
+    assert "carom.simulate: stpe: unknown option; did you mean step?" in str(caught.value)
+    assert "did you mean every?" in str(caught.value)
+    with pytest.raises(ScenarioError, match=r"^carom.simulate: step: must be positive, found -1; "):
+        scene.with_options(step=-1)
+
+
+def test_settings_are_checked_as_they_are_set() -> None:
+    scene = example()
+    scene.run.step = "2 ms"
+    assert scene.run.step == 2e-3
+    with pytest.raises(ScenarioError, match=r"^scene.run: step: must be positive, found 0; "):
+        scene.run.step = 0
+    with pytest.raises(ScenarioError, match=r"did you mean spectral_radius\?"):
+        scene.run.spectral_radious = 0.5
+    cue = scene.spheres[0]
+    cue.velocity = ("36 km/h", 0, 0)
+    assert cue.velocity == (10.0, 0.0, 0.0)
+    with pytest.raises(
+        ScenarioError,
+        match=r'^scene.sphere\["cue"\]: velocity: expected a list of 3 numbers, found a list of 2',
+    ):
+        cue.velocity = (1, 2)
+    assert cue.velocity == (10.0, 0.0, 0.0)
+    scene.gravity, scene.title = (0, 0, 0), "free"
+    assert "free" in scene.to_toml()
+
+
+BALL: dict[str, Any] = {"name": "a", "radius": 1, "mass": 1, "position": (0, 0, 0), "material": "m"}
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"radius": -1}, 'Scene.sphere("a"): radius: must be positive, found -1; '),
+        ({"radius": "1 kg"}, 'radius: expected a length, found "1 kg", a mass'),
+        ({"radius": float("nan")}, "must be a finite number"),
+        ({"position": None}, 'Scene.sphere("a"): position: is missing; '),
+        ({"position": 5}, "position: expected a list of 3 numbers, found 5"),
+        ({"at": (0, 0, 0)}, "at: both position and at are given"),
+        ({"mass": None}, "neither mass nor density is given"),
+        ({"name": "cue"}, "name: there is already a sphere or plane"),
+        ({"name": ""}, "name: must be 1 to 200 printable characters"),
+    ],
+)
+def test_mistakes_in_spheres(keys: dict[str, Any], message: str) -> None:
+    assert message in refused(lambda scene: scene.sphere(**{**BALL, **keys}))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda scene: scene.plane("p", point=(0, 0, 0), normal=(0, 0, 0), material="m"),
+            'Scene.plane("p"): normal: a direction must not be zero',
+        ),
+        (
+            lambda scene: scene.contact("cloth", "ball", friction=0, restitution=0),
+            'Scene.contact("cloth", "ball"): there is already a law',
+        ),
+        (
+            lambda scene: scene.contact("a", "b", friction=-1, restitution=2),
+            "restitution: must be at least 0 and at most 1",
+        ),
+        (lambda scene: Scene(run={"untill": 3}), "Scene(run=...): untill: unknown key; did you mean until?"),
+        (lambda scene: Scene(gravity=(0, 0)), "Scene: gravity: expected a list of 3 numbers"),
+    ],
+)
+def test_mistakes_in_other_calls(call: Callable[[Scene], object], message: str) -> None:
+    assert message in refused(call)
+
+
+def refused(call: Callable[[Scene], object]) -> str:
+    """The message of a call, which must leave the scene as it was."""
+    scene = example()
+    before = scene.to_toml()
+    with pytest.raises(ScenarioError) as caught:
+        call(scene)
+    assert scene.to_toml() == before
+    return str(caught.value)
+
+
+def test_mistakes_of_the_whole_scene_name_the_calls() -> None:
+    scene = Scene()
+    with pytest.raises(ScenarioError) as caught:
+        scene.validate()
+    assert str(caught.value).splitlines() == [
+        "scene: run.until: is missing; pass until=... (simulated time, s); it has no default",
+        "scene: sphere: the scene has no spheres; add one with scene.sphere(...)",
+    ]
+    scene = example()
+    scene.sphere("low", radius=0.1, mass=1, at=(0, 3, 0), material="ball")
+    with pytest.raises(ScenarioError) as caught:
+        scene.validate()
+    assert 'scene.sphere["low"]: position: sphere "low" reaches 0.1 m behind plane "bed"' in str(caught.value)
+    assert 'scene: contact: no contact law for "ball" and "ball"' in str(caught.value)
+
+
+def test_additions_to_a_scene_from_a_file_are_not_blamed_on_a_line(tmp_path: Path) -> None:
+    path = tmp_path / "x.toml"
+    example().to_toml(path)
+    scene = Scene.from_toml(path)
+    scene.sphere("low", radius=0.1, mass=1, at=(0, 3, 0), material="balls")
+    with pytest.raises(ScenarioError) as caught:
+        scene.validate()
+    assert any(p.where == 'scene.sphere["low"]' for p in caught.value.problems)
+
+
+def test_model_of_a_broken_scene_is_refused() -> None:
+    scene = example()
+    scene.spheres[0].material = "bal"
+    with pytest.raises(ScenarioError, match=r"did you mean ball\?"):
+        scene.to_model()
+
+
+def test_errors_travel_between_processes() -> None:
+    with pytest.raises(CaromError) as caught:
+        Scene().validate()
+    copy = pickle.loads(pickle.dumps(caught.value))
+    assert str(copy) == str(caught.value)
+    assert copy.problems == caught.value.problems
+
+
+def test_orientation_and_normals_are_normalised_in_the_arrays_only() -> None:
+    scene = example()
+    scene.spheres[0].orientation = (0.5, 0.5, 0.5, 0.5000004)
+    scene.planes[0].normal = (1e-200, 0, 1e-200)
+    model = scene.to_model()
+    assert np.linalg.norm(model["orientation"][0]) == pytest.approx(1, abs=1e-15)
+    assert np.linalg.norm(model["plane_normal"][0]) == pytest.approx(1, abs=1e-15)
+    assert Scene.from_toml(scene.to_toml()) == scene
+    assert scene.spheres[0].orientation[3] == 0.5000004
+
+
+def test_repr_says_how_much() -> None:
+    assert repr(example()) == '<Scene "one ball": 1 spheres, 1 planes, 1 contact laws; 1000 steps of 0.001 s>'
+
+
+# --- without loss: any scene whatever, sensible or not --------------------------------------------------
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+positive = st.floats(1e-300, 1e300)
+vectors = st.tuples(numbers, numbers, numbers)
+names = st.text(min_size=1, max_size=10).filter(lambda s: s.isprintable() and s == s.strip())
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> Scene:
+    maybe = lambda values: draw(st.none() | values)  # noqa: E731
+    scene = Scene(
+        draw(st.text(max_size=20).filter(str.isprintable)),
+        gravity=draw(vectors),
+        run={
+            "until": draw(positive),
+            "step": draw(positive),
+            "line_search": draw(st.booleans()),
+            "threads": 3,
+        },
+        record={"every": draw(st.integers(1, 10**9))},
+    )
+    for name in draw(st.lists(names, unique=True, max_size=3)):
+        scene.sphere(
+            name,
+            radius=draw(positive),
+            density=draw(positive),
+            inertia=maybe(positive),
+            at=draw(vectors),
+            velocity=maybe(vectors),
+            angular_velocity=maybe(vectors),
+            orientation=maybe(st.sampled_from([(0.6, 0.0, -0.8, 0.0), (0.0, 0.0, 0.0, -1.0)])),
+            material=draw(names),
+        )
+    for name in draw(st.lists(names, unique=True, max_size=2)):
+        scene.rack(
+            name,
+            rows=draw(st.integers(1, 5)),
+            apex=draw(vectors),
+            direction=(draw(numbers), 1, 0),
+            radius=draw(positive),
+            mass=draw(positive),
+            material=draw(names),
+            jitter=maybe(st.floats(0, 1)),
+            seed=draw(st.integers(0, 2**63 - 1)),
+        )
+    for a, b in draw(st.lists(st.tuples(names, names), unique_by=lambda p: tuple(sorted(p)), max_size=3)):
+        scene.contact(a, b, friction=draw(st.floats(0, 1e300)), restitution=draw(st.floats(0, 1)))
+    return scene
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(scenes())
+def test_nothing_is_lost_on_the_way_to_text_and_back(scene: Scene) -> None:
+    text = scene.to_toml()
+    again = Scene.from_toml(text)
+    assert again == scene
+    assert again.to_toml() == text
