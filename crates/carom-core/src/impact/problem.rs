@@ -483,7 +483,16 @@ impl ImpactScratch {
         friction >= c.bounds.sliding * self.lambda[row] * (1.0 - 1e-12)
     }
 
+    /// Keeps the problem as an impact, unless only loads act in it (laws without stage 0 solve rest as an impact).
     fn record(&self, model: &Model, scratch: &mut Scratch, problem: u32) {
+        if problem == 1
+            && self
+                .chosen
+                .iter()
+                .all(|&slot| self.old_normal_velocity(slot) >= -self.tol)
+        {
+            return;
+        }
         for (position, &slot) in self.chosen.iter().enumerate() {
             let s = &self.sub.contacts[position];
             let row = s.row as usize;

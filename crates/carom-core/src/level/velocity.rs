@@ -52,7 +52,10 @@ pub fn solve_island(
 ) -> bool {
     if let [m] = *members {
         let c = scratch.contacts[m as usize];
-        if closed_form(model, &c) {
+        // As printed, restitution is not clipped: a contact that was separating may need a second problem.
+        let printed = model.options.impact == Impact::SequencePaper;
+        let separating = c.n0.dot(state.velocity[c.a as usize]) > 0.0;
+        if closed_form(model, &c) && !(printed && separating) {
             solve_single(model, state, scratch, m, report);
             return true;
         }

@@ -1,0 +1,70 @@
+//! Scenes shared by benches: built in code, so that a bench needs neither Python nor files.
+
+use carom_core::{Model, ModelInput, Options, Simulation};
+
+const R: f64 = 0.028575;
+
+fn base(positions: Vec<[f64; 3]>, velocities: Vec<[f64; 3]>, spins: Vec<[f64; 3]>) -> ModelInput {
+    let n = positions.len();
+    ModelInput {
+        gravity: [0.0, 0.0, -9.8],
+        radius: vec![R; n],
+        mass: vec![0.17; n],
+        inertia: vec![5.5e-5; n],
+        material: vec![0; n],
+        position: positions,
+        orientation: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        velocity: velocities,
+        angular_velocity: spins,
+        plane_point: vec![
+            [0.0; 3],
+            [2.54, 0.0, 0.0],
+            [0.0; 3],
+            [0.0; 3],
+            [0.0, 1.27, 0.0],
+        ],
+        plane_normal: vec![
+            [0.0, 0.0, 1.0],
+            [-1.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, -1.0, 0.0],
+        ],
+        plane_material: vec![1, 2, 2, 2, 2],
+        laws: vec![
+            (0, 0, [0.06, 0.93, 0.0, 0.0, 0.0]),
+            (0, 1, [0.2, 0.0, 0.0, 0.0, 0.0]),
+            (0, 2, [0.0, 0.85, 0.0, 0.0, 0.0]),
+        ],
+    }
+}
+
+fn build(input: &ModelInput, options: Options) -> Simulation {
+    let (model, initial) = Model::new(input, options).expect("a bench scene is valid");
+    Simulation::new(model, initial)
+}
+
+/// Section 5.6 of the paper.
+pub fn billiard_break(options: Options) -> Simulation {
+    let s = 3f64.sqrt() * R;
+    let positions = vec![
+        [0.635, 0.635, R],
+        [1.905, 0.635, R],
+        [1.905 + s, 0.635 + R, R],
+        [1.905 + s, 0.635 - R, R],
+    ];
+    let mut velocities = vec![[0.0; 3]; 4];
+    velocities[0] = [10.729, 0.0, 0.0];
+    build(&base(positions, velocities, vec![[0.0; 3]; 4]), options)
+}
+
+/// Four balls in pure rolling, slow enough not to meet a cushion within the bench.
+pub fn rolling(options: Options) -> Simulation {
+    let positions: Vec<[f64; 3]> = (0..4)
+        .map(|i| [0.5 + 0.4 * f64::from(i), 0.635, R])
+        .collect();
+    let speeds = [0.002, -0.001, 0.003, -0.002];
+    let velocities = speeds.iter().map(|&v| [0.0, v, 0.0]).collect();
+    let spins = speeds.iter().map(|&v| [-v / R, 0.0, 0.0]).collect();
+    build(&base(positions, velocities, spins), options)
+}
