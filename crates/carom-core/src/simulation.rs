@@ -7,7 +7,7 @@ use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
 use crate::state::State;
-use crate::step::{step, Failure};
+use crate::step::{step, Attempt, Failure};
 use crate::stepper::Coefficients;
 use crate::timers::{Phase, Timers};
 use std::time::{Duration, Instant};
@@ -134,8 +134,12 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<(), Failure> {
         let last = depth == self.model.options.max_halvings;
-        let accept = last && self.model.options.on_nonconvergence == OnNonconvergence::Warn;
-        let c = self.coefficients[depth as usize];
+        let attempt = Attempt {
+            coefficients: self.coefficients[depth as usize],
+            time: t,
+            accept_unconverged: last
+                && self.model.options.on_nonconvergence == OnNonconvergence::Warn,
+        };
         let mut local = StepReport::new(report.step, report.time);
         let (number, time) = (report.step, report.time);
         let made = step(
@@ -143,9 +147,7 @@ impl Simulation {
             &mut self.state,
             &mut self.scratch,
             &mut self.timers,
-            &c,
-            t,
-            accept,
+            &attempt,
             &mut local,
         );
         match made {

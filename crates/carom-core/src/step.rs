@@ -30,26 +30,47 @@ pub enum Failure {
     MissingLaw(u32, u32),
 }
 
-/// Makes one step from `t` of the size in `coefficients`. With `accept` an unconverged iterate is taken and counted.
+/// What is asked of one step.
+#[derive(Clone, Copy, Debug)]
+pub struct Attempt {
+    /// Of the size of this step.
+    pub coefficients: Coefficients,
+    /// Time at its start, s.
+    pub time: f64,
+    /// Take an unconverged iterate, and count it.
+    pub accept_unconverged: bool,
+}
+
+/// Makes one step.
 pub fn step(
     model: &Model,
     state: &mut State,
     scratch: &mut Scratch,
     timers: &mut Timers,
-    coefficients: &Coefficients,
-    t: f64,
-    accept: bool,
+    attempt: &Attempt,
     report: &mut StepReport,
 ) -> Result<(), Failure> {
-    predict_and_smooth(model, state, scratch, coefficients, t, report);
+    let Attempt {
+        coefficients,
+        time,
+        accept_unconverged,
+    } = attempt;
+    predict_and_smooth(model, state, scratch, coefficients, *time, report);
     timers.mark(Phase::Predict);
     list_pairs(model, state, scratch);
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
-    correct_positions(model, state, scratch, report, accept)?;
+    correct_positions(model, state, scratch, report, *accept_unconverged)?;
     timers.mark(Phase::Position);
-    correct_velocities(model, state, scratch, coefficients.h, report, accept)?;
+    correct_velocities(
+        model,
+        state,
+        scratch,
+        coefficients.h,
+        report,
+        *accept_unconverged,
+    )?;
     timers.mark(Phase::Velocity);
     finish(model, state, scratch, coefficients, report)?;
     timers.mark(Phase::Finish);
