@@ -104,5 +104,5 @@ $(STAMPS)/docs: $(LOCK) | preflight
 
 # Editable: a change of Python needs no rebuild. --release, like the tests: both share every compiled crate.
 $(STAMPS)/extension: $(RUST) pyproject.toml $(STAMPS)/run | preflight
-	@.venv/bin/maturin develop --release $(if $(CI),--locked)
+	@PIP_QUIET=1 .venv/bin/maturin develop --release $(if $(CI),--locked)
 	@printf '%s\n' "$(CURDIR)" > $@

@@ -12,5 +12,7 @@ trap 'rm -rf "$dir"' EXIT
 cd "$dir"
 "$python" -m venv empty
 empty/bin/python -m pip install --quiet --no-input --disable-pip-version-check -c "$constraints" "$wheel" </dev/null
-echo "installed in an empty environment: $(empty/bin/carom --version)"
-empty/bin/carom examples list
+version=$(empty/bin/carom --version)
+echo "installed in an empty environment: $version"
+empty/bin/carom examples copy three_balls >/dev/null
+empty/bin/carom run three_balls.toml
