@@ -18,8 +18,11 @@ from typing import Any
 import numpy as np
 
 __version__ = "fake"
-COUNTS = "iterations_smooth iterations_position iterations_velocity line_search_position"
-COUNTS += " line_search_velocity impact_problems contacts islands largest_island fallbacks truncated unconverged halvings missed_impacts relisted"
+COUNTS = (
+    "iterations_smooth iterations_position iterations_velocity line_search_position line_search_velocity"
+    " impact_problems contacts islands largest_island fallbacks truncated unconverged halvings missed_impacts"
+    " relisted"
+)
 
 
 class ModelError(ValueError):

@@ -62,6 +62,11 @@ class Result:
         """The run directory."""
         return self._directory.path
 
+    @property
+    def segment_names(self) -> list[str]:
+        """The results files, in the order of the run."""
+        return [file.name for file in self._directory.segments()]
+
     # Motion, one row per frame.
 
     @property

@@ -275,9 +275,7 @@ def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, A
     about["finished"] = now()
     about["summary"] = summary.summary(scene, simulation, start.plan, about)
     directory.write(about)
-    directory.log(
-        "end", status=about["status"], **{k: v for k, v in outcome.items() if k in ("kind", "step", "time")}
-    )
+    directory.log("end", status=about["status"], outcome=outcome)
 
 
 def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], error: BaseException) -> None:

@@ -174,8 +174,7 @@ class Segments:
 
 def _open(path: Path) -> h5py.File:
     try:
-        # Without locks: the writer may be at work, or dead with its lock left on a network file system.
-        file = h5py.File(path, "r", libver="latest", swmr=True, locking=False)
+        file = _open_swmr(path)
     except OSError as error:
         if not path.exists():
             raise CaromError(f"{path}: no such file") from error
@@ -189,6 +188,16 @@ def _open(path: Path) -> h5py.File:
             f"{path} is not a results file of this version of Carom (format {found}, wanted {FORMAT})"
         )
     return file
+
+
+def _open_swmr(path: Path) -> h5py.File:
+    try:
+        return h5py.File(path, "r", libver="latest", swmr=True)
+    except OSError as error:
+        if "lock" not in str(error):
+            raise
+        # Network file systems may have no locks, or keep that of a writer that died.
+        return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
 
 
 def _text(value: Any) -> str:

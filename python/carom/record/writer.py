@@ -196,8 +196,8 @@ def _extend(dataset: h5py.Dataset, rows: NDArray[Any]) -> None:
 
 def _count(block: Mapping[str, Any]) -> Rows:
     key = {"frames": "step", "contacts": "gap", "steps": "step", "impacts": "step", "residuals": "step"}
-    counts = [len(block[table][key[table]]) for table in TABLES]
-    return Rows(*counts, len(block["residuals"]["value"]))
+    counts = {table: len(block[table][key[table]]) for table in TABLES}
+    return Rows(**counts, values=len(block["residuals"]["value"]))
 
 
 class _explained:

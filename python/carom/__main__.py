@@ -1,0 +1,5 @@
+"""`python -m carom` is `carom`."""
+
+from carom.cli import main
+
+main()

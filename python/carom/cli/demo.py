@@ -1,0 +1,75 @@
+"""`carom demo`."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from carom.cli.options import Json, Quiet
+from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note, seconds
+from carom.cli.progress import progress_bar
+
+
+@guarded
+def demo(
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="Where runs, plots and pages go.")
+    ] = Path("demo"),
+    plots: Annotated[bool, typer.Option(help="Draw the figures (needs matplotlib).")] = True,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> int:
+    """Simulate the billiard break of the paper, with and without rolling resistance, and compare.
+
+    Writes the runs, figures and a 3D page of each case to DIR; an earlier demo there is replaced.
+
+    Example: carom demo -o /tmp/demo
+    """
+    from carom import demo as story
+
+    begin = time.perf_counter()
+    document: dict[str, Any] = {"cases": {}}
+    code = DONE
+    for case in story.CASES:
+        directory = out / case
+        with progress_bar(not (quiet or as_json)) as bar:
+            result = story.simulate(case, directory, progress=bar)
+        if not result.outcome.ok:
+            note(f"{case}: {result.outcome}")
+            code = NOT_CONVERGED
+            continue
+        rows = story.compare(result)
+        files = [result.view(title=result.title or case).path]
+        files += _plots(result, plots)
+        document["cases"][case] = {
+            "rows": story.as_json(rows),
+            "directory": str(directory),
+            "files": [str(f) for f in files],
+        }
+        if not (quiet or as_json):
+            print(f"{result.title or case}\n\n{story.as_table(rows)}\n")
+            print(f"3D page     {files[0]}  (open it in a browser; it needs no network)")
+            if len(files) > 1:
+                print(f"figures     {files[1].parent}{'/'}  ({len(files) - 1} files)")
+            print(f"run         {directory}\n")
+    document["wall_s"] = time.perf_counter() - begin
+    if as_json:
+        emit(document)
+    elif not quiet:
+        print(f"all of it took {seconds(document['wall_s'])}")
+    return code
+
+
+def _plots(result: Any, wanted: bool) -> list[Path]:
+    from importlib.util import find_spec
+
+    if not wanted:
+        return []
+    if find_spec("matplotlib") is None:
+        note("no figures: matplotlib is missing (pip install 'carom[plot]')")
+        return []
+    files: list[Path] = result.plot.save(result.path / "plots")
+    return files

@@ -1,0 +1,121 @@
+"""`carom doctor`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from carom.cli.options import Json
+from carom.cli.output import BAD_INPUT, DONE, emit, guarded
+
+
+@guarded
+def doctor(as_json: Json = False) -> int:
+    """Look whether everything that Carom needs is there and works.
+
+    Example: carom doctor
+    """
+    findings = [_try(name, test) for name, test in TESTS.items()]
+    good = all(f["ok"] or f["optional"] for f in findings)
+    if as_json:
+        emit({"ok": good, "findings": findings})
+    else:
+        for f in findings:
+            mark = "ok" if f["ok"] else ("absent" if f["optional"] else "FAILED")
+            print(f"{mark:7} {f['name']:16} {f['found']}")
+        print("all is well" if good else "something is wrong, see above")
+    return DONE if good else BAD_INPUT
+
+
+def _try(name: str, test: Callable[[], str]) -> dict[str, Any]:
+    optional = name in OPTIONAL
+    try:
+        return {"name": name, "ok": True, "optional": optional, "found": test()}
+    except Exception as error:
+        told = " ".join(str(error).split()) or type(error).__name__
+        if optional:
+            told = f"not installed: {OPTIONAL[name]}"
+        return {"name": name, "ok": False, "optional": optional, "found": told}
+
+
+def _python() -> str:
+    return f"{sys.version.split()[0]} ({sys.executable})"
+
+
+def _core() -> str:
+    from carom import _core
+
+    return f"{_core.__version__}, {len(_core.defaults())} numerical options"
+
+
+def _numpy() -> str:
+    import numpy
+
+    return numpy.__version__
+
+
+def _record() -> str:
+    """HDF5 with one writer and a reader at work at the same time, as every run uses it."""
+    import tempfile
+    from pathlib import Path
+
+    import h5py
+
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "probe.h5"
+        with h5py.File(path, "w", libver="latest") as file:
+            data = file.create_dataset("x", (0,), "f8", maxshape=(None,), chunks=(16,))
+            file.swmr_mode = True
+            data.resize(3, axis=0)
+            data.flush()
+            with h5py.File(path, "r", libver="latest", swmr=True) as reader:
+                if reader["x"].shape != (3,):
+                    raise RuntimeError("HDF5 cannot read a file that is being written here")
+    return f"h5py {h5py.__version__}, HDF5 {h5py.version.hdf5_version}, reads while it writes"
+
+
+def _directory() -> str:
+    import shutil
+    import tempfile
+
+    with tempfile.TemporaryFile(dir="."):
+        pass
+    return f"writable, {shutil.disk_usage('.').free / 1e9:.1f} GB free"
+
+
+def _a_run() -> str:
+    import carom
+    from carom.cli.examples import find
+
+    result = carom.simulate(carom.Scene.from_toml(find("three_balls")))
+    return f"{result.summary['steps']} steps in {1e3 * result.summary['wall_s']:.0f} ms"
+
+
+def _matplotlib() -> str:
+    import matplotlib
+
+    return str(matplotlib.__version__)
+
+
+def _interop() -> str:
+    import pandas
+    import xarray
+
+    return f"xarray {xarray.__version__}, pandas {pandas.__version__}"
+
+
+TESTS: dict[str, Callable[[], str]] = {
+    "Python": _python,
+    "compiled core": _core,
+    "NumPy": _numpy,
+    "results file": _record,
+    "this directory": _directory,
+    "a short run": _a_run,
+    "plots": _matplotlib,
+    "tables": _interop,
+}
+OPTIONAL = {
+    "plots": "pip install 'carom[plot]' for figures",
+    "tables": "pip install 'carom[interop]' for to_xarray and to_pandas",
+}

@@ -1,0 +1,78 @@
+"""`carom examples list` and `carom examples copy`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from carom.cli.options import Json
+from carom.cli.output import emit, guarded
+
+examples = typer.Typer(no_args_is_help=True, help="Scenario files that come with Carom.")
+
+
+def shipped() -> dict[str, Path]:
+    """The scenarios of the package by name, as `paper/5.6_break`."""
+    root = Path(__file__).parents[1] / "scenarios"
+    return {f.relative_to(root).with_suffix("").as_posix(): f for f in sorted(root.rglob("*.toml"))}
+
+
+def find(name: str) -> Path:
+    """A scenario by its name, its file name or the last part of either."""
+    from carom.errors import CaromError, did_you_mean
+
+    known = shipped()
+    wanted = name.removesuffix(".toml")
+    found = [path for key, path in known.items() if wanted in (key, key.rsplit("/", 1)[-1])]
+    if len(found) != 1:
+        raise CaromError(f"no example is called {name!r}; {did_you_mean(wanted, list(known))}")
+    return found[0]
+
+
+@examples.command("list")
+@guarded
+def list_(as_json: Json = False) -> None:
+    """List the scenarios that come with Carom.
+
+    Example: carom examples list
+    """
+    rows = [(name, _title(path)) for name, path in shipped().items()]
+    if as_json:
+        emit([{"name": name, "title": title} for name, title in rows])
+    else:
+        width = max((len(name) for name, _ in rows), default=0)
+        print("\n".join(f"{name:{width}}  {title}" for name, title in rows))
+
+
+@examples.command("copy")
+@guarded
+def copy(
+    name: Annotated[str, typer.Argument(help="Name of an example, as listed.", show_default=False)],
+    to: Annotated[Path, typer.Argument(help="File or directory to copy it to.")] = Path(),
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Copy a scenario, to run and to change it.
+
+    Example: carom examples copy paper/5.6_break
+    """
+    from carom.errors import CaromError
+
+    source = find(name)
+    target = to / source.name if to.is_dir() or to.suffix != ".toml" else to
+    if target.exists() and not force:
+        raise CaromError(f"{target} exists already; give --force to replace it, or another name")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(source.read_bytes())
+    if as_json:
+        emit({"file": str(target)})
+    else:
+        print(f"{target}  (carom run {target})")
+
+
+def _title(path: Path) -> str:
+    found = re.search(r'^title\s*=\s*"(.*)"', path.read_text(encoding="utf-8"), re.MULTILINE)
+    return found[1] if found else ""

@@ -1,0 +1,63 @@
+"""`carom info`."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+from carom.cli.options import Json, Run
+from carom.cli.output import emit, guarded, table
+
+
+@guarded
+def info(run: Run, as_json: Json = False) -> None:
+    """Say what a run directory holds and how the run ended; also for a run in progress.
+
+    Example: carom info runs/break-1
+    """
+    from carom.result import load
+    from carom.rundir import size_on_disk
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the state of the run is said below
+        result = load(run)
+    facts: dict[str, Any] = {
+        "directory": str(result.path),
+        "title": result.title,
+        "status": result.status,
+        "being_written": result.is_being_written,
+        "outcome": str(result.outcome),
+        "bodies": len(result.names),
+        "planes": len(result.planes),
+        "steps": len(result.steps),
+        "frames": len(result.time),
+        "time_first": float(result.time[0]) if len(result.time) else None,
+        "time_last": float(result.time[-1]) if len(result.time) else None,
+        "impacts": len(result.impacts),
+        "contacts": len(result.contacts),
+        "segments": result.segment_names,
+        "bytes": size_on_disk(result.path),
+        "versions": dict(result.versions),
+    }
+    if as_json:
+        emit(facts)
+        return
+    if result.status == "running":
+        facts["status"] = (
+            "running" if facts["being_written"] else "did not finish; `carom resume` continues it"
+        )
+    facts["bytes"] = f"{facts['bytes'] / 1e6:.2f} MB"
+    facts["segments"] = ", ".join(facts["segments"])
+    facts["versions"] = ", ".join(f"{k} {v}" for k, v in facts["versions"].items())
+    del facts["being_written"]
+    width = max(map(len, facts))
+    for key, value in facts.items():
+        print(f"{key.replace('_', ' '):{width}}  {value if value is not None else '-'}")
+    if len(result.names) <= 20:
+        body = result.bodies
+        rows = [["body", "radius (m)", "mass (kg)", "inertia (kg m^2)"]]
+        rows += [
+            [n, f"{r:g}", f"{m:g}", f"{i:g}"]
+            for n, r, m, i in zip(body["name"], body["radius"], body["mass"], body["inertia"], strict=True)
+        ]
+        print("\n" + table(rows))

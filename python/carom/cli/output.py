@@ -1,0 +1,134 @@
+"""What all commands share: one line for an error, one document for `--json`, plain tables, exit codes."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ParamSpec
+
+import typer
+
+P = ParamSpec("P")
+
+DONE, CRASH, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
+
+#: Set to see where an error of Carom itself comes from.
+TRACEBACK = "CAROM_TRACEBACK"
+
+
+def guarded(command: Callable[P, int | None]) -> Callable[P, None]:
+    """A command whose errors become one line on standard error and an exit code; it may return its exit code."""
+
+    @functools.wraps(command)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> None:
+        as_json = bool(kwargs.get("as_json"))
+        try:
+            code = command(*args, **kwargs) or DONE
+            sys.stdout.flush()
+        except KeyboardInterrupt:
+            code = fail("interrupted", INTERRUPTED, as_json)
+        except BrokenPipeError:
+            # The reader of our output has left (`carom info RUN | head`); nobody wants to hear of it.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = DONE
+        except (ValueError, OSError, MemoryError) as error:
+            from carom.errors import CaromError
+
+            if not isinstance(error, (CaromError, OSError, MemoryError)):
+                code = _crashed(error, as_json)
+            else:
+                code = _refused(error, as_json)
+        except Exception as error:
+            if isinstance(error, typer.Exit) or type(error).__module__.split(".")[0] in ("typer", "click"):
+                raise  # usage errors, which typer explains itself
+            code = _crashed(error, as_json)
+        raise typer.Exit(code)
+
+    return wrapped
+
+
+def fail(message: str, code: int, as_json: bool = False, **facts: Any) -> int:
+    """Say on standard error what is wrong, and as a JSON document too if one was asked for; returns `code`."""
+    print(f"carom: {message}", file=sys.stderr)
+    if as_json:
+        emit({"error": message, "code": code, **facts})
+    return code
+
+
+def emit(document: Any) -> None:
+    """The one JSON document of a command with `--json`. What is not a finite number becomes null, as JSON demands."""
+    print(json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def note(message: str) -> None:
+    """A remark on standard error."""
+    print(f"carom: {message}", file=sys.stderr)
+
+
+def table(rows: Iterable[Sequence[str]], indent: str = "") -> str:
+    """Rows as aligned columns; the first column to the left, the others to the right."""
+    cells = [list(row) for row in rows]
+    widths = [
+        max(len(row[i]) for row in cells if i < len(row)) for i in range(max(map(len, cells), default=0))
+    ]
+    lines = []
+    for row in cells:
+        padded = [
+            c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=False))
+        ]
+        lines.append((indent + "  ".join(padded)).rstrip())
+    return "\n".join(lines)
+
+
+def seconds(value: float) -> str:
+    """A duration in the unit in which it is read."""
+    if value < 1e-3:
+        return f"{value * 1e6:.0f} us"
+    if value < 1:
+        return f"{value * 1e3:.3g} ms"
+    if value < 120:
+        return f"{value:.3g} s"
+    minutes, rest = divmod(round(value), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def _refused(error: Exception, as_json: bool) -> int:
+    from carom.errors import ScenarioError
+
+    if isinstance(error, ScenarioError):
+        print(error.report(), file=sys.stderr)
+        if as_json:
+            emit({"error": str(error), "code": BAD_INPUT, "problems": [p.to_dict() for p in error.problems]})
+        return BAD_INPUT
+    if isinstance(error, MemoryError):
+        return fail(
+            "not enough memory for this; use fewer bodies, or a larger `every` in [record]",
+            BAD_INPUT,
+            as_json,
+        )
+    if isinstance(error, OSError) and error.filename:
+        return fail(f"{error.filename}: {error.strerror}", BAD_INPUT, as_json)
+    return fail(" ".join(str(error).split()) or type(error).__name__, BAD_INPUT, as_json)
+
+
+def _crashed(error: BaseException, as_json: bool) -> int:
+    if os.environ.get(TRACEBACK):
+        raise error
+    told = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    return fail(
+        f"error in Carom itself, please report it ({TRACEBACK}=1 shows where): {told}", CRASH, as_json
+    )
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if value - value == 0 else None
+    if isinstance(value, Mapping):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(v) for v in value]
+    return value

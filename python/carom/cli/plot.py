@@ -1,0 +1,68 @@
+"""`carom plot`."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from carom.cli.options import Json, Run
+from carom.cli.output import emit, guarded, note
+
+
+@guarded
+def plot(
+    run: Run,
+    what: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--what",
+            help="velocities, angular-velocities, heights, energies, iterations, residuals or all; may be repeated.",
+            show_default="all",
+        ),
+    ] = None,
+    step: Annotated[
+        int | None,
+        typer.Option(
+            "--step", metavar="K", help="Step of the residual history.", show_default="most iterations"
+        ),
+    ] = None,
+    bodies: Annotated[
+        str | None,
+        typer.Option("--bodies", metavar="A,B", help="Draw these bodies only.", show_default="all"),
+    ] = None,
+    format_: Annotated[str, typer.Option("--format", help="png, svg, pdf, or several with commas.")] = "png",
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Where to write; default RUN/plots.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Draw what happened in a run, ready for print; the numbers are written beside every figure as CSV.
+
+    Example: carom plot runs/break-1 --what velocities --format pdf
+    """
+    from carom.plot import KINDS
+    from carom.result import load
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = load(run)
+    for warning in caught:
+        note(str(warning.message))
+    named = [kind for kinds in what or ["all"] for kind in kinds.split(",")]
+    kinds = list(KINDS) if "all" in named else named
+    if "all" in named and step is None and not len(result.residuals):
+        kinds.remove("residuals")  # a run without a contact has none
+    files = result.plot.save(
+        out or result.path / "plots",
+        kinds,
+        formats=format_.split(","),
+        bodies=bodies.split(",") if bodies else None,
+        step=step,
+    )
+    if as_json:
+        emit({"files": [str(f) for f in files]})
+    else:
+        print("\n".join(str(f) for f in files))

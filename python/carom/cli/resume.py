@@ -1,0 +1,39 @@
+"""`carom resume`."""
+
+from __future__ import annotations
+
+import signal
+from typing import Annotated
+
+import typer
+
+from carom.cli.options import Json, Quiet, Run
+from carom.cli.output import guarded
+from carom.cli.progress import progress_bar
+from carom.cli.run import report
+
+
+@guarded
+def resume(
+    run: Run,
+    until: Annotated[
+        float | None,
+        typer.Option("--until", metavar="TIME", help="Simulate on to this time, s.", show_default=False),
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> int:
+    """Continue a run that was interrupted or killed, bit for bit as if nothing had happened.
+
+    With --until a finished run is extended. What is new goes into a further segment of the results.
+
+    Example: carom resume runs/break-1 --until 6
+    """
+    from carom.drive import Interrupt
+    from carom.run import relaunch
+    from carom.rundir import RunDir
+
+    stop = Interrupt()
+    with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
+        result = relaunch(RunDir.open(run), until=until, stop=stop, progress=bar)
+    return report(result, quiet=quiet, as_json=as_json)

@@ -1,0 +1,94 @@
+"""`carom run` and the summary at its end."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from carom.cli.options import Json, Quiet, Scenario, settings
+from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, fail, guarded, note
+from carom.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+
+@guarded
+def run(
+    scenario: Scenario,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="DIR", help="Run directory; default runs/SCENARIO-<n>."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the run in DIR.")] = False,
+    until: Annotated[
+        str | None, typer.Option("--until", metavar="TIME", help="Simulated time, s or with a unit.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Override a key of [run] or [record]; may be repeated."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> int:
+    """Simulate a scenario and keep everything in a run directory.
+
+    Ctrl-C writes a checkpoint and leaves with 130; `carom resume` then continues bit for bit.
+
+    Example: carom run break.toml -o runs/fine --set step=1e-4
+    """
+    from carom.drive import Interrupt
+    from carom.run import launch
+    from carom.rundir import RunDir
+    from carom.scene import Scene
+
+    options = settings(set_ or [])
+    if until is not None:
+        options["until"] = _number(until)
+    scene = Scene.from_toml(scenario)
+    if options:
+        scene = scene.with_options(**options)
+    for advice in scene.validate():
+        note(f"warning: {advice}")
+
+    def create() -> RunDir:
+        return RunDir.create(out, force=force) if out is not None else RunDir.next(scenario.stem)
+
+    stop = Interrupt()
+    with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
+        result = launch(scene, create, stop=stop, progress=bar, source=str(scenario))
+    return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
+
+
+def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None = None) -> int:
+    """Print how a run ended; returns the exit code."""
+    summary = {**result.summary, "directory": str(result.path)}
+    if scenario is not None:
+        summary["scenario"] = scenario
+    if as_json:
+        emit(summary)
+    elif not quiet:
+        from carom.cli.summary import text
+
+        print(text(summary, result))
+    outcome = result.outcome
+    if outcome.ok:
+        return DONE
+    if outcome.kind == "interrupted":
+        note(f"interrupted at t = {outcome.time:g} s; continue with: carom resume {result.path}")
+        return INTERRUPTED
+    if outcome.kind == "error":
+        return fail(outcome.advice, BAD_INPUT)
+    return fail(str(outcome), NOT_CONVERGED)
+
+
+def _number(text: str) -> Any:
+    try:
+        return float(text)
+    except ValueError:
+        return text  # with a unit; the scenario knows them

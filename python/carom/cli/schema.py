@@ -1,0 +1,17 @@
+"""`carom schema`."""
+
+from __future__ import annotations
+
+from carom.cli.options import Json
+from carom.cli.output import emit, guarded
+
+
+@guarded
+def schema(as_json: Json = False) -> None:
+    """Print the JSON Schema of scenario files, for editors that complete and check them.
+
+    Example: carom schema > carom-scenario.schema.json
+    """
+    from carom.scenario.schema import json_schema
+
+    emit(json_schema())

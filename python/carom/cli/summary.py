@@ -1,0 +1,107 @@
+"""The table at the end of `carom run`: what happened, what it cost, where the files are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from carom.cli.output import seconds, table
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+#: Counts that should be zero, and what each is called in words.
+TROUBLES = {
+    "unconverged": "sub-problems accepted unconverged",
+    "fallbacks": "rescues by a fallback",
+    "truncated_sequences": "impact sequences cut short",
+    "halvings": "steps halved",
+    "missed_impacts": "impacts missed",
+}
+
+
+def text(summary: Mapping[str, Any], result: Result) -> str:
+    """The summary of a run for a terminal, at most 100 columns wide."""
+    blocks = [
+        _head(summary),
+        _events(result),
+        _iterations(summary),
+        _troubles(summary),
+        _energy(summary, result),
+    ]
+    blocks += [_phases(summary), _files(summary, result)]
+    return "\n".join(block for block in blocks if block)
+
+
+def _head(summary: Mapping[str, Any]) -> str:
+    title = summary.get("title") or summary["scenario"]
+    return (
+        f"{title}\n"
+        f"{str(summary['outcome']).replace('_', ' ')}: {summary['steps']} steps of {summary['step']:g} s,"
+        f" t = {summary['time']:g} s, {seconds(summary['wall_s'])} (core {seconds(summary['core_s'])})"
+    )
+
+
+def _events(result: Result) -> str:
+    step = np.asarray(result.impacts["step"])
+    contacts = np.asarray(result.steps["contacts"])
+    most = int(contacts.max()) if len(contacts) else 0
+    with_impacts = len(np.unique(step))
+    return f"events      {len(step)} impacts in {with_impacts} steps; up to {most} contacts at once"
+
+
+def _iterations(summary: Mapping[str, Any]) -> str:
+    rows = [["iterations", "max", "mean"]]
+    for level, counts in summary.get("iterations", {}).items():
+        rows.append([f"  {level}", f"{counts['max']:g}", f"{counts['mean']:.3g}"])
+    problems = summary.get("impact_problems")
+    if problems:
+        rows.append(["impact problems", f"{problems['max']:g}", f"{problems['mean']:.3g}"])
+    for level, trials in summary.get("line_search", {}).items():
+        rows.append([f"line search, {level}", *_counts(trials)])
+    return table(rows)
+
+
+def _counts(value: Any) -> list[str]:
+    # A total, or maximum and mean like the iterations.
+    return [f"{value['max']:g}", f"{value['mean']:.3g}"] if isinstance(value, Mapping) else [f"{value:g}"]
+
+
+def _troubles(summary: Mapping[str, Any]) -> str:
+    found = [f"{summary[key]} {words}" for key, words in TROUBLES.items() if summary.get(key)]
+    return "troubles    " + ("; ".join(found) if found else "none")
+
+
+def _energy(summary: Mapping[str, Any], result: Result) -> str:
+    energy = summary.get("energy")
+    lines = []
+    if energy:
+        rise = f"largest rise {energy['max_rise']:.2g} J" if energy["max_rise"] > 0 else "never rises"
+        lines.append(f"energy      {energy['initial']:.6g} J to {energy['final']:.6g} J, {rise}")
+    deepest = summary.get("penetration_max")
+    if deepest is not None:
+        radius = float(np.min(result.bodies["radius"]))
+        lines.append(
+            f"penetration at most {max(0.0, deepest):.2g} m ({max(0.0, deepest) / radius:.1g} of a radius)"
+        )
+    return "\n".join(lines)
+
+
+def _phases(summary: Mapping[str, Any]) -> str:
+    phases = {name: s for name, s in summary.get("phases", {}).items() if s > 0}
+    total = sum(phases.values())
+    if not total:
+        return ""
+    rows = [[f"  {name}", seconds(s), f"{100 * s / total:.0f} %"] for name, s in phases.items()]
+    return table([["time by phase"], *rows])
+
+
+def _files(summary: Mapping[str, Any], result: Result) -> str:
+    from carom.rundir import size_on_disk
+
+    path = summary["directory"]
+    size = size_on_disk(result.path) / 1e6
+    held = f"{len(result.time)} frames, {size:.1f} MB"
+    return f"files       {path}  ({held})\nnext        carom view {path}   carom plot {path}"

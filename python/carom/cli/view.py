@@ -1,0 +1,47 @@
+"""`carom view`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from carom.cli.options import Json, Run
+from carom.cli.output import emit, guarded, note
+
+
+@guarded
+def view(
+    run: Run,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE", help="Where to write; default RUN/view.html."),
+    ] = None,
+    max_mb: Annotated[
+        float, typer.Option("--max-mb", help="Largest page, MB; a longer run is thinned.")
+    ] = 100.0,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the web browser.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Write a run as one HTML file that plays in any browser, offline.
+
+    Example: carom view runs/break-1 --open
+    """
+    import warnings
+
+    from carom.result import load
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = load(run)
+    for warning in caught:
+        note(str(warning.message))
+    info = result.view(out, open_browser=open_, max_mb=max_mb, title=result.title or None)
+    if as_json:
+        facts = {"frames": info.frames, "bodies": info.bodies, "bytes": info.bytes, "notes": list(info.notes)}
+        emit({"file": str(info.path), **facts})
+        return
+    for remark in info.notes:
+        print(f"note: {remark}")
+    print(f"{info.path}  ({info.bytes / 1e6:.1f} MB, {info.frames} frames of {info.bodies} bodies)")

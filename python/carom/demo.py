@@ -1,0 +1,340 @@
+"""The billiard break of the paper (section 5.6), simulated and held against what the paper says of it.
+
+Every number in the column of Carom is computed from the results of a run; the paper's are quoted here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+F64 = NDArray[np.float64]
+
+CASES = ("5.6_break", "5.6_break_rolling")
+CUE, APEX, LEFT, RIGHT = "ball2", "ball3", "ball4", "ball5"
+
+#: The case with rolling resistance is continued in portions of this until all balls rest, s.
+PORTION, LONGEST = 3.0, 30.0
+#: A ball rests if it neither moves nor rolls faster, m/s. (Spin about the vertical is left out: without spinning friction
+#: nothing stops it, and nothing in the paper's figures shows it.)
+REST_SPEED = 1e-6
+#: A ball is on the bed if its lowest point is nearer than this many radii.
+TOUCHING = 1e-6
+
+# What the paper prints.
+PAPER_CONTACT_TIME = 0.114  # s
+PAPER_ITERATIONS = {"smooth": (1, 1), "position": (7, 2), "velocity": (4, 1)}  # greatest, mean
+PAPER_COMPUTING_S, PENALTY_COMPUTING_S = 40.0, 25000.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the comparison. `value` and `reference` are numbers where there are any."""
+
+    quantity: str
+    paper: str
+    carom: str
+    difference: str
+    value: float | None = None
+    reference: float | None = None
+
+
+def scenario(case: str) -> Path:
+    """The scenario file of a case, as it comes with Carom."""
+    path = Path(__file__).parent / "scenarios" / "paper" / f"{case}.toml"
+    if not path.exists():
+        raise CaromError(f"the scenario {path.name} is missing from this installation of Carom")
+    return path
+
+
+def simulate(case: str, out: Path, *, progress: Callable[..., None] | None = None) -> Result:
+    """Run a case into the directory `out`, on until all balls rest if they are slowed down by rolling resistance."""
+    from carom.drive import Interrupt
+    from carom.run import launch, relaunch
+    from carom.rundir import RunDir
+    from carom.scene import Scene
+
+    scene = Scene.from_toml(scenario(case))
+    scene.validate()
+    stop = Interrupt()
+    path = scenario(case)
+    result = launch(
+        scene, lambda: RunDir.create(out, force=True), stop=stop, progress=progress, source=path.name
+    )
+    if case.endswith("rolling"):
+        until = float(result.time[-1])
+        while result.outcome.ok and None in rest_times(result).values() and until < LONGEST:
+            until += PORTION
+            result.close()
+            result = relaunch(RunDir.open(out), until=until, stop=stop, progress=progress)
+    return result
+
+
+def compare(result: Result) -> list[Row]:
+    """The lines of the comparison for either case."""
+    rows = [*_contact(result), *_after(result), _mirror(result)]
+    rows += _rest(result) if _has_rolling_resistance(result) else [_rolling(result)]
+    return [*rows, *_solver(result), _penetration(result), _energy(result), _computing_time(result)]
+
+
+def first_contact(result: Result, a: str, b: str) -> tuple[float, float, int]:
+    """When two balls first meet: time (s) and closing speed (m/s) at the contact, and the first step that has it.
+
+    The scheme finds the contact at the end of a step; the time inside the step follows from gap and speed before it.
+    """
+    hits = result.impacts.between(a, b)
+    if not len(hits):
+        raise CaromError(f"{a} and {b} never met in {result.path}")
+    step = int(hits["step"][0])
+    frame = int(np.searchsorted(np.asarray(result.step), step)) - 1  # the last one before the hit
+    apart = result[a].position[frame] - result[b].position[frame]
+    distance = float(np.linalg.norm(apart))
+    gap = distance - result[a].radius - result[b].radius
+    closing = -float((result[a].velocity[frame] - result[b].velocity[frame]) @ apart) / distance
+    # The cue ball slides and loses speed on the way: one correction with its own deceleration is exact to rounding.
+    slowing = _deceleration(result, a, frame)
+    root = closing**2 - 2 * slowing * gap
+    time = gap / closing if root < 0 or slowing == 0 else (closing - math.sqrt(root)) / slowing
+    return float(result.time[frame]) + time, closing - slowing * time, step
+
+
+def rest_times(result: Result) -> dict[str, float | None]:
+    """When each ball has come to rest for good, s; None if it still moves at the end."""
+    found: dict[str, float | None] = {}
+    up = _up(result)
+    for body in result:
+        rolling = np.linalg.norm(np.cross(body.angular_velocity, body.radius * up), axis=1)
+        speed = np.maximum(body.speed, rolling)
+        moving = np.flatnonzero(speed > REST_SPEED)
+        last = int(moving[-1]) + 1 if len(moving) else 0
+        found[body.name] = float(result.time[last]) if last < len(result.time) else None
+    return found
+
+
+def slip(result: Result, name: str) -> F64:
+    """Speed of the lowest point of a ball relative to the bed, (T,), m/s; NaN while the ball is in the air."""
+    body = result[name]
+    up = _up(result)
+    speed = np.linalg.norm(body.velocity + np.cross(body.angular_velocity, -body.radius * up), axis=1)
+    return np.where(height(result, name) < TOUCHING * body.radius, speed, np.nan)
+
+
+def height(result: Result, name: str) -> F64:
+    """Height of the lowest point of a ball above the bed, (T,), m."""
+    body = result[name]
+    up = _up(result)
+    bed = result.plane_names.index("bed")
+    return np.asarray((body.position - result.planes["point"][bed]) @ up - body.radius)
+
+
+def _up(result: Result) -> F64:
+    return np.asarray(-result.gravity / np.linalg.norm(result.gravity))
+
+
+def _contact(result: Result) -> list[Row]:
+    time, speed, _ = first_contact(result, CUE, APEX)
+    exact_time, exact_speed = exact_contact(result)
+    return [
+        _number(
+            "contact of balls 2 and 3 (s)", f"{PAPER_CONTACT_TIME:g}", time, exact_time, "exact {:.5f}", ".5f"
+        ),
+        _number("speed of ball 2 there (m/s)", "below 10.729", speed, exact_speed, "exact {:.4f}", ".4f"),
+    ]
+
+
+def exact_contact(result: Result) -> tuple[float, float]:
+    """Time (s) and speed (m/s) at which a ball that slides with constant deceleration reaches the next: exact."""
+    cue, apex = result[CUE], result[APEX]
+    way = float(np.linalg.norm(apex.position[0] - cue.position[0])) - cue.radius - apex.radius
+    start = float(cue.speed[0])
+    slowing = _deceleration(result, CUE, 0)
+    speed = math.sqrt(start**2 - 2 * slowing * way)
+    return 2 * way / (start + speed), speed
+
+
+def _deceleration(result: Result, name: str, frame: int) -> float:
+    """Deceleration of a ball that slides on the bed, m/s^2: friction times gravity, from the scenario."""
+    if not slip(result, name)[frame] > REST_SPEED:
+        return 0.0
+    return _law(result, "friction") * float(np.linalg.norm(result.gravity))
+
+
+def _law(result: Result, key: str) -> float:
+    """A constant of the contact between balls and bed."""
+    import tomllib
+
+    tree = tomllib.loads(result.scenario)
+    bed = next(p for p in tree["plane"] if p["name"] == "bed")["material"]
+    ball = next(s for s in tree["sphere"] if s["name"] == CUE)["material"]
+    law = next(c for c in tree["contact"] if set(c["between"]) == {bed, ball})
+    return float(law.get(key, 0.0))
+
+
+def _has_rolling_resistance(result: Result) -> bool:
+    return _law(result, "rolling_radius") > 0
+
+
+def _after(result: Result) -> list[Row]:
+    _, _, step = first_contact(result, CUE, APEX)
+    # The velocities of the multiple impact: at the end of the step in which it happens.
+    frame = int(np.searchsorted(np.asarray(result.step), step))
+    cue, apex = (float(result[name].velocity[frame, 0]) for name in (CUE, APEX))
+    before = float(result[CUE].speed[frame - 1])
+    time, rolling = _begins_to_roll(result, APEX, frame)
+    rows = [
+        _words("ball 2 after the impact", "back", f"{cue:+.3f} m/s", cue < 0),
+        _words("ball 3 after the impact", "forward, slow", f"{apex:+.3f} m/s", 0 < apex < 0.1 * before),
+        _words("ball 3 when it begins to roll", "-", f"{rolling:+.3f} m/s, t = {time:.3f} s", None),
+    ]
+    jump = height(result, CUE)
+    air = np.flatnonzero(jump > TOUCHING * result[CUE].radius)
+    told = "no"
+    if len(air):
+        start, end = float(result.time[air[0]]), _landing(np.asarray(result.time), air)
+        told = f"{1e3 * float(jump.max()):.2g} mm high, t = {start:.3f} to {end:.3f} s"
+    return [*rows, _words("ball 2 jumps", "yes", told, len(air) > 0)]
+
+
+def _begins_to_roll(result: Result, name: str, frame: int) -> tuple[float, float]:
+    """Time (s) and forward speed (m/s) in the first frame after `frame` in which a ball rolls without slipping."""
+    rolls = np.flatnonzero(slip(result, name)[frame:] < REST_SPEED)
+    first = frame + int(rolls[0]) if len(rolls) else len(result.time) - 1
+    return float(result.time[first]), float(result[name].velocity[first, 0])
+
+
+def _landing(time: F64, air: NDArray[np.intp]) -> float:
+    ends = np.flatnonzero(np.diff(air) > 1)
+    last = int(air[ends[0]] if len(ends) else air[-1])
+    return float(time[min(last + 1, len(time) - 1)])
+
+
+def _mirror(result: Result) -> Row:
+    left, right = result[LEFT], result[RIGHT]
+    axis = result[CUE].position[0, 1]
+    flip = np.array([1.0, -1.0, 1.0])
+    mirrored = (right.position - [0.0, axis, 0.0]) * flip + [0.0, axis, 0.0]
+    off = float(np.max(np.abs(left.position - mirrored)))
+    return _words("balls 4 and 5 mirror images", "yes", f"to {off:.1g} m", off < 1e-9)
+
+
+def _rolling(result: Result) -> Row:
+    worst = [float(slip(result, name)[-1]) for name in result.names]
+    on_bed = [w for w in worst if not math.isnan(w)]
+    told = f"slip at most {max(on_bed, default=math.nan):.1g} m/s, {len(on_bed)} of {len(worst)} balls on the bed"
+    return _words(
+        f"pure rolling at t = {float(result.time[-1]):g} s", "yes", told, max(on_bed, default=1.0) < 1e-6
+    )
+
+
+def _rest(result: Result) -> list[Row]:
+    rows = []
+    for name, time in rest_times(result).items():
+        spin = abs(float(result[name].angular_velocity[-1] @ _up(result)))
+        told = f"t = {time:.3f} s" if time is not None else f"moves at {float(result.time[-1]):g} s"
+        if time is not None and spin > REST_SPEED:
+            told += f", spins on at {spin:.1f} rad/s"
+        rows.append(_words(f"{name.replace('ball', 'ball ')} at rest", "yes", told, time is not None))
+    return rows
+
+
+def _solver(result: Result) -> list[Row]:
+    iterations = result.summary["iterations"]
+    rows = []
+    for level, (most, mean) in PAPER_ITERATIONS.items():
+        found = iterations[level]
+        rows.append(
+            Row(
+                f"iterations, {level}: max / mean",
+                f"{most} / {mean}",
+                f"{found['max']:g} / {found['mean']:.2f}",
+                f"{found['max'] - most:+g} / {found['mean'] - mean:+.2f}",
+                float(found["max"]),
+                float(most),
+            )
+        )
+    order = newton_order(result)
+    told = "-" if order is None else f"order {order:.2f}"
+    return [
+        *rows,
+        _words("convergence at the impact step", "quadratic", told, None if order is None else order > 1.7),
+    ]
+
+
+def newton_order(result: Result) -> float | None:
+    """Order of convergence of the position sub-problem in the step of the impact, from its last three iterates."""
+    _, _, step = first_contact(result, CUE, APEX)
+    histories = [h for h in result.residuals.history(step, "position") if len(h) >= 3]
+    if not histories:
+        return None
+    # At the level of rounding there is nothing left to converge.
+    history = max(histories, key=len)
+    useful = history[history > 1e-15 * max(1.0, float(history.max()))]
+    if len(useful) < 3:
+        return None
+    a, b, c = (math.log(float(x)) for x in useful[-3:])
+    return (c - b) / (b - a) if b != a else None
+
+
+def _penetration(result: Result) -> Row:
+    deepest = max(0.0, float(result.summary["penetration_max"]))
+    radius = float(np.min(result.bodies["radius"]))
+    return _words(
+        "penetration after a step", "none", f"{deepest / radius:.1g} radii", deepest < 1e-10 * radius
+    )
+
+
+def _energy(result: Result) -> Row:
+    energy = result.summary["energy"]
+    told = f"{energy['initial']:.4f} to {energy['final']:.4f} J, rise {max(0.0, energy['max_rise']):.1g} J"
+    return _words("energy", "", told, energy["max_rise"] <= 1e-12 * energy["initial"])
+
+
+def _computing_time(result: Result) -> Row:
+    core = float(result.summary["core_s"])
+    per = f" for {float(result.time[-1]):g} s" if result.time[-1] > 3.001 else ""
+    return Row(
+        "computing time",
+        f"{PAPER_COMPUTING_S:g} s (penalty method {PENALTY_COMPUTING_S:g} s)",
+        f"{1e3 * core:.3g} ms{per}",
+        f"{PAPER_COMPUTING_S / core:.2g} times faster",
+        core,
+        PAPER_COMPUTING_S,
+    )
+
+
+def _number(quantity: str, paper: str, value: float, exact: float, words: str, spec: str) -> Row:
+    told = f"{paper} ({words.format(exact)})"
+    return Row(quantity, told, format(value, spec), f"{value - exact:+.1g}", value, exact)
+
+
+def _words(quantity: str, paper: str, carom: str, agrees: bool | None) -> Row:
+    verdict = "" if agrees is None else ("agrees" if agrees else "differs")
+    return Row(quantity, paper or "-", carom, verdict)
+
+
+def as_table(rows: Sequence[Row]) -> str:
+    """The comparison for a terminal: quantity, paper, Carom, difference."""
+    cells = [
+        ("quantity", "paper", "Carom", "difference"),
+        *((r.quantity, r.paper, r.carom, r.difference) for r in rows),
+    ]
+    widths = [max(len(row[i]) for row in cells) for i in range(4)]
+    lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+    lines.insert(1, "  ".join("-" * w for w in widths))
+    return "\n".join(lines)
+
+
+def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """The comparison as plain values."""
+    return [vars(row) for row in rows]
