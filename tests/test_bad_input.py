@@ -5,11 +5,18 @@ from __future__ import annotations
 import os
 import re
 import stat
+import tomllib
+from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+import tomli_w
 from carom.errors import ScenarioError
 from carom.scene import Scene
+from hypothesis import given
+from hypothesis import strategies as st
 
 GOOD = """\
 format = 1
@@ -387,6 +394,62 @@ def test_spheres_all_at_one_place_do_not_hang() -> None:
     scene.lattice("s", counts=(100, 100, 10), origin=(0, 0, 0), spacing=1e-9, radius=1, mass=1, material="a")
     with pytest.raises(ScenarioError, match="give a larger spacing"):
         scene.validate()
+
+
+KEYS = st.sampled_from(["run", "world", "sphere", "rack", "lattice", "radius", "mass", "until", "x", "", "é"])
+VALUES = st.recursive(
+    st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=5)
+    | st.sampled_from(["1 mm", "2 s", "ball", "cloth", 0.0, 1e300, 1e-300, 10**400])
+    | st.lists(st.floats() | st.integers(-2, 2), min_size=3, max_size=4)
+    | st.dates(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3),
+    max_leaves=4,
+)
+GENERATORS = {
+    "rack": {
+        "name": "r",
+        "material": "ball",
+        "radius": 0.01,
+        "mass": 1,
+        "rows": 2,
+        "apex": [0, 0, 9],
+        "direction": [1, 0, 0],
+    },
+    "lattice": {
+        "name": "l",
+        "material": "ball",
+        "radius": 0.01,
+        "mass": 1,
+        "counts": [2, 2, 2],
+        "origin": [0, 0, 5],
+    },
+}
+
+
+@given(st.data())
+def test_any_value_at_any_place_is_taken_or_refused_in_words(data: st.DataObject) -> None:
+    tree: Any = {**tomllib.loads(GOOD), **{name: [deepcopy(table)] for name, table in GENERATORS.items()}}
+    place = tree
+    while True:
+        keys = range(len(place)) if isinstance(place, list) else sorted(place)
+        key = data.draw(st.sampled_from(keys))
+        if not isinstance(place[key], dict | list) or not place[key] or data.draw(st.integers(0, 3)) == 0:
+            break
+        place = place[key]
+    if isinstance(place, dict) and data.draw(st.booleans()):
+        key = data.draw(KEYS)
+    place[key] = data.draw(VALUES)
+    try:
+        scene = Scene.from_toml(tomli_w.dumps(tree))
+        scene.validate()
+    except ScenarioError as error:
+        for line in str(error).splitlines():
+            assert re.match(r"scenario text:\d+: .+; .+", line)
+    else:
+        assert all(np.isfinite(array).all() for name, array in scene.to_model().items() if name != "options")
 
 
 class TestFiles:

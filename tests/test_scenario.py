@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import carom
 import jsonschema
 import numpy as np
 import pytest
 from carom import _core, units
+from carom.scenario import reference
 from carom.scenario.model import REPEATED, SINGLE, Scenario
 from carom.scenario.options import OPTIONS, Run
 from carom.scenario.schema import json_schema
@@ -207,3 +210,25 @@ class TestQuantities:
     def test_any_text_is_read_or_refused(self, text: str, dimension: str) -> None:
         with suppress(units.UnitError):
             assert isinstance(units.parse(text, dimension), float)
+
+
+def test_reference_page_is_that_of_the_model() -> None:
+    page = reference.PAGE.read_text(encoding="utf-8")
+    assert reference.filled(page) == page, "run: python -m carom.scenario.reference"
+    for name in ("top", "units", *SINGLE, *REPEATED):
+        assert f"<!-- table {name} -->" in page
+
+
+def test_examples_of_the_reference_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = reference.PAGE.read_text(encoding="utf-8")
+    (toml,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    scene = Scene.from_toml(toml)
+    assert scene.validate() == []
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"carom": carom}
+    exec(code, names)
+    built, read = names["scene"].to_model(), scene.to_model()
+    assert built.pop("options") == read.pop("options")
+    for key in read:
+        np.testing.assert_array_equal(built[key], read[key])

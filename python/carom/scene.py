@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from carom.errors import Problem, ScenarioError, did_you_mean, quoted
 from carom.scenario import load
 from carom.scenario.advice import advise
-from carom.scenario.bodies import Bodies, expand
+from carom.scenario.arrays import to_arrays, with_generators_expanded
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
 from carom.scenario.model import (
@@ -37,17 +37,11 @@ from carom.scenario.model import (
 from carom.scenario.options import Run
 from carom.scenario.problems import Finding, Source, from_python
 from carom.scenario.table import Table
-from carom.scenario.vectors import scaled
 
 Number = float | str
 """A number in SI or a string with a unit."""
 Vector = Sequence[Number] | NDArray[np.float64]
 _T = TypeVar("_T", bound=Table)
-
-EXPANDED = 10_000
-"""A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond
-it.
-"""
 
 
 class Scene:
@@ -107,31 +101,13 @@ class Scene:
         """The scene as TOML text, also written to `path` if given. `Scene.from_toml` of it equals this scene.
 
         With `resolved` nothing is left to defaults or to chance: every key has its value and racks and
-        lattices are written as the spheres they stand for (unless these are more than `EXPANDED`). A run
+        lattices are written as the spheres they stand for (unless these are more than 10 000). A run
         directory holds this form.
         """
-        tree = self._expanded()._tree if resolved else self._tree
-        text = to_text(tree, everything=resolved)
+        text = to_text(with_generators_expanded(self._tree) if resolved else self._tree, everything=resolved)
         if path is not None:
             Path(path).write_text(text, encoding="utf-8")
         return text
-
-    def _expanded(self) -> Scene:
-        tree = self._tree
-        generators = [*tree.rack, *tree.lattice]
-        if not generators or sum(g.size() for g in generators) > EXPANDED:
-            return self
-        bodies = self._bodies()
-        spheres = list(tree.sphere)
-        for segment in bodies.segments[len(spheres) :]:
-            table = getattr(tree, segment.section)[segment.index]
-            same = table.model_dump(
-                include={"material", "radius", "mass", "density", "inertia"}, exclude_none=True
-            )
-            for body in range(segment.start, segment.stop):
-                position, velocity = bodies.position[body].tolist(), bodies.velocity[body].tolist()
-                spheres.append(Sphere(name=bodies.names[body], position=position, velocity=velocity, **same))
-        return Scene._of(tree.model_copy(update={"sphere": spheres, "rack": [], "lattice": []}))
 
     # --- building -------------------------------------------------------------------------------------------
 
@@ -376,9 +352,6 @@ class Scene:
     def _generators(self) -> list[Generator]:
         return [*self._tree.rack, *self._tree.lattice]
 
-    def _bodies(self) -> Bodies:
-        return expand(Parts.of(self._tree).entries, [m.name for m in self._tree.material])
-
     def validate(self) -> list[Problem]:
         """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at
         once.
@@ -404,31 +377,11 @@ class Scene:
 
     def to_model(self) -> dict[str, Any]:
         """The arrays for `carom._core.Simulation` (their names, units and shapes are in `_core.pyi`)."""
-        tree = self._tree
-        materials = {m.name: i for i, m in enumerate(tree.material)}
-        used = {p.material for p in tree.plane} | {name for c in tree.contact for name in c.between}
-        bodies = self._bodies()
-        if not used <= set(materials) or bodies.material.min(initial=0) < 0:
-            self.validate()  # raises and says which
-        laws = tree.contact
-        return {
-            "gravity": np.array(tree.world.gravity),
-            "radius": bodies.radius,
-            "mass": bodies.mass,
-            "inertia": bodies.inertia,
-            "position": bodies.position,
-            "velocity": bodies.velocity,
-            "angular_velocity": bodies.angular_velocity,
-            "orientation": bodies.orientation,
-            "material": bodies.material,
-            "plane_point": _rows([p.point for p in tree.plane]),
-            "plane_normal": _rows([scaled(p.normal) for p in tree.plane]),
-            "plane_material": np.array([materials[p.material] for p in tree.plane], dtype=np.int64),
-            "law_a": np.array([materials[c.between[0]] for c in laws], dtype=np.int64),
-            "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
-            **{key: np.array([getattr(c, key) for c in laws], dtype=np.float64) for key in LAW_KEYS},
-            "options": tree.run.options(),
-        }
+        arrays = to_arrays(self._tree)
+        if arrays is None:
+            self.validate()  # raises and says which material is unknown
+            raise AssertionError("a valid scene has arrays")
+        return arrays
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scene) and self._tree.model_dump() == other._tree.model_dump()
@@ -446,13 +399,6 @@ class Scene:
             else f"step {run.step:g} s, no end yet"
         )
         return f"<Scene {quoted(self.title)}: {counts}; {time}>"
-
-
-LAW_KEYS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
-
-
-def _rows(vectors: list[tuple[float, ...]]) -> NDArray[np.float64]:
-    return np.array(vectors, dtype=np.float64).reshape(len(vectors), 3)
 
 
 def _make(table: type[_T], label: str, **given: Any) -> _T:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 
@@ -105,27 +106,37 @@ def _times(parts: Parts) -> Iterator[Finding]:
 
 
 def _names(parts: Parts) -> Iterator[Finding]:
-    seen: dict[str, str] = {}
-    for i, name in ((i, t.name) for i, t in parts.entries["material"] if isinstance(t, Material)):
-        if name in seen:
-            yield Finding(("material", i, "name"), f"{quoted(name)} is declared twice", "remove one of them")
-        seen[name] = "material"
+    seen: set[str] = set()
+    for i, table in parts.entries["material"]:
+        assert isinstance(table, Material)
+        if table.name in seen:
+            yield Finding(
+                ("material", i, "name"), f"{quoted(table.name)} is declared twice", "remove one of them"
+            )
+        seen.add(table.name)
     bodies = parts.bodies()
-    if len(set(bodies.names)) < len(bodies.names) or parts.planes():
-        first: dict[str, tuple[str, int]] = {}
-        reported = 0
-        for body, name in enumerate(bodies.names):
-            if name in first and reported < MOST:
-                reported += 1
-                path = bodies.origin(body)
-                yield Finding((*path, "name"), f"there are two spheres {quoted(name)}", _rename(path[0]))
-            first.setdefault(name, ("sphere", body))
-        for i, plane in parts.planes():
-            if plane.name in first:
-                what = first[plane.name][0]
-                cause = f"there is already a {what} {quoted(plane.name)}"
-                yield Finding(("plane", i, "name"), cause, "give the plane another name")
-            first.setdefault(plane.name, ("plane", i))
+    balls = set(bodies.names)
+    if len(balls) < len(bodies.names):
+        for body in islice(_repeated(bodies.names), MOST):
+            section, index = bodies.origin(body)
+            cause = f"there are two spheres {quoted(bodies.names[body])}"
+            yield Finding((section, index, "name"), cause, _rename(section))
+    planes: set[str] = set()
+    for i, plane in parts.planes():
+        if plane.name in balls or plane.name in planes:
+            what = "sphere" if plane.name in balls else "plane"
+            cause = f"there is already a {what} {quoted(plane.name)}"
+            yield Finding(("plane", i, "name"), cause, "give the plane another name")
+        planes.add(plane.name)
+
+
+def _repeated(names: Sequence[str]) -> Iterator[int]:
+    """Places of names that stood further up."""
+    met: set[str] = set()
+    for place, name in enumerate(names):
+        if name in met:
+            yield place
+        met.add(name)
 
 
 def _rename(section: str) -> str:

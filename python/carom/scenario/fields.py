@@ -127,7 +127,8 @@ class Quantity(Checked):
             raise refuse(f"must be a finite number, found {quoted(value)}", "write a finite number")
         if not self.bounds.hold(x):
             raise refuse(
-                f"must be {self.bounds.words()}, found {quoted(value)}", f"give a value {self.bounds.words()}"
+                f"must be {self.bounds.words()}, found {quoted(value)}",
+                f"write a number that is {self.bounds.words()}",
             )
         return x
 
@@ -230,7 +231,7 @@ class Integer(Checked):
             )
         if abs(value) > 2**63 - 1 or not self.bounds.hold(int(value)):
             words = self.bounds.words() or "below 2^63"
-            raise refuse(f"must be {words}, found {quoted(value)}", f"give a value {words}")
+            raise refuse(f"must be {words}, found {quoted(value)}", f"write a number that is {words}")
         return int(value)
 
     def json_schema(self) -> dict[str, Any]:

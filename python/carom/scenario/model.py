@@ -109,12 +109,12 @@ class Contact(Table):
     )
     rolling_radius: Distance = Field(
         0.0,
-        description="rho: bound of the rolling moment over the normal force, m",
+        description="rho: bound of the rolling moment over the normal force",
         json_schema_extra=_unit("m"),
     )
     spinning_radius: Distance = Field(
         0.0,
-        description="delta: bound of the spinning moment over the normal force, m",
+        description="delta: bound of the spinning moment over the normal force",
         json_schema_extra=_unit("m"),
     )
 

@@ -43,11 +43,11 @@ _COUNT = Bounds(ge=1, le=1_000_000)
 _COUNT_OR_NONE = Bounds(ge=0, le=1_000_000)
 
 OPTIONS: dict[str, Option] = {
-    "step": Option("time step h, s", POSITIVE, "time"),
-    "method": Option("how time passes: nsga (nonsmooth generalized-alpha), moreau or penalty"),
+    "step": Option("time step h", POSITIVE, "time"),
+    "method": Option("method in time; nsga is the nonsmooth generalized-alpha scheme"),
     "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
     "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
-    "impact": Option("law for several impacts at once: sequence, sequence-paper (as printed) or one-shot"),
+    "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
     "max_iterations": Option("Newton iterations per sub-problem before the fallbacks begin", _COUNT),
@@ -68,9 +68,7 @@ OPTIONS: dict[str, Option] = {
         "closing speed that counts, relative to the fastest body (R3)", POSITIVE
     ),
     "energy_safeguard": Option("scale restitution down where an impact problem would create energy (R4)"),
-    "restitution_threshold": Option(
-        "approach speed below which restitution is off, m/s", NOT_NEGATIVE, "speed"
-    ),
+    "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),
     "dense_contacts": Option(
         "largest island, in contacts, solved by the dense exact Newton method", _COUNT_OR_NONE
     ),
@@ -78,7 +76,7 @@ OPTIONS: dict[str, Option] = {
     "max_halvings": Option(
         "halvings of a step that could not be solved, before the run stops", Bounds(ge=0, le=20)
     ),
-    "on_nonconvergence": Option("what to do with a step that could not be solved: stop, or warn and go on"),
+    "on_nonconvergence": Option("what to do with a step that could not be solved; warn goes on"),
 }
 
 
@@ -102,7 +100,7 @@ class RunBase(Table):
 
     until: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
         None,
-        description="simulated time, s; rounded to a whole number of steps. It has no default",
+        description="simulated time; rounded to a whole number of steps",
         examples=[3.0],
         json_schema_extra={"unit": "s"},
     )

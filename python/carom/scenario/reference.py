@@ -1,0 +1,78 @@
+"""The tables of the reference page, made from the model: `python -m carom.scenario.reference` brings the page up to date.
+
+The page (docs/reference/scenario.md) is prose around blocks that stand between two comments; a test compares the blocks.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from carom import _core
+from carom.scenario.model import REPEATED, SINGLE, Scenario
+from carom.scenario.table import Table
+from carom.units import DIMENSIONS, UNITS
+
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "scenario.md"
+_BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def filled(page: str) -> str:
+    """The page with every block as the model has it now."""
+    return _BLOCK.sub(lambda m: m[1] + block(m[2]) + m[3], page)
+
+
+def block(name: str) -> str:
+    """The table of a section, of the keys at the top (`top`) or of the units (`units`)."""
+    if name == "units":
+        return _units()
+    if name == "top":
+        return _table(
+            {key: f for key, f in Scenario.model_fields.items() if key not in {**SINGLE, **REPEATED}},
+            Scenario,
+        )
+    owner = {**SINGLE, **REPEATED}[name]
+    return _table(owner.model_fields, owner)
+
+
+def _table(fields: dict[str, Any], owner: type[Table]) -> str:
+    rows = ["| key | unit | default | meaning |", "|---|---|---|---|"]
+    for key, field in fields.items():
+        extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+        unit = str(extra.get("unit", "")).replace("^2", "²").replace("^3", "³")
+        rows.append(f"| `{key}` | {unit} | {_default(key, field, owner)} | {_meaning(key, field, owner)} |")
+    return "\n".join(rows) + "\n"
+
+
+def _default(key: str, field: Any, owner: type[Table]) -> str:
+    if key == "until" or field.is_required():
+        return "required"
+    default = field.get_default(call_default_factory=True)
+    if default is None:
+        return ""
+    return f"`{json.dumps(default)}`" if default != "" else "empty"
+
+
+def _meaning(key: str, field: Any, owner: type[Table]) -> str:
+    text = str(field.description)
+    admitted = _core.choices().get(key) if owner is SINGLE["run"] else None
+    if admitted:
+        text += "; one of " + ", ".join(f"`{value}`" for value in admitted)
+    return text.replace("|", "\\|")
+
+
+def _units() -> str:
+    rows = ["| quantity | SI | units on their own |", "|---|---|---|"]
+    for name, (exponents, si, _) in DIMENSIONS.items():
+        if si:
+            own = ", ".join(f"`{unit}`" for unit, row in UNITS.items() if row[2] == exponents)
+            rows.append(f"| {name} | `{si}` | {own} |")
+    return "\n".join(rows) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    print(f"{PAGE} is up to date", file=sys.stderr)
