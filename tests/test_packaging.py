@@ -102,11 +102,15 @@ MACHINES = {
     ),
     "Rust too old": (
         {"rustc": "echo 'rustc 1.63.0 (4b91a6ea7 2022-08-08)'"},
-        "Rust 1.85 or newer is needed, found 1.63. Cure: rustup update stable",
+        "Rust 1.85 or newer is needed, found 1.63. Cure: install Rust from https://rustup.rs",
+    ),
+    "Rust too old, of rustup": (
+        {"rustc": "echo 'rustc 1.84.1 (e71f9a9a9 2025-01-27)'", "rustup": "exit 0"},
+        "Rust 1.85 or newer is needed, found 1.84. Cure: rustup update stable\n",
     ),
     "rustup without a toolchain": (
-        {"rustc": "echo 'error: no default toolchain' >&2; exit 1"},
-        "rustc does not run. Cure: rustup default stable",
+        {"rustc": "echo 'error: no default toolchain' >&2; exit 1", "rustup": "exit 0"},
+        "rustc does not run. Cure: rustup default stable\n",
     ),
     "no linker": ({"cc": None}, "no C linker (cc), which Rust needs. Cure: apt-get install gcc libc6-dev"),
     "no C library": ({"cc": "exit 1"}, "cc cannot link a program. Cure: apt-get install gcc libc6-dev"),

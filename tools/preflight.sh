@@ -80,12 +80,14 @@ check_rust() {
     fi
     have=$(rustc --version 2>/dev/null | sed -n 's/^rustc \([0-9]*\.[0-9]*\).*/\1/p')
     if [ -z "$have" ]; then
-        lacks "rustc does not run" "" "rustup default stable, or $install"
+        command -v rustup >/dev/null 2>&1 && install="rustup default stable"
+        lacks "rustc does not run" "" "$install"
         return
     fi
     oldest=$(printf '%s\n%s\n' "$need" "$have" | sort -t. -k1,1n -k2,2n | head -n 1)
-    [ "$oldest" = "$need" ] ||
-        lacks "Rust $need or newer is needed, found $have" "" "rustup update stable, or $install"
+    [ "$oldest" = "$need" ] && return
+    command -v rustup >/dev/null 2>&1 && install="rustup update stable"
+    lacks "Rust $need or newer is needed, found $have" "" "$install"
 }
 
 check_rustfmt() {
