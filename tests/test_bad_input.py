@@ -282,7 +282,12 @@ MISTAKES = {
         "outside 1e-12 to 1e+12",
         "check the units",
     ),
-    "far": ("[0.5, 0.0, 0.028575]", "[1e200, 0.0, 0.028575]", "more than 10^12 radii"),
+    "fast": (
+        "[0.5, 0.0, 0.028575]",
+        "[0.5, 0.0, 0.028575]\nvelocity = [1e30, 0, 0]",
+        'sphere "other" velocity: number 1: must be at least -1e+09 and at most 1e+09',
+    ),
+    "far": ("[0.5, 0.0, 0.028575]", "[1e20, 0.0, 0.028575]", "more than 10^12 radii"),
     "unquoted text": (
         'name = "cue"',
         "name = cue",

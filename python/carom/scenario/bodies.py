@@ -68,7 +68,8 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     for section in ("rack", "lattice"):
         for i, table in entries.get(section, ()):
             assert isinstance(table, Rack | Lattice)
-            centres = rack_centres(table) if isinstance(table, Rack) else lattice_centres(table)
+            with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are reported by the checks
+                centres = rack_centres(table) if isinstance(table, Rack) else lattice_centres(table)
             count = len(centres)
             segments.append(Segment(len(names), len(names) + count, section, i))
             names += table.ball_names()

@@ -226,8 +226,7 @@ def _usable_numbers(parts: Parts) -> Iterator[Finding]:
                 break  # mass and inertia follow from the radius
     if unusable:
         return
-    with np.errstate(over="ignore"):
-        far = np.abs(bodies.position).max(axis=1) > 1e12 * bodies.radius
+    far = ~(np.abs(bodies.position).max(axis=1) <= 1e12 * bodies.radius)  # also catches nan
     for body in np.flatnonzero(far)[:MOST]:
         cause = f"{quoted(bodies.names[body])} is more than 10^12 radii from the origin"
         yield Finding((*bodies.origin(int(body)), "position"), cause, "move the origin near the spheres")

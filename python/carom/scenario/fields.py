@@ -141,10 +141,11 @@ class Quantity(Checked):
 
 @dataclass(frozen=True)
 class Vector(Checked):
-    """`size` quantities of one dimension; stored as a tuple of floats."""
+    """`size` quantities of one dimension, none larger than `most` in size; stored as a tuple of floats."""
 
     dimension: str = "number"
     size: int = 3
+    most: float | None = None
 
     def check(self, value: Any) -> tuple[float, ...]:
         tolist = getattr(value, "tolist", None)  # NumPy arrays, from Python
@@ -153,7 +154,7 @@ class Vector(Checked):
         if not isinstance(value, list | tuple) or len(value) != self.size:
             found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
             raise refuse(f"expected a list of {self.size} numbers, found {found}", f"write {self._example()}")
-        item = Quantity(self.dimension)
+        item = self._item()
         numbers_si = []
         for place, x in enumerate(value):
             try:
@@ -165,13 +166,16 @@ class Vector(Checked):
                 ) from None
         return tuple(numbers_si)
 
+    def _item(self) -> Quantity:
+        return Quantity(self.dimension, ANY if self.most is None else Bounds(ge=-self.most, le=self.most))
+
     def _example(self) -> str:
         si = units.DIMENSIONS[self.dimension][1]
         letters = ["w", "x", "y", "z"] if self.size == 4 else ["x", "y", "z"][: self.size]
         return f"[{', '.join(letters)}]" + (f" in {si}, or strings with units" if si else "")
 
     def json_schema(self) -> dict[str, Any]:
-        items = Quantity(self.dimension).json_schema()
+        items = self._item().json_schema()
         return {"type": "array", "items": items, "minItems": self.size, "maxItems": self.size}
 
 

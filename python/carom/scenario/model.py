@@ -43,8 +43,10 @@ Distance = Annotated[float, Quantity("length", NOT_NEGATIVE)]
 Mass = Annotated[float, Quantity("mass", POSITIVE)]
 Density = Annotated[float, Quantity("density", POSITIVE)]
 Inertia = Annotated[float, Quantity("moment of inertia", POSITIVE)]
-Position = Annotated[Vec3, Vector("length")]
-Velocity = Annotated[Vec3, Vector("speed")]
+# The bounds are far from anything real; they keep squares and products from overflowing in what follows.
+Position = Annotated[Vec3, Vector("length", most=1e30)]
+Velocity = Annotated[Vec3, Vector("speed", most=1e9)]
+AngularVelocity = Annotated[Vec3, Vector("angular speed", most=1e15)]
 Seed = Annotated[int, Integer(Bounds(ge=0))]
 
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
@@ -74,7 +76,7 @@ class World(Table):
 
     section: ClassVar[str] = "world"
 
-    gravity: Annotated[Vec3, Vector("acceleration")] = Field(
+    gravity: Annotated[Vec3, Vector("acceleration", most=1e15)] = Field(
         description="acceleration of gravity, m/s^2; zeros for none",
         examples=[[0.0, 0.0, -9.8]],
         json_schema_extra=_unit("m/s^2"),
@@ -155,11 +157,13 @@ class Ball(Table):
         if self.mass is not None:
             return self.mass
         assert self.density is not None  # by _one_mass
-        return self.density * (4.0 / 3.0 * pi * self.radius**3)
+        return self.density * (
+            4.0 / 3.0 * pi * self.radius * self.radius * self.radius
+        )  # a power would raise OverflowError
 
     def inertia_kg_m2(self) -> float:
         """Moment of inertia, kg m^2."""
-        return 0.4 * self.mass_kg() * self.radius**2 if self.inertia is None else self.inertia
+        return 0.4 * self.mass_kg() * self.radius * self.radius if self.inertia is None else self.inertia
 
 
 class Sphere(Ball):
@@ -172,7 +176,7 @@ class Sphere(Ball):
         description="centre at the start", examples=[[0.0, 0.0, 0.028575]], json_schema_extra=_unit("m")
     )
     velocity: Velocity = Field(AT_REST, description="velocity at the start", json_schema_extra=_unit("m/s"))
-    angular_velocity: Annotated[Vec3, Vector("angular speed")] = Field(
+    angular_velocity: AngularVelocity = Field(
         AT_REST, description="angular velocity at the start, in fixed axes", json_schema_extra=_unit("rad/s")
     )
     orientation: Annotated[tuple[float, float, float, float], Quaternion()] = Field(
