@@ -114,4 +114,6 @@ def did_you_mean(name: str, known: Sequence[str]) -> str:
     """A cure: the nearest known name, or the list of all of them."""
     best = nearest(name, known)
     listed = ", ".join(known) if known else "(none)"
-    return f"did you mean {best}? (known: {listed})" if best else f"known: {listed}"
+    if best:
+        return f"did you mean {best}? (known: {listed})" if len(known) <= 12 else f"did you mean {best}?"
+    return f"known: {listed}"
