@@ -10,7 +10,6 @@ import tempfile
 import warnings
 import weakref
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -294,9 +293,10 @@ def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], erro
         finished=now(),
     )
     directory.log("end", status=kind, message=message)
-    # On a full disk run.json goes on saying "running", and the freed lock says that it is not.
-    with suppress(CaromError):
+    try:
         directory.write(about)
+    except CaromError:
+        directory.write_in_place(about)
 
 
 def _judged(result: Result, stop: Interrupt) -> Result:

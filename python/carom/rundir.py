@@ -149,6 +149,13 @@ class RunDir:
         """Replace `scenario.toml`."""
         write_whole(self.scenario, text.encode(), durable=False)
 
+    def write_in_place(self, about: Mapping[str, Any]) -> None:
+        """Overwrite `run.json` where it lies: the last resort on a full disk, which has no room for a second file."""
+        text = json.dumps(about, ensure_ascii=False) + "\n"
+        with suppress(OSError), open(self.about, "r+b") as file:
+            file.write(text.encode())
+            file.truncate()
+
     def log(self, event: str, **facts: Any) -> None:
         """Append a line to `log.jsonl`; only inside `writing`."""
         if self._log is not None:

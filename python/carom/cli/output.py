@@ -45,6 +45,7 @@ def guarded(command: Callable[P, int | None]) -> Callable[P, None]:
             if isinstance(error, typer.Exit) or type(error).__module__.split(".")[0] in ("typer", "click"):
                 raise  # usage errors, which typer explains itself
             code = _crashed(error, as_json)
+        _leave_at_once_if_broken(code)
         raise typer.Exit(code)
 
     return wrapped
@@ -94,6 +95,14 @@ def seconds(value: float) -> str:
     minutes, rest = divmod(round(value), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def _leave_at_once_if_broken(code: int) -> None:
+    writer = sys.modules.get("carom.record.writer")
+    if writer is not None and writer.Writer.unclosable:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _refused(error: Exception, as_json: bool) -> int:

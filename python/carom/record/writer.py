@@ -10,11 +10,13 @@ Readers trust nothing else. No compression: it buys 10-16 % of the size for ten 
 from __future__ import annotations
 
 import errno
+import os
+import tempfile
 import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import h5py
 import numpy as np
@@ -47,6 +49,11 @@ class Writer:
     only to avoid large chunks in small files.
     """
 
+    #: Files that could not even be abandoned (a limit on the size of files holds for anonymous ones too). HDF5 crashes
+    #: when they are collected, hence this list, and at the end of the process: a program with nothing else to lose
+    #: should leave by `os._exit` if there are any.
+    unclosable: ClassVar[list[Any]] = []
+
     def __init__(
         self,
         path: Path,
@@ -66,6 +73,7 @@ class Writer:
         self._static = {"bodies": bodies, "planes": planes}
         self._expected = expected or Rows()
         self._file: h5py.File | None = None
+        self._commit: h5py.Dataset = None
         self._columns: dict[str, dict[str, h5py.Dataset]] = {}
         self._pending: list[dict[str, dict[str, Any]]] = []
         self._pending_bytes = 0
@@ -105,9 +113,8 @@ class Writer:
                     parts = [np.asarray(block[table][name]) for block in self._pending]
                     _extend(dataset, parts[0] if len(parts) == 1 else np.concatenate(parts))
             self._file.flush()
-            commit = self._file["commit"]
-            _extend(commit, np.array([self.rows], dtype=np.uint64))
-            commit.flush()
+            _extend(self._commit, np.array([self.rows], dtype=np.uint64))
+            self._commit.flush()
         self.committed = self.rows
         self._pending.clear()
         self._pending_bytes = 0
@@ -130,10 +137,12 @@ class Writer:
         """Close without committing, after a failed write; whatever was committed before stays readable."""
         self._pending.clear()
         if self._file is not None:
-            # On a full disk even closing fails; there is nothing left to save and the first error was told
-            # already.
             with suppress(Exception):
+                _divert(self._file)
+            try:
                 self._file.close()
+            except Exception:
+                Writer.unclosable.append((self._file, self._columns, self._commit))
             self._file = None
 
     def _create(self, block: Mapping[str, Any]) -> None:
@@ -144,12 +153,7 @@ class Writer:
         for table, columns in self._static.items():
             group = file.create_group(table)
             for name, values in columns.items():
-                is_text = len(values) > 0 and isinstance(values[0], str)
-                data = (
-                    np.array(values, dtype=h5py.string_dtype())
-                    if is_text or name == "name"
-                    else np.asarray(values)
-                )
+                data = np.array(values, dtype=h5py.string_dtype()) if name == "name" else np.asarray(values)
                 _describe(group.create_dataset(name, data=data), f"{table}/{name}")
         for table in TABLES:
             group = file.create_group(table)
@@ -164,7 +168,20 @@ class Writer:
         )
         commit.attrs["columns"] = list(Rows._fields)
         commit.attrs["description"] = "rows of each table that are whole; the last row counts"
+        self._commit = commit
         file.swmr_mode = True
+
+
+def _divert(file: h5py.File) -> None:
+    """Let what HDF5 still holds go to a place where it can be written.
+
+    HDF5 keeps what it could not write and tries again when the file is closed and when the process ends; where
+    that fails too, the process ends in a segmentation fault. Under its feet the file is therefore exchanged for
+    an anonymous one. The real file stays as the last successful write left it, as readers of a killed run expect.
+    """
+    in_memory = hasattr(os, "memfd_create")
+    with open(os.memfd_create(""), "wb") if in_memory else tempfile.TemporaryFile() as anonymous:
+        os.dup2(anonymous.fileno(), file.id.get_vfd_handle())
 
 
 def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], guess: int) -> h5py.Dataset:
