@@ -76,20 +76,21 @@ uniform vec3 uU;
 uniform vec3 uV;
 uniform vec4 uPlane;      // normal, offset
 uniform vec3 uLamp;       // towards the lamps
+uniform float uTallest;   // balls higher than this many radii cast none
 in vec2 corner;
 in vec4 centre;
 out vec3 vPoint;
 flat out vec3 vFoot;
 flat out vec3 vShade;     // foot of the lamps' shadow
-flat out vec2 vBall;      // radius, height of the centre
+flat out vec3 vBall;      // radius, height of the centre, strength
 void main() {
   float r = centre.w;
   float h = dot(centre.xyz, uPlane.xyz) - uPlane.w;
   vFoot = centre.xyz - h * uPlane.xyz;
   float fall = dot(uLamp, uPlane.xyz);
   vShade = centre.xyz - uLamp * (h / max(fall, 0.2));
-  vBall = vec2(r, h);
-  bool drawn = h > -r && h < 14.0 * r;
+  vBall = vec3(r, h, 1.0 - smoothstep(0.6 * uTallest, uTallest, h / r));
+  bool drawn = h > -r && h < uTallest * r;
   float size = drawn ? 2.6 * r + 1.1 * h : 0.0;
   vec3 middle = 0.5 * (vFoot + vShade);
   size += drawn ? 0.5 * length(vFoot - vShade) : 0.0;
@@ -106,7 +107,7 @@ uniform float uStrength;
 in vec3 vPoint;
 flat in vec3 vFoot;
 flat in vec3 vShade;
-flat in vec2 vBall;
+flat in vec3 vBall;
 out vec4 colour;
 void main() {
   for (int i = 0; i < 8; i++) {
@@ -123,6 +124,6 @@ void main() {
   // Fade to nothing at the quad's border.
   float border = 1.0 - smoothstep(1.6 * r + 0.8 * h, 2.5 * r + 1.05 * h, rho);
   float dark = 1.0 - (1.0 - 0.85 * min(sky, 1.0)) * (1.0 - 0.42 * lamps);
-  colour = vec4(0.0, 0.0, 0.0, uStrength * dark * border);
+  colour = vec4(0.0, 0.0, 0.0, uStrength * vBall.z * dark * border);
 }
 `;

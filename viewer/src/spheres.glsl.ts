@@ -1,5 +1,9 @@
-// A sphere is one quad that faces the eye; the ball is found on it by casting the ray. Exact outline and
-// depth at any zoom, six vertices a ball, which is what software rendering can still carry.
+// A sphere is one quad that faces the eye; the ball is found on it by casting the ray. The outline is exact
+// at any zoom, and six vertices a ball are what software rendering can still carry.
+//
+// The quad lies in the plane of the circle where the rays just touch the ball, hence inside the ball: whatever
+// is in front of the ball is in front of the quad, and likewise behind. As bodies do not overlap, the quad's
+// own depth sorts them without error, and nothing hidden need be shaded, which a depth written here would cost.
 
 import { lightChunk } from "./light.glsl";
 
@@ -26,10 +30,11 @@ void main() {
   vec3 cameraUp = vec3(viewMatrix[0][1], viewMatrix[1][1], viewMatrix[2][1]);
   vec3 right = normalize(cross(sight, cameraUp));
   vec3 up = cross(right, sight);
-  // In perspective the outline is wider than the ball: the tangent cone, cut at the centre's depth.
+  // Distance and radius of the circle of touch; a little more, for the smoothed rim.
   float ratio = min(r / distance, 0.98);
-  float reach = 1.02 * r / sqrt(1.0 - ratio * ratio);
-  vPoint = centre.xyz + reach * (right * corner.x + up * corner.y);
+  float shrink = 1.0 - ratio * ratio;
+  float reach = 1.02 * r * sqrt(shrink);
+  vPoint = cameraPosition + sight * (distance * shrink) + reach * (right * corner.x + up * corner.y);
   vCentre = centre;
   vAttitude = attitude;
   vLook = look;
@@ -40,8 +45,6 @@ void main() {
 
 export const sphereFragment = /* glsl */ `
 ${lightChunk}
-uniform mat4 viewMatrix;
-uniform mat4 projectionMatrix;
 uniform sampler2D uNumbers;
 uniform float uAtlas;        // cells along a side of the atlas
 uniform float uSelected;     // index of the selected body, or -1
@@ -83,8 +86,10 @@ vec3 pattern(vec3 n, float width) {
   }
   float spot = max(max(abs(u), abs(v)), 0.0);
   if (kind == 0) {
-    // Cue ball: ivory with six red dots.
-    float dots = above(0.972, max(spot, abs(b)), 0.35 * w);
+    // Cue ball: ivory with twelve red dots, at the corners of an icosahedron; three or four are always in view.
+    vec3 a = abs(n);
+    float near = max(max(a.y + 1.618 * a.z, a.z + 1.618 * a.x), a.x + 1.618 * a.y) / 1.902;
+    float dots = above(0.979, near, 0.3 * w);
     return mix(IVORY, vec3(0.62, 0.03, 0.035), dots);
   }
   vec3 ground = base;
@@ -133,15 +138,13 @@ void main() {
 
   vec3 mirror = reflect(ray, n);
   float facing = max(dot(n, -ray), 0.0);
-  float fresnel = 0.04 + 0.96 * pow(1.0 - facing, 5.0);
-  vec3 room = mix(uGroundColour * 0.35, mix(vec3(0.05, 0.055, 0.07), vec3(0.55, 0.57, 0.62), uDay), smoothstep(-0.1, 0.35, dot(mirror, uUp)));
+  float fresnel = 0.04 + 0.7 * pow(1.0 - facing, 5.0);
+  vec3 room = mix(uGroundColour * 0.35, mix(vec3(0.05, 0.055, 0.07), vec3(0.36, 0.38, 0.42), uDay), smoothstep(-0.1, 0.35, dot(mirror, uUp)));
   c += fresnel * open * room * 0.8 + (0.07 + fresnel) * 6.5 * lampMirror(mirror, 0.06 + 3.0 * pixel / r);
 
   if (abs(vBadge.y - uSelected) < 0.5) {
     c = mix(c, uAccent, 0.9 * smoothstep(0.45, 0.28, facing) );
   }
   colour = vec4(display(c), cover);
-  vec4 clip = projectionMatrix * (viewMatrix * vec4(hit, 1.0));
-  gl_FragDepth = 0.5 * clip.z / clip.w + 0.5;
 }
 `;

@@ -1,4 +1,4 @@
-// All balls as one instanced draw; positions and attitudes are the run's own arrays, uploaded as they are.
+// All balls as one instanced draw, the nearest first: what they hide is then never shaded.
 
 import {
   CanvasTexture,
@@ -12,6 +12,7 @@ import {
   NoBlending,
   RawShaderMaterial,
   type IUniform,
+  type Vector3,
 } from "three";
 import type { Look } from "./palette";
 import type { Run } from "./run";
@@ -23,23 +24,35 @@ export class Spheres {
   readonly mesh: Mesh<InstancedBufferGeometry, RawShaderMaterial>;
   readonly centre: InstancedBufferAttribute;
   private readonly attitude: InstancedBufferAttribute;
+  private readonly look: InstancedBufferAttribute;
+  private readonly badge: InstancedBufferAttribute;
+  private readonly looksOf: Float32Array;
+  private readonly badgesOf: Float32Array;
+  /** Bodies from near to far, and how far each is. */
+  private readonly order: number[];
+  private readonly away: Float64Array;
 
-  constructor(run: Run, looks: Look[], shared: Record<string, IUniform>) {
+  constructor(
+    private readonly run: Run,
+    looks: Look[],
+    shared: Record<string, IUniform>,
+  ) {
     const geometry = new InstancedBufferGeometry();
     geometry.setAttribute("corner", new BufferAttribute(QUAD, 2));
-    this.centre = new InstancedBufferAttribute(run.centre, 4).setUsage(DynamicDrawUsage);
-    this.attitude = new InstancedBufferAttribute(run.attitude, 4).setUsage(DynamicDrawUsage);
-    geometry.setAttribute("centre", this.centre);
-    geometry.setAttribute("attitude", this.attitude);
+    const attribute = (name: string, size: number) => {
+      const made = new InstancedBufferAttribute(new Float32Array(size * run.count), size).setUsage(DynamicDrawUsage);
+      geometry.setAttribute(name, made);
+      return made;
+    };
+    this.centre = attribute("centre", 4);
+    this.attitude = attribute("attitude", 4);
+    this.look = attribute("look", 4);
+    this.badge = attribute("badge", 2);
     const labels = [...new Set(looks.map((look) => look.label))];
-    const look = new Float32Array(4 * run.count);
-    const badge = new Float32Array(2 * run.count);
-    looks.forEach((l, n) => {
-      look.set([...l.colour, l.kind], 4 * n);
-      badge.set([labels.indexOf(l.label), n], 2 * n);
-    });
-    geometry.setAttribute("look", new InstancedBufferAttribute(look, 4));
-    geometry.setAttribute("badge", new InstancedBufferAttribute(badge, 2));
+    this.looksOf = new Float32Array(looks.flatMap((l) => [...l.colour, l.kind]));
+    this.badgesOf = new Float32Array(looks.flatMap((l, n) => [labels.indexOf(l.label), n]));
+    this.order = looks.map((_, n) => n);
+    this.away = new Float64Array(run.count);
     geometry.instanceCount = run.count;
     geometry.setDrawRange(0, 6); // there is no "position" to count
     const side = Math.max(1, Math.ceil(Math.sqrt(labels.length)));
@@ -68,10 +81,28 @@ export class Spheres {
     this.mesh.material.uniforms.uSelected.value = body;
   }
 
-  update(): void {
-    this.centre.needsUpdate = true;
-    this.attitude.needsUpdate = true;
+  /** Takes over the run as sampled, sorted as seen from `eye`. */
+  update(eye: Vector3): void {
+    const { centre, attitude } = this.run;
+    const { order, away } = this;
+    for (const n of order) {
+      const [x, y, z] = [centre[4 * n] - eye.x, centre[4 * n + 1] - eye.y, centre[4 * n + 2] - eye.z];
+      away[n] = x * x + y * y + z * z - centre[4 * n + 3] ** 2;
+    }
+    order.sort((a, b) => away[a] - away[b]); // nearly in order already, which the sort makes use of
+    gather(this.centre, centre, order);
+    gather(this.attitude, attitude, order);
+    gather(this.look, this.looksOf, order);
+    gather(this.badge, this.badgesOf, order);
   }
+}
+
+function gather(into: InstancedBufferAttribute, from: Float32Array, order: number[]): void {
+  const { array, itemSize } = into;
+  for (let i = 0, at = 0; i < order.length; i++) {
+    for (let k = 0; k < itemSize; k++) array[at++] = from[itemSize * order[i] + k];
+  }
+  into.needsUpdate = true;
 }
 
 /** The numbers, drawn once, each in its cell of a square atlas. */

@@ -92,7 +92,7 @@ export class Stage {
     this.dirty = false;
     this.adapt(moving);
     const gliding = this.eye.update();
-    this.spheres.update();
+    this.spheres.update(this.eye.camera.position);
     this.surfaces.lookFrom(this.eye.camera.position);
     this.renderer.render(this.scene, this.eye.camera);
     return gliding;

@@ -19,6 +19,7 @@ import {
 import type { InstancedBufferAttribute } from "three";
 import { floorFragment, floorVertex, shadowFragment, shadowVertex } from "./floor.glsl";
 import { paneFragment, rimFragment, rimVertex } from "./rims.glsl";
+import { MOST_NUMBERED } from "./palette";
 import type { Vec } from "./run";
 import { QUAD } from "./spheres";
 import type { Shades } from "./theme";
@@ -118,6 +119,8 @@ export class Surfaces {
         uV: { value: vector(v) },
         uPlane: { value: new Vector4(...face.plane.normal, face.offset) },
         uLamp: { value: lamp },
+        // In a heap only the lowest layer shades the floor: the rest would darken it all, at great cost.
+        uTallest: { value: centre.count > MOST_NUMBERED ? 2.2 : 14 },
         uStrength: this.colours.strength,
       },
     });

@@ -39,6 +39,11 @@ const MEMORY: usize = 5;
 /// The shift never falls below this share of `proximal_shift`: a redundant system stays factorable.
 const SHIFT_FLOOR: f64 = 1e-6;
 
+/// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
+const SWEEP_ROUNDS: u32 = 12;
+const POLISH_ITERATIONS: u32 = 15;
+const MAX_DOUBLINGS: u32 = 4;
+
 /// Workspace of the solver; allocate once, reuse for every problem.
 #[derive(Default)]
 pub struct Newton {
@@ -66,6 +71,13 @@ pub struct Newton {
 struct Norms {
     residual: f64,
     terms: f64,
+}
+
+impl Norms {
+    /// `|r| / (sum |r_k| + tol_f)`: converged below tol_r (eq. 44).
+    fn relative(&self, options: &NewtonOptions) -> f64 {
+        self.residual / (self.terms + options.floor / options.tolerance)
+    }
 }
 
 impl Newton {
@@ -99,32 +111,50 @@ impl Newton {
         self.start_lambda.copy_from_slice(lambda);
         self.start_u.copy_from_slice(u);
         let mut total = SolveReport::default();
-        for (rung, factor) in [
-            (Rung::First, 1.0),
-            (Rung::HalfPenalty, 0.5),
-            (Rung::DoublePenalty, 2.0),
-            (Rung::AfterSweeps, 1.0),
-        ] {
+        for (rung, factor) in [(Rung::First, 1.0), (Rung::HalfPenalty, 0.5), (Rung::DoublePenalty, 2.0)] {
             if rung != Rung::First {
                 lambda.copy_from_slice(&self.start_lambda);
                 u.copy_from_slice(&self.start_u);
             }
-            if rung == Rung::AfterSweeps {
-                gauss_seidel::sweeps(system, problem, options.sweeps, lambda, u, &mut self.z);
-            }
             let report = self.iterate(system, problem, options, factor, lambda, u);
-            total.iterations += report.iterations;
-            total.line_search += report.line_search;
-            total.residual = report.residual;
-            total.rung = rung;
+            total.add(&report, rung);
             if report.converged {
-                total.converged = true;
                 break;
             }
+        }
+        if !total.converged {
+            self.sweep_and_polish(system, problem, options, lambda, u, &mut total);
         }
         // Also an iterate that is accepted unconverged (option `warn`) lies inside its cones.
         lambda.copy_from_slice(&self.phi);
         total
+    }
+
+    /// The last rung: Gauss-Seidel sweeps, twice as many in each round, and a short Newton polish after each. Where
+    /// Newton alternates between statuses of redundant contacts, sweeps find a consistent set in the end.
+    fn sweep_and_polish<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        lambda: &mut [f64],
+        u: &mut [f64],
+        total: &mut SolveReport,
+    ) {
+        let mut swept_lambda = self.start_lambda.clone();
+        let mut swept_u = self.start_u.clone();
+        let polish = NewtonOptions { max_iterations: options.max_iterations.min(POLISH_ITERATIONS), ..*options };
+        for round in 0..SWEEP_ROUNDS {
+            let count = options.sweeps << round.min(MAX_DOUBLINGS);
+            gauss_seidel::sweeps(system, problem, count, &mut swept_lambda, &mut swept_u, &mut self.z);
+            lambda.copy_from_slice(&swept_lambda);
+            u.copy_from_slice(&swept_u);
+            let report = self.iterate(system, problem, &polish, 1.0, lambda, u);
+            total.add(&report, Rung::AfterSweeps);
+            if report.converged {
+                return;
+            }
+        }
     }
 
     fn resize(&mut self, system: &RowSystem) {
@@ -172,7 +202,7 @@ impl Newton {
         let mut norms = self.norms(system, lambda, u);
         let first = norms.residual;
         loop {
-            report.residual = norms.residual / (norms.terms + options.floor / options.tolerance);
+            report.residual = norms.relative(options);
             self.history.push(report.residual);
             if !norms.residual.is_finite() {
                 return report;
@@ -187,7 +217,12 @@ impl Newton {
             if report.iterations >= options.max_iterations {
                 return report;
             }
-            merits[report.iterations as usize % MEMORY] = norms.residual;
+            // Without multipliers the residual is small for want of terms: the first step is never shortened.
+            let start = report.iterations == 0 && lambda.iter().all(|&l| l == 0.0);
+            merits[report.iterations as usize % MEMORY] = if start { f64::INFINITY } else { norms.residual };
+            if report.iterations == 1 {
+                merits[0] = norms.residual;
+            }
             let shift = options.proximal_shift * (norms.residual / first).clamp(SHIFT_FLOOR, 1.0);
             for (c, block) in system.contacts.iter().zip(&mut self.tangents) {
                 let rows = c.row as usize..(c.row + c.dim) as usize;

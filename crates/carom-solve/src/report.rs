@@ -29,6 +29,15 @@ pub struct SolveReport {
 }
 
 impl SolveReport {
+    /// Adds what one rung did; quality and rung are those of the latest.
+    pub(crate) fn add(&mut self, later: &SolveReport, rung: Rung) {
+        self.iterations += later.iterations;
+        self.line_search += later.line_search;
+        self.residual = later.residual;
+        self.converged = later.converged;
+        self.rung = rung;
+    }
+
     /// A closed-form solution: exact, one evaluation.
     pub const CLOSED_FORM: Self = SolveReport {
         converged: true,

@@ -9,6 +9,7 @@ of that raises `NotConverged`.
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .model import F64, Options
 from .problem import ContactProblem, Evaluation
@@ -127,7 +128,7 @@ def _step(
     left = np.concatenate([1.0 / np.sqrt(lay.mass), 1.0 / np.sqrt(problem.p[active])])
     right = np.concatenate([1.0 / np.sqrt(lay.mass), np.sqrt(problem.p[active])])
     matrix = matrix * right * left[:, None]
-    eps = max(shift, 1e-4 * min(1.0, at.norm / first) if first > 0.0 else 0.0, 1e-9)
+    eps = max(shift, 1e-4 * min(1.0, at.norm / first) if first > 0.0 else 0.0, _floor(problem, at, active))
     diagonal = np.arange(d, len(keep))
     matrix[diagonal, diagonal] -= eps
     try:
@@ -136,6 +137,16 @@ def _step(
         solution = np.linalg.lstsq(matrix, rhs * left)[0] * right
     dl[active] = solution[d:]
     return solution[:d], dl
+
+
+def _floor(problem: ContactProblem, at: Evaluation, active: NDArray[np.intp]) -> float:
+    """Smallest shift: where rows depend on each other, rounding in their null space is divided by it."""
+    scaled = at.gradient[active] * np.sqrt(problem.p[active])[:, None] / np.sqrt(problem.layout.mass)
+    if len(active) <= len(problem.layout.dofs) and len(active) > 0:
+        smallest = float(np.linalg.svd(scaled, compute_uv=False)[-1])
+    else:
+        smallest = 0.0
+    return 1e-5 if smallest < 1e-6 else 1e-9
 
 
 def gauss_seidel(problem: ContactProblem, u: F64, multipliers: F64, sweeps: int) -> tuple[F64, F64]:
