@@ -14,8 +14,8 @@ step() {
     "$@" || failed+=("$name")
 }
 
-# Clippy works in the profile dev: its check of the bindings would otherwise undo that of the extension each time. It needs no Python.
-export PYO3_NO_PYTHON=1
+# Clippy works in the profile dev: in release, its environment and that of maturin would undo each other's bindings.
+export PYO3_PYTHON="$PWD/$python"
 step "rustfmt" cargo fmt --all --check
 step "clippy" cargo clippy --workspace --all-targets $locked --quiet -- -D warnings
 step "ruff check" "$python" -m ruff check
