@@ -220,7 +220,7 @@ class Result:
         """Write the run as one HTML page that plays offline, by default `view.html` in the run directory."""
         from carom.view import write_html
 
-        info = write_html(self, Path(path) if path else self.path / "view.html", **options)  # type: ignore[arg-type]
+        info = write_html(self, Path(path) if path else self.path / "view.html", **options)
         if open_browser:
             import webbrowser
 

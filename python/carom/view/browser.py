@@ -8,11 +8,13 @@ which on a page that draws in a loop is never.
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import os
 import select
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -35,6 +37,14 @@ _FLAGS = (
     "--hide-scrollbars",
     "--remote-debugging-pipe",
 )
+# The browser reads descriptor 3 and writes 4: put ours there, out of each other's way, and become the browser.
+_LAUNCH = """
+import fcntl, os, sys
+ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]
+for end, place in zip(ends, (3, 4)):
+    os.dup2(end, place)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
 
 
 class BrowserError(RuntimeError):
@@ -70,10 +80,13 @@ class Browser:
         self._profile = tempfile.TemporaryDirectory(prefix="carom-browser-", ignore_cleanup_errors=True)
         to_read, self._to = os.pipe()
         self._from, to_write = os.pipe()
-        # The browser reads descriptor 3 and writes 4; the shell's redirections put ours there.
         self._process = subprocess.Popen(
-            ["/bin/sh", "-c", f'exec "$@" 3<&{to_read} 4>&{to_write}', "sh", program, *_FLAGS]
-            + [f"--user-data-dir={self._profile.name}", f"--window-size={size[0]},{size[1]}", "about:blank"],
+            [
+                *(sys.executable, "-I", "-S", "-c", _LAUNCH, str(to_read), str(to_write), program, *_FLAGS),
+                f"--user-data-dir={self._profile.name}",
+                f"--window-size={size[0]},{size[1]}",
+                "about:blank",
+            ],
             pass_fds=(to_read, to_write),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -142,8 +155,8 @@ class Browser:
         """Press and release a key, named as in KeyboardEvent.key."""
         modifiers = 8 if shift else 0
         for kind in ("keyDown", "keyUp"):
-            extra = {"text": text} if text and kind == "keyDown" else {}
-            self._call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=modifiers, **extra)
+            typed = text if kind == "keyDown" else ""
+            self._call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=modifiers, text=typed)
 
     def click(self, x: float, y: float) -> None:
         for kind in ("mousePressed", "mouseReleased"):
@@ -179,10 +192,8 @@ class Browser:
                 os.killpg(self._process.pid, 9)
                 self._process.wait(10)
         for descriptor in (self._to, self._from):
-            try:
+            with contextlib.suppress(OSError):
                 os.close(descriptor)
-            except OSError:
-                pass
         self._profile.cleanup()
 
     def _call(self, method: str, *, limit: float | None = None, **params: Any) -> Any:
@@ -190,7 +201,10 @@ class Browser:
         message: dict[str, Any] = {"id": self._last, "method": method, "params": params}
         if self._session is not None:
             message["sessionId"] = self._session
-        os.write(self._to, json.dumps(message).encode() + b"\0")
+        try:
+            os.write(self._to, json.dumps(message).encode() + b"\0")
+        except BrokenPipeError:
+            raise BrowserError(f"the browser ended before {method}") from None
         deadline = time.monotonic() + (limit or self.timeout)
         while True:
             answer = self._receive(deadline, method)

@@ -23,7 +23,8 @@ INT32 = 2**31 - 1
 
 def quantise(values: Floats, step: float, origin: Floats) -> Integers:
     """The nearest multiples of `step` from `origin`; the caller has seen to it that they fit."""
-    return np.rint((values - origin) / step).astype(np.int32)
+    integers: Integers = np.rint((values - origin) / step).astype(np.int32)
+    return integers
 
 
 def position_grid(position: Floats, radius: Floats) -> tuple[Floats, float]:
@@ -50,7 +51,8 @@ def orientation_integers(orientation: Floats) -> Integers:
     sign = np.ones(quaternion.shape[:2])
     sign[1:] = np.where(np.cumsum(flips, axis=0) % 2 == 1, -1.0, 1.0)
     turned = (quaternion * sign[..., None])[..., [1, 2, 3, 0]]
-    return np.rint(turned * 32767.0).astype(np.int32)
+    integers: Integers = np.rint(turned * 32767.0).astype(np.int32)
+    return integers
 
 
 def _residual(values: Integers, order: int) -> Integers:

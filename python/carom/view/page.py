@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from carom.errors import CaromError
 from carom.view import codec
 
 FORMAT = 1
@@ -31,6 +32,14 @@ MIN_FRAMES = 50
 MAX_MARKS = 2000
 
 
+class Frames(Protocol):
+    """An array with one row a frame: of NumPy, or one that reads from a file what is indexed."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def __getitem__(self, key: Any, /) -> Any: ...
+
+
 class Viewable(Protocol):
     """What the viewer asks of a result; `carom.Result` is one.
 
@@ -40,15 +49,15 @@ class Viewable(Protocol):
     """
 
     @property
-    def time(self) -> npt.NDArray[np.float64]: ...
+    def time(self) -> Frames: ...
     @property
-    def position(self) -> npt.NDArray[np.float64]: ...
+    def position(self) -> Frames: ...
     @property
-    def orientation(self) -> npt.NDArray[np.float64]: ...
+    def orientation(self) -> Frames: ...
     @property
-    def velocity(self) -> npt.NDArray[np.float64]: ...
+    def velocity(self) -> Frames: ...
     @property
-    def angular_velocity(self) -> npt.NDArray[np.float64]: ...
+    def angular_velocity(self) -> Frames: ...
     @property
     def names(self) -> Sequence[str]: ...
     @property
@@ -82,7 +91,7 @@ def write_html(
     shell = _Shell.load()
     budget = int(max_mb * 1e6) - shell.size - 20_000
     if budget < 100_000:
-        raise ValueError(
+        raise CaromError(
             f"max_mb = {max_mb:g} leaves no room: the empty page takes {shell.size / 1e6:.1f} MB"
         )
 
@@ -106,9 +115,8 @@ def write_html(
         else:
             every = max(every + 1, int(np.ceil(every * factor)))
 
-    frames, bodies = len(facts["time_index"]), len(facts["names"])
+    frames, bodies = facts["arrays"]["time"]["shape"][0], len(facts["names"])
     notes = _notes(frames, frames_recorded, stride, bodies, bodies_recorded, every, max_mb)
-    del facts["time_index"]
     facts["notes"] = notes
     text = shell.fill(title or "Carom", json.dumps(facts, separators=(",", ":")), packed)
     _replace(target, text)
@@ -117,27 +125,31 @@ def write_html(
 
 def _check(result: Viewable, shape: tuple[int, ...]) -> None:
     if len(shape) != 3 or shape[2] != 3:
-        raise ValueError(f"positions must be (frame, body, 3), got {shape}")
+        raise CaromError(f"positions must be (frame, body, 3), got {shape}")
     if shape[0] == 0 or shape[1] == 0:
-        raise ValueError(f"nothing to show: the run has {shape[0]} frames and {shape[1]} bodies")
+        raise CaromError(f"nothing to show: the run has {shape[0]} frames and {shape[1]} bodies")
     radius = np.asarray(result.bodies["radius"], dtype=np.float64)
     if radius.shape != (shape[1],) or not (np.isfinite(radius) & (radius > 0.0)).all():
-        raise ValueError(f"every one of the {shape[1]} bodies needs a positive radius")
+        raise CaromError(f"every one of the {shape[1]} bodies needs a positive radius")
 
 
 def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[str, Any], bytes]:
     """The facts (all that is not motion) and the gzip'd motion, of every `stride`-th frame."""
     recorded = result.position.shape[0]
-    index = np.unique(np.append(np.arange(0, recorded, stride), recorded - 1))  # the last frame is always in
     bodies = slice(None, None, every)
 
-    def read(array: Any) -> npt.NDArray[np.float64]:
-        whole = np.asarray(array[:] if stride == 1 else array[index], dtype=np.float64)
-        return whole[:, bodies]
+    def read(array: Frames) -> npt.NDArray[np.float64]:
+        rows = np.asarray(array[::stride], dtype=np.float64)
+        if (recorded - 1) % stride:  # the last frame is always in
+            rows = np.concatenate([rows, np.asarray(array[-1:], dtype=np.float64)])
+        return rows
 
-    names = [n.decode() if isinstance(n, bytes) else str(n) for n in result.names][bodies]
+    def read_bodies(name: str) -> npt.NDArray[np.float64]:
+        return _finite(read(getattr(result, name))[:, bodies], name, names, time)
+
+    names = [str(name) for name in result.names][bodies]
     radius = np.asarray(result.bodies["radius"], dtype=np.float64)[bodies]
-    time = np.asarray(result.time, dtype=np.float64)[index]
+    time = read(result.time)
     chunks: list[bytes] = [time.astype("<f8").tobytes()]
     arrays: dict[str, Any] = {"time": {"shape": [len(time)]}}
 
@@ -146,17 +158,17 @@ def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[s
         arrays[name] = {"offset": sum(map(len, chunks)), "bytes": len(data), **how, **entry}
         chunks.append(data)
 
-    position = _finite(read(result.position), "position", names, time)
+    position = read_bodies("position")
     origin, step = codec.position_grid(position, radius)
     add("position", codec.quantise(position, step, origin), step=step, origin=origin.tolist())
     low, high = position.min(axis=(0, 1)), position.max(axis=(0, 1))
     add(
         "orientation",
-        codec.orientation_integers(_finite(read(result.orientation), "orientation", names, time)),
+        codec.orientation_integers(read_bodies("orientation")),
     )
     if position.shape[0] * position.shape[1] <= MAX_BODY_FRAMES_WITH_VELOCITY:
         for name in ("velocity", "angular_velocity"):
-            rate = _finite(read(getattr(result, name)), name, names, time)
+            rate = read_bodies(name)
             step = max(float(np.abs(rate).max()), 1e-300) / 2**20
             add(name, codec.quantise(rate, step, np.zeros(3)), step=step)
 
@@ -170,7 +182,6 @@ def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[s
         "gravity": _gravity(result),
         "marks": _marks(result, time),
         "arrays": arrays,
-        "time_index": index,
     }
     return facts, gzip.compress(b"".join(chunks), compresslevel=9, mtime=0)
 
@@ -181,7 +192,7 @@ def _finite(
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         frame, body = bad[0][:2]
-        raise ValueError(f"{what} of {names[body]} is not a number at t = {time[frame]:g} s")
+        raise CaromError(f"{what} of {names[body]} is not a number at t = {time[frame]:g} s")
     return values
 
 
@@ -249,7 +260,7 @@ class _Shell:
         )
         for text, tag in ((style, "</style"), (program, "</script"), (program, "<!--")):
             if tag in text.lower():
-                raise ValueError(f"the viewer's assets hold {tag!r}, which would end the element early")
+                raise CaromError(f"the viewer's assets hold {tag!r}, which would end the element early")
         return cls(template, style, program)
 
     @property
