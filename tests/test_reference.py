@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from carom.reference import Reference, judge_step
 from carom.reference.conditions import rotation_increment
 from carom.reference.contact import element
@@ -47,10 +46,14 @@ def scene(
     }
 
 
-def ball_on_floor(velocity: Any = (0.0, 0.0, 0.0), spin: Any = (0.0, 0.0, 0.0), tilt: float = 0.0, **law: float) -> Any:
+def ball_on_floor(
+    velocity: Any = (0.0, 0.0, 0.0), spin: Any = (0.0, 0.0, 0.0), tilt: float = 0.0, **law: float
+) -> Any:
     """One ball of r = 0.5 m, m = 2 kg on a floor; `tilt` leans gravity towards x."""
     g = (G * np.sin(tilt), 0.0, -G * np.cos(tilt))
-    return Reference(scene([[0, 0, 0.5]], [velocity], [spin], r=0.5, m=2.0, planes=[FLOOR], laws={(0, 1): law}, g=g))
+    return Reference(
+        scene([[0, 0, 0.5]], [velocity], [spin], r=0.5, m=2.0, planes=[FLOOR], laws={(0, 1): law}, g=g)
+    )
 
 
 def chain(speeds: list[float], e: float = 1.0, **options: Any) -> Any:
@@ -82,7 +85,12 @@ def billiard_break(**options: Any) -> Any:
     apex = 1.905 + np.sqrt(3.0) * r
     x = [[0.635, 0.635, r], [1.905, 0.635, r], [apex, 0.635 + r, r], [apex, 0.635 - r, r]]
     v = [[10.729, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
-    cushions = [((0, 0, 0), (1, 0, 0)), ((2.54, 0, 0), (-1, 0, 0)), ((0, 0, 0), (0, 1, 0)), ((0, 1.27, 0), (0, -1, 0))]
+    cushions = [
+        ((0, 0, 0), (1, 0, 0)),
+        ((2.54, 0, 0), (-1, 0, 0)),
+        ((0, 0, 0), (0, 1, 0)),
+        ((0, 1.27, 0), (0, -1, 0)),
+    ]
     laws = {
         (0, 0): {"friction": 0.06, "restitution": 0.93},
         (0, 1): {"friction": 0.2},
@@ -104,7 +112,12 @@ def random_scene(seed: int, rotation: Any = None, order: Any = None, **options: 
     m = 8e3 * r**3
     turn = np.eye(3) if rotation is None else rotation
     order = np.arange(n) if order is None else order
-    walls = [((0, 0, 0), (0, 0, 1)), ((0, 0, 0), (1, 0, 0)), ((0, 0, 0), (0, 1, 0)), ((0.2, 0.3, 0), (-0.8, -0.6, 0))]
+    walls = [
+        ((0, 0, 0), (0, 0, 1)),
+        ((0, 0, 0), (1, 0, 0)),
+        ((0, 0, 0), (0, 1, 0)),
+        ((0.2, 0.3, 0), (-0.8, -0.6, 0)),
+    ]
     planes = [(turn @ point, turn @ normal) for point, normal in walls]
     x, v, w = (values[order] @ turn.T for values in (x, v, w))
     return scene(x, v, w, r=r[order], m=m[order], planes=planes, laws={(0, 0): law, (0, 1): law},
@@ -307,7 +320,11 @@ def test_bernoulli_impact_alone_is_exact() -> None:
     island = Island(model, elements, state.x, state.u, state.u)
     v = (state.u[island.layout.dofs] + solve_island(island).jump).reshape(-1, 6)
     c = np.cos(np.pi / 6)
-    expected = [[0.6, 0.6 * np.tan(np.pi / 6)], [1 - 4 * c * c / (1 + 2 * c * c), 0], [0.6, -0.6 * np.tan(np.pi / 6)]]
+    expected = [
+        [0.6, 0.6 * np.tan(np.pi / 6)],
+        [1 - 4 * c * c / (1 + 2 * c * c), 0],
+        [0.6, -0.6 * np.tan(np.pi / 6)],
+    ]
     assert np.max(np.abs(v[:, :2] - expected)) < 1e-14
 
 
@@ -423,18 +440,15 @@ def test_conditions_accept_the_own_solution_and_notice_a_wrong_one(impact: str) 
         given = [problem.impulses for problem in report.problems]
         scales = [problem.scale for problem in report.problems]
 
-        def judged(u: Any, problems: Any) -> float:
-            return judge_step(
-                run.model, old, new.x, u, psi, report.position_impulses, problems, scales  # noqa: B023
-            ).worst
-
-        assert judged(new.u, given) < 1e-12
+        known = (run.model, old, new.x)
+        rest = (psi, report.position_impulses)
+        assert judge_step(*known, new.u, *rest, given, scales).worst < 1e-12
         if given:
             seen += 1
-            key = max(given[-1], key=lambda name: given[-1][name].normal)  # noqa: B023
-            wrong = [*given[:-1], {k: v for k, v in given[-1].items() if k != key}]
-            assert judged(new.u, wrong) > 1e-6
-            assert judged(new.u + 1e-6, given) > 1e-7
+            heaviest = max((impulse.normal, key) for key, impulse in given[-1].items())[1]
+            wrong = [*given[:-1], {key: given[-1][key] for key in given[-1] if key != heaviest}]
+            assert judge_step(*known, new.u, *rest, wrong, scales).worst > 1e-6
+            assert judge_step(*known, new.u + 1e-6, *rest, given, scales).worst > 1e-7
     assert seen > 5
 
 

@@ -91,8 +91,6 @@ class ContactProblem:
         self.floor = floor
         """Absolute size [N s or N s^2] below which a residual is rounding."""
         self.p = layout.p
-        self.shrink = 1.0
-        """Factor on every bound; below 1 only on the way to a solution."""
 
     def kinematics(self, u: F64) -> tuple[F64, F64]:
         """z (m,) and its gradient G (m, d) at u (d,)."""
@@ -116,8 +114,7 @@ class ContactProblem:
             phi[n], tangent[n, n] = xi[n], 1.0
             for disc in e.discs:
                 rows = self.layout.disc_rows(number, disc.start, disc.stop)
-                part, mu = xi[rows], disc.bound * self.shrink
-                bound = mu * xi[n]
+                part, bound = xi[rows], disc.bound * xi[n]
                 length = float(np.sqrt(part @ part))
                 if bound == 0.0:
                     continue  # a disc of radius zero has no direction; phi = 0 and derivative 0
@@ -127,7 +124,7 @@ class ContactProblem:
                 else:
                     tau = part / length
                     phi[rows] = bound * tau
-                    tangent[rows, n] = mu * tau
+                    tangent[rows, n] = disc.bound * tau
                     tangent[rows, rows] = bound / length * (np.eye(len(part)) - np.outer(tau, tau))
         return phi, tangent
 
