@@ -270,12 +270,17 @@ class Scene:
         return scene.with_options(**tree.get("run", {}), **tree.get("record", {}))
 
 
-def install() -> None:
-    """Put this module in the place of the compiled core and of `carom.scene`, for the rest of the process."""
+def install(patch: Any = None) -> None:
+    """Take the place of the compiled core and of `carom.scene`: for one test (`monkeypatch`), or for good."""
     import carom
 
+    this = sys.modules[__name__]
     scene = ModuleType("carom.scene")
     scene.Scene = Scene  # type: ignore[attr-defined]
-    sys.modules["carom.scene"] = scene
-    sys.modules["carom._core"] = sys.modules[__name__]
-    carom._core = sys.modules[__name__]  # type: ignore[attr-defined]
+    if patch is None:
+        sys.modules.update({"carom.scene": scene, "carom._core": this})
+        carom._core = this  # type: ignore[attr-defined]
+        return
+    patch.setitem(sys.modules, "carom.scene", scene)
+    patch.setitem(sys.modules, "carom._core", this)
+    patch.setattr(carom, "_core", this, raising=False)

@@ -105,6 +105,8 @@ def launch(
     use them).
     """
     simulation, model, plan = _build(scene)
+    # The frames are thinned once and for all: a run that is extended keeps its grid.
+    scene = scene.with_options(every=plan.every)
     text = scene.to_toml(resolved=True)
     about: dict[str, Any] = {
         "format": 1,
@@ -140,6 +142,11 @@ def relaunch(
     if until is not None:
         scene = scene.with_options(until=until)
     simulation, model, plan = _build(scene)
+    if directory.read()["scenario"]["identity"] != identify(model):
+        raise CaromError(
+            f"{directory.scenario} was changed since the run began, and a run continues only with the same scenario;"
+            " start a new one with `carom run`"
+        )
     if directory.is_finished(plan.steps):
         return load(directory.path)
     with directory.writing():
@@ -148,13 +155,11 @@ def relaunch(
         if saved is not None:
             if saved.scenario != identify(model):
                 raise CaromError(
-                    f"{directory.scenario} was changed since the checkpoint; a run continues only with the"
-                    " same scenario (start a new one with `carom run`)"
+                    f"the newest checkpoint in {directory.path} belongs to another scenario; remove it"
                 )
-            if until is not None and plan.steps < saved.step:
-                raise CaromError(
-                    f"the run has reached t = {saved.time:g} s already; give --until a later time"
-                )
+            reached = max(saved.time, (about.get("outcome") or {}).get("time") or 0.0)
+            if plan.until < reached - 0.5 * plan.step:
+                raise CaromError(f"the run has reached t = {reached:g} s already; give --until a later time")
             simulation.restore(dict(saved.state))
         for complaint in complaints:
             directory.log("damaged checkpoint", message=complaint)

@@ -146,7 +146,10 @@ class Writer:
             self._file = None
 
     def _create(self, block: Mapping[str, Any]) -> None:
-        file = h5py.File(self.path, "x", libver="latest", fs_strategy=None)
+        # Until it is in SWMR mode nobody can read the file, nor could anybody ever if we were killed before: it gets
+        # its name when it can be read.
+        unborn = self.path.with_name(f".{self.path.name}.{os.getpid()}.tmp")
+        file = h5py.File(unborn, "w", libver="latest")
         self._file = file
         for key, value in self._attributes.items():
             file.attrs[key] = value
@@ -170,6 +173,7 @@ class Writer:
         commit.attrs["description"] = "rows of each table that are whole; the last row counts"
         self._commit = commit
         file.swmr_mode = True
+        os.rename(unborn, self.path)
 
 
 def _divert(file: h5py.File) -> None:

@@ -1,0 +1,418 @@
+"""Running, recording and resuming, with a stand-in for the core that fails or dawdles when it is asked to."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import carom
+import h5py
+import numpy as np
+import pytest
+from carom import checkpoint
+from carom.drive import Plan, Progress, thinned
+from carom.errors import CaromError
+from carom.record import Rows, Segments, Writer
+from carom.record.layout import TABLES
+from carom.rundir import RunDir
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+sys.path.insert(0, str(Path(__file__).parent))
+import fake_sim
+
+
+@pytest.fixture
+def scene(monkeypatch: pytest.MonkeyPatch) -> fake_sim.Scene:
+    """A scene for the stand-in, which takes the place of the core for one test."""
+    fake_sim.install(monkeypatch)
+    return fake_sim.Scene()
+
+
+def everything(run: Path) -> dict[str, Any]:
+    """All that a run recorded, as bytes, and the shapes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = carom.load(run)
+    segments = result._segments
+    columns = {
+        f"{table}/{name}": segments.column(table, name)
+        for table in TABLES
+        for name in segments.columns(table)
+    }
+    return {name: (c.shape, np.asarray(c).tobytes()) for name, c in columns.items()}
+
+
+# --- the plan -------------------------------------------------------------------------------------------------------
+
+
+def test_about_a_thousand_frames_and_the_last_step_is_one_of_them() -> None:
+    assert [thinned(n) for n in (1, 1000, 3000, 10_000)] == [1, 1, 3, 10]
+    assert thinned(1200) == 2  # 1001 to 2000 steps: every second
+    for steps in range(1, 5000, 7):
+        assert steps / thinned(steps) <= 1000
+        assert steps / thinned(steps) > 333 or thinned(steps) == 1
+    assert Plan.of(until=3.0, step=1e-3, every=None, contacts=True) == Plan(3000, 3, 1e-3, True)
+
+
+# --- directories ----------------------------------------------------------------------------------------------------
+
+
+def test_run_directories_are_numbered(tmp_path: Path) -> None:
+    names = [RunDir.next("a[1]", tmp_path / "runs").path.name for _ in range(3)]
+    assert names == ["a[1]-1", "a[1]-2", "a[1]-3"]
+    assert RunDir.next("a", tmp_path / "runs").path.name == "a-1"
+
+
+def test_nothing_is_replaced_unasked_and_nobody_elses_files_ever(scene: Any, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    carom.simulate(scene, until=0.01, out=run)
+    with pytest.raises(CaromError, match="exists already; give --force"):
+        carom.simulate(scene, until=0.01, out=run)
+    (run / "notes.txt").write_text("mine")
+    assert len(carom.simulate(scene, until=0.02, out=run, force=True)) == 21
+    assert (run / "notes.txt").read_text() == "mine"
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "thesis.tex").write_text("years of work")
+    with pytest.raises(CaromError, match="not a run directory"):
+        carom.simulate(scene, until=0.01, out=other, force=True)
+    assert [p.name for p in other.iterdir()] == ["thesis.tex"]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(CaromError, match="is a file"):
+        carom.simulate(scene, until=0.01, out=tmp_path / "file")
+
+
+def test_a_wrong_scene_leaves_nothing_and_replaces_nothing(scene: Any, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    carom.simulate(scene, until=0.01, out=run)
+    before = everything(run)
+    model = scene.to_model()
+    model["radius"] = -model["radius"]
+    spoilt = type("Spoilt", (fake_sim.Scene,), {"to_model": lambda self: model})()
+    for out in (run, tmp_path / "new"):
+        with pytest.raises(CaromError, match="radius must be positive"):
+            carom.simulate(spoilt, until=0.01, out=out, force=True)
+    assert everything(run) == before
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_place_that_cannot_be_written(scene: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(CaromError, match="cannot create the run directory"):
+        carom.simulate(scene, until=0.01, out=tmp_path / "file" / "run")
+
+
+def test_one_writer_at_a_time(scene: Any, tmp_path: Path) -> None:
+    carom.simulate(scene, until=0.01, out=tmp_path / "run")
+    directory = RunDir.open(tmp_path / "run")
+    with directory.writing():
+        assert directory.is_being_written()
+        with pytest.raises(CaromError, match="being written by another process"):
+            carom.resume(tmp_path / "run", until=0.02)
+    assert not directory.is_being_written()
+
+
+def test_what_is_not_a_run_is_called_so(tmp_path: Path) -> None:
+    with pytest.raises(CaromError, match="no such run directory"):
+        carom.load(tmp_path / "absent")
+    with pytest.raises(CaromError, match="not a run directory"):
+        carom.load(tmp_path)
+    (tmp_path / "run.json").write_text("{")
+    with pytest.raises(CaromError, match="cannot be read"):
+        carom.load(tmp_path)
+
+
+# --- recording ------------------------------------------------------------------------------------------------------
+
+
+def test_the_file_can_be_read_while_it_is_written_and_explains_itself(scene: Any, tmp_path: Path) -> None:
+    seen: list[int] = []
+
+    def look(now: Progress) -> None:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            result = carom.load(tmp_path / "run")
+        assert result.status == "running"
+        assert result.is_being_written
+        if now.step < now.steps:
+            assert "is still being written" in str(caught[0].message)
+        seen.append(len(result))
+        result.close()
+
+    carom.simulate(scene, until=0.3, delay=1e-3, out=tmp_path / "run", progress=look)
+    assert len(seen) >= 2
+    assert seen == sorted(seen)
+    with h5py.File(tmp_path / "run" / "results.h5") as file:  # plain h5py, no Carom
+        assert file["frames/position"].shape == (301, 2, 3)
+        assert file["frames/position"].attrs["unit"] == "m"
+        assert file["bodies/name"].asstr()[:].tolist() == ["one", "two"]
+        assert file["commit"][-1].tolist()[0] == 301
+        assert file.attrs["gravity"].tolist() == [0.0, 0.0, -9.8]
+
+
+def test_only_what_was_committed_is_read(scene: Any, tmp_path: Path) -> None:
+    simulation = fake_sim.Simulation(scene.to_model())
+    writer = Writer(tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes={})
+    writer.append(simulation.advance(100, 1, True, 9.0))
+    committed = writer.commit()
+    assert committed.frames == 100
+    # The next batch reaches the file, but the process dies before it says so.
+    writer.append(simulation.advance(100, 1, True, 9.0))
+    for table, columns in writer._columns.items():
+        for name, dataset in columns.items():
+            values = np.asarray(writer._pending[0][table][name])
+            dataset.resize(dataset.shape[0] + len(values), axis=0)
+            dataset.flush()
+    segments = Segments([tmp_path / "x.h5"])
+    assert segments.rows == committed
+    assert segments.column("frames", "time").shape == (100,)
+    segments.close()
+    writer.abandon()
+
+
+def test_columns_are_data(scene: Any, tmp_path: Path) -> None:
+    block = dict(fake_sim.Simulation(scene.to_model()).advance(10, 1, True, 9.0))
+    block["steps"] = {**block["steps"], "novelty": np.arange(20, dtype=np.int16).reshape(10, 2)}
+    writer = Writer(tmp_path / "x.h5", bodies={"name": ["one"]}, planes={"name": ["bed"]}, attributes={})
+    writer.append(block)
+    writer.close()
+    column = Segments([tmp_path / "x.h5"]).column("steps", "novelty")
+    assert column.dtype == np.int16
+    assert np.array_equal(column, np.arange(20).reshape(10, 2))
+
+
+def test_contacts_can_be_left_out(scene: Any) -> None:
+    assert len(carom.simulate(scene, until=0.5, contacts=False).contacts) == 0
+    assert len(carom.simulate(scene, until=0.5, contacts=True).contacts) > 0
+
+
+def test_results_end_at_the_end_even_off_the_grid_of_frames(scene: Any, tmp_path: Path) -> None:
+    result = carom.simulate(scene, until=0.1, every=30, out=tmp_path / "run")
+    assert np.asarray(result.step).tolist() == [0, 30, 60, 90, 100]
+    assert "every = 30" in result.scenario
+    # The frame off the grid is not in the way of an extension.
+    longer = carom.resume(tmp_path / "run", until=0.2)
+    assert np.asarray(longer.step).tolist() == [0, 30, 60, 90, 120, 150, 180, 200]
+    carom.simulate(scene, until=0.2, every=30, out=tmp_path / "whole")
+    assert everything(tmp_path / "run") == everything(tmp_path / "whole")
+
+
+# --- resuming -------------------------------------------------------------------------------------------------------
+
+
+def interrupted(scene: Any, run: Path, after: int, **options: Any) -> None:
+    """Run and press Ctrl-C when step `after` is reached."""
+
+    def press(now: Progress) -> None:
+        if now.step >= after:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        carom.simulate(scene, out=run, progress=press, **options)
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_an_interrupted_run_continues_bit_for_bit(
+    scene: Any, tmp_path: Path, every: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)  # small blocks
+    carom.simulate(scene, until=1.0, every=every, out=tmp_path / "whole")
+    run = tmp_path / "run"
+    interrupted(scene, run, 300, until=1.0, every=every)
+    assert carom.load(run).outcome.kind == "interrupted"
+    assert everything(run) != everything(tmp_path / "whole")
+    result = carom.resume(run)
+    assert result.outcome.ok
+    assert result.segment_names == ["results.h5", "results-0002.h5"]
+    assert everything(run) == everything(tmp_path / "whole")
+    assert len(json.loads((run / "run.json").read_text())["segments"]) == 2
+    # There is nothing left to do, and nothing is done.
+    assert carom.resume(run).segment_names == result.segment_names
+    with pytest.raises(CaromError, match="has reached t = 1 s already"):
+        carom.resume(run, until=0.5)
+
+
+def test_a_segment_without_a_checkpoint_of_its_own_is_overruled(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)
+    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
+    run = tmp_path / "run"
+    interrupted(scene, run, 300, until=1.0)
+    held = {p.name: p.read_bytes() for p in run.glob("checkpoint-*")}
+
+    def press(now: Progress) -> None:
+        if now.step >= 600:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        carom.resume(run, progress=press)
+    for path in run.glob("checkpoint-*"):  # as if killed: only the old checkpoint is there
+        path.unlink()
+    for name, content in held.items():
+        (run / name).write_bytes(content)
+    assert carom.resume(run).segment_names == ["results.h5", "results-0002.h5", "results-0003.h5"]
+    assert everything(run) == everything(tmp_path / "whole")
+
+
+def test_a_damaged_checkpoint_costs_time_only(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)
+    monkeypatch.setattr("carom.drive.FIRST_CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr("carom.drive.CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr("carom.drive.CHECKPOINT_SHARE", 1e9)
+    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
+    run = tmp_path / "run"
+    interrupted(scene, run, 500, until=1.0)
+    newest, older = checkpoint.found(run)  # two are kept
+    content = bytearray(newest.read_bytes())
+    content[len(content) // 2] ^= 1
+    newest.write_bytes(content)
+    found, complaints = checkpoint.newest(run)
+    assert found is not None
+    assert found.step == checkpoint.load(older).step
+    assert newest.name in complaints[0]
+    assert carom.resume(run).outcome.ok
+    assert everything(run) == everything(tmp_path / "whole")
+    assert "damaged checkpoint" in (run / "log.jsonl").read_text()
+
+
+def test_without_any_checkpoint_the_run_begins_again(scene: Any, tmp_path: Path) -> None:
+    carom.simulate(scene, until=0.2, out=tmp_path / "whole")
+    run = tmp_path / "run"
+    carom.simulate(scene, until=0.1, out=run)
+    for path in checkpoint.found(run):
+        path.write_bytes(b"torn")
+    carom.resume(run, until=0.2)
+    assert everything(run) == everything(tmp_path / "whole")
+
+
+def test_another_scenario_is_not_continued(scene: Any, tmp_path: Path) -> None:
+    carom.simulate(scene, until=0.1, out=tmp_path / "run")
+    path = tmp_path / "run" / "scenario.toml"
+    path.write_text(path.read_text().replace("step = 0.001", "step = 0.002"))
+    with pytest.raises(CaromError, match="was changed since the run began"):
+        carom.resume(tmp_path / "run", until=0.2)
+
+
+# --- what goes wrong ------------------------------------------------------------------------------------------------
+
+
+def test_a_step_that_cannot_be_solved_stops_with_all_before_it(scene: Any, tmp_path: Path) -> None:
+    with pytest.raises(carom.RunFailed) as caught:
+        carom.simulate(scene, until=1.0, every=10, fail_at=256, out=tmp_path / "run")
+    assert str(caught.value) == (
+        "not converged at step 256, t = 0.256 s in the position sub-problem between one and bed (residual 0.5);"
+        " the contact problem is in failing_problem.h5; halve the step"
+    )
+    result = caught.value.result
+    assert result.status == "failed"
+    assert np.asarray(result.step).tolist()[-2:] == [250, 255]  # the last good state is there to be looked at
+    assert len(result.steps) == 255
+    with h5py.File(tmp_path / "run" / "failing_problem.h5") as file:
+        assert file["fclib_local/vectors/q"][:].tolist() == [-1.0, 0.0, 0.0]
+        assert file["fclib_local/W/x"][:].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_an_error_in_the_callers_code_leaves_an_honest_directory(scene: Any, tmp_path: Path) -> None:
+    def bad(now: Progress) -> None:
+        raise ZeroDivisionError("my own mistake")
+
+    with pytest.raises(ZeroDivisionError):
+        carom.simulate(scene, until=0.1, out=tmp_path / "run", progress=bad)
+    result = carom.load(tmp_path / "run")
+    assert result.status == "failed"
+    assert result.outcome.advice == "my own mistake"
+    assert len(result) == 101
+
+
+FULL_DISK = """
+import resource, sys
+sys.path.insert(0, {tests!r})
+import fake_sim, carom
+fake_sim.install()
+resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, {hard}))
+try:
+    carom.simulate(fake_sim.Scene(), until=20.0, every=1, out={run!r})
+except carom.CaromError as error:
+    print(error)
+"""
+
+
+def test_a_disk_that_fills_up(tmp_path: Path) -> None:
+    # A limit on the size of files stands for the full disk: both fail in the middle of a write of HDF5.
+    hard = "resource.getrlimit(resource.RLIMIT_FSIZE)[1]"
+    program = FULL_DISK.format(tests=str(Path(__file__).parent), run=str(tmp_path / "run"), hard=hard)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stdout.startswith("cannot write")
+    assert done.stdout.count("\n") == 1
+    assert "Traceback" not in done.stderr
+    result = carom.load(tmp_path / "run")
+    assert result.status == "failed"
+    assert len(result) >= 1
+    assert np.isfinite(result.position).all()
+
+
+# --- checkpoints ----------------------------------------------------------------------------------------------------
+
+SCALARS = (
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.binary(max_size=5)
+)
+ARRAYS = arrays.arrays(
+    st.sampled_from([np.float64, np.int64, np.uint8, np.bool_]), arrays.array_shapes(min_side=0)
+)
+TREES = st.recursive(
+    SCALARS | ARRAYS | SCALARS.map(lambda x: (x,)) | st.floats().map(np.float64),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4) | st.integers(), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal in type and bits, NaN included."""
+    if isinstance(a, dict):
+        return isinstance(b, dict) and list(a) == list(b) and all(same(a[k], b[k]) for k in a)
+    if isinstance(a, list | tuple):
+        return type(a) is type(b) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, np.ndarray | np.generic):
+        return type(a) is type(b) and a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if isinstance(a, float):
+        return isinstance(b, float) and (a.hex() == b.hex())
+    return type(a) is type(b) and a == b
+
+
+@given(state=st.dictionaries(st.text(max_size=6), TREES, max_size=4))
+def test_a_checkpoint_gives_back_every_bit(
+    state: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    directory = tmp_path_factory.mktemp("c")
+    saved = checkpoint.Checkpoint(7, 0.1, Rows(1, 2, 3, 4, 5, 6), "abc", state)
+    back = checkpoint.load(checkpoint.save(directory, saved))
+    assert (back.step, back.time, back.rows, back.scenario) == (7, 0.1, Rows(1, 2, 3, 4, 5, 6), "abc")
+    assert same(state, back.state)
+
+
+def test_two_checkpoints_are_kept_and_no_scraps(tmp_path: Path) -> None:
+    for step in (1, 5, 12):
+        checkpoint.save(tmp_path, checkpoint.Checkpoint(step, 0.0, Rows(), "", {"x": np.arange(3.0)}))
+    assert [p.name for p in sorted(tmp_path.iterdir())] == [
+        "checkpoint-000000000005.npz",
+        "checkpoint-000000000012.npz",
+    ]
+    for content in (b"", b"PK\x03\x04", (tmp_path / "checkpoint-000000000012.npz").read_bytes()[:-40]):
+        (tmp_path / "checkpoint-000000000012.npz").write_bytes(content)
+        with pytest.raises(CaromError, match="cannot be used"):
+            checkpoint.load(tmp_path / "checkpoint-000000000012.npz")

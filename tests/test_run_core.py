@@ -1,0 +1,130 @@
+"""The same with the real core: a run that is stopped in any way continues bit for bit."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom.cli.examples import find
+from carom.record.layout import TABLES
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+CAROM = [sys.executable, "-m", "carom"]
+
+
+def everything(run: Path) -> dict[str, Any]:
+    """All that a run recorded, as bytes, and the shapes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        segments = carom.load(run)._segments
+    columns = {f"{t}/{name}": segments.column(t, name) for t in TABLES for name in segments.columns(t)}
+    return {name: (c.shape, np.asarray(c).tobytes()) for name, c in columns.items()}
+
+
+@pytest.fixture(scope="module")
+def breaks() -> carom.Scene:
+    """The billiard break of section 5.6."""
+    return carom.Scene.from_toml(find("5.6_break"))
+
+
+def simulate(scene: carom.Scene, **options: Any) -> carom.Result:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the step of the paper is long for the speed of its cue ball
+        return carom.simulate(scene, **options)
+
+
+@settings(max_examples=6)
+@given(first=st.integers(1, 260), every=st.sampled_from([1, 3, 10]))
+def test_a_run_in_two_parts_is_the_run_in_one(
+    breaks: carom.Scene, first: int, every: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    root = tmp_path_factory.mktemp("r")
+    simulate(breaks, until=0.27, every=every, out=root / "whole")
+    simulate(breaks, until=first * 1e-3, every=every, out=root / "parts")
+    result = carom.resume(root / "parts", until=0.27)
+    assert everything(root / "whole") == everything(root / "parts")
+    # Totals go on too, and the state at the end is that of the last frame.
+    whole = carom.load(root / "whole").summary
+    for key in (
+        "iterations",
+        "line_search",
+        "impact_problems",
+        "energy",
+        "penetration_max",
+        "bodies",
+        "steps",
+    ):
+        assert result.summary[key] == whole[key], key
+    assert result.summary["bodies"]["ball2"]["velocity"] == result["ball2"].velocity[-1].tolist()
+
+
+def test_an_extension_keeps_the_grid_of_frames(breaks: carom.Scene, tmp_path: Path) -> None:
+    simulate(breaks, until=1.5, every=None, out=tmp_path / "parts")  # thinned to every second step
+    carom.resume(tmp_path / "parts", until=2.0)
+    simulate(breaks, until=2.0, every=2, out=tmp_path / "whole")
+    assert everything(tmp_path / "parts") == everything(tmp_path / "whole")
+
+
+LONG = ["--set", "step=1e-5", "--set", "every=20"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_stopped_by_a_signal(number: signal.Signals, tmp_path: Path) -> None:
+    run, until = tmp_path / "run", ["--until", "60"]
+    command = [*CAROM, "run", str(find("5.6_break")), "-o", str(run), "--quiet", *LONG, *until]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    results = run / "results.h5"
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline and not (results.exists() and len(quietly(run)) > 2000):
+        time.sleep(0.1)
+    process.send_signal(number)
+    _, told = process.communicate(timeout=30)
+    kept = quietly(run)
+    frames = len(kept)
+    assert frames > 2000
+    if number == signal.SIGKILL:
+        assert kept.status == "running"
+        assert not kept.is_being_written
+        with pytest.warns(carom.result.UnfinishedRun, match=f"run did not finish; {frames} frames readable"):
+            carom.load(run)
+    else:
+        assert process.returncode == 130
+        assert "interrupted at t = " in told
+        assert f"continue with: carom resume {run}" in told
+        assert kept.status == "interrupted"
+        assert len(list(run.glob("checkpoint-*.npz"))) == 1
+    # What is there is the beginning of the undisturbed run.
+    end = float(kept.time[frames // 4])
+    whole = simulate(carom.Scene.from_toml(find("5.6_break")), step=1e-5, every=20, until=end)
+    assert np.array_equal(kept.position[: len(whole)], whole.position)
+    # Its state does not depend on where it was stopped: a little further is enough to see it.
+    if number == signal.SIGINT:
+        further = float(kept.outcome.time or 0) + 0.01
+        shorten(run, further)
+        resumed = subprocess.run([*CAROM, "resume", str(run), "--quiet"], timeout=60, check=False)
+        assert resumed.returncode == 0
+        after = carom.load(run)
+        whole = simulate(carom.Scene.from_toml(find("5.6_break")), step=1e-5, every=20, until=further)
+        assert np.array_equal(after.position, whole.position)
+        assert np.array_equal(after.contacts["impulse"], whole.contacts["impulse"])
+
+
+def quietly(run: Path) -> carom.Result:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return carom.load(run)
+
+
+def shorten(run: Path, until: float) -> None:
+    """Ask for less in the scenario of a run, which is not part of its identity."""
+    path = run / "scenario.toml"
+    path.write_text(path.read_text().replace("until = 60.0", f"until = {until!r}"))
