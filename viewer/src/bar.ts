@@ -60,6 +60,12 @@ export class Bar {
     this.frame.textContent = `of ${+run.end.toPrecision(6)} s \u00b7 frame ${run.frame + 1} / ${run.frames}`;
   }
 
+  /** Once someone has found their way, the large button is only in the way. */
+  dismiss(): void {
+    this.begun = true;
+    this.begin.hidden = true;
+  }
+
   press(id: string, on: boolean): void {
     byId(id).setAttribute("aria-pressed", String(on));
   }

@@ -130,7 +130,9 @@ export class Eye {
 
   /** Stands so that the whole box is in view, seen along the preset's direction. */
   private pose(preset: Preset): Pose {
-    const { up, across, box } = this.world;
+    const { up, box } = this.world;
+    // What is long lies across the screen, or along it where the screen is upright.
+    const across = this.camera.aspect < 0.8 ? cross(up, this.world.across) : this.world.across;
     const back = cross(up, across); // away from the viewer
     const sight = {
       fit: add(add(scale(back, -1), across, -0.1), up, 0.85),

@@ -136,6 +136,7 @@ class App {
   private select(body: number): void {
     this.selected = body >= 0 && body < this.run.count ? body : -1;
     this.stage.select(this.selected);
+    if (this.selected >= 0) this.bar.dismiss();
     this.panel.mark(this.selected);
     if (this.selected >= 0) this.list(true);
     else this.follow(false);
@@ -176,7 +177,10 @@ class App {
   private pointer(): void {
     const { canvas } = this.stage;
     let down: [number, number] | undefined;
-    canvas.addEventListener("pointerdown", (event) => (down = event.isPrimary && event.button === 0 ? [event.clientX, event.clientY] : undefined));
+    canvas.addEventListener("pointerdown", (event) => {
+      down = event.isPrimary && event.button === 0 ? [event.clientX, event.clientY] : undefined;
+      this.bar.dismiss();
+    });
     canvas.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 5) return;
       const { left, top } = canvas.getBoundingClientRect();

@@ -70,5 +70,6 @@ function hslToHex(hue: number, saturation: number, lightness: number): string {
 
 /** Neighbours in a lattice should not share a colour: scramble the index. */
 function scatter(n: number): number {
-  return Math.imul(n + 1, 2654435761) >>> 16;
+  const mixed = Math.imul(n + 1, 0x9e3779b1);
+  return Math.imul(mixed ^ (mixed >>> 15), 0x85ebca6b) >>> 16;
 }

@@ -116,6 +116,7 @@ export class Labels {
   private readonly host = byId("labels");
   private readonly tags: HTMLSpanElement[] = [];
   on = false;
+  private readonly taken: [x: number, y: number, half: number][] = [];
 
   constructor(
     private readonly run: Run,
@@ -123,8 +124,9 @@ export class Labels {
   ) {}
 
   update(selected: number): void {
-    const wanted = this.on ? this.nearest() : [];
-    if (selected >= 0 && !wanted.includes(selected)) wanted.push(selected);
+    const wanted = this.on ? this.nearest().filter((n) => n !== selected) : [];
+    if (selected >= 0) wanted.unshift(selected);
+    this.taken.length = 0;
     while (this.tags.length < wanted.length) this.tags.push(this.host.appendChild(create("span")));
     this.tags.forEach((tag, i) => {
       const n = wanted[i];
@@ -133,20 +135,25 @@ export class Labels {
     });
   }
 
+  /** False where the body is out of view, or a nearer one's label is in the way. */
   private place(tag: HTMLElement, n: number): boolean {
     const { centre } = this.run;
     const { up } = this.stage.world;
     const at = [0, 1, 2].map((k) => centre[4 * n + k] + 1.25 * centre[4 * n + 3] * up[k]) as Vec;
     const point = this.stage.project(at);
     if (!point) return false;
-    tag.textContent = this.run.names[n];
-    tag.style.transform = `translate(${point[0].toFixed(1)}px, ${point[1].toFixed(1)}px) translate(-50%, -110%)`;
+    const name = this.run.names[n];
+    const [x, y] = point;
+    const half = 4 * name.length + 8; // near enough, without asking the browser to lay out
+    if (this.taken.some(([u, v, h]) => Math.abs(x - u) < half + h && Math.abs(y - v) < 20)) return false;
+    this.taken.push([x, y, half]);
+    if (tag.textContent !== name) tag.textContent = name;
+    tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -110%)`;
     return true;
   }
 
   private nearest(): number[] {
     const all = Array.from({ length: this.run.count }, (_, n) => n);
-    if (all.length <= MOST_LABELLED) return all;
     const eye = this.stage.eye.camera.position;
     const { centre } = this.run;
     const away = all.map((n) => Math.hypot(centre[4 * n] - eye.x, centre[4 * n + 1] - eye.y, centre[4 * n + 2] - eye.z));

@@ -138,7 +138,7 @@ void main() {
 
   vec3 mirror = reflect(ray, n);
   float facing = max(dot(n, -ray), 0.0);
-  float fresnel = 0.04 + 0.7 * pow(1.0 - facing, 5.0);
+  float fresnel = 0.04 + 0.32 * pow(1.0 - facing, 4.0);
   vec3 room = mix(uGroundColour * 0.35, mix(vec3(0.05, 0.055, 0.07), vec3(0.36, 0.38, 0.42), uDay), smoothstep(-0.1, 0.35, dot(mirror, uUp)));
   c += fresnel * open * room * 0.8 + (0.07 + fresnel) * 6.5 * lampMirror(mirror, 0.06 + 3.0 * pixel / r);
 
