@@ -73,7 +73,7 @@ def simulate(
             result = launch(scene, lambda: RunDir.create(out, force=force), stop=stop, progress=progress)
         else:
             result = launch(scene, _temporary, stop=stop, progress=progress, keep=False)
-            weakref.finalize(result, _discard, RunDir(result.path), result.close)
+            weakref.finalize(result._segments, _discard, RunDir(result.path))
     return _judged(result, stop)
 
 
@@ -318,6 +318,5 @@ def _temporary() -> RunDir:
     return RunDir(Path(tempfile.mkdtemp(prefix="carom-")))
 
 
-def _discard(directory: RunDir, close: Callable[[], None]) -> None:
-    close()
-    directory.remove()
+def _discard(directory: RunDir) -> None:
+    directory.remove()  # files that are still open go when they are closed

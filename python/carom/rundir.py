@@ -176,6 +176,8 @@ class RunDir:
                 raise CaromError(
                     f"{self.path} is being written by another process; wait for it, or interrupt it first"
                 )
+            for scrap in self.path.glob(".*.tmp"):  # of a process that was killed while it wrote one
+                scrap.unlink(missing_ok=True)
             yield
         finally:
             with suppress(OSError):

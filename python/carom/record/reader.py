@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,17 @@ class Column(NDArrayOperatorsMixin):
     by piece.
     """
 
-    def __init__(self, parts: Sequence[tuple[h5py.Dataset, int]], unit: str = "") -> None:
+    def __init__(
+        self,
+        parts: Sequence[tuple[Any, int]],  # datasets or arrays, and how many of their rows count
+        unit: str = "",
+        owner: Segments | None = None,
+        kept: list[NDArray[Any]] | None = None,
+    ) -> None:
+        # As long as a column is held its files stay open, even if nobody holds the result. What was read is kept by
+        # the owner in `kept` and not here: they must not hold each other, or only the garbage collector frees them.
+        self._owner = owner
+        self._kept = [] if kept is None else kept
         self._parts = [(dataset, rows) for dataset, rows in parts if rows > 0]
         model = parts[0][0]
         self.dtype: np.dtype[Any] = model.dtype
@@ -88,11 +97,13 @@ class Column(NDArrayOperatorsMixin):
         unit = f", unit {self.unit}" if self.unit not in ("", "1") else ""
         return f"<column of shape {self.shape}, {self.dtype}{unit}>"
 
-    @cached_property
+    @property
     def _whole(self) -> NDArray[Any]:
-        whole = self._rows(0, len(self))
-        whole.flags.writeable = False  # shared between all who index it
-        return whole
+        if not self._kept:
+            whole = self._rows(0, len(self))
+            whole.flags.writeable = False  # shared between all who index it
+            self._kept.append(whole)
+        return self._kept[0]
 
     def _rows(self, start: int, stop: int, stride: int = 1) -> NDArray[Any]:
         """Rows `start:stop:stride` over all segments."""
@@ -136,7 +147,8 @@ class Segments:
                     )
                 )
             )
-        self._cache: dict[tuple[str, str], Column] = {}
+        self._closed = False
+        self._found: dict[tuple[str, str], tuple[list[tuple[Any, int]], str, list[NDArray[Any]]]] = {}
 
     @property
     def rows(self) -> Rows:
@@ -154,13 +166,16 @@ class Segments:
 
     def column(self, table: str, name: str) -> Column:
         """One column over all segments."""
-        found = self._cache.get((table, name))
+        found = self._found.get((table, name))
         if found is None:
+            if self._closed:
+                raise CaromError(f"the result is closed, and {name} was not read before")
             datasets = [file[table][name] for file in self._files]
             counts = [rows.values if (table, name) == VALUES else getattr(rows, table) for rows in self._rows]
-            found = Column(list(zip(datasets, counts, strict=True)), _text(datasets[0].attrs.get("unit", "")))
-            self._cache[table, name] = found
-        return found
+            unit = _text(datasets[0].attrs.get("unit", ""))
+            found = self._found[table, name] = (list(zip(datasets, counts, strict=True)), unit, [])
+        parts, unit, kept = found
+        return Column(parts, unit, self, kept)
 
     def static(self, table: str) -> dict[str, NDArray[Any]]:
         """The table `bodies` or `planes`; names as an array of `str`."""
@@ -168,6 +183,13 @@ class Segments:
         return {n: np.array(d.asstr()[:], dtype=object) if n == "name" else d[()] for n, d in group.items()}
 
     def close(self) -> None:
+        """Close the files; what was read stays."""
+        self._closed = True
+        self._found = {
+            key: ([(kept[0], len(kept[0]))], unit, kept)
+            for key, (_, unit, kept) in self._found.items()
+            if kept
+        }
         for file in self._files:
             file.close()
 

@@ -139,6 +139,8 @@ class Writer:
         if self._file is not None:
             with suppress(Exception):
                 _divert(self._file)
+            for scrap in self.path.parent.glob(f".{self.path.name}.*.tmp"):
+                scrap.unlink(missing_ok=True)
             try:
                 self._file.close()
             except Exception:
