@@ -150,7 +150,6 @@ def test_nothing_is_drawn_while_nothing_changes(browser: Browser) -> None:
 
 
 def test_keys(browser: Browser) -> None:
-    frame = "carom.setTime(carom.state().time).then(() => carom.frame)"
     for key, shift, expected in (
         ("ArrowRight", False, 1),
         ("ArrowRight", True, 11),
@@ -159,7 +158,7 @@ def test_keys(browser: Browser) -> None:
         ("Home", False, 0),
     ):
         browser.press(key, shift=shift)
-        assert browser.evaluate(frame) == expected, key
+        wait(browser, f"carom.frame === {expected}")  # drawn at the next refresh of the screen
     speed = state(browser)["speed"]
     browser.press("-", "-")
     assert state(browser)["speed"] < speed
