@@ -13,7 +13,12 @@ pub fn sweeps<P: Subproblem>(
     z: &mut [f64],
 ) {
     let mut base = vec![0.0; u.len()];
+    let mut force = vec![0.0; u.len()];
     for _ in 0..count {
+        problem.evaluate(system, u, z);
+        // Normals may have turned: momentum balance with the present ones.
+        system.impulses(lambda, &mut force);
+        system.apply_inverse_mass(&force, u);
         problem.evaluate(system, u, z);
         base.copy_from_slice(u);
         for index in 0..system.contacts.len() {

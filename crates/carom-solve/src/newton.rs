@@ -37,7 +37,7 @@ pub struct NewtonOptions {
 /// Merits of this many last iterates a new one may reach (non-monotone line search).
 const MEMORY: usize = 5;
 /// The shift never falls below this share of `proximal_shift`: a redundant system stays factorable.
-const SHIFT_FLOOR: f64 = 1e-6;
+const SHIFT_FLOOR: f64 = 1e-2;
 
 /// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
 const SWEEP_ROUNDS: u32 = 12;
