@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError, did_you_mean
 from carom.record import Column, Segments
 from carom.rundir import RunDir
-from carom.tables import Contacts, Energy, Impacts, Outcome, Residuals, Static, Steps
+from carom.tables import Contacts, Energy, Impacts, Outcome, Residuals, Static, Steps, UnknownName
 
 if TYPE_CHECKING:
     import pandas
@@ -140,7 +140,7 @@ class Result:
         try:
             return Body(self, self.names.index(name))
         except ValueError:
-            raise KeyError(
+            raise UnknownName(
                 f"no body is called {name!r}; {did_you_mean(str(name), self.names[:20])}"
             ) from None
 

@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 
+class UnknownName(CaromError, KeyError):
+    """A body, plane or column that is not there: a `KeyError` whose text reads as a sentence."""
+
+    __str__ = CaromError.__str__
+
+
 class Table:
     """Columns of equal length. `table["time"]`, `table.time`, `table.where(table.time > 1)`,
     `table.to_pandas()`.
@@ -40,7 +46,9 @@ class Table:
         if derive is not None:
             return derive()
         if column not in self._segments.columns(self.name):
-            raise KeyError(f"{self.name} has no column {column!r}; {did_you_mean(str(column), self.columns)}")
+            raise UnknownName(
+                f"{self.name} has no column {column!r}; {did_you_mean(str(column), self.columns)}"
+            )
         values = self._segments.column(self.name, column)
         return values if self._chosen is None else np.asarray(values)[self._chosen]
 
@@ -121,7 +129,7 @@ class _Pairs(Table):
         indices = []
         for name in (first,) if second is None else (first, second):
             if name not in known:
-                raise KeyError(f"no body or plane is called {name!r}; {did_you_mean(name, known[:20])}")
+                raise UnknownName(f"no body or plane is called {name!r}; {did_you_mean(name, known[:20])}")
             indices.append(known.index(name))
         body = np.asarray(self["body"])
         return self.where(np.logical_and.reduce([(body == i).any(axis=1) for i in indices]))
@@ -184,7 +192,7 @@ class Residuals(Table):
     def history(self, step: int, level: str | None = None) -> list[Array]:
         """Residual norms per iteration, an array for each contact problem of a step, of one level or of both."""
         if level is not None and level not in self.LEVELS:
-            raise KeyError(f"no level is called {level!r}; known: {', '.join(self.LEVELS)}")
+            raise UnknownName(f"no level is called {level!r}; known: {', '.join(self.LEVELS)}")
         chosen = np.asarray(self["step"]) == step
         if level is not None:
             chosen &= np.asarray(self["level"]) == self.LEVELS[level]
@@ -242,7 +250,7 @@ class Static:
 
     def __getitem__(self, column: str) -> Array:
         if column not in self._columns:
-            raise KeyError(f"no column {column!r}; {did_you_mean(str(column), self.columns)}")
+            raise UnknownName(f"no column {column!r}; {did_you_mean(str(column), self.columns)}")
         return self._columns[column]
 
     def __getattr__(self, column: str) -> Array:

@@ -1,0 +1,412 @@
+"""The command line: what it prints, where, and with which exit code."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pty
+import resource
+import subprocess
+import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import carom
+import numpy as np
+import pytest
+from carom.cli import main
+from carom.cli.options import settings
+from carom.cli.output import seconds, table
+from carom.cli.progress import facts
+from carom.drive import Progress
+
+COMMANDS = ["demo", "run", "resume", "check", "plot", "view", "info", "schema", "doctor", "cite"]
+COMMANDS += ["examples list", "examples copy"]
+
+
+class Answer(NamedTuple):
+    stdout: str
+    stderr: str
+
+
+def cli(*arguments: str | Path, cwd: Path | None = None, code: int = 0) -> Answer:
+    """Call `carom` in this process, as its entry point does."""
+    out, err = io.StringIO(), io.StringIO()
+    with chdir(cwd or Path()), redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as left:
+        main([str(a) for a in arguments])
+    answer = Answer(out.getvalue(), err.getvalue())
+    assert (left.value.code or 0) == code, answer.stderr
+    return answer
+
+
+def process(
+    *arguments: str | Path, cwd: Path | None = None, code: int = 0
+) -> subprocess.CompletedProcess[str]:
+    """Call `carom` in a process of its own; no answer may be a traceback."""
+    command = [sys.executable, "-m", "carom", *map(str, arguments)]
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory with a scenario, and its run in `runs/three_balls-1`."""
+    root = tmp_path_factory.mktemp("cli")
+    cli("examples", "copy", "three_balls", cwd=root)
+    cli("run", "three_balls.toml", cwd=root)
+    return root
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself_with_an_example(command: str) -> None:
+    text = cli(*command.split(), "--help").stdout
+    assert f"Example: carom {command}" in text
+
+
+def test_help_and_version() -> None:
+    listed = cli("--help").stdout
+    for command in COMMANDS:
+        assert f"\n  {command.split()[0]} " in listed
+    assert cli("--version").stdout == f"carom {carom.__version__}\n"
+    assert "No such command 'rnu'" in cli("rnu", code=2).stderr
+
+
+# --- run ------------------------------------------------------------------------------------------------------------
+
+
+def test_run_sums_up_on_standard_output_and_is_quiet_on_standard_error(runs: Path) -> None:
+    done = process("run", "three_balls.toml", cwd=runs)
+    assert done.stderr == ""
+    lines = done.stdout.splitlines()
+    assert lines[0] == "Three touching balls, frictionless"
+    assert lines[1].startswith("done: ")
+    for word in (
+        "events",
+        "iterations",
+        "impact problems",
+        "energy",
+        "penetration",
+        "time by phase",
+        "files",
+        "next",
+    ):
+        assert any(line.startswith(word) for line in lines), word
+    assert max(map(len, lines)) <= 110
+    directory = runs / lines[-2].split()[1]
+    assert directory.name.startswith("three_balls-")
+    assert {p.name for p in directory.iterdir()} >= {"scenario.toml", "run.json", "results.h5", "log.jsonl"}
+    assert cli("run", "three_balls.toml", "--quiet", cwd=runs).stdout == ""
+
+
+KEYS = [
+    "scenario",
+    "method",
+    "step",
+    "steps",
+    "outcome",
+    "wall_s",
+    "core_s",
+    "phases",
+    "iterations",
+    "line_search",
+]
+KEYS += [
+    "impact_problems",
+    "unconverged",
+    "fallbacks",
+    "truncated_sequences",
+    "energy",
+    "penetration_max",
+    "bodies",
+]
+
+
+def test_run_json_holds_what_the_contract_lists(runs: Path) -> None:
+    done = cli("run", "three_balls.toml", "--json", "-o", "j", "--set", "tolerance=1e-7", cwd=runs)
+    document = json.loads(done.stdout)
+    assert set(KEYS) <= set(document)
+    assert document["scenario"] == "three_balls.toml"
+    assert document["outcome"] == "done"
+    assert document["failure"] is None
+    assert document["directory"] == "j"
+    assert set(document["iterations"]) == {"smooth", "position", "velocity"}
+    for counts in (*document["iterations"].values(), document["impact_problems"]):
+        assert {"max", "mean"} <= set(counts)
+    assert {"position", "velocity"} <= set(document["line_search"])
+    assert {"initial", "final", "max_rise"} <= set(document["energy"])
+    result = carom.load(runs / "j")
+    assert document["steps"] == len(result.steps)
+    assert set(document["bodies"]) == set(result.names)
+    for name, body in document["bodies"].items():
+        for quantity in ("position", "orientation", "velocity", "angular_velocity"):
+            assert np.array_equal(body[quantity], getattr(result[name], quantity)[-1])
+    assert result.summary["energy"] == document["energy"]
+    assert "tolerance = 1e-07" in result.scenario
+
+
+def test_three_balls_give_what_the_sequence_says(runs: Path) -> None:
+    """The example that comes with Carom: one in, one out."""
+    velocity = carom.load(runs / "runs" / "three_balls-1").velocity[-1]
+    assert velocity[:, 0] == pytest.approx([0.0, 0.0, 2.0], abs=1e-8)
+
+
+def test_settings_are_toml_or_text() -> None:
+    assert settings(
+        ["run.step=1e-4", "record.every = 3", "impact=one-shot", 'until="2 s"', "line_search=false"]
+    ) == {
+        "step": 1e-4,
+        "every": 3,
+        "impact": "one-shot",
+        "until": "2 s",
+        "line_search": False,
+    }
+
+
+def test_an_existing_run_is_refused(runs: Path) -> None:
+    cli("run", "three_balls.toml", "-o", "here", "--quiet", cwd=runs)
+    told = cli("run", "three_balls.toml", "-o", "here", cwd=runs, code=2)
+    assert (
+        told.stderr
+        == "carom: here exists already; give --force to replace it, or another directory with -o\n"
+    )
+    assert told.stdout == ""
+    cli("run", "three_balls.toml", "-o", "here", "--force", "--until", "10 ms", "--quiet", cwd=runs)
+    assert carom.load(runs / "here").time[-1] == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "absent.toml"], "absent.toml: no such file"),
+        (["run", "three_balls.toml", "--set", "step"], "not KEY=VALUE"),
+        (["run", "three_balls.toml", "--set", "stpe=1"], "did you mean step?"),
+        (["run", "three_balls.toml", "--until", "2 kg"], "until"),
+        (["run", "three_balls.toml", "-o", "three_balls.toml"], "is a file"),
+        (["run", "three_balls.toml", "-o", "three_balls.toml/x"], "cannot create the run directory"),
+        (["run", "."], "."),
+        (["check", "absent.toml"], "absent.toml: no such file"),
+        (["check", "runs"], "this version checks scenario files only"),
+        (["resume", "absent"], "absent: no such run directory"),
+        (["info", "."], "not a run directory"),
+        (["plot", "absent"], "absent: no such run directory"),
+        (["plot", "runs/three_balls-1", "--what", "velocity"], "did you mean velocities?"),
+        (["plot", "runs/three_balls-1", "--format", "jpg"], "no format is called 'jpg'"),
+        (
+            ["plot", "runs/three_balls-1", "--what", "velocities", "--bodies", "nobody"],
+            "no body is called 'nobody'",
+        ),
+        (
+            ["plot", "runs/three_balls-1", "--what", "residuals", "--step", "99999"],
+            "no residuals were recorded",
+        ),
+        (["view", "absent"], "absent: no such run directory"),
+        (["view", "runs/three_balls-1", "-o", "three_balls.toml/x.html"], "three_balls.toml"),
+        (["examples", "copy", "three_bals"], "did you mean three_balls?"),
+        (["examples", "copy", "three_balls"], "exists already"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(arguments: list[str], words: str, runs: Path) -> None:
+    before = sorted(p.name for p in (runs / "runs").iterdir())
+    done = cli(*arguments, cwd=runs, code=2)
+    assert words in done.stderr
+    assert done.stdout == ""
+    if "Usage" not in done.stderr:
+        assert done.stderr.count("\n") == 1
+    assert sorted(p.name for p in (runs / "runs").iterdir()) == before  # and nothing is left behind
+
+
+@pytest.mark.parametrize("arguments", [["run", "absent.toml"], ["info", "absent"], ["check", "absent.toml"]])
+def test_with_json_an_error_is_a_document_too(arguments: list[str], runs: Path) -> None:
+    document = json.loads(cli(*arguments, "--json", cwd=runs, code=2).stdout)
+    assert document["code"] == 2
+    assert "absent" in document["error"]
+
+
+def test_a_step_that_is_not_solved_has_code_3(runs: Path) -> None:
+    # One iteration is not enough for three balls at once, and the chain of rescues is switched off.
+    limits = ["max_iterations=1", "gauss_seidel_sweeps=0", "max_halvings=0", "tolerance=1e-15"]
+    options = [part for limit in limits for part in ("--set", limit)]
+    cli("examples", "copy", "5.6_break", "--force", cwd=runs)
+    done = cli("run", "5.6_break.toml", "-o", "hard", "--json", *options, cwd=runs, code=3)
+    document = json.loads(done.stdout)
+    assert document["outcome"] == "not_converged"
+    assert document["failure"]["step"] == document["steps"] + 1
+    assert document["failure"]["advice"]
+    told = done.stderr.splitlines()[-1]
+    assert told.startswith("carom: not converged at step ")
+    result = carom.load(runs / "hard")
+    assert result.status == "failed"
+    assert len(result.steps) == document["steps"]
+    assert all(name in (*result.names, *result.plane_names) for name in result.outcome.bodies)
+
+
+def test_a_terminal_sees_a_progress_bar_that_goes_away(runs: Path) -> None:
+    cli("examples", "copy", "5.6_break", "--force", cwd=runs)
+    command = [sys.executable, "-m", "carom", "run", "5.6_break.toml", "-o", "bar", "--force"]
+    command += ["--until", "0.3", "--set", "step=1e-6", "--set", "every=1000"]
+    control, terminal = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    bar = subprocess.Popen(
+        command, cwd=runs, stdout=subprocess.PIPE, stderr=terminal, env=environment, text=True
+    )
+    os.close(terminal)
+    seen = b""
+    while True:
+        try:
+            part = os.read(control, 65536)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        seen += part
+    output, _ = bar.communicate(timeout=60)
+    os.close(control)
+    assert bar.returncode == 0
+    text = seen.decode()
+    assert "ETA 0:00:0" in text
+    assert "contacts" in text
+    assert "ETA" not in output
+
+
+def test_the_facts_beside_the_bar_fit() -> None:
+    now = Progress(123456789, 987654321, 12.3456789, 98.7, 123456, 12, 34, 5.0, 123456.0, 4e5)
+    assert facts(now) == "t 12.35/98.7 s  step 123456789  123456 contacts  12+34 it  123k/s  ETA 111:06:40"
+    assert "ETA 0:00:00" in facts(Progress(1, 2, 0.0, 1.0, 0, 0, 0, 1.0, 0.0, float("inf")))
+
+
+# --- the other commands ---------------------------------------------------------------------------------------------
+
+
+def test_resume_extends_and_says_so(runs: Path) -> None:
+    cli("run", "three_balls.toml", "-o", "ext", "--until", "0.05", "--quiet", cwd=runs)
+    document = json.loads(cli("resume", "ext", "--until", "0.1", "--json", cwd=runs).stdout)
+    assert document["outcome"] == "done"
+    assert document["time"] == pytest.approx(0.1)
+    assert carom.load(runs / "ext").segment_names == ["results.h5", "results-0002.h5"]
+    assert json.loads(cli("resume", "ext", "--json", cwd=runs).stdout)["steps"] == document["steps"]
+
+
+def test_info(runs: Path) -> None:
+    text = cli("info", "runs/three_balls-1", cwd=runs).stdout
+    assert "status      done" in text
+    facts_ = json.loads(cli("info", "runs/three_balls-1", "--json", cwd=runs).stdout)
+    assert facts_["bodies"] == 3
+    assert facts_["segments"] == ["results.h5"]
+    assert facts_["being_written"] is False
+    assert "inertia (kg m^2)" in text
+
+
+def test_check(runs: Path) -> None:
+    assert "three_balls.toml: ok" in cli("check", "three_balls.toml", cwd=runs).stdout
+    document = json.loads(cli("check", "three_balls.toml", "--json", cwd=runs).stdout)
+    assert document["ok"] is True
+    assert document["bodies"] == 3
+    (runs / "bad.toml").write_text((runs / "three_balls.toml").read_text().replace("mass", "mas"))
+    told = cli("check", "bad.toml", cwd=runs, code=2).stderr
+    assert "did you mean mass?" in told
+    problems = json.loads(cli("check", "bad.toml", "--json", cwd=runs, code=2).stdout)["problems"]
+    assert all(p["line"] for p in problems)
+
+
+def test_examples_run_as_they_come(tmp_path: Path) -> None:
+    listed = json.loads(cli("examples", "list", "--json").stdout)
+    names = [entry["name"] for entry in listed]
+    assert {"paper/5.6_break", "paper/5.6_break_rolling", "three_balls"} <= set(names)
+    assert all(entry["title"] for entry in listed)
+    assert "three_balls" in cli("examples", "list").stdout
+    copied = cli("examples", "copy", "paper/5.6_break", "mine.toml", cwd=tmp_path).stdout
+    assert copied == "mine.toml  (carom run mine.toml)\n"
+    assert (tmp_path / "mine.toml").exists()
+
+
+def test_schema_is_json() -> None:
+    assert "properties" in json.loads(cli("schema").stdout)
+
+
+def test_doctor_finds_nothing_wrong() -> None:
+    document = json.loads(cli("doctor", "--json").stdout)
+    assert document["ok"] is True
+    assert {f["name"] for f in document["findings"] if f["ok"]} >= {
+        "compiled core",
+        "results file",
+        "a short run",
+    }
+
+
+def test_cite() -> None:
+    assert f"version = {{{carom.__version__}}}" in cli("cite").stdout
+    assert json.loads(cli("cite", "--json").stdout)["version"] == carom.__version__
+
+
+def test_view_writes_a_page(runs: Path) -> None:
+    document = json.loads(cli("view", "runs/three_balls-1", "--json", cwd=runs).stdout)
+    page = runs / document["file"]
+    assert page == runs / "runs" / "three_balls-1" / "view.html"
+    assert page.stat().st_size == document["bytes"]
+    assert page.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
+
+
+def test_a_reader_that_leaves_is_no_error(runs: Path) -> None:
+    line = f"{sys.executable} -m carom schema | head -n 1"
+    done = subprocess.run(["bash", "-o", "pipefail", "-c", line], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr, done.returncode) == ("{\n", "", 0)
+
+
+def test_the_demo_computes_what_it_shows(tmp_path: Path) -> None:
+    document = json.loads(cli("demo", "--no-plots", "--json", "-o", "d", cwd=tmp_path).stdout)
+    assert set(document["cases"]) == {"5.6_break", "5.6_break_rolling"}
+    for case, found in document["cases"].items():
+        rows = {row["quantity"]: row for row in found["rows"]}
+        contact = rows["contact of balls 2 and 3 (s)"]
+        assert contact["value"] == pytest.approx(0.1142, abs=5e-5)
+        assert rows["speed of ball 2 there (m/s)"]["value"] == pytest.approx(10.505, abs=5e-4)
+        for quantity in ("ball 2 after the impact", "ball 3 after the impact", "balls 4 and 5 mirror images"):
+            assert rows[quantity]["difference"] == "agrees", (case, quantity)
+        assert all((tmp_path / f).exists() for f in found["files"])
+    rest = [r for r in document["cases"]["5.6_break_rolling"]["rows"] if r["quantity"].endswith("at rest")]
+    assert len(rest) == 4
+    assert all(row["carom"].startswith("t = ") for row in rest)
+    text = cli("demo", "--no-plots", "-o", "d", cwd=tmp_path).stdout  # a second one replaces the first
+    assert text.count("pure rolling at t = 3 s") == 1
+    assert "3D page     d/5.6_break/view.html" in text
+
+
+# --- costs and formats ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.timing
+def test_a_whole_run_of_the_break_is_quick_and_small(runs: Path) -> None:
+    """Including the start of the interpreter: 1 s and 150 MB are promised, of processor time here."""
+    cli("examples", "copy", "5.6_break", "--force", cwd=runs)
+    spent: list[float] = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        process("run", "5.6_break.toml", "--quiet", cwd=runs)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    assert min(spent) < 1.0
+    measure = (
+        "import resource, sys; from carom.cli import main\ntry: main(['run', '5.6_break.toml', '--quiet'])\n"
+    )
+    measure += "finally: print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", measure], cwd=runs, capture_output=True, text=True, check=False
+    )
+    assert int(done.stderr.splitlines()[-1]) < 150_000  # kB
+
+
+def test_durations_and_tables() -> None:
+    assert [seconds(s) for s in (2e-6, 0.0123, 1.5, 119.0, 200.0, 7300.0)] == [
+        "2 us",
+        "12.3 ms",
+        "1.5 s",
+        "119 s",
+        "3 min 20 s",
+        "2 h 01 min",
+    ]
+    rows: list[Any] = [["a", "1"], ["bbb", "22", "3"]]
+    assert table(rows) == "a     1\nbbb  22  3"

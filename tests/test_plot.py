@@ -1,0 +1,140 @@
+"""The figures: what they show, that the numbers beside them are those of the run, that they repeat byte for byte."""
+
+from __future__ import annotations
+
+import csv
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
+
+from carom.cli.examples import find
+from carom.errors import CaromError
+from carom.plot import KINDS
+from carom.plot.solver import hardest_step, quadratic
+from carom.plot.style import COLOURS
+
+sys.path.insert(0, str(Path(__file__).parent))
+import fake_sim
+
+
+@pytest.fixture(scope="module")
+def result() -> carom.Result:
+    """The break, until shortly after the impact."""
+    scene = carom.Scene.from_toml(find("5.6_break"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return carom.simulate(scene, until=0.2)
+
+
+def numbers(path: Path) -> dict[str, list[str]]:
+    with open(path, newline="") as file:
+        rows = list(csv.reader(file))
+    return {name: [row[i] for row in rows[1:]] for i, name in enumerate(rows[0])}
+
+
+def test_every_kind_is_written_with_its_numbers(result: carom.Result, tmp_path: Path) -> None:
+    files = result.plot.save(tmp_path)
+    assert [f.name for f in files] == [f"{k.replace('-', '_')}.{e}" for k in KINDS for e in ("png", "csv")]
+    assert all(f.stat().st_size > 200 for f in files)
+
+
+def test_figures_for_print_repeat_byte_for_byte(result: carom.Result, tmp_path: Path) -> None:
+    formats = ("png", "svg", "pdf")
+    first = result.plot.save(tmp_path / "a", ["velocities"], formats=formats)
+    second = result.plot.save(tmp_path / "b", ["velocities"], formats=formats)
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes(), one.name
+    svg = (tmp_path / "a" / "velocities.svg").read_text()
+    assert "ball5" in svg  # text stays text
+    assert b"/Type3" not in (tmp_path / "a" / "velocities.pdf").read_bytes()
+
+
+def test_the_numbers_beside_a_figure_are_those_of_the_run(result: carom.Result, tmp_path: Path) -> None:
+    result.plot.save(tmp_path, ["velocities", "heights", "energies", "iterations"])
+    found = numbers(tmp_path / "velocities.csv")
+    assert list(found)[:3] == ["time (s)", "ball2 v_x (m/s)", "ball3 v_x (m/s)"]
+    for i, name in enumerate(result.names):
+        for k, letter in enumerate("xyz"):
+            column = np.array(found[f"{name} v_{letter} (m/s)"], dtype=float)
+            assert np.array_equal(column, np.asarray(result.velocity)[:, i, k])
+    heights = np.array(numbers(tmp_path / "heights.csv")["ball2 height (mm)"], dtype=float)
+    assert heights[0] == pytest.approx(0.0, abs=1e-9)
+    assert np.array_equal(
+        np.array(numbers(tmp_path / "energies.csv")["total (J)"], float), result.energy.total
+    )
+    steps = numbers(tmp_path / "iterations.csv")
+    assert [int(n) for n in steps["iterations_position"]] == np.asarray(
+        result.steps["iterations_position"]
+    ).tolist()
+
+
+def test_axes_have_labels_and_units(result: carom.Result) -> None:
+    for kind in KINDS:
+        axes = result.plot.chart(kind).figure.axes
+        assert axes[-1].get_xlabel() in ("time (s)", "Newton iteration")
+        assert all(axis.get_ylabel() for axis in axes)
+    assert [a.get_ylabel() for a in result.plot.velocities().axes] == [f"$v_{k}$ (m/s)" for k in "xyz"]
+    assert result.plot.heights().axes[0].get_ylabel() == "height above bed (mm)"
+    [legend] = result.plot.velocities().legends
+    assert [text.get_text() for text in legend.get_texts()] == result.names
+    assert len(set(COLOURS)) == len(COLOURS)
+
+
+def test_chosen_bodies_only(result: carom.Result) -> None:
+    figure = result.plot.angular_velocities(bodies=["ball4"])
+    assert [line.get_label() for line in figure.axes[0].lines] == ["ball4"]
+    assert np.array_equal(figure.axes[1].lines[0].get_ydata(), result["ball4"].angular_velocity[:, 1])
+
+
+def test_the_residuals_are_those_of_the_impact(result: carom.Result) -> None:
+    step = hardest_step(result)
+    assert step == int(result.impacts.between("ball2", "ball3")["step"][0]) == 115
+    figure = result.plot.residuals()
+    assert f"step {step}" in figure.axes[0].get_title(loc="left")
+    chart = result.plot.chart("residuals", step=step)
+    drawn = np.concatenate(result.residuals.history(step))
+    assert np.array_equal(chart.data["residual (1)"], drawn)
+    assert set(chart.data["level"]) <= {"position", "velocity"}
+    with pytest.raises(CaromError, match="no residuals were recorded for step 7000"):
+        result.plot.residuals(7000)
+
+
+def test_the_reference_predicts_the_last_iterate_of_a_quadratic_sequence() -> None:
+    history = np.array([0.3, 0.5, 1e-2, 2e-4, 8e-8])  # r_{k+1} = 2 r_k^2 at the end
+    found = quadratic(history)
+    assert found is not None
+    start, values = found
+    assert start == 2
+    assert values == pytest.approx(history[2:])
+    assert quadratic(history[:2]) is None
+    assert quadratic(np.array([1.0, 2.0, 3.0])) is None
+
+
+def test_many_bodies_are_a_band_and_few_numbers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    fake_sim.install(monkeypatch)
+    scene: Any = fake_sim.Scene(names=[f"b{i}" for i in range(30)])
+    result = carom.simulate(scene, until=0.5, every=10)
+    chart = result.plot.chart("velocities")
+    assert list(chart.data)[1:4] == ["5 % v_x (m/s)", "median v_x (m/s)", "95 % v_x (m/s)"]
+    assert len(chart.figure.axes[0].lines) == 1
+    assert np.array_equal(
+        chart.data["median v_z (m/s)"], np.median(np.asarray(result.velocity)[:, :, 2], axis=1)
+    )
+
+
+def test_a_run_without_contacts_can_be_drawn(tmp_path: Path) -> None:
+    scene = carom.Scene("free fall", run={"until": 0.1})
+    scene.sphere("only", radius=0.1, mass=1.0, material="stone", position=(0, 0, 1))
+    result = carom.simulate(scene)
+    assert len(result.plot.save(tmp_path, ["velocities", "heights", "energies", "iterations"])) == 8
+    assert result.plot.heights().axes[0].get_ylabel() == "height of the centre (m)"
+    if len(result.residuals) == 0:
+        with pytest.raises(CaromError, match="no step needed a solve"):
+            result.plot.residuals()
