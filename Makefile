@@ -39,11 +39,11 @@ demo: $(STAMPS)/extension ## simulate the billiard break of the paper, compare, 
 	@.venv/bin/carom demo $(ARGS)
 
 .PHONY: test
-test: $(STAMPS)/test $(STAMPS)/extension ## quick tests, Rust and Python
+test: preflight-test $(STAMPS)/test $(STAMPS)/extension ## quick tests, Rust and Python
 	@tools/test.sh quick $(ARGS)
 
 .PHONY: test-all
-test-all: $(STAMPS)/test $(STAMPS)/extension ## all tests, the long ones too
+test-all: preflight-test $(STAMPS)/test $(STAMPS)/extension ## all tests, the long ones too
 	@tools/test.sh all $(ARGS)
 
 .PHONY: check
@@ -86,9 +86,13 @@ distclean: clean ## remove .venv too
 preflight:
 	@tools/preflight.sh rust python
 
+.PHONY: preflight-test
+preflight-test:
+	@tools/preflight.sh rust-tests python
+
 .PHONY: preflight-check
 preflight-check:
-	@tools/preflight.sh rust rustfmt python
+	@tools/preflight.sh rust-tests rustfmt python
 
 $(STAMPS)/run: $(LOCK) | preflight
 	@tools/setup.sh $@ base plot build

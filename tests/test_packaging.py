@@ -133,7 +133,7 @@ MACHINES = {
 }
 
 
-def preflight(folder: Path, machine: dict[str, str | None]) -> subprocess.CompletedProcess[str]:
+def preflight(folder: Path, machine: dict[str, str | None], *what: str) -> subprocess.CompletedProcess[str]:
     """Runs the check in a copy of the project without .venv, on a PATH that holds nothing but `machine`."""
     (folder / "tools").mkdir()
     (folder / "bin").mkdir()
@@ -149,7 +149,7 @@ def preflight(folder: Path, machine: dict[str, str | None]) -> subprocess.Comple
             path.write_text(f"#!/bin/sh\n{body}\n", encoding="utf-8")
             path.chmod(0o755)
     environment = {"PATH": str(folder / "bin"), "HOME": str(folder), "TMPDIR": str(folder)}
-    command = ["/bin/sh", "tools/preflight.sh", "rust", "rustfmt", "python"]
+    command = ["/bin/sh", "tools/preflight.sh", *(what or ("rust", "rustfmt", "python"))]
     return subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, timeout=60, check=False
     )
@@ -158,6 +158,16 @@ def preflight(folder: Path, machine: dict[str, str | None]) -> subprocess.Comple
 def test_a_machine_with_everything_passes(tmp_path: Path) -> None:
     done = preflight(tmp_path, {})
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_the_tests_of_dependencies_may_ask_for_a_newer_rust_than_carom(tmp_path: Path) -> None:
+    machine = {"rustc": "echo 'rustc 1.85.1 (4eb161250 2025-03-15)'"}
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "demo").mkdir()
+    assert preflight(tmp_path / "demo", machine, "rust", "python").returncode == 0
+    done = preflight(tmp_path / "tests", machine, "rust-tests", "python")
+    assert done.returncode == 2
+    assert done.stderr.startswith("carom: Rust 1.88 or newer is needed, found 1.85. Cure: ")
 
 
 @pytest.mark.parametrize("machine", MACHINES)

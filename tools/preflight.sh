@@ -1,7 +1,7 @@
 #!/bin/sh
 # Says in one line what this machine lacks, with the cure, before anything is built; exit code 2.
 #
-#   tools/preflight.sh rust python       what is to be looked at: rust, rustfmt, python
+#   tools/preflight.sh rust python       what is to be looked at: rust, rust-tests, rustfmt, python
 #   tools/preflight.sh --python          print the interpreter that a new .venv would be made from
 #
 # The extension needs no Python headers (its bindings carry their own declarations), so none are asked for.
@@ -68,7 +68,7 @@ check_linker() {
 }
 
 check_rust() {
-    need=$(sed -n 's/^rust-version *= *"\([0-9.]*\)".*/\1/p' Cargo.toml)
+    need=${1:-$(sed -n 's/^rust-version *= *"\([0-9.]*\)".*/\1/p' Cargo.toml)}
     install="install Rust from https://rustup.rs (Debian 13 or newer: apt-get install cargo)"
     if ! command -v cargo >/dev/null 2>&1; then
         if [ -x "$HOME/.cargo/bin/cargo" ]; then
@@ -101,10 +101,11 @@ check_rustfmt() {
 for what in "$@"; do
     case $what in
     rust) check_rust; check_linker ;;
+    rust-tests) check_rust 1.88; check_linker ;; # proptest asks for more than Carom itself
     rustfmt) check_rustfmt ;;
     python) check_python ;;
     --python) find_python && printf '%s\n' "$python" ;;
-    *) lacks "tools/preflight.sh does not know '$what'" "" "rust, rustfmt, python or --python" ;;
+    *) lacks "tools/preflight.sh does not know '$what'" "" "rust, rust-tests, rustfmt, python or --python" ;;
     esac
 done
 report
