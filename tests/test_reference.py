@@ -437,7 +437,7 @@ def test_conditions_accept_the_own_solution_and_notice_a_wrong_one(impact: str) 
         old = run.state
         (report,) = run.advance(1)
         new, psi = run.state, rotation_increment(old.q, run.state.q)
-        given = [problem.impulses for problem in report.problems]
+        given = [(problem.stage, problem.impulses) for problem in report.problems]
         scales = [problem.scale for problem in report.problems]
 
         known = (run.model, old, new.x)
@@ -445,8 +445,9 @@ def test_conditions_accept_the_own_solution_and_notice_a_wrong_one(impact: str) 
         assert judge_step(*known, new.u, *rest, given, scales).worst < 1e-12
         if given:
             seen += 1
-            heaviest = max((impulse.normal, key) for key, impulse in given[-1].items())[1]
-            wrong = [*given[:-1], {key: given[-1][key] for key in given[-1] if key != heaviest}]
+            stage, last = given[-1]
+            heaviest = max((impulse.normal, key) for key, impulse in last.items())[1]
+            wrong = [*given[:-1], (stage, {key: last[key] for key in last if key != heaviest})]
             assert judge_step(*known, new.u, *rest, wrong, scales).worst > 1e-6
             assert judge_step(*known, new.u + 1e-6, *rest, given, scales).worst > 1e-7
     assert seen > 5

@@ -5,7 +5,7 @@ one, so that agreement between the two says something. `docs/theory/algorithm.md
 both.
 """
 
-from .conditions import Conditions, StepJudgement, conditions, judge_step, position_conditions
+from .conditions import Conditions, StepJudgement, conditions, judge_step, position_conditions, split_impulse
 from .contact import Impulse
 from .model import Model, State
 from .newton import NotConverged
@@ -24,4 +24,5 @@ __all__ = [
     "conditions",
     "judge_step",
     "position_conditions",
+    "split_impulse",
 ]

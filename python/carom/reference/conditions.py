@@ -104,6 +104,19 @@ def position_conditions(
     return conditions(problem, (displacement - d_check)[layout.dofs], multipliers)
 
 
+def split_impulse(model: Model, state: State, x_new: F64, key: Key, total: F64, moment: F64) -> Impulse:
+    """Take apart the whole impulse (3,) on the first partner, as the core reports it.
+
+    The normal part acts along the normal of t_{n+1}, friction in the plane of contact of t_n: the two are not
+    quite perpendicular, so a projection on the new normal would be wrong by O(h).
+    """
+    (pair,) = (pair for pair in model.pairs if pair.key == key)
+    _, before, _ = gap_and_normal(model, pair, state.x)
+    _, after, _ = gap_and_normal(model, pair, x_new)
+    normal = float(before @ total) / float(before @ after)
+    return Impulse(normal, total - normal * after, moment)
+
+
 def judge_step(
     model: Model,
     state: State,
@@ -111,15 +124,15 @@ def judge_step(
     u_new: F64,
     rot_incr_world: F64,
     position_impulses: Mapping[Key, Impulse],
-    problems: Sequence[Mapping[Key, Impulse]],
+    problems: Sequence[tuple[str, Mapping[Key, Impulse]]],
     scales: Sequence[float] | None = None,
 ) -> StepJudgement:
     """Judge a whole step from `state` to x_new (N,3), u_new (6N,).
 
-    `problems`: the impulses [N s] of each impact problem by pair, islands mixed or not, each island in its
-    own order, stage 0 included; contacts without impulse may be left out. `scales`: factor of the energy
-    safeguard of each problem, where it acted. The law is replayed with the given impulses: its sets follow
-    from them, not from a solution made here.
+    `problems`: the impulses [N s] of each impact problem by pair, with its stage as `ImpactProblem` names it; an
+    entry may hold the problems of several islands, and contacts or problems without impulse may be left out.
+    `scales`: factor of the energy safeguard of each entry, where it acted. The law is replayed with the given
+    impulses: its sets follow from them, not from a solution made here.
     """
     verdict = StepJudgement(position_conditions(model, state, x_new, rot_incr_world, position_impulses))
     _, _, u_check, _, _ = smooth(model, state)
@@ -130,21 +143,25 @@ def judge_step(
     ]
     factors = [1.0] * len(problems) if scales is None else list(scales)
     u = u_check.copy()
-    used = 0
+    homeless = {key for _, given in problems for key in given} - {e.pair.key for e in closed}
+    if homeless:
+        verdict.objections.append(f"impulses of {sorted(homeless)}, which are not closed")
     for group in islands(closed):
         island = Island(model, [closed[i] for i in group], x_new, state.u, u_check)
         own = {e.pair.key for e in island.elements}
-        queue = [(given, s) for given, s in zip(problems, factors, strict=True) if own & given.keys()]
-        used += len(queue)
-        u[island.layout.dofs] += _replay(island, queue, verdict)
-    if used < sum(1 for given in problems if given):
-        verdict.objections.append("an impact problem holds no closed contact")
+        queue = [
+            (stage, {key: given[key] for key in own & given.keys()}, factor)
+            for (stage, given), factor in zip(problems, factors, strict=True)
+        ]
+        u[island.layout.dofs] += _replay(island, [entry for entry in queue if entry[1]], verdict)
     radius = np.repeat(np.stack([np.ones(model.bodies), model.radius], axis=1), 3, axis=1).reshape(-1)
     verdict.velocity = float(np.max(np.abs(u_new - u) * radius, initial=0.0))
     return verdict
 
 
-def _replay(island: Island, queue: list[tuple[Mapping[Key, Impulse], float]], verdict: StepJudgement) -> F64:
+def _replay(
+    island: Island, queue: list[tuple[str, dict[Key, Impulse], float]], verdict: StepJudgement
+) -> F64:
     """Run the law of the island on given impulses; W (d,) of those that count."""
     lay = island.layout
 
@@ -157,7 +174,7 @@ def _replay(island: Island, queue: list[tuple[Mapping[Key, Impulse], float]], ve
         stage: str,
         paper: bool = False,
     ) -> tuple[F64, ImpactProblem]:
-        given, factor = queue.pop(0) if queue else ({}, 1.0)
+        _, given, factor = queue.pop(0) if queue and queue[0][0] == stage else (stage, {}, 1.0)
         multipliers = np.zeros(lay.rows)
         names = [island.elements[i].pair.key for i in members]
         for i, name in zip(members, names, strict=True):
@@ -177,10 +194,12 @@ def _replay(island: Island, queue: list[tuple[Mapping[Key, Impulse], float]], ve
         problem = VelocityProblem(sub, gradient, island.u_check[columns], offset[rows], force, island.floor)
         jump = island.jump(fixed + multipliers)
         verdict.problems.append((stage, conditions(problem, jump[columns], multipliers[rows])))
-        record = ImpactProblem(tuple(lay.bodies), stage, names, dict(given), 0, [], "", factor, 0.0)
+        record = ImpactProblem(tuple(lay.bodies), stage, names, given, 0, [], "", factor, 0.0)
         return multipliers, record
 
     result = solve_island(island, given_problem)
     if queue:
-        verdict.objections.append(f"{len(queue)} impact problems too many on spheres {lay.bodies}")
+        verdict.objections.append(
+            f"stages {[stage for stage, _, _ in queue]} too many on spheres {lay.bodies}"
+        )
     return result.jump

@@ -98,7 +98,9 @@ class Island:
         result = np.zeros(self.layout.rows)
         for i, e in enumerate(self.elements):
             law, n = e.pair.law, self.layout.start[i]
-            if -approach[i] >= self.model.options.restitution_threshold:
+            threshold = self.model.options.restitution_threshold
+            # zero means never: the unclipped law of the paper knows separating pre-impact velocities
+            if threshold == 0.0 or -approach[i] >= threshold:
                 result[n] = scale[i] * law.restitution * (approach[i] if paper else min(0.0, approach[i]))
             if law.friction > 0.0 and (paper or approach[i] < -tolerance):
                 rows = slice(n + 1, n + 3)
