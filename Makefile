@@ -43,7 +43,7 @@ test: preflight-test $(STAMPS)/test $(STAMPS)/extension ## quick tests, Rust and
 	@tools/test.sh quick $(ARGS)
 
 .PHONY: test-all
-test-all: preflight-test $(STAMPS)/test $(STAMPS)/extension ## all tests, the long ones too
+test-all: preflight-test $(STAMPS)/test-all $(STAMPS)/extension ## all tests, the long ones too
 	@tools/test.sh all $(ARGS)
 
 .PHONY: check
@@ -99,6 +99,9 @@ $(STAMPS)/run: $(LOCK) | preflight
 
 $(STAMPS)/test: $(LOCK) $(STAMPS)/run
 	@tools/setup.sh $@ base plot build test
+
+$(STAMPS)/test-all: $(LOCK) $(STAMPS)/test
+	@tools/setup.sh $@ base plot build test interop
 
 $(STAMPS)/check: $(LOCK) $(STAMPS)/run
 	@tools/setup.sh $@ check
