@@ -12,6 +12,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -72,12 +73,14 @@ class Writer:
         self._attributes = dict(attributes, format=FORMAT, first_rows=np.array(self.first, dtype=np.uint64))
         self._static = {"bodies": bodies, "planes": planes}
         self._expected = expected or Rows()
-        self._file: h5py.File | None = None
+        self._file: Any = None
         self._commit: h5py.Dataset = None
         self._columns: dict[str, dict[str, h5py.Dataset]] = {}
         self._pending: list[dict[str, dict[str, Any]]] = []
         self._pending_bytes = 0
         self._pending_since = 0.0
+        self._worker: threading.Thread | None = None
+        self._failure: BaseException | None = None
 
     def append(self, block: Mapping[str, Any]) -> None:
         """Take over a block as `Simulation.advance` returns it; the first one fixes columns and types of the
@@ -101,24 +104,54 @@ class Writer:
         self._pending.append(tables)
         self._pending_bytes += sum(np.asarray(c).nbytes for t in tables.values() for c in t.values())
         if self._pending_bytes >= BATCH_BYTES or time.monotonic() - self._pending_since >= BATCH_SECONDS:
-            self.commit()
+            self._write_meanwhile()
 
     def commit(self) -> Rows:
         """Write all that was appended, then say so in `/commit`. Returns the committed row counts."""
-        if self._file is None or self.rows == self.committed:
-            return self.committed
-        with _explained(self.path):
-            for table, columns in self._columns.items():
-                for name, dataset in columns.items():
-                    parts = [np.asarray(block[table][name]) for block in self._pending]
-                    _extend(dataset, parts[0] if len(parts) == 1 else np.concatenate(parts))
-            self._file.flush()
-            _extend(self._commit, np.array([self.rows], dtype=np.uint64))
-            self._commit.flush()
-        self.committed = self.rows
-        self._pending.clear()
-        self._pending_bytes = 0
+        self._wait()
+        if self._file is not None and self.rows != self.committed:
+            self._write(*self._batch())
         return self.committed
+
+    def _write_meanwhile(self) -> None:
+        """Write while the core computes: it needs no interpreter, and the copying costs a tenth of a fast run."""
+        self._wait()
+        batch = self._batch()
+
+        def work() -> None:
+            try:
+                self._write(*batch)
+            except BaseException as error:
+                self._failure = error
+
+        self._worker = threading.Thread(target=work, name="carom-writer")
+        self._worker.start()
+
+    def _wait(self) -> None:
+        if self._worker is not None:
+            self._worker.join()
+            self._worker = None
+        if self._failure is not None:
+            raise self._failure
+
+    def _batch(self) -> tuple[list[dict[str, dict[str, Any]]], Rows]:
+        batch, self._pending, self._pending_bytes = self._pending, [], 0
+        return batch, self.rows
+
+    def _write(self, batch: list[dict[str, dict[str, Any]]], rows: Rows) -> None:
+        try:
+            with _explained(self.path):
+                for table, columns in self._columns.items():
+                    for name, dataset in columns.items():
+                        parts = [np.asarray(block[table][name]) for block in batch]
+                        _extend(dataset, parts[0] if len(parts) == 1 else np.concatenate(parts))
+                self._file.flush()
+                _extend(self._commit, np.array([rows], dtype=np.uint64))
+                self._commit.flush()
+        except BaseException as error:
+            self._failure = error  # what was lost cannot be made good: nothing more is written to this file
+            raise
+        self.committed = rows
 
     def close(self) -> None:
         """Commit the rest and close the file."""
@@ -135,6 +168,8 @@ class Writer:
 
     def abandon(self) -> None:
         """Close without committing, after a failed write; whatever was committed before stays readable."""
+        if self._worker is not None:
+            self._worker.join()
         self._pending.clear()
         if self._file is not None:
             with suppress(Exception):
