@@ -163,8 +163,10 @@ options! {
     method: Method = Method::Nsga,
     /// rho_inf of eq. 7, in [0, 1).
     spectral_radius: f64 = 0.8,
-    /// tol_r of eq. 44.
+    /// tol_r of eq. 44 in islands of up to `dense_contacts` contacts.
     tolerance: f64 = 1e-8,
+    /// tol_r in larger islands, where rounding sits nearer; never below `tolerance`.
+    pile_tolerance: f64 = 1e-7,
     /// Absolute floor of eq. 44 over m r (position, kg m) and m V (velocity, kg m/s).
     tolerance_floor: f64 = 1e-12,
     /// |gap| of closed contacts after the position solve, over r_c; asked in islands of up to 50 contacts.
@@ -213,6 +215,7 @@ impl Options {
         let positive = [
             ("step", self.step),
             ("tolerance", self.tolerance),
+            ("pile_tolerance", self.pile_tolerance),
             ("tolerance_floor", self.tolerance_floor),
             ("gap_tolerance", self.gap_tolerance),
             ("touching_tolerance", self.touching_tolerance),

@@ -40,9 +40,9 @@ const MEMORY: usize = 5;
 const SHIFT_FLOOR: f64 = 1e-2;
 
 /// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
-const SWEEP_ROUNDS: u32 = 12;
+const SWEEP_ROUNDS: u32 = 14;
 const POLISH_ITERATIONS: u32 = 15;
-const MAX_DOUBLINGS: u32 = 4;
+const MAX_DOUBLINGS: u32 = 9;
 
 /// Workspace of the solver; allocate once, reuse for every problem.
 #[derive(Default)]
@@ -111,7 +111,11 @@ impl Newton {
         self.start_lambda.copy_from_slice(lambda);
         self.start_u.copy_from_slice(u);
         let mut total = SolveReport::default();
-        for (rung, factor) in [(Rung::First, 1.0), (Rung::HalfPenalty, 0.5), (Rung::DoublePenalty, 2.0)] {
+        for (rung, factor) in [
+            (Rung::First, 1.0),
+            (Rung::HalfPenalty, 0.5),
+            (Rung::DoublePenalty, 2.0),
+        ] {
             if rung != Rung::First {
                 lambda.copy_from_slice(&self.start_lambda);
                 u.copy_from_slice(&self.start_u);
@@ -143,10 +147,20 @@ impl Newton {
     ) {
         let mut swept_lambda = self.start_lambda.clone();
         let mut swept_u = self.start_u.clone();
-        let polish = NewtonOptions { max_iterations: options.max_iterations.min(POLISH_ITERATIONS), ..*options };
+        let polish = NewtonOptions {
+            max_iterations: options.max_iterations.min(POLISH_ITERATIONS),
+            ..*options
+        };
         for round in 0..SWEEP_ROUNDS {
             let count = options.sweeps << round.min(MAX_DOUBLINGS);
-            gauss_seidel::sweeps(system, problem, count, &mut swept_lambda, &mut swept_u, &mut self.z);
+            gauss_seidel::sweeps(
+                system,
+                problem,
+                count,
+                &mut swept_lambda,
+                &mut swept_u,
+                &mut self.z,
+            );
             lambda.copy_from_slice(&swept_lambda);
             u.copy_from_slice(&swept_u);
             let report = self.iterate(system, problem, &polish, 1.0, lambda, u);
@@ -219,7 +233,8 @@ impl Newton {
             }
             // Without multipliers the residual is small for want of terms: the first step is never shortened.
             let start = report.iterations == 0 && lambda.iter().all(|&l| l == 0.0);
-            merits[report.iterations as usize % MEMORY] = if start { f64::INFINITY } else { norms.residual };
+            merits[report.iterations as usize % MEMORY] =
+                if start { f64::INFINITY } else { norms.residual };
             if report.iterations == 1 {
                 merits[0] = norms.residual;
             }

@@ -20,8 +20,13 @@ pub(crate) fn newton_options(
     floor: f64,
     position: bool,
 ) -> NewtonOptions {
+    let large = contacts > options.dense_contacts as usize;
     NewtonOptions {
-        tolerance: options.tolerance,
+        tolerance: if large {
+            options.tolerance.max(options.pile_tolerance)
+        } else {
+            options.tolerance
+        },
         floor,
         gap_tolerance: if position && contacts <= GAP_CHECK_CONTACTS {
             options.gap_tolerance
