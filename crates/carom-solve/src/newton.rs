@@ -21,6 +21,8 @@ pub struct NewtonOptions {
     pub floor: f64,
     /// Closed contacts must meet `|gap| <= gap_tolerance * r_c` (position level, small islands); infinite: not asked.
     pub gap_tolerance: f64,
+    /// Absolute addition to it for rounding, m.
+    pub gap_floor: f64,
     pub max_iterations: u32,
     /// p per row is `penalty_scale / D_cc` (rule R1: 0.5; safe for one contact up to 2).
     pub penalty_scale: f64,
@@ -36,8 +38,10 @@ pub struct NewtonOptions {
 
 /// Merits of this many last iterates a new one may reach (non-monotone line search).
 const MEMORY: usize = 5;
-/// The shift never falls below this share of `proximal_shift`: a redundant system stays factorable.
-const SHIFT_FLOOR: f64 = 1e-2;
+/// The shift never falls below these shares of `proximal_shift`, in dense and in large islands: a redundant system
+/// stays factorable and rounding is not blown up along its null space (1e-6 leaves piles cycling; measured).
+const SHIFT_FLOOR_DENSE: f64 = 1e-4;
+const SHIFT_FLOOR_LARGE: f64 = 1e-2;
 
 /// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
 const SWEEP_ROUNDS: u32 = 14;
@@ -215,15 +219,19 @@ impl Newton {
         problem.evaluate(system, u, &mut self.z);
         let mut norms = self.norms(system, lambda, u);
         let first = norms.residual;
+        let dense = system.contacts.len() <= options.dense_contacts;
+        let shift_floor = if dense {
+            SHIFT_FLOOR_DENSE
+        } else {
+            SHIFT_FLOOR_LARGE
+        };
         loop {
             report.residual = norms.relative(options);
             self.history.push(report.residual);
             if !norms.residual.is_finite() {
                 return report;
             }
-            if report.residual < options.tolerance
-                && self.gaps_closed(system, options.gap_tolerance)
-            {
+            if report.residual < options.tolerance && self.gaps_closed(system, options) {
                 lambda.copy_from_slice(&self.phi);
                 report.converged = true;
                 return report;
@@ -238,7 +246,7 @@ impl Newton {
             if report.iterations == 1 {
                 merits[0] = norms.residual;
             }
-            let shift = options.proximal_shift * (norms.residual / first).clamp(SHIFT_FLOOR, 1.0);
+            let shift = options.proximal_shift * (norms.residual / first).clamp(shift_floor, 1.0);
             for (c, block) in system.contacts.iter().zip(&mut self.tangents) {
                 let rows = c.row as usize..(c.row + c.dim) as usize;
                 cone::tangent(&c.bounds, &self.xi[rows], block);
@@ -255,7 +263,7 @@ impl Newton {
                     u,
                 },
                 shift,
-                system.contacts.len() <= options.dense_contacts,
+                dense,
                 &mut self.d_lambda,
                 &mut self.d_u,
             );
@@ -367,12 +375,12 @@ impl Newton {
         }
     }
 
-    fn gaps_closed(&self, system: &RowSystem, tolerance: f64) -> bool {
-        tolerance.is_infinite()
+    fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
+        options.gap_tolerance.is_infinite()
             || system.contacts.iter().all(|c| {
                 let z = self.z[c.row as usize];
-                z >= -tolerance * c.length
-                    && (self.phi[c.row as usize] == 0.0 || z <= tolerance * c.length)
+                let tolerance = options.gap_tolerance * c.length + options.gap_floor;
+                z >= -tolerance && (self.phi[c.row as usize] == 0.0 || z <= tolerance)
             })
     }
 }

@@ -42,7 +42,6 @@ pub struct ImpactScratch {
     pub tol: f64,
     pub speeds: Speeds,
     pub problems: u32,
-    pub had_impact: bool,
     work: Vec<[f64; 4]>,
     status: Vec<Status>,
     sub: RowSystem,
@@ -52,6 +51,8 @@ pub struct ImpactScratch {
     velocity: Vec<f64>,
     force: Vec<f64>,
     group: Vec<u32>,
+    /// Rows of stage 0, kept until the step turns out to have an impact in this island.
+    resting: Vec<ImpactRecord>,
     accept_unconverged: bool,
 }
 
@@ -123,7 +124,7 @@ impl ImpactScratch {
         self.status.clear();
         self.status.resize(members.len(), Status::Gap);
         self.problems = 0;
-        self.had_impact = false;
+        self.resting.clear();
         self.accept_unconverged = accept_unconverged;
     }
 
@@ -211,11 +212,13 @@ impl ImpactScratch {
             }
         }
         self.commit(model, &scratch.contacts);
-        if let Some(problem) = index {
-            self.had_impact = true;
-            self.record(model, scratch, problem);
-        }
+        self.record(model, scratch, index);
         true
+    }
+
+    /// Whether the last problem gave no impulse at all: the next ones would be the same.
+    pub fn stands_still(&self) -> bool {
+        self.lambda.iter().all(|&l| l == 0.0)
     }
 
     /// Rows of the chosen contacts with their free measures `z0`.
@@ -353,34 +356,44 @@ impl ImpactScratch {
         problem: u32,
         report: &mut StepReport,
     ) -> bool {
-        self.group_by_impulse();
-        let groups = self.group.clone();
-        let mut done: Vec<u32> = Vec::new();
-        for position in 0..self.chosen.len() {
-            let group = groups[position];
-            if group == u32::MAX || done.contains(&group) {
-                continue;
+        // A contact that wakes between two groups joins them: look again, at most once per member.
+        for _ in 0..self.chosen.len() {
+            self.group_by_impulse();
+            let groups = self.group.clone();
+            let mut done: Vec<u32> = Vec::new();
+            for position in 0..self.chosen.len() {
+                let group = groups[position];
+                if group == u32::MAX || done.contains(&group) {
+                    continue;
+                }
+                let inside: Vec<usize> = (0..self.chosen.len())
+                    .filter(|&p| groups[p] == group)
+                    .collect();
+                if !self.gains(&inside) {
+                    continue;
+                }
+                done.push(group);
+                let base: Vec<f64> = inside.iter().map(|&p| self.scale[p]).collect();
+                let mut fine = true;
+                let mut trial = |this: &mut Self, s: f64| {
+                    for (&p, start) in inside.iter().zip(&base) {
+                        this.scale[p] = s * start;
+                    }
+                    this.build(model, &scratch.contacts, law);
+                    fine &= this.solve_built(model, scratch, problem, None, report);
+                    !this.gains(&inside)
+                };
+                let scale = bisect_scale(|s| trial(self, s));
+                trial(self, scale);
+                if !fine {
+                    return false;
+                }
             }
-            done.push(group);
-            let inside: Vec<usize> = (0..self.chosen.len())
-                .filter(|&p| groups[p] == group)
-                .collect();
-            if !self.gains(&inside) {
-                continue;
+            if done.is_empty() {
+                break;
             }
-            let mut fine = true;
-            let mut trial = |this: &mut Self, s: f64| {
-                inside.iter().for_each(|&p| this.scale[p] = s);
-                this.build(model, &scratch.contacts, law);
-                fine &= this.solve_built(model, scratch, problem, None, report);
-                !this.gains(&inside)
-            };
-            let scale = bisect_scale(|s| trial(self, s));
-            trial(self, scale);
-            if !fine {
-                return false;
-            }
-            report.restitution_scale = report.restitution_scale.min(scale);
+            let least = self.scale.iter().copied().fold(1.0, f64::min);
+            report.restitution_scale = report.restitution_scale.min(least);
         }
         true
     }
@@ -483,16 +496,14 @@ impl ImpactScratch {
         friction >= c.bounds.sliding * self.lambda[row] * (1.0 - 1e-12)
     }
 
-    /// Keeps the problem as an impact, unless only loads act in it (laws without stage 0 solve rest as an impact).
-    fn record(&self, model: &Model, scratch: &mut Scratch, problem: u32) {
-        if problem == 1
-            && self
-                .chosen
-                .iter()
-                .all(|&slot| self.old_normal_velocity(slot) >= -self.tol)
-        {
+    /// Keeps the problem in the table of impacts, stage 0 as problem 0 if an impact follows. A problem in which only
+    /// loads act (laws without stage 0 solve rest as an impact) is no impact.
+    fn record(&mut self, model: &Model, scratch: &mut Scratch, index: Option<u32>) {
+        let loads_only = |slot: &usize| self.old_normal_velocity(*slot) >= -self.tol;
+        if index == Some(1) && self.chosen.iter().all(loads_only) {
             return;
         }
+        let mut rows = std::mem::take(&mut self.resting);
         for (position, &slot) in self.chosen.iter().enumerate() {
             let s = &self.sub.contacts[position];
             let row = s.row as usize;
@@ -504,8 +515,8 @@ impl ImpactScratch {
             packed[..s.dim as usize].copy_from_slice(&self.lambda[row..row + s.dim as usize]);
             let world = contact.to_world(model, contact.n1, &packed);
             let approach = self.sub.row_velocity(s, row, &self.velocity);
-            scratch.impacts.push(ImpactRecord {
-                problem,
+            rows.push(ImpactRecord {
+                problem: index.unwrap_or(0),
                 a: contact.a,
                 b: contact.b,
                 status: self.status[slot] as u8,
@@ -517,6 +528,10 @@ impl ImpactScratch {
                 restitution_scale: self.scale[position],
             });
         }
+        if index.is_some() {
+            scratch.impacts.append(&mut rows);
+        }
+        self.resting = rows;
     }
 
     /// Writes the island's result into the step's scratch.

@@ -66,6 +66,9 @@ pub fn with_load_offset(
         if !work.solve_chosen(model, scratch, Law::Newton, Some(problem), None, report) {
             return false;
         }
+        if work.stands_still() {
+            break;
+        }
     }
     truncate(model, scratch, work, report)
 }
@@ -94,6 +97,9 @@ pub fn as_printed(
         }
         if !work.solve_chosen(model, scratch, Law::Printed, Some(problem), None, report) {
             return false;
+        }
+        if work.stands_still() {
+            break;
         }
     }
     truncate(model, scratch, work, report)

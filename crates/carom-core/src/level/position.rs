@@ -163,12 +163,20 @@ fn solve_by_newton(
     u.clear();
     u.resize(NODE_DOF * bodies.len(), 0.0);
     let centres: Vec<DVec3> = bodies.iter().map(|&b| position[b as usize]).collect();
-    let scale = bodies
-        .iter()
-        .map(|&b| model.mass[b as usize] * model.radius[b as usize])
-        .sum::<f64>();
-    let floor = model.options.tolerance_floor * scale / bodies.len() as f64;
-    let options = newton_options(&model.options, members.len(), floor, true);
+    let nodes = bodies.len() as f64;
+    let mean =
+        |f: &dyn Fn(usize) -> f64| bodies.iter().map(|&b| f(b as usize)).sum::<f64>() / nodes;
+    // Gaps are differences of coordinates: far from the origin rounding, not the radius, sets what can be asked.
+    let rounding = f64::EPSILON
+        * centres
+            .iter()
+            .map(|x| x.abs().max_element())
+            .fold(0.0, f64::max);
+    let floor = mean(&|i| {
+        model.mass[i] * (model.options.tolerance_floor * model.radius[i]).max(4.0 * rounding)
+    });
+    let mut options = newton_options(&model.options, members.len(), floor, true);
+    options.gap_floor = 16.0 * rounding;
     let mut problem = Positions {
         model,
         contacts,
