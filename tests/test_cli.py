@@ -6,6 +6,7 @@ import io
 import json
 import os
 import pty
+import re
 import resource
 import subprocess
 import sys
@@ -275,6 +276,7 @@ def test_a_terminal_sees_a_progress_bar_that_goes_away(runs: Path) -> None:
 def test_the_facts_beside_the_bar_fit() -> None:
     now = Progress(123456789, 987654321, 12.3456789, 98.7, 123456, 12, 34, 5.0, 123456.0, 4e5)
     assert facts(now) == "t 12.35/98.7 s  step 123456789  123456 contacts  12+34 it  123k/s  ETA 111:06:40"
+    assert facts(now, 80) == "t 12.35/98.7 s  123k steps/s  ETA 111:06:40"
     assert "ETA 0:00:00" in facts(Progress(1, 2, 0.0, 1.0, 0, 0, 0, 1.0, 0.0, float("inf")))
 
 
@@ -283,7 +285,7 @@ def test_the_facts_beside_the_bar_fit() -> None:
 
 def test_resume_extends_and_says_so(runs: Path) -> None:
     cli("run", "three_balls.toml", "-o", "ext", "--until", "0.05", "--quiet", cwd=runs)
-    document = json.loads(cli("resume", "ext", "--until", "0.1", "--json", cwd=runs).stdout)
+    document = json.loads(cli("resume", "ext", "--until", "100 ms", "--json", cwd=runs).stdout)
     assert document["outcome"] == "done"
     assert document["time"] == pytest.approx(0.1)
     assert carom.load(runs / "ext").segment_names == ["results.h5", "results-0002.h5"]
@@ -410,3 +412,17 @@ def test_durations_and_tables() -> None:
     ]
     rows: list[Any] = [["a", "1"], ["bbb", "22", "3"]]
     assert table(rows) == "a     1\nbbb  22  3"
+
+
+def test_the_page_on_the_command_line_names_every_option() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "reference" / "cli.md").read_text(encoding="utf-8")
+    for command in COMMANDS:
+        options = re.findall(r"(--[a-z-]+)", cli(*command.split(), "--help").stdout.partition("Options:")[2])
+        for option in {*options} - {"--help"}:
+            section = page.partition(f"### `carom {command}`")[2].partition("\n### ")[0]
+            section = section or page.partition("### The others")[2]
+            assert f"`{option}" in section, (command, option)
+    for key in KEYS:
+        assert f"`{key}`" in page
+    for option in set(re.findall(r"`(--[a-z-]+)", page)):
+        assert any(option in cli(*command.split(), "--help").stdout for command in COMMANDS), option

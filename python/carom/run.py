@@ -77,7 +77,9 @@ def simulate(
     return _judged(result, stop)
 
 
-def resume(run: str | Path, *, until: float | None = None, progress: OnProgress | None = None) -> Result:
+def resume(
+    run: str | Path, *, until: float | str | None = None, progress: OnProgress | None = None
+) -> Result:
     """Continue a run that was interrupted or killed, bit for bit as if nothing had happened; `until` (s)
     extends it.
 
@@ -133,7 +135,11 @@ def launch(
 
 
 def relaunch(
-    directory: RunDir, *, until: float | None = None, stop: Interrupt, progress: OnProgress | None = None
+    directory: RunDir,
+    *,
+    until: float | str | None = None,
+    stop: Interrupt,
+    progress: OnProgress | None = None,
 ) -> Result:
     """Continue the run in `directory` from its newest whole checkpoint, or from the start if there is none."""
     from carom.scene import Scene

@@ -34,3 +34,11 @@ def settings(pairs: list[str]) -> dict[str, Any]:
         except tomllib.TOMLDecodeError:
             found[key] = text.strip()
     return found
+
+
+def number(text: str | None) -> Any:
+    """A number if it is one; what has a unit is left to the scenario, which knows them."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return text

@@ -19,21 +19,23 @@ def plot(
         list[str] | None,
         typer.Option(
             "--what",
-            help="velocities, angular-velocities, heights, energies, iterations, residuals or all; may be repeated.",
-            show_default="all",
+            metavar="FIGURE",
+            help="velocities, angular-velocities, heights, energies, iterations, residuals or all (default);"
+            " may be repeated.",
         ),
     ] = None,
     step: Annotated[
         int | None,
         typer.Option(
-            "--step", metavar="K", help="Step of the residual history.", show_default="most iterations"
+            "--step", metavar="K", help="Step of the residuals; default the one with most iterations."
         ),
     ] = None,
     bodies: Annotated[
-        str | None,
-        typer.Option("--bodies", metavar="A,B", help="Draw these bodies only.", show_default="all"),
+        str | None, typer.Option("--bodies", metavar="A,B", help="Draw these bodies only.")
     ] = None,
-    format_: Annotated[str, typer.Option("--format", help="png, svg, pdf, or several with commas.")] = "png",
+    format_: Annotated[
+        str, typer.Option("--format", metavar="FORMAT", help="png, svg, pdf, or several with commas.")
+    ] = "png",
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="DIR", help="Where to write; default RUN/plots.")
     ] = None,

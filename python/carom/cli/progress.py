@@ -31,7 +31,7 @@ class ProgressBar:
             self._start(now)
         assert self._bar is not None
         assert self._task is not None
-        self._bar.update(self._task, completed=now.step, facts=facts(now))
+        self._bar.update(self._task, completed=now.step, facts=facts(now, self._bar.console.width))
         self._bar.refresh()
 
     def _start(self, now: Progress) -> None:
@@ -51,12 +51,14 @@ class ProgressBar:
             self._bar.stop()
 
 
-def facts(now: Progress) -> str:
-    """The numbers beside the bar, in less than 60 characters."""
+def facts(now: Progress, width: int = 120) -> str:
+    """The numbers beside the bar, fewer of them on a terminal less than 105 columns wide."""
     pace = f"{now.steps_per_s / 1e3:.3g}k" if now.steps_per_s >= 1e4 else f"{now.steps_per_s:.3g}"
     eta = int(now.eta_s) if now.eta_s < 1e8 else 0
     left = f"{eta // 3600}:{eta % 3600 // 60:02d}:{eta % 60:02d}"
     iterations = f"{now.iterations_position}+{now.iterations_velocity} it"
+    if width < 105:
+        return f"t {now.time:.4g}/{now.until:.4g} s  {pace} steps/s  ETA {left}"
     return (
         f"t {now.time:.4g}/{now.until:.4g} s  step {now.step}  {now.contacts} contacts  {iterations}"
         f"  {pace}/s  ETA {left}"

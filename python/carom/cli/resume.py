@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from carom.cli.options import Json, Quiet, Run
+from carom.cli.options import Json, Quiet, Run, number
 from carom.cli.output import guarded
 from carom.cli.progress import progress_bar
 from carom.cli.run import report
@@ -17,8 +17,8 @@ from carom.cli.run import report
 def resume(
     run: Run,
     until: Annotated[
-        float | None,
-        typer.Option("--until", metavar="TIME", help="Simulate on to this time, s.", show_default=False),
+        str | None,
+        typer.Option("--until", metavar="TIME", help="Simulate on to this time, s or with a unit."),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -35,5 +35,5 @@ def resume(
 
     stop = Interrupt()
     with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
-        result = relaunch(RunDir.open(run), until=until, stop=stop, progress=bar)
+        result = relaunch(RunDir.open(run), until=number(until), stop=stop, progress=bar)
     return report(result, quiet=quiet, as_json=as_json)

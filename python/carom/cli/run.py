@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from carom.cli.options import Json, Quiet, Scenario, settings
+from carom.cli.options import Json, Quiet, Scenario, number, settings
 from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 
@@ -49,7 +49,7 @@ def run(
 
     options = settings(set_ or [])
     if until is not None:
-        options["until"] = _number(until)
+        options["until"] = number(until)
     scene = Scene.from_toml(scenario)
     if options:
         scene = scene.with_options(**options)
@@ -85,10 +85,3 @@ def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None =
     if outcome.kind == "error":
         return fail(outcome.advice, BAD_INPUT)
     return fail(str(outcome), NOT_CONVERGED)
-
-
-def _number(text: str) -> Any:
-    try:
-        return float(text)
-    except ValueError:
-        return text  # with a unit; the scenario knows them

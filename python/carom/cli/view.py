@@ -19,7 +19,7 @@ def view(
         typer.Option("-o", "--out", metavar="FILE", help="Where to write; default RUN/view.html."),
     ] = None,
     max_mb: Annotated[
-        float, typer.Option("--max-mb", help="Largest page, MB; a longer run is thinned.")
+        float, typer.Option("--max-mb", metavar="MB", help="Largest page; a longer run is thinned.")
     ] = 100.0,
     open_: Annotated[bool, typer.Option("--open", help="Open it in the web browser.")] = False,
     as_json: Json = False,
