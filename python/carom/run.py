@@ -74,7 +74,7 @@ def simulate(
         else:
             result = launch(scene, _temporary, stop=stop, progress=progress, keep=False)
             weakref.finalize(result._segments, _discard, RunDir(result.path))
-    return _judged(result, stop)
+    return _judged(result, stop, kept=out is not None)
 
 
 def resume(
@@ -310,14 +310,14 @@ def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], erro
         directory.write_in_place(about)
 
 
-def _judged(result: Result, stop: Interrupt) -> Result:
-    if stop and not result.outcome.ok:
-        raise KeyboardInterrupt(
-            f"interrupted at t = {result.outcome.time:g} s; what was computed is in {result.path}"
-        )
-    if not result.outcome.ok:
-        raise RunFailed(str(result.outcome), result)
-    return result
+def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
+    outcome = result.outcome
+    if outcome.ok:
+        return result
+    if stop and outcome.kind == "interrupted":
+        where = f"what was computed is in {result.path}" if kept else "pass out=... to keep what was computed"
+        raise KeyboardInterrupt(f"interrupted at t = {outcome.time:g} s; {where}")
+    raise RunFailed(str(outcome), result)
 
 
 def _temporary() -> RunDir:
