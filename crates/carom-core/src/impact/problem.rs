@@ -496,13 +496,11 @@ impl ImpactScratch {
         friction >= c.bounds.sliding * self.lambda[row] * (1.0 - 1e-12)
     }
 
-    /// Keeps the problem in the table of impacts, stage 0 as problem 0 if an impact follows. A problem in which only
-    /// loads act (laws without stage 0 solve rest as an impact) is no impact.
+    /// Keeps the problem in the table of impacts. Stage 0, and a first problem in which only loads act (laws without
+    /// stage 0 solve rest as an impact), enter it only if an impact follows in this island.
     fn record(&mut self, model: &Model, scratch: &mut Scratch, index: Option<u32>) {
         let loads_only = |slot: &usize| self.old_normal_velocity(*slot) >= -self.tol;
-        if index == Some(1) && self.chosen.iter().all(loads_only) {
-            return;
-        }
+        let quiet = index.is_none() || (index == Some(1) && self.chosen.iter().all(loads_only));
         let mut rows = std::mem::take(&mut self.resting);
         for (position, &slot) in self.chosen.iter().enumerate() {
             let s = &self.sub.contacts[position];
@@ -528,7 +526,7 @@ impl ImpactScratch {
                 restitution_scale: self.scale[position],
             });
         }
-        if index.is_some() {
+        if !quiet {
             scratch.impacts.append(&mut rows);
         }
         self.resting = rows;
