@@ -13,7 +13,7 @@ LAWS = ("sequence", "sequence", "sequence-paper", "one-shot")
 
 
 def random_scene(seed: int, most: int = 6) -> dict[str, Any]:
-    """One to `most` balls, many touching exactly, on a floor or not, with or without wall, gravity, friction, rolling, spinning."""
+    """One to `most` balls, many touching exactly; floor, wall, gravity and each friction law by chance."""
     rng = np.random.default_rng(seed)
     floor = rng.random() < 0.8
     wall = floor and rng.random() < 0.3
