@@ -49,7 +49,9 @@ def _events(result: Result) -> str:
     contacts = np.asarray(result.steps["contacts"])
     most = int(contacts.max()) if len(contacts) else 0
     with_impacts = len(np.unique(step))
-    return f"events      {len(step)} impacts in {with_impacts} steps; up to {most} contacts at once"
+    return (
+        f"events      {with_impacts} steps with impacts ({len(step)} impulses); up to {most} contacts at once"
+    )
 
 
 def _iterations(summary: Mapping[str, Any]) -> str:

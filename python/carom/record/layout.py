@@ -78,7 +78,9 @@ MEANINGS: dict[str, Meaning] = {
     "contacts/work_spinning": Meaning("J", "work of spinning friction since the last frame"),
     "impacts/step": Meaning("1", "step in which the contact took part in an impact problem"),
     "impacts/time": Meaning("s", "time at the end of that step"),
-    "impacts/problem": Meaning("1", "number of the impact problem in the sequence of its step"),
+    "impacts/problem": Meaning(
+        "1", "number of the impact problem in the sequence of its step; 0: the loads that act with the impact"
+    ),
     "impacts/body": Meaning(
         "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
     ),
