@@ -93,7 +93,9 @@ def residuals(result: Result, step: int | None = None) -> Chart:
         longest = max((h[3] for h in histories), key=len)
         order = sorted(range(len(histories)), key=lambda i: -len(histories[i][3]))[:MOST_HISTORIES]
         for i, (level, problem, contacts, history) in enumerate(histories):
-            label = f"{level}, problem {problem + 1}, {contacts} contact{'s' if contacts != 1 else ''}"
+            # Velocity problems are numbered as in the table of impacts: 0 is the resting solve, 1 the first impact.
+            which = f", impact problem {problem}" if level == "velocity" else ""
+            label = f"{level}{which}, {contacts} contact{'s' if contacts != 1 else ''}"
             look: dict[str, Any] = {"color": GREY, "linewidth": 0.6}
             if i in order:
                 look = {
