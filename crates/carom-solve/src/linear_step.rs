@@ -13,6 +13,9 @@ use crate::direct::dense::{chol_factor, chol_solve, lu_factor, lu_solve};
 use crate::direct::{DirectError, SparseLu};
 use crate::rows::{RowSystem, NODE_DOF, WORLD};
 
+/// Ratio of the pivots below which rows count as dependent.
+const PIVOT_RATIO: f64 = 1e-9;
+
 /// The iterate at which the system is linearised.
 pub struct Iterate<'a> {
     pub z: &'a [f64],
@@ -55,13 +58,15 @@ struct SparseParts {
 }
 
 impl LinearStep {
-    /// Solves for `(d_lambda, d_u)`. `shift` is relative to the diagonal of the multiplier block.
+    /// Solves for `(d_lambda, d_u)`. `shift` is relative to the diagonal of the multiplier block; `near` the solution
+    /// a dense system goes without it if its rows are independent.
     #[allow(clippy::too_many_arguments)]
     pub fn solve(
         &mut self,
         system: &RowSystem,
         at: &Iterate,
         shift: f64,
+        near: bool,
         dense: bool,
         d_lambda: &mut [f64],
         d_u: &mut [f64],
@@ -78,9 +83,16 @@ impl LinearStep {
         self.free_step(system, at, curved);
         self.assemble_rhs(system, at, rows);
         if dense {
-            self.assemble_dense(system, at, rows, curved, shift);
             self.pivots.resize(rows, 0);
-            lu_factor(&mut self.matrix, rows, &mut self.pivots)?;
+            // Near the solution independent rows need no shift, and without it the last iterations are exact ones.
+            let tried = if near { 0.0 } else { shift };
+            self.assemble_dense(system, at, rows, curved, tried);
+            if lu_factor(&mut self.matrix, rows, &mut self.pivots).is_err()
+                || self.nearly_singular(rows)
+            {
+                self.assemble_dense(system, at, rows, curved, shift);
+                lu_factor(&mut self.matrix, rows, &mut self.pivots)?;
+            }
             self.solution.clear();
             self.solution.extend_from_slice(&self.rhs);
             lu_solve(&self.matrix, rows, &self.pivots, &mut self.solution);
@@ -271,6 +283,15 @@ impl LinearStep {
                 }
             }
         }
+    }
+
+    /// Whether the factored dense matrix has a pivot that is small beside the largest: dependent rows leave rounding.
+    fn nearly_singular(&self, rows: usize) -> bool {
+        // The factor holds reciprocals of its pivots.
+        let reciprocals = (0..rows).map(|k| self.matrix[k * (rows + 1)].abs());
+        let (least, most) =
+            reciprocals.fold((f64::INFINITY, 0.0f64), |(l, m), x| (l.min(x), m.max(x)));
+        least < PIVOT_RATIO * most
     }
 
     /// `Mt^-1 G^T` column by column of the active rows.

@@ -42,6 +42,8 @@ const MEMORY: usize = 5;
 /// stays factorable and rounding is not blown up along its null space (1e-6 leaves piles cycling; measured).
 const SHIFT_FLOOR_DENSE: f64 = 1e-4;
 const SHIFT_FLOOR_LARGE: f64 = 1e-2;
+/// Below this share of the first residual a dense system is tried without shift.
+const NEAR: f64 = 1e-2;
 
 /// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
 const SWEEP_ROUNDS: u32 = 14;
@@ -263,6 +265,7 @@ impl Newton {
                     u,
                 },
                 shift,
+                norms.residual < NEAR * first,
                 dense,
                 &mut self.d_lambda,
                 &mut self.d_u,
