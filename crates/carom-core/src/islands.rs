@@ -23,6 +23,10 @@ impl Islands {
     ) {
         self.members.clear();
         self.starts.clear();
+        if contacts.iter().all(|c| c.b as usize >= spheres) {
+            self.build_apart(contacts, select);
+            return;
+        }
         self.parent.clear();
         self.parent.extend(0..spheres as u32);
         for c in contacts.iter().filter(|c| select(c)) {
@@ -63,6 +67,19 @@ impl Islands {
             self.starts[island] = self.starts[island - 1];
         }
         self.starts[0] = 0;
+    }
+
+    /// Only planes are touched: an island per sphere, and contacts are sorted by sphere already.
+    fn build_apart(&mut self, contacts: &[Contact], select: impl Fn(&Contact) -> bool) {
+        let mut last = u32::MAX;
+        for (index, c) in contacts.iter().enumerate().filter(|(_, c)| select(c)) {
+            if c.a != last {
+                self.starts.push(self.members.len() as u32);
+                last = c.a;
+            }
+            self.members.push(index as u32);
+        }
+        self.starts.push(self.members.len() as u32);
     }
 
     pub fn len(&self) -> usize {

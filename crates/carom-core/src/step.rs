@@ -133,59 +133,53 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
         ..
     } = scratch;
     for &(a, b) in neighbours.pairs() {
-        if let Some(c) = candidate(model, state, position, a, b, CANDIDATE_MARGIN)? {
-            contacts.push(c);
-        }
+        push_candidate(model, state, position, (a, b), CANDIDATE_MARGIN, contacts)?;
     }
     Ok(())
 }
 
-/// The contact of a pair if its gap at `position` is below `margin r_c`.
+/// Adds the contact of a pair if its gap at `position` is below `margin r_c`; false: it is not.
 #[inline]
-fn candidate(
+fn push_candidate(
     model: &Model,
     state: &State,
     position: &[DVec3],
-    a: u32,
-    b: u32,
+    (a, b): (u32, u32),
     margin: f64,
-) -> Result<Option<Contact>, Failure> {
+    contacts: &mut Vec<Contact>,
+) -> Result<bool, Failure> {
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let ra = model.radius[i];
     if j >= n {
         let plane = &model.planes[j - n];
         let gap = carom_geom::sphere_plane(position[i], ra, plane.point, plane.normal).gap;
         if gap > margin * ra {
-            return Ok(None);
+            return Ok(false);
         }
         let Some(law) = law_or_miss(model, a, b, gap)? else {
-            return Ok(None);
+            return Ok(false);
         };
         let start = carom_geom::sphere_plane(state.position[i], ra, plane.point, plane.normal);
         let frame = (plane.normal, plane.tangent1, plane.tangent2);
-        return Ok(Some(new_contact((a, b), law, frame, start.gap, gap, ra)));
+        contacts.push(new_contact((a, b), law, frame, start.gap, gap, ra));
+        return Ok(true);
     }
     let length = ra.min(model.radius[j]);
     let reach = ra + model.radius[j] + margin * length;
     let between = position[i] - position[j];
     if between.length_squared() > reach * reach {
-        return Ok(None);
+        return Ok(false);
     }
     let gap = carom_geom::sphere_sphere(position[i], ra, position[j], model.radius[j]).gap;
     let Some(law) = law_or_miss(model, a, b, gap)? else {
-        return Ok(None);
+        return Ok(false);
     };
     let start =
         carom_geom::sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
     let (t1, t2) = tangent_frame(start.normal);
-    Ok(Some(new_contact(
-        (a, b),
-        law,
-        (start.normal, t1, t2),
-        start.gap,
-        gap,
-        length,
-    )))
+    let frame = (start.normal, t1, t2);
+    contacts.push(new_contact((a, b), law, frame, start.gap, gap, length));
+    Ok(true)
 }
 
 /// The law of a pair; a pair without one may come near, not touch.
@@ -305,6 +299,7 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
     }
     neighbours.refresh(&state.position, &model.radius, &model.half_spaces, need);
     let known = contacts.len();
+    let mut new = known;
     for &(a, b) in neighbours.pairs() {
         if contacts[..known]
             .binary_search_by_key(&(a, b), |c| (c.a, c.b))
@@ -312,15 +307,18 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
         {
             continue;
         }
-        if let Some(mut c) = candidate(model, state, position, a, b, 0.0)? {
-            if c.gap_check < -model.options.gap_tolerance * c.length {
-                let xa = state.position[a as usize] + linear[a as usize].displacement;
-                let xb = linear
-                    .get(b as usize)
-                    .map_or(DVec3::ZERO, |p| state.position[b as usize] + p.displacement);
-                c.gap_check = position::proximity(model, &c, xa, xb).gap;
-                contacts.push(c);
+        if push_candidate(model, state, position, (a, b), 0.0, contacts)? {
+            let c = &mut contacts[new];
+            if c.gap_check >= -model.options.gap_tolerance * c.length {
+                contacts.pop();
+                continue;
             }
+            let smooth = |body: u32| match linear.get(body as usize) {
+                Some(p) => state.position[body as usize] + p.displacement,
+                None => DVec3::ZERO,
+            };
+            c.gap_check = position::proximity(model, c, smooth(a), smooth(b)).gap;
+            new += 1;
         }
     }
     if contacts.len() == known {

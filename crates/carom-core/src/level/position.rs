@@ -80,18 +80,20 @@ pub fn solve_island(
         return true;
     }
     if let [m] = *members {
-        let c = scratch.contacts[m as usize];
-        if closed_form(model, &c) {
+        // By reference: a contact is hundreds of bytes, and this is the whole of a rolling ball's step.
+        let c = &scratch.contacts[m as usize];
+        if closed_form(model, c) {
             let i = c.a as usize;
             let (linear, angular) = (
                 scratch.linear[i].displacement,
                 scratch.angular[i].displacement,
             );
-            let mut z = single::motion(&c, model.radius[i], linear, angular);
+            let mut z = single::motion(c, model.radius[i], linear, angular);
             z.normal = c.gap_check;
-            let s = single::problem(model, &c, &z).solve();
-            scratch.contacts[m as usize].nu = single::pack(model, &c, &s);
-            scratch.shift[i] = single::correction(model, &c, &s);
+            let s = single::problem(model, c, &z).solve();
+            let nu = single::pack(model, c, &s);
+            scratch.shift[i] = single::correction(model, c, &s);
+            scratch.contacts[m as usize].nu = nu;
             report.add_position(&SolveReport::CLOSED_FORM);
             return true;
         }

@@ -51,11 +51,11 @@ pub fn solve_island(
     accept_unconverged: bool,
 ) -> bool {
     if let [m] = *members {
-        let c = scratch.contacts[m as usize];
+        let c = &scratch.contacts[m as usize];
         // As printed, restitution is not clipped: a contact that was separating may need a second problem.
         let printed = model.options.impact == Impact::SequencePaper;
         let separating = c.n0.dot(state.velocity[c.a as usize]) > 0.0;
-        if closed_form(model, &c) && !(printed && separating) {
+        if closed_form(model, c) && !(printed && separating) {
             solve_single(model, state, scratch, m, report);
             return true;
         }
@@ -79,7 +79,7 @@ fn solve_single(
     m: u32,
     report: &mut StepReport,
 ) {
-    let c: Contact = scratch.contacts[m as usize];
+    let c: &Contact = &scratch.contacts[m as usize];
     let i = c.a as usize;
     let options = &model.options;
     let radius = model.radius[i];
@@ -87,7 +87,7 @@ fn solve_single(
     let mut speeds = Speeds::default();
     speeds.add(model, state, v_check, i);
     let tol = speeds.closing_tolerance(options);
-    let check = single::motion(&c, radius, v_check, w_check);
+    let check = single::motion(c, radius, v_check, w_check);
     let gamma_n = c.n0.dot(state.velocity[i]);
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
         report.missed_impacts += 1;
@@ -110,39 +110,45 @@ fn solve_single(
             e_n = 0.0;
         }
     }
-    let before = single::motion(&c, radius, state.velocity[i], state.angular_velocity[i]);
+    let before = if e_t == 0.0 {
+        [0.0; 2]
+    } else {
+        single::motion(c, radius, state.velocity[i], state.angular_velocity[i]).slip
+    };
     let approach = if paper { gamma_n } else { gamma_n.min(0.0) };
     let solve = |scale: f64| {
         let mut z = check;
         z.normal += scale * e_n * approach;
-        z.slip[0] += scale * e_t * before.slip[0];
-        z.slip[1] += scale * e_t * before.slip[1];
-        single::problem(model, &c, &z).solve()
+        z.slip[0] += scale * e_t * before[0];
+        z.slip[1] += scale * e_t * before[1];
+        single::problem(model, c, &z).solve()
     };
     let mut scale = 1.0;
     let mut s = solve(scale);
-    let work = |s: &carom_solve::single::SingleSolution| {
-        let [dv, dw] = single::correction(model, &c, s);
-        let after = single::motion(&c, radius, v_check + dv, w_check + dw);
-        [
+    // The velocity jump of a solution and its work: normal, sliding, rolling, spinning.
+    let effect = |s: &carom_solve::single::SingleSolution| {
+        let [dv, dw] = single::correction(model, c, s);
+        let after = single::motion(c, radius, v_check + dv, w_check + dw);
+        let work = [
             0.5 * s.normal * (check.normal + after.normal),
             0.5 * (s.sliding[0] * (check.slip[0] + after.slip[0])
                 + s.sliding[1] * (check.slip[1] + after.slip[1])),
             0.5 * (s.rolling[0] * (check.turn[0] + after.turn[0])
                 + s.rolling[1] * (check.turn[1] + after.turn[1])),
             0.5 * s.spinning * (check.spin + after.spin),
-        ]
+        ];
+        ([dv, dw], work)
     };
-    let mut done = work(&s);
+    let (mut jump, mut done) = effect(&s);
     if options.energy_safeguard && !paper && !resting {
         let kinetic = 0.5
             * (model.mass[i] * v_check.length_squared()
                 + model.inertia[i] * w_check.length_squared());
         let gains = |w: &[f64; 4]| w.iter().sum::<f64>() > impact::GAIN_TOLERANCE * kinetic;
         if gains(&done) {
-            scale = impact::bisect_scale(|trial| !gains(&work(&solve(trial))));
+            scale = impact::bisect_scale(|trial| !gains(&effect(&solve(trial)).1));
             s = solve(scale);
-            done = work(&s);
+            (jump, done) = effect(&s);
             report.restitution_scale = report.restitution_scale.min(scale);
         }
     }
@@ -151,20 +157,16 @@ fn solve_single(
     }
     report.add_velocity(&SolveReport::CLOSED_FORM);
     report.impact_problems = report.impact_problems.max(1);
-    let jump = single::correction(model, &c, &s);
     scratch.jump[i] = jump;
-    let packed = single::pack(model, &c, &s);
-    let target = &mut scratch.contacts[m as usize];
-    target.lambda = packed;
-    target.status = if s.slip { Status::Slip } else { Status::Stick };
-    target.work = done;
+    let packed = single::pack(model, c, &s);
+    let status = if s.slip { Status::Slip } else { Status::Stick };
     if !resting && gamma_n < -tol {
         let world = c.to_world(model, c.n1, &packed);
         scratch.impacts.push(ImpactRecord {
             problem: 1,
             a: c.a,
             b: c.b,
-            status: target.status as u8,
+            status: status as u8,
             normal: c.n1,
             impulse: world.impulse,
             moment: world.moment,
@@ -173,4 +175,8 @@ fn solve_single(
             restitution_scale: scale,
         });
     }
+    let target = &mut scratch.contacts[m as usize];
+    target.lambda = packed;
+    target.status = status;
+    target.work = done;
 }
