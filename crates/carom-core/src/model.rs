@@ -1,8 +1,10 @@
 //! What is simulated: compiled, immutable, arrays and integer ids.
 
+use crate::force::Load;
 use crate::options::Options;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// A number of the model is unusable.
@@ -97,6 +99,8 @@ pub struct Model {
     /// Law index + 1 by material pair, 0 where there is none.
     law_table: Vec<u32>,
     materials: usize,
+    /// Loads beyond the weight.
+    pub loads: Vec<Arc<dyn Load>>,
     pub options: Options,
 }
 
@@ -153,6 +157,7 @@ impl Model {
             laws,
             law_table,
             materials,
+            loads: Vec::new(),
             options,
         };
         let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();

@@ -230,6 +230,7 @@ impl Monitors {
 /// Level of a sub-problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
+    Smooth,
     Position,
     Velocity,
 }
@@ -237,6 +238,7 @@ pub enum Level {
 impl Level {
     pub fn name(self) -> &'static str {
         match self {
+            Level::Smooth => "smooth",
             Level::Position => "position",
             Level::Velocity => "velocity",
         }

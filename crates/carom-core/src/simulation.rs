@@ -49,7 +49,7 @@ impl Simulation {
             kinetic += 0.5
                 * (model.mass[i] * state.velocity[i].length_squared()
                     + model.inertia[i] * state.angular_velocity[i].length_squared());
-            potential += force::potential(&model, i, state.position[i]);
+            potential += force::weight_potential(&model, i, state.position[i]);
             static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
         }
         Simulation {

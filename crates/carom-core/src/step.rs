@@ -5,7 +5,7 @@
 
 use crate::contact::Contact;
 use crate::force;
-use crate::level::{position, velocity};
+use crate::level::{position, smooth, velocity};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
 use crate::rotation;
@@ -55,7 +55,7 @@ pub fn step(
         time,
         accept_unconverged,
     } = attempt;
-    predict_and_smooth(model, state, scratch, coefficients, *time, report);
+    predict_and_smooth(model, state, scratch, coefficients, *time, report)?;
     timers.mark(Phase::Predict);
     list_pairs(model, state, scratch);
     timers.mark(Phase::Broad);
@@ -77,36 +77,28 @@ pub fn step(
     Ok(())
 }
 
-/// Lines 5-20: the motion without contacts. Loads do not depend on q and v here, so Newton ends after one iteration.
+/// Lines 5-20 for every sphere, and a clean slate for what the step collects.
 fn predict_and_smooth(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
     coefficients: &Coefficients,
-    t: f64,
+    time: f64,
     report: &mut StepReport,
-) {
-    let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
-    for i in 0..model.spheres() {
-        let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
-        let mut linear = coefficients.predict(state.velocity[i], a, acc);
-        let mut angular = coefficients.predict(state.angular_velocity[i], alpha, ang);
-        let [f, moment] = force::load(model, i, t + coefficients.h);
-        coefficients.correct(&mut linear, per_velocity * model.inv_mass[i] * f);
-        coefficients.correct(&mut angular, per_velocity * model.inv_inertia[i] * moment);
-        scratch.position[i] = state.position[i] + linear.displacement;
-        scratch.linear[i] = linear;
-        scratch.angular[i] = angular;
-        scratch.shift[i] = [DVec3::ZERO; 2];
-        scratch.jump[i] = [DVec3::ZERO; 2];
-    }
-    report.iterations_smooth = 1;
+) -> Result<(), Failure> {
+    scratch.shift.fill([DVec3::ZERO; 2]);
+    scratch.jump.fill([DVec3::ZERO; 2]);
     scratch.impacts.clear();
     scratch.warm.clear();
     for history in &mut scratch.history {
         *history = History::default();
     }
     scratch.failed = None;
+    if smooth::solve(model, state, scratch, coefficients, time, report) {
+        Ok(())
+    } else {
+        Err(Failure::NotConverged(Level::Smooth))
+    }
 }
 
 /// Pairs that may come within the candidate margin during the step.
@@ -379,11 +371,14 @@ fn finish(
         let w = scratch.angular[i].velocity + scratch.jump[i][1];
         kinetic +=
             0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
-        potential += force::potential(model, i, scratch.position[i]);
+        potential += force::weight_potential(model, i, scratch.position[i]);
         if !(kinetic.is_finite() && potential.is_finite()) {
             return Err(Failure::NotFinite(i as u32));
         }
         scratch.jump[i] = [v, w];
+    }
+    for load in &model.loads {
+        potential += load.potential(&scratch.position);
     }
     for i in 0..model.spheres() {
         [state.velocity[i], state.angular_velocity[i]] = scratch.jump[i];

@@ -47,6 +47,7 @@ OPTIONS: dict[str, Option] = {
     "method": Option("method in time; nsga is the nonsmooth generalized-alpha scheme"),
     "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
     "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
+    "pile_tolerance": Option("tol_r in islands of more than dense_contacts contacts", _FRACTION),
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),

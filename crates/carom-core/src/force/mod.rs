@@ -1,19 +1,45 @@
-//! Applied loads: the seam of eq. 1a's `f(q, v, t)`.
+//! Applied loads: `f(q, v, t)` of eq. 1a.
 //!
-//! A load returns force and moment on one sphere. Those of today are independent of q and v, so the smooth tangent is
-//! the mass and the smooth Newton ends after one iteration; a load with tangents adds them in `level/smooth.rs`.
+//! Gravity is part of every model. Other loads implement [`Load`] and are kept in [`Model::loads`]; they may depend on
+//! positions and velocities of all spheres, and `level/smooth.rs` iterates on them. The terms f^p and f^v of eqs. 3 and 4,
+//! which matter only where a contact correction changes such a load, join the contact levels together with the first
+//! load that needs them.
 
 use crate::model::Model;
 use glam::DVec3;
 
-/// Force (N) and moment (N m, spatial) on sphere `i` at time `t` (s).
-#[inline]
-pub fn load(model: &Model, i: usize, _t: f64) -> [DVec3; 2] {
-    [model.mass[i] * model.gravity, DVec3::ZERO]
+/// What a load may depend on. One entry per sphere in each array.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion<'a> {
+    /// s.
+    pub time: f64,
+    /// Centres, m.
+    pub position: &'a [DVec3],
+    /// m/s.
+    pub velocity: &'a [DVec3],
+    /// Spatial, rad/s.
+    pub angular_velocity: &'a [DVec3],
 }
 
-/// Potential energy of the loads that have one, J: gravity, with its zero at the origin.
+/// A load on the spheres of a model.
+pub trait Load: std::fmt::Debug + Send + Sync {
+    /// Adds force (N) and moment (N m, spatial) on each sphere to `wrench (N)`.
+    fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]);
+
+    /// Potential energy, J; 0 for loads without one.
+    fn potential(&self, _position: &[DVec3]) -> f64 {
+        0.0
+    }
+}
+
+/// Weight of sphere `i`, N.
 #[inline]
-pub fn potential(model: &Model, i: usize, x: DVec3) -> f64 {
-    -model.mass[i] * model.gravity.dot(x)
+pub fn weight(model: &Model, i: usize) -> DVec3 {
+    model.mass[i] * model.gravity
+}
+
+/// Potential energy of the weight of sphere `i` at `x`, J, with its zero at the origin.
+#[inline]
+pub fn weight_potential(model: &Model, i: usize, x: DVec3) -> f64 {
+    -weight(model, i).dot(x)
 }

@@ -1,7 +1,8 @@
-//! The sub-problems of a step that are contact problems (eqs. 1c-e and 1f-h).
+//! The three sub-problems of a step: smooth (eqs. 1a-b), position (1c-e) and velocity (1f-h).
 
 pub mod position;
 pub mod single;
+pub mod smooth;
 pub mod velocity;
 
 use crate::contact::Contact;
