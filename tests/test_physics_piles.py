@@ -1,0 +1,99 @@
+"""Piles: redundant contacts that carry each other, at rest to rounding or to the tolerance that piles are solved with."""
+
+from __future__ import annotations
+
+import carom
+import numpy as np
+import pytest
+from physics_scenes import G, below, example, line, run
+
+
+def solved(result: carom.Result) -> None:
+    """No step unsolved, none halved, no penetration."""
+    s = result.summary
+    assert result.outcome.ok
+    assert s["unconverged"] == s["halvings"] == 0
+    assert not np.asarray(result.steps.unconverged).any()
+    assert not np.asarray(result.steps.halvings).any()
+    below(1e-9, "penetration / r", s["penetration_max_relative"])
+    print(f"fallbacks {s['fallbacks']}, truncated {s['truncated_sequences']}, iterations {s['iterations']}")
+
+
+def fastest(result: carom.Result, frames: slice) -> float:
+    """Largest speed of centres and surfaces, m/s."""
+    v = np.linalg.norm(np.asarray(result.velocity)[frames], axis=2)
+    w = np.linalg.norm(np.asarray(result.angular_velocity)[frames], axis=2) * result.bodies["radius"]
+    return float(max(v.max(), w.max()))
+
+
+def test_a_column_of_five_stays_at_rest() -> None:
+    result = example("column")
+    solved(result)
+    # m g h of up to five balls at each level; what is left is the rounding of their sum.
+    below(1e-15, "column: speed", fastest(result, slice(None)))
+    below(1e-15, "column: drift", np.asarray(result.position) - np.asarray(result.position[0]))
+    assert result.summary["impact_problems"]["max"] == 1
+    assert result.summary["fallbacks"] == 0
+    assert len(result.impacts) == 0
+    # Contact k carries the 5 - k balls above it.
+    contacts = result.contacts.at(500)
+    m, h = 0.1, 1e-3
+    for (a, b), impulse in zip(
+        np.asarray(contacts.body).tolist(), np.abs(np.asarray(contacts.impulse)[:, 2])
+    ):
+        carried = 5 if b == 5 else 5 - max(a, b)
+        assert impulse == pytest.approx(carried * m * G * h, rel=1e-7)
+
+
+def test_ten_balls_in_a_corner_come_to_rest() -> None:
+    result = example("corner")
+    solved(result)
+    # A pile is solved to 1e-7 of its loads (m g h) in each step; a creep of 1e-4 g h is far above what that leaves.
+    end = fastest(result, slice(-200, None))
+    below(1e-4 * G * 1e-3, "corner: speed in the last 0.2 s", end)
+    below(1e-6, "corner: drift in the last 0.2 s", np.ptp(np.asarray(result.position)[-200:], axis=0))
+    assert result.energy.total[-1] < result.energy.total[0]
+    # Balls that roll on balls may gain a little, as second order in h (rule R5).
+    below(2e-6, "corner: energy rise", result.summary["energy"]["max_rise_relative"])
+
+
+def test_a_grid_of_27_balls_comes_to_rest() -> None:
+    result = example("grid_3x3x3")
+    solved(result)
+    assert result.summary["fallbacks"] == 0
+    below(1e-13, "grid: speed in the last 0.2 s", fastest(result, slice(-200, None)))
+    below(1e-13, "grid: drift in the last 0.2 s", np.ptp(np.asarray(result.position)[-200:], axis=0))
+    below(1e-9, "grid: energy rise", result.summary["energy"]["max_rise_relative"])
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_a_row_on_a_rough_floor_is_redundant_and_stays(n: int) -> None:
+    """All contacts stick: 5 contacts with 15 rows of rank 14 for three balls, 9 with 27 of rank 24 for five."""
+    scene = line([0.0] * n)
+    scene.gravity = (0.0, 0.0, -G)
+    scene.contact("ball", "floor", friction=0.5, restitution=0.0)
+    scene.plane("floor", point=(0, 0, -0.03125), normal=(0, 0, 1), material="floor")
+    scene._tree.contact[0].friction = 0.4
+    result = run(scene, steps=300)
+    solved(result)
+    below(1e-15, f"row of {n} at rest: speed", fastest(result, slice(None)))
+    # Pushed along the floor by gravity below the friction angle it stays too, now with loads between the balls.
+    scene.gravity = (G * np.sin(0.2), 0.0, -G * np.cos(0.2))
+    scene._tree.contact[1].rolling_radius = 0.4 * 0.03125
+    result = run(scene, steps=300)
+    solved(result)
+    below(1e-6 * G * 1e-3, f"row of {n} on a slope: speed", fastest(result, slice(None)))
+
+
+def test_a_ball_in_an_edge_and_in_a_corner_rests() -> None:
+    """Two and three walls with friction: 6 and 9 rows on 6 freedoms."""
+    for walls in (2, 3):
+        scene = carom.Scene(gravity=tuple(-5.0 * np.eye(3)[:walls].sum(0)))
+        scene.contact("ball", "wall", friction=0.4, restitution=0.3)
+        scene.sphere("ball", radius=0.25, mass=2.0, material="ball", position=(0.25, 0.25, 0.25))
+        for k in range(walls):
+            scene.plane(f"wall{k}", point=(0, 0, 0), normal=tuple(np.eye(3)[k]), material="wall")
+        result = run(scene, steps=200)
+        solved(result)
+        # Newton leaves a residual of rounding in m g h, though not always of a single one.
+        below(1e-14, f"ball on {walls} walls: speed", fastest(result, slice(None)))
