@@ -5,6 +5,30 @@ use glam::{DQuat, DVec3};
 /// Below this squared half-angle the series of sine and cosine are exact to rounding.
 const SERIES: f64 = 0.0625;
 
+/// Coefficients of sin(t)/t and cos(t) in powers of t^2, lowest first. As constants: divisions would cost more than all the rest.
+const SINC: [f64; 6] = [
+    1.0,
+    -1.0 / 6.0,
+    1.0 / 120.0,
+    -1.0 / 5040.0,
+    1.0 / 362_880.0,
+    -1.0 / 39_916_800.0,
+];
+const COS: [f64; 6] = [
+    1.0,
+    -0.5,
+    1.0 / 24.0,
+    -1.0 / 720.0,
+    1.0 / 40_320.0,
+    -1.0 / 3_628_800.0,
+];
+
+/// Horner's scheme.
+#[inline]
+fn polynomial(x: f64, c: &[f64; 6]) -> f64 {
+    c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))))
+}
+
 /// `exp(psi) q`, normalised.
 #[inline]
 pub fn advance(rot_incr_world: DVec3, q: DQuat) -> DQuat {
@@ -12,12 +36,7 @@ pub fn advance(rot_incr_world: DVec3, q: DQuat) -> DQuat {
     let x = half.length_squared();
     // sin(t)/t and cos(t) over x = t^2.
     let (sinc, cos) = if x < SERIES {
-        (
-            1.0 - x / 6.0
-                * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0)))),
-            1.0 - x / 2.0
-                * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0)))),
-        )
+        (polynomial(x, &SINC), polynomial(x, &COS))
     } else {
         let t = x.sqrt();
         let (s, c) = t.sin_cos();
@@ -27,7 +46,6 @@ pub fn advance(rot_incr_world: DVec3, q: DQuat) -> DQuat {
     let (qv, qw) = (DVec3::new(q.x, q.y, q.z), q.w);
     let w = cos * qw - v.dot(qv);
     let u = cos * qv + qw * v + v.cross(qv);
-    // One Newton step of 1/sqrt around 1 would do; the square root keeps it exact for any input.
     let scale = 1.0 / (w * w + u.length_squared()).sqrt();
     DQuat::from_xyzw(scale * u.x, scale * u.y, scale * u.z, scale * w)
 }

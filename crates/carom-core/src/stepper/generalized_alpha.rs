@@ -6,14 +6,23 @@
 
 use glam::DVec3;
 
-/// Coefficients for one step size.
+/// Coefficients for one step size, as the factors that the update needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Coefficients {
     pub h: f64,
-    alpha_m: f64,
-    alpha_f: f64,
-    gamma: f64,
-    beta: f64,
+    /// a_{n+1} = `from_acceleration` v-dot_n - `from_pseudo` a_n (line 7).
+    from_acceleration: f64,
+    from_pseudo: f64,
+    /// h (1 - gamma), h gamma; h^2 (1/2 - beta), h^2 beta (lines 8 and 9).
+    velocity_old: f64,
+    velocity_new: f64,
+    displacement_old: f64,
+    displacement_new: f64,
+    /// s, and h beta/gamma (lines 17 and 18).
+    acceleration_per_velocity: f64,
+    displacement_per_velocity: f64,
+    /// (1 - alpha_f)/(1 - alpha_m) (line 41).
+    finish: f64,
 }
 
 /// Prediction of one body: translation or rotation.
@@ -38,27 +47,27 @@ impl Coefficients {
         let beta = 0.25 * (gamma + 0.5) * (gamma + 0.5);
         Coefficients {
             h,
-            alpha_m,
-            alpha_f,
-            gamma,
-            beta,
+            from_acceleration: alpha_f / (1.0 - alpha_m),
+            from_pseudo: alpha_m / (1.0 - alpha_m),
+            velocity_old: h * (1.0 - gamma),
+            velocity_new: h * gamma,
+            displacement_old: h * h * (0.5 - beta),
+            displacement_new: h * h * beta,
+            acceleration_per_velocity: (1.0 - alpha_m) / ((1.0 - alpha_f) * gamma * h),
+            displacement_per_velocity: h * beta / gamma,
+            finish: (1.0 - alpha_f) / (1.0 - alpha_m),
         }
     }
 
     /// Lines 5-9 with v-dot-check_{n+1} = 0.
     #[inline]
     pub fn predict(&self, velocity: DVec3, pseudo: DVec3, acceleration: DVec3) -> Prediction {
-        let Coefficients {
-            h,
-            alpha_m,
-            alpha_f,
-            gamma,
-            beta,
-        } = *self;
-        let new = (alpha_f * acceleration - alpha_m * pseudo) / (1.0 - alpha_m);
+        let new = self.from_acceleration * acceleration - self.from_pseudo * pseudo;
         Prediction {
-            velocity: velocity + h * (1.0 - gamma) * pseudo + h * gamma * new,
-            displacement: h * velocity + h * h * (0.5 - beta) * pseudo + h * h * beta * new,
+            velocity: velocity + self.velocity_old * pseudo + self.velocity_new * new,
+            displacement: self.h * velocity
+                + self.displacement_old * pseudo
+                + self.displacement_new * new,
             pseudo: new,
             acceleration: DVec3::ZERO,
         }
@@ -67,21 +76,21 @@ impl Coefficients {
     /// d(v-dot-check)/d(v-check) of a smooth Newton correction.
     #[inline]
     pub fn acceleration_per_velocity(&self) -> f64 {
-        (1.0 - self.alpha_m) / ((1.0 - self.alpha_f) * self.gamma * self.h)
+        self.acceleration_per_velocity
     }
 
     /// Lines 16-18: applies a velocity correction.
     #[inline]
     pub fn correct(&self, p: &mut Prediction, dv: DVec3) {
         p.velocity += dv;
-        p.acceleration += self.acceleration_per_velocity() * dv;
-        p.displacement += self.h * self.beta / self.gamma * dv;
+        p.acceleration += self.acceleration_per_velocity * dv;
+        p.displacement += self.displacement_per_velocity * dv;
     }
 
     /// Line 41: a_{n+1}.
     #[inline]
     pub fn finish(&self, p: &Prediction) -> DVec3 {
-        p.pseudo + (1.0 - self.alpha_f) / (1.0 - self.alpha_m) * p.acceleration
+        p.pseudo + self.finish * p.acceleration
     }
 }
 
