@@ -1,0 +1,48 @@
+"""The examples of validation/ in short form: each keeps every bound of its bounds.toml."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+VALIDATION = Path(__file__).parent.parent / "validation"
+EXAMPLES = sorted(path.parent.name for path in VALIDATION.glob("*/order.py"))
+
+
+def bounds(example: str) -> dict[str, Any]:
+    return tomllib.loads((VALIDATION / example / "bounds.toml").read_text(encoding="utf-8"))
+
+
+@cache
+def measured(example: str) -> dict[str, Any]:
+    """The command itself, as anyone would call it: once for all tests of an example."""
+    command = [sys.executable, str(VALIDATION / example / "order.py"), "--quick", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode in (0, 1), done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    assert not found["unused"], "bounds that nothing is held against"
+    return found
+
+
+# One worker runs the command and keeps its output.
+@pytest.mark.xdist_group("validation")
+@pytest.mark.parametrize(("example", "name"), [(e, name) for e in EXAMPLES for name in bounds(e)])
+def test_bound_is_kept(example: str, name: str) -> None:
+    [check] = [c for c in measured(example)["checks"] if c["name"] == name]
+    assert check["ok"], (
+        f"{name} = {check['value']:.6g}, must be within {check['least']} .. {check['most']}: {check['origin']}"
+    )
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_every_bound_says_where_it_comes_from(example: str) -> None:
+    for name, bound in bounds(example).items():
+        assert {"least", "most"} & set(bound), name
+        assert len(bound["origin"]) > 5, name

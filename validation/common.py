@@ -1,0 +1,188 @@
+"""What the examples of validation/ share: running the core at many steps, norms, orders, bounds, tables.
+
+An example is a folder named after its section of the paper; `validation/README.md` says what it holds. Its
+scripts run the compiled core directly: nothing is written to disk, so hundreds of thousands of steps take
+seconds.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+from carom import _core
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+Model = Mapping[str, Any]
+
+ROOT = Path(__file__).parent.parent
+SCENARIOS = ROOT / "scenarios" / "paper"
+#: Steps in one call of the core: what it reports of every step is dropped before it fills memory.
+BLOCK = 5000
+
+
+def model_of(scenario: str, **options: Any) -> dict[str, Any]:
+    """A scenario of the paper as the arrays that the core takes; `options` are keys of its `[run]`."""
+    return carom.Scene.from_toml(SCENARIOS / f"{scenario}.toml").with_options(**options).to_model()
+
+
+@dataclass
+class Run:
+    """One run: states at the demanded times, the core's monitors, and the impact problems of all steps.
+
+    `height` is the greatest height of each centre, m, over all steps up to `heights_until`; NaN without.
+    """
+
+    h: float
+    frames: list[dict[str, F64]]
+    monitors: dict[str, Any]
+    impacts: dict[str, NDArray[Any]]
+    height: F64
+    outcome: dict[str, Any] | None = None
+    states: dict[int, dict[str, F64]] = field(default_factory=dict)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every sub-problem of every step was solved to its tolerance."""
+        return self.outcome is None and int(self.monitors["unconverged"]) == 0
+
+
+def run(
+    scenario: str,
+    h: float,
+    times: Sequence[float],
+    *,
+    steps: Sequence[int] = (),
+    heights_until: float = 0.0,
+    **options: Any,
+) -> Run:
+    """Run a scenario with step `h` to the last of `times`, which must lie on its grid.
+
+    `steps` are further step numbers whose states are kept, in `states`.
+    """
+    model = model_of(scenario, step=h, **options)
+    simulation = _core.Simulation(model)
+    wanted = [round(t / h) for t in times]
+    off = [t for t, n in zip(times, wanted, strict=True) if abs(n * h - t) > 1e-9 * t]
+    if off:
+        raise ValueError(f"h = {h:g} s does not reach t = {off} s in whole steps")
+    at: dict[int, dict[str, F64]] = {}
+    impacts: dict[str, list[NDArray[Any]]] = {}
+    height = np.full(len(model["radius"]), -math.inf if heights_until else math.nan)
+    outcome = None
+    for target in sorted({*wanted, *steps}):
+        while simulation.step < target and outcome is None:
+            every = int(simulation.time < heights_until)
+            block = simulation.advance(min(BLOCK, target - simulation.step), every, False, math.inf)
+            outcome = block["outcome"]
+            for key, column in block["impacts"].items():
+                impacts.setdefault(key, []).append(np.asarray(column))
+            kept = np.asarray(block["frames"]["time"]) <= heights_until
+            if every and kept.any():
+                height = np.maximum(height, np.max(block["frames"]["position"][kept, :, 2], axis=0))
+        at[target] = simulation.frame()
+    joined = {key: np.concatenate(columns) for key, columns in impacts.items()}
+    states = {n: at[n] for n in steps}
+    return Run(h, [at[n] for n in wanted], simulation.monitors(), joined, height, outcome, states)
+
+
+def error(found: F64, reference: F64) -> float:
+    """Eq. 45 over the bodies at one instant: sum of |f - f_ref| over sum of |f_ref|, |.| Euclidean."""
+    off = float(np.sum(np.linalg.norm(found - reference, axis=-1)))
+    size = float(np.sum(np.linalg.norm(reference, axis=-1)))
+    return off / size if size > 0 else off
+
+
+def slope(h: Sequence[float], errors: Sequence[float]) -> float:
+    """Order of convergence: slope of log error against log h, least squares over all steps."""
+    return float(np.polyfit(np.log(h), np.log(errors), 1)[0])
+
+
+def grid_steps(unit: float, event: float, near: Iterable[float], place: float) -> list[float]:
+    """Steps h = unit / M, near those of `near`, that put `event` at the fraction `place` of its step.
+
+    In a scheme that finds an event at the end of its step, the delay is then the same share of every h, and
+    the error is a smooth function of h: the order can be read from it. Steps taken blindly delay the event by
+    anything between 0 and h, and their errors scatter by as much.
+    """
+    found: set[float] = set()
+    for h in near:
+        # Coarse steps leave few candidates, so the search is wide; the smallest miss of the wanted place wins.
+        candidates = np.arange(math.floor(unit / h / 1.33), math.ceil(unit / h * 1.33) + 1)
+        candidates = candidates[candidates > 0]
+        miss = np.abs((event / unit * candidates) % 1.0 - place)
+        found.add(unit / int(candidates[np.argmin(miss)]))
+    return sorted(found, reverse=True)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A measured value held against a bound of `bounds.toml`."""
+
+    name: str
+    value: float
+    least: float | None
+    most: float | None
+    origin: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether the value lies within its bounds; NaN does not."""
+        return (self.least is None or self.value >= self.least) and (
+            self.most is None or self.value <= self.most
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """The check as plain values."""
+        return {**vars(self), "ok": self.ok}
+
+
+class Bounds:
+    """The bounds of an example: `bounds.toml` gives each a `least`, a `most` or both, and says where it comes from."""
+
+    def __init__(self, path: Path) -> None:
+        self._table = tomllib.loads(path.read_text(encoding="utf-8"))
+        self.checks: list[Check] = []
+
+    def check(self, name: str, value: float) -> None:
+        """Note a measured value; a name without bounds is an error."""
+        bound = self._table[name]
+        self.checks.append(Check(name, float(value), bound.get("least"), bound.get("most"), bound["origin"]))
+
+    def unused(self) -> set[str]:
+        """Bounds that nothing was held against."""
+        return set(self._table) - {check.name for check in self.checks}
+
+    @property
+    def ok(self) -> bool:
+        """Whether all values noted so far lie within their bounds."""
+        return all(check.ok for check in self.checks)
+
+    def table(self) -> str:
+        """The checks for a terminal."""
+        rows = []
+        for c in self.checks:
+            limits = [f"{sign} {x:g}" for sign, x in ((">=", c.least), ("<=", c.most)) if x is not None]
+            rows.append([c.name, f"{c.value:.6g}", " and ".join(limits), "ok" if c.ok else "SHORT"])
+        return table(["check", "value", "bound", ""], rows)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns for a terminal, the first one flush left, the others flush right."""
+    cells = [list(head), *(list(row) for row in rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+
+    def line(row: Sequence[str]) -> str:
+        first, *rest = row
+        return "  ".join(
+            [first.ljust(widths[0]), *(c.rjust(w) for c, w in zip(rest, widths[1:], strict=True))]
+        ).rstrip()
+
+    return "\n".join([line(cells[0]), "  ".join("-" * w for w in widths), *map(line, cells[1:])])
