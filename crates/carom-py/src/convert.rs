@@ -158,3 +158,8 @@ pub fn put<'py, T: numpy::Element>(
     }
     out.set_item(name, array.reshape(shape.to_vec())?)
 }
+
+/// Arrays of K numbers, one after the other.
+pub fn flat<const K: usize>(values: impl Iterator<Item = [f64; K]>) -> Vec<f64> {
+    values.flatten().collect()
+}

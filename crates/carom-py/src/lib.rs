@@ -2,6 +2,8 @@
 
 mod convert;
 mod simulation;
+mod state;
+mod tables;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -1,8 +1,10 @@
 //! Impact laws: strategies over velocity sub-problems of one island (section 3.2; rules R2 to R4).
 //!
-//! `problem.rs` states and solves one impact problem over chosen contacts, `sequence.rs` orders them.
+//! `problem.rs` states and solves one impact problem over chosen contacts, `safeguard.rs` keeps it from gaining energy,
+//! `sequence.rs` orders them.
 
 mod problem;
+mod safeguard;
 mod sequence;
 
 pub use problem::ImpactScratch;

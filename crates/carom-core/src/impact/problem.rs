@@ -1,6 +1,5 @@
 //! One impact problem: chosen contacts of an island, fixed impulses of earlier problems, Newton's law (eqs. 16, 24).
 
-use super::{bisect_scale, GAIN_TOLERANCE};
 use crate::contact::{Contact, Rows};
 use crate::level::position::along;
 use crate::level::velocity::Speeds;
@@ -44,13 +43,13 @@ pub struct ImpactScratch {
     pub problems: u32,
     work: Vec<[f64; 4]>,
     status: Vec<Status>,
-    sub: RowSystem,
-    lambda: Vec<f64>,
-    u: Vec<f64>,
-    scale: Vec<f64>,
-    velocity: Vec<f64>,
+    pub(super) sub: RowSystem,
+    pub(super) lambda: Vec<f64>,
+    pub(super) u: Vec<f64>,
+    pub(super) scale: Vec<f64>,
+    pub(super) velocity: Vec<f64>,
     force: Vec<f64>,
-    group: Vec<u32>,
+    pub(super) group: Vec<u32>,
     /// Rows of stage 0, kept until the step turns out to have an impact in this island.
     resting: Vec<ImpactRecord>,
     accept_unconverged: bool,
@@ -222,7 +221,7 @@ impl ImpactScratch {
     }
 
     /// Rows of the chosen contacts with their free measures `z0`.
-    fn build(&mut self, model: &Model, contacts: &[Contact], law: Law) {
+    pub(super) fn build(&mut self, model: &Model, contacts: &[Contact], law: Law) {
         let mut sub = std::mem::take(&mut self.sub);
         sub.clear();
         sub.inv_mass.extend_from_slice(&self.full.inv_mass);
@@ -291,7 +290,7 @@ impl ImpactScratch {
         sum
     }
 
-    fn solve_built(
+    pub(super) fn solve_built(
         &mut self,
         model: &Model,
         scratch: &mut Scratch,
@@ -345,123 +344,6 @@ impl ImpactScratch {
         std::mem::swap(&mut scratch.solve.system, &mut self.sub);
         report.unconverged += u32::from(self.accept_unconverged);
         self.accept_unconverged
-    }
-
-    /// Rule R4: scales restitution in islands of contacts with impulse whose work is positive.
-    fn safeguard(
-        &mut self,
-        model: &Model,
-        scratch: &mut Scratch,
-        law: Law,
-        problem: u32,
-        report: &mut StepReport,
-    ) -> bool {
-        // A contact that wakes between two groups joins them: look again, at most once per member.
-        for _ in 0..self.chosen.len() {
-            self.group_by_impulse();
-            let groups = self.group.clone();
-            let mut done: Vec<u32> = Vec::new();
-            for position in 0..self.chosen.len() {
-                let group = groups[position];
-                if group == u32::MAX || done.contains(&group) {
-                    continue;
-                }
-                let inside: Vec<usize> = (0..self.chosen.len())
-                    .filter(|&p| groups[p] == group)
-                    .collect();
-                if !self.gains(&inside) {
-                    continue;
-                }
-                done.push(group);
-                let base: Vec<f64> = inside.iter().map(|&p| self.scale[p]).collect();
-                let mut fine = true;
-                let mut trial = |this: &mut Self, s: f64| {
-                    for (&p, start) in inside.iter().zip(&base) {
-                        this.scale[p] = s * start;
-                    }
-                    this.build(model, &scratch.contacts, law);
-                    fine &= this.solve_built(model, scratch, problem, None, report);
-                    !this.gains(&inside)
-                };
-                let scale = bisect_scale(|s| trial(self, s));
-                trial(self, scale);
-                if !fine {
-                    return false;
-                }
-            }
-            if done.is_empty() {
-                break;
-            }
-            let least = self.scale.iter().copied().fold(1.0, f64::min);
-            report.restitution_scale = report.restitution_scale.min(least);
-        }
-        true
-    }
-
-    /// Marks contacts with impulse by connected group (through spheres), others `u32::MAX`.
-    fn group_by_impulse(&mut self) {
-        let contacts = &self.sub.contacts;
-        let mut node_group: Vec<u32> = (0..self.sub.nodes() as u32).collect();
-        let loaded = |c: &carom_solve::rows::RowContact| self.lambda[c.row as usize] > 0.0;
-        // Small islands: repeat the sweep until nothing changes.
-        loop {
-            let mut changed = false;
-            for c in contacts
-                .iter()
-                .filter(|c| loaded(c) && c.node_b != carom_solve::rows::WORLD)
-            {
-                let (a, b) = (node_group[c.node_a as usize], node_group[c.node_b as usize]);
-                if a != b {
-                    let low = a.min(b);
-                    node_group[c.node_a as usize] = low;
-                    node_group[c.node_b as usize] = low;
-                    changed = true;
-                }
-            }
-            if !changed {
-                break;
-            }
-        }
-        self.group.clear();
-        self.group.extend(contacts.iter().map(|c| {
-            if loaded(c) {
-                node_group[c.node_a as usize]
-            } else {
-                u32::MAX
-            }
-        }));
-    }
-
-    /// Whether the work of the given contacts of the problem exceeds the tolerance of rule R4.
-    fn gains(&self, inside: &[usize]) -> bool {
-        let mut work = 0.0;
-        let mut nodes: Vec<u32> = Vec::new();
-        for &position in inside {
-            let c = &self.sub.contacts[position];
-            for row in c.row as usize..(c.row + c.dim) as usize {
-                let before = self.sub.row_velocity(c, row, &self.velocity);
-                let after = before + self.sub.row_velocity(c, row, &self.u);
-                work += 0.5 * self.lambda[row] * (before + after);
-            }
-            for node in [c.node_a, c.node_b] {
-                if node != carom_solve::rows::WORLD && !nodes.contains(&node) {
-                    nodes.push(node);
-                }
-            }
-        }
-        let kinetic: f64 = nodes
-            .iter()
-            .map(|&node| {
-                let v = &self.velocity[NODE_DOF * node as usize..][..NODE_DOF];
-                let (im, ii) = (
-                    self.sub.inv_mass[node as usize],
-                    self.sub.inv_inertia[node as usize],
-                );
-                0.5 * ((v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / im
-                    + (v[3] * v[3] + v[4] * v[4] + v[5] * v[5]) / ii)
-            })
-            .sum();
-        work > GAIN_TOLERANCE * kinetic
     }
 
     /// Adds the new impulses and their work to the totals.

@@ -1,0 +1,128 @@
+//! The energy safeguard (rule R4): Newton's law with friction and unequal restitution can gain energy in multiple impacts.
+
+use super::bisect_scale;
+use super::problem::{ImpactScratch, Law};
+use super::GAIN_TOLERANCE;
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::scratch::Scratch;
+use carom_solve::rows::NODE_DOF;
+
+impl ImpactScratch {
+    /// Rule R4: scales restitution in islands of contacts with impulse whose work is positive.
+    pub(super) fn safeguard(
+        &mut self,
+        model: &Model,
+        scratch: &mut Scratch,
+        law: Law,
+        problem: u32,
+        report: &mut StepReport,
+    ) -> bool {
+        // A contact that wakes between two groups joins them: look again, at most once per member.
+        for _ in 0..self.chosen.len() {
+            self.group_by_impulse();
+            let groups = self.group.clone();
+            let mut done: Vec<u32> = Vec::new();
+            for position in 0..self.chosen.len() {
+                let group = groups[position];
+                if group == u32::MAX || done.contains(&group) {
+                    continue;
+                }
+                let inside: Vec<usize> = (0..self.chosen.len())
+                    .filter(|&p| groups[p] == group)
+                    .collect();
+                if !self.gains(&inside) {
+                    continue;
+                }
+                done.push(group);
+                let base: Vec<f64> = inside.iter().map(|&p| self.scale[p]).collect();
+                let mut fine = true;
+                let mut trial = |this: &mut Self, s: f64| {
+                    for (&p, start) in inside.iter().zip(&base) {
+                        this.scale[p] = s * start;
+                    }
+                    this.build(model, &scratch.contacts, law);
+                    fine &= this.solve_built(model, scratch, problem, None, report);
+                    !this.gains(&inside)
+                };
+                let scale = bisect_scale(|s| trial(self, s));
+                trial(self, scale);
+                if !fine {
+                    return false;
+                }
+            }
+            if done.is_empty() {
+                break;
+            }
+            let least = self.scale.iter().copied().fold(1.0, f64::min);
+            report.restitution_scale = report.restitution_scale.min(least);
+        }
+        true
+    }
+
+    /// Marks contacts with impulse by connected group (through spheres), others `u32::MAX`.
+    fn group_by_impulse(&mut self) {
+        let contacts = &self.sub.contacts;
+        let mut node_group: Vec<u32> = (0..self.sub.nodes() as u32).collect();
+        let loaded = |c: &carom_solve::rows::RowContact| self.lambda[c.row as usize] > 0.0;
+        // Small islands: repeat the sweep until nothing changes.
+        loop {
+            let mut changed = false;
+            for c in contacts
+                .iter()
+                .filter(|c| loaded(c) && c.node_b != carom_solve::rows::WORLD)
+            {
+                let (a, b) = (node_group[c.node_a as usize], node_group[c.node_b as usize]);
+                if a != b {
+                    let low = a.min(b);
+                    node_group[c.node_a as usize] = low;
+                    node_group[c.node_b as usize] = low;
+                    changed = true;
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+        self.group.clear();
+        self.group.extend(contacts.iter().map(|c| {
+            if loaded(c) {
+                node_group[c.node_a as usize]
+            } else {
+                u32::MAX
+            }
+        }));
+    }
+
+    /// Whether the work of the given contacts of the problem exceeds the tolerance of rule R4.
+    fn gains(&self, inside: &[usize]) -> bool {
+        let mut work = 0.0;
+        let mut nodes: Vec<u32> = Vec::new();
+        for &position in inside {
+            let c = &self.sub.contacts[position];
+            for row in c.row as usize..(c.row + c.dim) as usize {
+                let before = self.sub.row_velocity(c, row, &self.velocity);
+                let after = before + self.sub.row_velocity(c, row, &self.u);
+                work += 0.5 * self.lambda[row] * (before + after);
+            }
+            for node in [c.node_a, c.node_b] {
+                if node != carom_solve::rows::WORLD && !nodes.contains(&node) {
+                    nodes.push(node);
+                }
+            }
+        }
+        let kinetic: f64 = nodes
+            .iter()
+            .map(|&node| {
+                let v = &self.velocity[NODE_DOF * node as usize..][..NODE_DOF];
+                let (im, ii) = (
+                    self.sub.inv_mass[node as usize],
+                    self.sub.inv_inertia[node as usize],
+                );
+                0.5 * ((v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / im
+                    + (v[3] * v[3] + v[4] * v[4] + v[5] * v[5]) / ii)
+            })
+            .sum();
+        work > GAIN_TOLERANCE * kinetic
+    }
+}

@@ -1,0 +1,218 @@
+//! State, open contact records and monitors as arrays, there and back: what a checkpoint holds.
+
+use crate::convert::{self, flat, put};
+use crate::ModelError;
+use carom_core::record::ContactRecord;
+use carom_core::report::Spread;
+use carom_core::state::{State, Warm};
+use glam::{DQuat, DVec3};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+pub fn six(a: DVec3, b: DVec3) -> [f64; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z]
+}
+
+pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State) -> PyResult<()> {
+    let n = s.position.len();
+    put(
+        out,
+        "position",
+        flat(s.position.iter().map(DVec3::to_array)),
+        &[n, 3],
+    )?;
+    put(
+        out,
+        "orientation",
+        flat(s.orientation.iter().map(|q| [q.w, q.x, q.y, q.z])),
+        &[n, 4],
+    )?;
+    put(
+        out,
+        "velocity",
+        flat(s.velocity.iter().map(DVec3::to_array)),
+        &[n, 3],
+    )?;
+    put(
+        out,
+        "angular_velocity",
+        flat(s.angular_velocity.iter().map(DVec3::to_array)),
+        &[n, 3],
+    )
+}
+
+pub fn open_values(r: &ContactRecord) -> [f64; 20] {
+    let mut out = [0.0; 20];
+    out[0] = r.gap;
+    for (k, v) in [
+        r.normal,
+        r.impulse,
+        r.moment,
+        r.position_impulse,
+        r.position_moment,
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        out[1 + 3 * k..4 + 3 * k].copy_from_slice(&v.to_array());
+    }
+    out[16..].copy_from_slice(&r.work);
+    out
+}
+
+pub fn read_open(state: &Bound<'_, PyDict>) -> PyResult<Vec<ContactRecord>> {
+    let keys = convert::indices(state, "open_key")?;
+    let status = convert::indices(state, "open_status")?;
+    let values = convert::rows::<20>(state, "open_value")?;
+    if keys.len() != 2 * values.len() || status.len() != values.len() {
+        return Err(ModelError::new_err(
+            "state: the open contact records differ in length",
+        ));
+    }
+    let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
+    Ok(values
+        .iter()
+        .enumerate()
+        .map(|(i, v)| ContactRecord {
+            key: (keys[2 * i] as u32, keys[2 * i + 1] as u32),
+            status: status[i] as u8,
+            gap: v[0],
+            normal: vector(&v[1..]),
+            impulse: vector(&v[4..]),
+            moment: vector(&v[7..]),
+            position_impulse: vector(&v[10..]),
+            position_moment: vector(&v[13..]),
+            work: [v[16], v[17], v[18], v[19]],
+        })
+        .collect())
+}
+
+pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
+    let vectors = |name: &str| -> PyResult<Vec<DVec3>> {
+        Ok(convert::rows::<3>(state, name)?
+            .into_iter()
+            .map(DVec3::from)
+            .collect())
+    };
+    let pairs = |name: &str| -> PyResult<Vec<[DVec3; 2]>> {
+        Ok(convert::rows::<6>(state, name)?
+            .into_iter()
+            .map(|v| [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])])
+            .collect())
+    };
+    let one = |name: &str| -> PyResult<f64> {
+        convert::floats(state, name)?
+            .first()
+            .copied()
+            .ok_or_else(|| ModelError::new_err(format!("state: {name} is empty")))
+    };
+    let keys = convert::indices(state, "warm_key")?;
+    let values = convert::rows::<6>(state, "warm_value")?;
+    if keys.len() != 2 * values.len() {
+        return Err(ModelError::new_err(
+            "state: warm_key and warm_value differ in length",
+        ));
+    }
+    let warm = values
+        .iter()
+        .enumerate()
+        .map(|(i, v)| Warm {
+            key: (keys[2 * i] as u32, keys[2 * i + 1] as u32),
+            impulse: DVec3::new(v[0], v[1], v[2]),
+            moment: DVec3::new(v[3], v[4], v[5]),
+        })
+        .collect();
+    Ok(State {
+        step: convert::indices(state, "step")?
+            .first()
+            .copied()
+            .unwrap_or(0),
+        position: vectors("position")?,
+        orientation: convert::rows::<4>(state, "orientation")?
+            .into_iter()
+            .map(|q| DQuat::from_xyzw(q[1], q[2], q[3], q[0]))
+            .collect(),
+        velocity: vectors("velocity")?,
+        angular_velocity: vectors("angular_velocity")?,
+        pseudo: pairs("pseudo")?,
+        acceleration: pairs("acceleration")?,
+        warm,
+        warm_step: one("warm_step")?,
+    })
+}
+
+/// Monitors as two arrays, in the order of [`monitors_from`].
+pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
+    let spreads = [
+        m.smooth,
+        m.position,
+        m.velocity,
+        m.line_search_position,
+        m.line_search_velocity,
+        m.impact_problems,
+        m.contacts,
+    ];
+    let mut integers = vec![m.steps];
+    integers.extend(spreads.iter().flat_map(|s| [s.max, s.sum]));
+    integers.extend([
+        m.fallbacks,
+        m.truncated,
+        m.unconverged,
+        m.halvings,
+        m.missed_impacts,
+        m.relisted,
+        m.safeguarded,
+        m.energy_rises,
+    ]);
+    let floats = vec![
+        m.restitution_scale,
+        m.residual_position,
+        m.residual_velocity,
+        m.penetration,
+        m.penetration_relative,
+        m.energy_initial,
+        m.energy_final,
+        m.energy_max_rise,
+        m.energy_scale,
+        m.travel,
+    ];
+    (integers, floats)
+}
+
+pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
+    if i.len() != 23 || f.len() != 10 {
+        return None;
+    }
+    let spread = |k: usize| Spread {
+        max: i[1 + 2 * k],
+        sum: i[2 + 2 * k],
+    };
+    Some(carom_core::Monitors {
+        steps: i[0],
+        smooth: spread(0),
+        position: spread(1),
+        velocity: spread(2),
+        line_search_position: spread(3),
+        line_search_velocity: spread(4),
+        impact_problems: spread(5),
+        contacts: spread(6),
+        fallbacks: i[15],
+        truncated: i[16],
+        unconverged: i[17],
+        halvings: i[18],
+        missed_impacts: i[19],
+        relisted: i[20],
+        safeguarded: i[21],
+        energy_rises: i[22],
+        restitution_scale: f[0],
+        residual_position: f[1],
+        residual_velocity: f[2],
+        penetration: f[3],
+        penetration_relative: f[4],
+        energy_initial: f[5],
+        energy_final: f[6],
+        energy_max_rise: f[7],
+        energy_scale: f[8],
+        travel: f[9],
+    })
+}
