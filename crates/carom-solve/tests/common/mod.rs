@@ -264,14 +264,13 @@ pub fn largest(lambda: &[f64]) -> f64 {
     lambda.iter().fold(1e-300, |m, l| m.max(l.abs()))
 }
 
-/// `mask` chooses sliding (1), rolling (2), spinning (4).
-pub fn bounds(mask: usize, rng: &mut Rng, radius: f64) -> Bounds {
-    let mut draw =
-        |bit: usize, low: f64, high: f64| f64::from(mask & bit != 0) * rng.uniform(low, high);
+/// `mask` chooses sliding (1), rolling (2), spinning (4); `most` is the largest coefficient.
+pub fn bounds(mask: usize, rng: &mut Rng, radius: f64, most: f64) -> Bounds {
+    let mut draw = |bit: usize| f64::from(u8::from(mask & bit != 0)) * rng.uniform(0.1, most);
     Bounds {
-        sliding: draw(1, 0.1, 0.8),
-        rolling: draw(2, 0.1, 0.6) * radius,
-        spinning: draw(4, 0.1, 0.6) * radius,
+        sliding: draw(1),
+        rolling: draw(2) * radius,
+        spinning: draw(4) * radius,
     }
 }
 

@@ -1,0 +1,424 @@
+//! Newton against the conditions, against Gauss-Seidel and against the closed form; its rate; redundant contacts.
+
+mod common;
+
+use carom_solve::gauss_seidel::sweeps;
+use carom_solve::report::Rung;
+use carom_solve::rows::{Linear, RowSystem, Subproblem, NODE_DOF};
+use carom_solve::single::SingleContact;
+use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport};
+use common::{bounds, heap, largest, sharp, violation, Ball, Pair, Rng, Spheres};
+
+struct Solved {
+    report: SolveReport,
+    history: Vec<f64>,
+    lambda: Vec<f64>,
+    u: Vec<f64>,
+    /// Distance from the conditions over the largest multiplier.
+    violation: f64,
+}
+
+fn solve<P: Subproblem>(
+    system: &mut RowSystem,
+    problem: &mut P,
+    options: &NewtonOptions,
+) -> Solved {
+    let mut newton = Newton::default();
+    let (mut lambda, mut u) = (
+        vec![0.0; system.rows()],
+        vec![0.0; NODE_DOF * system.nodes()],
+    );
+    let report = newton.solve(system, problem, options, &mut lambda, &mut u);
+    let mut z = vec![0.0; system.rows()];
+    problem.evaluate(system, &u, &mut z);
+    let violation = violation(system, &z, &lambda, &u) / largest(&lambda);
+    Solved {
+        report,
+        history: newton.history.clone(),
+        lambda,
+        u,
+        violation,
+    }
+}
+
+/// A heap of balls with friction: overlaps (position level) or approach speeds (velocity level) as they come.
+fn random_problem(
+    rng: &mut Rng,
+    contacts: usize,
+    curved: bool,
+    friction: bool,
+) -> (RowSystem, Spheres) {
+    let problem = heap(rng, contacts, true, curved);
+    let laws: Vec<Bounds> = problem
+        .pairs
+        .iter()
+        .map(|_| {
+            let mask = if friction { 1 + rng.below(7) } else { 0 };
+            bounds(mask, rng, 0.7, 0.5)
+        })
+        .collect();
+    let size = if curved { 0.05 } else { 1.0 };
+    let mut draw = Rng(rng.next());
+    let mut system = problem.system(&laws, |_, r| {
+        if r == 0 {
+            draw.uniform(-1.0, 0.2)
+        } else {
+            size * draw.uniform(-1.0, 1.0)
+        }
+    });
+    let mut problem = problem;
+    let mut z = vec![0.0; system.rows()];
+    let u = vec![0.0; NODE_DOF * system.nodes()];
+    problem.evaluate(&mut system, &u, &mut z);
+    (system, problem)
+}
+
+#[test]
+fn random_problems_are_solved_and_the_end_is_quadratic() {
+    let mut rng = Rng(11);
+    for curved in [true, false] {
+        let (mut worst, mut later, mut most) = (0.0f64, 0, 0);
+        let mut rates = Vec::new();
+        for round in 0..2000 {
+            let contacts = 1 + round % 8;
+            let (mut system, mut problem) = random_problem(&mut rng, contacts, curved, true);
+            let s = solve(&mut system, &mut problem, &sharp());
+            assert!(s.report.converged, "round {round}: {:?}", s.report);
+            worst = worst.max(s.violation);
+            most = most.max(s.report.iterations);
+            if s.report.rung != Rung::First {
+                later += 1;
+                continue;
+            }
+            // The last step that was not yet among rounding: r_{k+1} <= C r_k^2.
+            let tail = s.history.windows(2).rev();
+            let tail = tail
+                .filter(|w| w[0] < 1e-4 && w[0] > 1e-8 && w[1] < w[0])
+                .map(|w| (w[1] - 1e-13).max(0.0) / (w[0] * w[0]));
+            rates.extend(tail.take(1));
+        }
+        rates.sort_by(f64::total_cmp);
+        let at = |share: f64| rates[((rates.len() - 1) as f64 * share) as usize];
+        println!(
+            "curved {curved}: violation {worst:.1e}, iterations up to {most}, later rungs {later}; C of {}: median {:.1e}, \
+             99 % {:.1}, largest {:.0}",
+            rates.len(),
+            at(0.5),
+            at(0.99),
+            at(1.0)
+        );
+        assert!(worst < 1e-10, "{worst}");
+        // C grows where the friction that slips is nearly none: its direction turns fast.
+        assert!(at(0.5) < 20.0 && at(0.99) < 1e3);
+        assert!(rates.len() > 200 && later < 40);
+    }
+}
+
+#[test]
+fn one_contact_in_closed_form_is_what_newton_finds() {
+    let mut rng = Rng(12);
+    let mut worst = 0.0f64;
+    for _ in 0..2000 {
+        let (mass, radius) = (rng.uniform(0.5, 2.0), rng.uniform(0.3, 1.5));
+        let inertia = rng.uniform(0.2, 0.7) * mass * radius * radius;
+        let mask = rng.below(8);
+        let law = bounds(mask, &mut rng, radius, 0.6);
+        let centre = [0.0, 0.0, radius];
+        let mut problem = Spheres {
+            balls: vec![Ball {
+                mass,
+                inertia,
+                radius,
+                frame: centre,
+                centre,
+            }],
+            pairs: vec![Pair::Plane(0, [0.0, 0.0, 1.0])],
+            curved: false,
+        };
+        let mut z = [0.0; 6];
+        for value in &mut z {
+            *value = rng.uniform(-1.0, 1.0);
+        }
+        let mut draw = z.iter();
+        let mut system = problem.system(&[law], |_, _| *draw.next().unwrap_or(&0.0));
+        let s = solve(&mut system, &mut problem, &sharp());
+        assert!(s.report.converged && s.violation < 1e-10 || system.z0[0] >= 0.0);
+        // Rows in the order N, T, R, S; rolling in the turned basis (-R2, R1).
+        let mut rows = system.z0.iter().copied();
+        let mut next = |present: bool| {
+            if present {
+                rows.next().unwrap_or(0.0)
+            } else {
+                0.0
+            }
+        };
+        let (t, r, w) = (law.sliding > 0.0, law.rolling > 0.0, law.spinning > 0.0);
+        let normal = next(true);
+        let sliding = [next(t), next(t)];
+        let turn = [next(r), next(r)];
+        let single = SingleContact {
+            z_normal: normal,
+            z_sliding: sliding,
+            z_rolling: [-turn[1], turn[0]],
+            z_spinning: next(w),
+            d_normal: 1.0 / mass,
+            d_sliding: 1.0 / mass + radius * radius / inertia,
+            d_turn: 1.0 / inertia,
+            d_coupling: radius / inertia,
+            mu: law.sliding,
+            rho: law.rolling,
+            delta: law.spinning,
+        }
+        .solve();
+        let mut expected = vec![single.normal];
+        if t {
+            expected.extend(single.sliding);
+        }
+        if r {
+            expected.extend([single.rolling[1], -single.rolling[0]]);
+        }
+        if w {
+            expected.push(single.spinning);
+        }
+        for (a, b) in expected.iter().zip(&s.lambda) {
+            worst = worst.max((a - b).abs());
+        }
+    }
+    println!("closed form and Newton: {worst:.1e}");
+    assert!(worst < 1e-9, "{worst}");
+}
+
+/// Runs Gauss-Seidel until nothing changes.
+fn by_sweeps(system: &mut RowSystem) -> (Vec<f64>, Vec<f64>) {
+    let (mut lambda, mut u) = (
+        vec![0.0; system.rows()],
+        vec![0.0; NODE_DOF * system.nodes()],
+    );
+    let mut z = vec![0.0; system.rows()];
+    for _ in 0..200 {
+        let before = lambda.clone();
+        sweeps(system, &mut Linear, 200, &mut lambda, &mut u, &mut z);
+        let change = before
+            .iter()
+            .zip(&lambda)
+            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        if change < 1e-15 * largest(&lambda) {
+            break;
+        }
+    }
+    (lambda, u)
+}
+
+/// Velocities are unique without friction, also where multipliers are not; with friction where rows are independent.
+#[test]
+fn gauss_seidel_and_newton_agree_where_the_solution_is_unique() {
+    let mut rng = Rng(13);
+    for (friction, planes) in [(false, true), (true, false)] {
+        let (mut worst, mut multipliers) = (0.0f64, 0.0f64);
+        for round in 0..300 {
+            let contacts = 1 + round % 8;
+            let mut tree = heap(&mut rng, contacts, planes, false);
+            // Contacts that form a tree have independent rows.
+            if friction {
+                tree.pairs = spanning(&tree);
+            }
+            let laws: Vec<Bounds> = tree
+                .pairs
+                .iter()
+                .map(|_| bounds(usize::from(friction), &mut rng, 0.7, 0.4))
+                .collect();
+            let mut draw = Rng(rng.next());
+            let mut system = tree.system(&laws, |_, r| {
+                draw.uniform(-1.0, if r == 0 { 0.2 } else { 1.0 })
+            });
+            let (lambda, u) = by_sweeps(&mut system);
+            let s = solve(&mut system, &mut Linear, &sharp());
+            assert!(s.report.converged);
+            let scale = largest(&s.u);
+            for (a, b) in u.iter().zip(&s.u) {
+                worst = worst.max((a - b).abs() / scale);
+            }
+            for (a, b) in lambda.iter().zip(&s.lambda) {
+                multipliers = multipliers.max((a - b).abs() / largest(&lambda));
+            }
+        }
+        println!("friction {friction}: velocities differ by {worst:.1e}, multipliers by {multipliers:.1e}");
+        assert!(worst < 1e-9, "{worst}");
+        assert!(!friction || multipliers < 1e-8, "{multipliers}");
+    }
+}
+
+/// The contacts by which each ball after the first hangs on an earlier one.
+fn spanning(spheres: &Spheres) -> Vec<Pair> {
+    let mut joined = vec![false; spheres.balls.len()];
+    let mut kept = Vec::new();
+    for &pair in &spheres.pairs {
+        if let Pair::Balls(_, b) = pair {
+            if !joined[b] {
+                joined[b] = true;
+                kept.push(pair);
+            }
+        }
+    }
+    kept
+}
+
+/// `n` balls in a row on a floor: the rank is below the rows. All would move by `push`, but for a `squeeze` along the row
+/// that is largest at its ends and loads the contacts between the balls.
+fn row_on_a_floor(n: usize, push: [f64; 3], squeeze: f64, mu: f64) -> (RowSystem, Spheres) {
+    let (mass, radius) = (0.2, 0.5);
+    let balls: Vec<Ball> = (0..n)
+        .map(|i| {
+            let centre = [i as f64 * 2.0 * radius, 0.0, radius];
+            Ball {
+                mass,
+                inertia: 0.4 * mass * radius * radius,
+                radius,
+                frame: centre,
+                centre,
+            }
+        })
+        .collect();
+    let mut pairs: Vec<Pair> = (1..n).map(|i| Pair::Balls(i - 1, i)).collect();
+    pairs.extend((0..n).map(|i| Pair::Plane(i, [0.0, 0.0, 1.0])));
+    let problem = Spheres {
+        balls,
+        pairs,
+        curved: false,
+    };
+    let law = Bounds {
+        sliding: mu,
+        ..Bounds::default()
+    };
+    let mut system = problem.system(&vec![law; problem.pairs.len()], |_, _| 0.0);
+    let free: Vec<f64> = (0..n)
+        .flat_map(|i| {
+            let x = push[0] + squeeze * (1.0 - 2.0 * i as f64 / (n - 1) as f64);
+            [x, push[1], push[2], 0.0, 0.0, 0.0]
+        })
+        .collect();
+    let mut z = vec![0.0; system.rows()];
+    system.linear_measures(&free, &mut z);
+    system.z0 = z;
+    (system, problem)
+}
+
+/// Rank by elimination with complete pivoting.
+fn rank(mut a: Vec<f64>, n: usize) -> usize {
+    for k in 0..n {
+        let (mut r, mut c, mut best) = (k, k, 0.0);
+        for i in k..n {
+            for j in k..n {
+                if a[i * n + j].abs() > best {
+                    (r, c, best) = (i, j, a[i * n + j].abs());
+                }
+            }
+        }
+        if best < 1e-9 {
+            return k;
+        }
+        for j in 0..n {
+            a.swap(k * n + j, r * n + j);
+        }
+        for i in 0..n {
+            a.swap(i * n + k, i * n + c);
+        }
+        for i in k + 1..n {
+            let f = a[i * n + k] / a[k * n + k];
+            for j in k..n {
+                a[i * n + j] -= f * a[k * n + j];
+            }
+        }
+    }
+    n
+}
+
+#[test]
+fn redundant_contacts_are_solved() {
+    for (n, expected) in [(3, 14), (5, 24), (12, 0)] {
+        for (push, squeeze, mu) in [
+            ([0.0, 0.0, -1.0], 0.0, 0.5),
+            ([0.3, 0.1, -1.0], 0.0, 0.9),
+            ([0.0, 0.0, -1.0], 1.0, 0.9),
+            ([0.3, 0.0, -1.0], 0.7, 0.9),
+            ([0.3, 0.1, -1.0], 0.7, 0.3),
+            ([1.0, 0.2, -1.0], 2.0, 0.2),
+        ] {
+            let (mut system, _) = row_on_a_floor(n, push, squeeze, mu);
+            let rows = system.rows();
+            let found = rank(system.dense_delassus(), rows);
+            assert!(found < rows);
+            assert!(expected == 0 || found == expected, "{found} of {rows}");
+            for options in [
+                NewtonOptions {
+                    dense_contacts: 100,
+                    ..sharp()
+                },
+                NewtonOptions {
+                    dense_contacts: 0,
+                    ..sharp()
+                },
+            ] {
+                let s = solve(&mut system, &mut Linear, &options);
+                println!(
+                    "{n} balls, rank {found} of {rows}, push {push:?}, squeeze {squeeze}, dense {}: {} iterations, {:?}, violation {:.1e}",
+                    options.dense_contacts, s.report.iterations, s.report.rung, s.violation
+                );
+                assert!(s.report.converged);
+                assert!(s.violation < 1e-9, "{}", s.violation);
+                if squeeze == 0.0 {
+                    // It stays: the balls stop, and the floor carries what was falling.
+                    for i in 0..n {
+                        assert!((s.u[NODE_DOF * i + 2] - 1.0).abs() < 1e-9);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The largest problems that are solved dense, and the same through the sparse route.
+#[test]
+fn dense_and_sparse_find_the_same_velocities_without_friction() {
+    let mut rng = Rng(14);
+    let mut worst = 0.0f64;
+    for _ in 0..200 {
+        let (mut system, _) = random_problem(&mut rng, 10, false, false);
+        let dense = solve(&mut system, &mut Linear, &sharp());
+        let sparse = solve(
+            &mut system,
+            &mut Linear,
+            &NewtonOptions {
+                dense_contacts: 0,
+                ..sharp()
+            },
+        );
+        assert!(dense.report.converged && sparse.report.converged);
+        for (a, b) in dense.u.iter().zip(&sparse.u) {
+            worst = worst.max((a - b).abs() / largest(&dense.u));
+        }
+    }
+    println!("dense and sparse: {worst:.1e}");
+    assert!(worst < 1e-9, "{worst}");
+}
+
+/// What cannot be solved is said, not hidden: an unsolvable tolerance, and numbers that are not finite.
+#[test]
+fn failure_is_reported() {
+    let mut rng = Rng(15);
+    let (mut system, mut problem) = random_problem(&mut rng, 6, false, true);
+    let hopeless = NewtonOptions {
+        tolerance: 1e-300,
+        floor: 1e-300,
+        sweeps: 1,
+        ..sharp()
+    };
+    let s = solve(&mut system, &mut problem, &hopeless);
+    assert!(!s.report.converged);
+    assert_eq!(s.report.rung, Rung::AfterSweeps);
+    // What is left is the best there is, inside its cones.
+    assert!(s.violation < 1e-9, "{}", s.violation);
+    system.z0[0] = f64::NAN;
+    let s = solve(&mut system, &mut Linear, &sharp());
+    assert!(!s.report.converged);
+}
