@@ -207,7 +207,8 @@ fn positive(
     quantity: &'static str,
     value: f64,
 ) -> Result<(), ModelError> {
-    if value > 0.0 && value.is_finite() {
+    // A subnormal mass has an infinite inverse.
+    if value > 0.0 && value.is_finite() && (1.0 / value).is_finite() {
         return Ok(());
     }
     Err(entry(
@@ -271,8 +272,10 @@ fn compile_planes(input: &ModelInput) -> Result<Vec<Plane>, ModelError> {
         finite("plane", p, "point", point)?;
         finite("plane", p, "normal", normal)?;
         let normal = DVec3::from(*normal);
+        // Scaled first: the square of a huge component is infinite.
+        let normal = normal / normal.abs().max_element();
         let size = normal.length();
-        if size < 1e-300 {
+        if !size.is_finite() {
             return Err(entry("plane", p, "normal", "is zero".to_owned()));
         }
         let normal = normal / size;

@@ -258,11 +258,21 @@ impl Options {
                 return Err(ModelError::option(name, "must be at least 1".to_owned()));
             }
         }
-        if self.max_halvings > 20 {
-            return Err(ModelError::option(
-                "max_halvings",
-                "must be at most 20".to_owned(),
-            ));
+        // Upper bounds: no input may make a step endless or fill the memory.
+        for (name, value, most) in [
+            ("max_halvings", self.max_halvings, 20),
+            ("max_iterations", self.max_iterations, 100_000),
+            ("max_problems", self.max_problems, 100_000),
+            ("max_line_search", self.max_line_search, 60),
+            ("gauss_seidel_sweeps", self.gauss_seidel_sweeps, 1000),
+            ("dense_contacts", self.dense_contacts, 500),
+        ] {
+            if value > most {
+                return Err(ModelError::option(
+                    name,
+                    format!("is {value}; it must be at most {most}"),
+                ));
+            }
         }
         Ok(())
     }

@@ -90,7 +90,14 @@ impl Simulation {
                 return Some(outcome);
             }
             self.timers.mark(Phase::Record);
-            if done % check_every == 0 && begin.elapsed() >= wall_limit {
+            // A step that needed its fallbacks may have taken as long as thousands of others.
+            let slow = self
+                .recorder
+                .block
+                .steps
+                .last()
+                .is_some_and(|r| r.fallbacks + r.halvings > 0);
+            if (slow || done % check_every == 0) && begin.elapsed() >= wall_limit {
                 break;
             }
         }
@@ -108,6 +115,10 @@ impl Simulation {
         let mut report = StepReport::new(number, time);
         if let Err(failure) = self.attempt(0, self.time(), recording, &mut report) {
             return Err(self.outcome(failure, number));
+        }
+        // A problem that the halves of the step could solve is no failure.
+        if report.unconverged == 0 {
+            self.failed = None;
         }
         self.state.step = number;
         let h_speed = self.state.velocity.iter().zip(&self.model.radius);
@@ -191,6 +202,7 @@ impl Simulation {
     fn outcome(&mut self, failure: Failure, step: u64) -> Outcome {
         let time = step as f64 * self.model.options.step;
         match failure {
+            Failure::TooManyPairs => Outcome::TooManyPairs { step, time },
             Failure::NotFinite(body) => Outcome::NotFinite { step, time, body },
             Failure::MissingLaw(a, b) => Outcome::MissingLaw {
                 step,

@@ -28,6 +28,8 @@ pub enum Failure {
     NotConverged(Level),
     NotFinite(u32),
     MissingLaw(u32, u32),
+    /// More pairs may meet within the step than the list holds: the step is far too long for the speeds.
+    TooManyPairs,
 }
 
 /// What is asked of one step.
@@ -57,7 +59,7 @@ pub fn step(
     } = attempt;
     predict_and_smooth(model, state, scratch, coefficients, *time, report)?;
     timers.mark(Phase::Predict);
-    list_pairs(model, state, scratch);
+    list_pairs(model, state, scratch)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
@@ -102,7 +104,7 @@ fn predict_and_smooth(
 }
 
 /// Pairs that may come within the candidate margin during the step.
-fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) {
+fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     for i in 0..model.spheres() {
         scratch.need[i] =
             scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * model.radius[i];
@@ -113,6 +115,15 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) {
         &model.half_spaces,
         &scratch.need,
     );
+    complete(&scratch.neighbours)
+}
+
+/// A list that reached its limit has lost pairs: nothing may be concluded from it.
+fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> {
+    if list.is_truncated() {
+        return Err(Failure::TooManyPairs);
+    }
+    Ok(())
 }
 
 /// Turns listed pairs into candidate contacts, with frames of t_n.
@@ -237,8 +248,11 @@ fn correct_positions(
             return Err(Failure::NotConverged(Level::Position));
         }
         place(model, state, scratch);
-        if round == MAX_RELIST || !relist(model, state, scratch)? {
+        if !relist(model, state, scratch)? {
             break;
+        }
+        if round == MAX_RELIST {
+            return Err(Failure::NotConverged(Level::Position));
         }
         report.relisted += 1;
     }
@@ -290,6 +304,7 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
             (linear[i].displacement + shift[i][0]).length() + CANDIDATE_MARGIN * model.radius[i];
     }
     neighbours.refresh(&state.position, &model.radius, &model.half_spaces, need);
+    complete(neighbours)?;
     let known = contacts.len();
     let mut new = known;
     for &(a, b) in neighbours.pairs() {

@@ -61,7 +61,11 @@ impl Simulation {
         contacts: bool,
         wall_limit: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let limit = Duration::try_from_secs_f64(wall_limit).unwrap_or(Duration::MAX);
+        let limit = if wall_limit > 0.0 {
+            Duration::try_from_secs_f64(wall_limit).unwrap_or(Duration::MAX)
+        } else {
+            Duration::ZERO
+        };
         let recording = Recording {
             frame_every,
             contacts,

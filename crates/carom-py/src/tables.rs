@@ -28,6 +28,10 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("contacts", contacts)?;
             out.set_item("residual", residual)?;
         }
+        Outcome::TooManyPairs { step, time } => {
+            out.set_item("step", step)?;
+            out.set_item("time", time)?;
+        }
         Outcome::NotFinite { step, time, body } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;

@@ -48,6 +48,8 @@ const NEAR: f64 = 1e-2;
 /// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
 const SWEEP_ROUNDS: u32 = 14;
 const POLISH_ITERATIONS: u32 = 15;
+/// Contact updates that the sweeps of one solve may cost: some tenths of a second.
+const SWEEP_BUDGET: u32 = 400_000;
 const MAX_DOUBLINGS: u32 = 9;
 
 /// Workspace of the solver; allocate once, reuse for every problem.
@@ -157,8 +159,13 @@ impl Newton {
             max_iterations: options.max_iterations.min(POLISH_ITERATIONS),
             ..*options
         };
+        let mut budget = (SWEEP_BUDGET / system.contacts.len().max(1) as u32).max(options.sweeps);
         for round in 0..SWEEP_ROUNDS {
-            let count = options.sweeps << round.min(MAX_DOUBLINGS);
+            let count = (options.sweeps << round.min(MAX_DOUBLINGS)).min(budget);
+            if count == 0 {
+                return;
+            }
+            budget -= count;
             gauss_seidel::sweeps(
                 system,
                 problem,
@@ -265,7 +272,7 @@ impl Newton {
                     u,
                 },
                 shift,
-                norms.residual < NEAR * first,
+                norms.residual < NEAR * first || report.residual < NEAR * NEAR,
                 dense,
                 &mut self.d_lambda,
                 &mut self.d_u,

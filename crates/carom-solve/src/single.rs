@@ -54,6 +54,12 @@ fn disc(z: [f64; 2], d: f64, radius: f64) -> ([f64; 2], bool) {
 }
 
 impl SingleContact {
+    /// Whether 200 passes over two saturated discs reach rounding: `b^2/(a c) <= 5/6`, that is `I >= 0.2 m r^2`.
+    #[inline]
+    pub fn settles(mass: f64, inertia: f64, radius: f64) -> bool {
+        inertia >= 0.2 * mass * radius * radius
+    }
+
     /// The exact solution.
     #[inline]
     pub fn solve(&self) -> SingleSolution {
@@ -113,8 +119,9 @@ impl SingleContact {
     }
 
     /// Both discs on their rims: alternate exact minimisation. The rate of contraction is at most `b^2/(a c)`
-    /// (2/7 at a homogeneous sphere), and each half-step is exact, so this ends at rounding in some tens of passes;
-    /// usually the directions hardly turn and it ends in a few.
+    /// (5/7 at a homogeneous sphere), and each half-step is exact, so this ends at rounding; usually the directions hardly
+    /// turn and it ends in a few passes. Callers keep it from spheres with nearly all mass at the centre, where the rate
+    /// nears 1 ([`SingleContact::settles`]).
     fn both_saturated(&self, radius_t: f64, radius_r: f64) -> ([f64; 2], [f64; 2], bool) {
         let (a, b, c) = (self.d_sliding, self.d_coupling, self.d_turn);
         let (zt, zr) = (self.z_sliding, self.z_rolling);

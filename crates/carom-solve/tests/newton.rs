@@ -1,4 +1,4 @@
-//! Newton against the conditions, against Gauss-Seidel and against the closed form; its rate; redundant contacts.
+//! Newton against the conditions, against Gauss-Seidel and against the closed form; its rate.
 
 mod common;
 
@@ -6,40 +6,8 @@ use carom_solve::gauss_seidel::sweeps;
 use carom_solve::report::Rung;
 use carom_solve::rows::{Linear, RowSystem, Subproblem, NODE_DOF};
 use carom_solve::single::SingleContact;
-use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport};
-use common::{bounds, heap, largest, sharp, violation, Ball, Pair, Rng, Spheres};
-
-struct Solved {
-    report: SolveReport,
-    history: Vec<f64>,
-    lambda: Vec<f64>,
-    u: Vec<f64>,
-    /// Distance from the conditions over the largest multiplier.
-    violation: f64,
-}
-
-fn solve<P: Subproblem>(
-    system: &mut RowSystem,
-    problem: &mut P,
-    options: &NewtonOptions,
-) -> Solved {
-    let mut newton = Newton::default();
-    let (mut lambda, mut u) = (
-        vec![0.0; system.rows()],
-        vec![0.0; NODE_DOF * system.nodes()],
-    );
-    let report = newton.solve(system, problem, options, &mut lambda, &mut u);
-    let mut z = vec![0.0; system.rows()];
-    problem.evaluate(system, &u, &mut z);
-    let violation = violation(system, &z, &lambda, &u) / largest(&lambda);
-    Solved {
-        report,
-        history: newton.history.clone(),
-        lambda,
-        u,
-        violation,
-    }
-}
+use carom_solve::{Bounds, NewtonOptions};
+use common::{bounds, heap, largest, sharp, solve, Ball, Pair, Rng, Spheres};
 
 /// A heap of balls with friction: overlaps (position level) or approach speeds (velocity level) as they come.
 fn random_problem(
@@ -261,120 +229,6 @@ fn spanning(spheres: &Spheres) -> Vec<Pair> {
         }
     }
     kept
-}
-
-/// `n` balls in a row on a floor: the rank is below the rows. All would move by `push`, but for a `squeeze` along the row
-/// that is largest at its ends and loads the contacts between the balls.
-fn row_on_a_floor(n: usize, push: [f64; 3], squeeze: f64, mu: f64) -> (RowSystem, Spheres) {
-    let (mass, radius) = (0.2, 0.5);
-    let balls: Vec<Ball> = (0..n)
-        .map(|i| {
-            let centre = [i as f64 * 2.0 * radius, 0.0, radius];
-            Ball {
-                mass,
-                inertia: 0.4 * mass * radius * radius,
-                radius,
-                frame: centre,
-                centre,
-            }
-        })
-        .collect();
-    let mut pairs: Vec<Pair> = (1..n).map(|i| Pair::Balls(i - 1, i)).collect();
-    pairs.extend((0..n).map(|i| Pair::Plane(i, [0.0, 0.0, 1.0])));
-    let problem = Spheres {
-        balls,
-        pairs,
-        curved: false,
-    };
-    let law = Bounds {
-        sliding: mu,
-        ..Bounds::default()
-    };
-    let mut system = problem.system(&vec![law; problem.pairs.len()], |_, _| 0.0);
-    let free: Vec<f64> = (0..n)
-        .flat_map(|i| {
-            let x = push[0] + squeeze * (1.0 - 2.0 * i as f64 / (n - 1) as f64);
-            [x, push[1], push[2], 0.0, 0.0, 0.0]
-        })
-        .collect();
-    let mut z = vec![0.0; system.rows()];
-    system.linear_measures(&free, &mut z);
-    system.z0 = z;
-    (system, problem)
-}
-
-/// Rank by elimination with complete pivoting.
-fn rank(mut a: Vec<f64>, n: usize) -> usize {
-    for k in 0..n {
-        let (mut r, mut c, mut best) = (k, k, 0.0);
-        for i in k..n {
-            for j in k..n {
-                if a[i * n + j].abs() > best {
-                    (r, c, best) = (i, j, a[i * n + j].abs());
-                }
-            }
-        }
-        if best < 1e-9 {
-            return k;
-        }
-        for j in 0..n {
-            a.swap(k * n + j, r * n + j);
-        }
-        for i in 0..n {
-            a.swap(i * n + k, i * n + c);
-        }
-        for i in k + 1..n {
-            let f = a[i * n + k] / a[k * n + k];
-            for j in k..n {
-                a[i * n + j] -= f * a[k * n + j];
-            }
-        }
-    }
-    n
-}
-
-#[test]
-fn redundant_contacts_are_solved() {
-    for (n, expected) in [(3, 14), (5, 24), (12, 0)] {
-        for (push, squeeze, mu) in [
-            ([0.0, 0.0, -1.0], 0.0, 0.5),
-            ([0.3, 0.1, -1.0], 0.0, 0.9),
-            ([0.0, 0.0, -1.0], 1.0, 0.9),
-            ([0.3, 0.0, -1.0], 0.7, 0.9),
-            ([0.3, 0.1, -1.0], 0.7, 0.3),
-            ([1.0, 0.2, -1.0], 2.0, 0.2),
-        ] {
-            let (mut system, _) = row_on_a_floor(n, push, squeeze, mu);
-            let rows = system.rows();
-            let found = rank(system.dense_delassus(), rows);
-            assert!(found < rows);
-            assert!(expected == 0 || found == expected, "{found} of {rows}");
-            for options in [
-                NewtonOptions {
-                    dense_contacts: 100,
-                    ..sharp()
-                },
-                NewtonOptions {
-                    dense_contacts: 0,
-                    ..sharp()
-                },
-            ] {
-                let s = solve(&mut system, &mut Linear, &options);
-                println!(
-                    "{n} balls, rank {found} of {rows}, push {push:?}, squeeze {squeeze}, dense {}: {} iterations, {:?}, violation {:.1e}",
-                    options.dense_contacts, s.report.iterations, s.report.rung, s.violation
-                );
-                assert!(s.report.converged);
-                assert!(s.violation < 1e-9, "{}", s.violation);
-                if squeeze == 0.0 {
-                    // It stays: the balls stop, and the floor carries what was falling.
-                    for i in 0..n {
-                        assert!((s.u[NODE_DOF * i + 2] - 1.0).abs() < 1e-9);
-                    }
-                }
-            }
-        }
-    }
 }
 
 /// The largest problems that are solved dense, and the same through the sparse route.

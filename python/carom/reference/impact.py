@@ -19,6 +19,10 @@ ENERGY_SLACK = 1e-10
 BISECTIONS = 12
 
 
+LARGE_ISLAND = 10
+"""Contacts above which the closing tolerance goes by the load alone (rule R3)."""
+
+
 @dataclass
 class ImpactProblem:
     """Record of one problem: its stage ('0', '1', ..., 'one-shot', 'truncated'), members, impulses."""
@@ -69,7 +73,8 @@ class Island:
         radius = model.radius[lay.bodies]
         before, free = self.u_n.reshape(-1, 6), self.u_check.reshape(-1, 6)
         self.load = float(np.max(np.linalg.norm(free[:, :3] - before[:, :3], axis=1)))
-        self.speed = max(_speed(before, radius), self.load)
+        self.old_speed = _speed(before, radius)
+        self.speed = max(self.old_speed, self.load)
         # rounding of the problem: relative to the largest velocity that enters it, spin included
         self.floor = 4.0 * EPS * lay.mean_mass * max(_speed(before, radius), _speed(free, radius))
 
@@ -77,7 +82,10 @@ class Island:
         """Rule R3 [m/s]; None if there is nothing to solve."""
         if self.load == 0.0:
             return 1e-6 * self.speed if self.speed > 0.0 else None
-        return min(1e-2 * self.load, 1e-6 * self.speed)
+        by_load = 1e-2 * self.load
+        large = len(self.elements) > LARGE_ISLAND
+        tolerance = by_load if large else min(by_load, 1e-6 * self.speed)
+        return max(tolerance, 64.0 * EPS * self.old_speed)
 
     def normal_velocity(self, u: F64, frozen: bool = False) -> F64:
         """G_N u per contact [m/s], with the normals of t_{n+1}, or of t_n if `frozen`."""

@@ -105,7 +105,7 @@ impl ImpactScratch {
                 .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
             self.speeds.add(model, state, linear[i].velocity, i);
         }
-        self.tol = self.speeds.closing_tolerance(&model.options);
+        self.tol = self.speeds.closing_tolerance(&model.options, members.len());
         let dofs = self.v_check.len();
         for v in [&mut self.jump, &mut self.fixed] {
             v.clear();
@@ -434,7 +434,9 @@ impl ImpactScratch {
             contact.status = self.status[slot];
             let free = self.full.row_velocity(c, c.row as usize, &self.v_check);
             let touching = contact.gap_start <= model.options.touching_tolerance * contact.length;
-            if contact.nu[0] > 0.0 && free > self.tol && !touching {
+            // Overlap made by the smooth motion, not by a neighbour's position correction.
+            let overlapped = contact.gap_check < 0.0 && contact.nu[0] > 0.0;
+            if overlapped && free > self.tol && !touching {
                 report.missed_impacts += 1;
             }
         }

@@ -42,8 +42,10 @@ impl ImpactScratch {
                         this.scale[p] = s * start;
                     }
                     this.build(model, &scratch.contacts, law);
-                    fine &= this.solve_built(model, scratch, problem, None, report);
-                    !this.gains(&inside)
+                    // A trial is no part of the step: its counts and its failure are its own.
+                    let mut trial_report = StepReport::default();
+                    fine = this.solve_built(model, scratch, problem, None, &mut trial_report);
+                    fine && !this.gains(&inside)
                 };
                 let scale = bisect_scale(|s| trial(self, s));
                 trial(self, scale);

@@ -41,7 +41,8 @@ pub fn with_load_offset(
         keep_warm(model, scratch, work);
         return true;
     }
-    let closing: Vec<bool> = (0..slots).map(|s| work.chosen.contains(&s)).collect();
+    let mut closing = vec![false; slots];
+    work.chosen.iter().for_each(|&s| closing[s] = true);
     work.chosen.clear();
     work.chosen
         .extend((0..slots).filter(|&s| closing[s] || loaded[s]));

@@ -9,6 +9,7 @@ use crate::contact::Contact;
 use crate::model::Model;
 use crate::options::{Options, Solver};
 use crate::scratch::{FailedProblem, SolveScratch};
+use carom_solve::single::SingleContact;
 use carom_solve::NewtonOptions;
 
 /// Contacts of an island up to which the gap tolerance is asked for.
@@ -50,7 +51,12 @@ pub(crate) fn newton_options(
 
 /// Whether a lone contact goes to the closed form.
 pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
-    model.options.solver == Solver::Auto && contact.is_plane(model)
+    let bounds = contact.law(model).bounds;
+    let i = contact.a as usize;
+    model.options.solver == Solver::Auto
+        && contact.is_plane(model)
+        && (bounds.rolling == 0.0
+            || SingleContact::settles(model.mass[i], model.inertia[i], model.radius[i]))
 }
 
 /// Keeps a problem that could not be solved, with the contact that is worst.

@@ -10,6 +10,9 @@ use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::State;
 use carom_solve::{SolveReport, Status};
 
+/// Closing speeds below this share of the island's speed are rounding.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
 /// Speeds of an island that set its closing tolerance (rule R3).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Speeds {
@@ -29,14 +32,22 @@ impl Speeds {
         self.speed = self.speed.max(speed);
     }
 
-    /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls.
+    /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls. Islands of more than
+    /// `dense_contacts` contacts go by the load alone (rule R3: fewer problems), and never below rounding.
     #[inline]
-    pub fn closing_tolerance(&self, o: &Options) -> f64 {
+    pub fn closing_tolerance(&self, o: &Options, contacts: usize) -> f64 {
         if self.load == 0.0 {
             return o.closing_tolerance_speed * self.speed;
         }
-        (o.closing_tolerance_load * self.load)
-            .min(o.closing_tolerance_speed * self.speed.max(self.load))
+        let by_load = o.closing_tolerance_load * self.load;
+        let by_speed = o.closing_tolerance_speed * self.speed.max(self.load);
+        let large = contacts > o.dense_contacts as usize;
+        let tolerance = if large {
+            by_load
+        } else {
+            by_load.min(by_speed)
+        };
+        tolerance.max(ROUNDING * self.speed)
     }
 }
 
@@ -86,7 +97,7 @@ fn solve_single(
     let (v_check, w_check) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
     let mut speeds = Speeds::default();
     speeds.add(model, state, v_check, i);
-    let tol = speeds.closing_tolerance(options);
+    let tol = speeds.closing_tolerance(options, 1);
     let check = single::motion(c, radius, v_check, w_check);
     let gamma_n = c.n0.dot(state.velocity[i]);
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {

@@ -2,7 +2,7 @@
 #![allow(dead_code)] // each test file uses its part
 
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
-use carom_solve::{Bounds, NewtonOptions};
+use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport};
 
 /// SplitMix64: the same numbers on every machine.
 pub struct Rng(pub u64);
@@ -262,6 +262,39 @@ pub fn violation(system: &RowSystem, z: &[f64], lambda: &[f64], u: &[f64]) -> f6
 /// Largest normal multiplier: the scale of a problem.
 pub fn largest(lambda: &[f64]) -> f64 {
     lambda.iter().fold(1e-300, |m, l| m.max(l.abs()))
+}
+
+/// What a solve from zero gave.
+pub struct Solved {
+    pub report: SolveReport,
+    pub history: Vec<f64>,
+    pub lambda: Vec<f64>,
+    pub u: Vec<f64>,
+    /// Distance from the conditions over the largest multiplier.
+    pub violation: f64,
+}
+
+pub fn solve<P: Subproblem>(
+    system: &mut RowSystem,
+    problem: &mut P,
+    options: &NewtonOptions,
+) -> Solved {
+    let mut newton = Newton::default();
+    let (mut lambda, mut u) = (
+        vec![0.0; system.rows()],
+        vec![0.0; NODE_DOF * system.nodes()],
+    );
+    let report = newton.solve(system, problem, options, &mut lambda, &mut u);
+    let mut z = vec![0.0; system.rows()];
+    problem.evaluate(system, &u, &mut z);
+    let violation = violation(system, &z, &lambda, &u) / largest(&lambda);
+    Solved {
+        report,
+        history: newton.history.clone(),
+        lambda,
+        u,
+        violation,
+    }
 }
 
 /// `mask` chooses sliding (1), rolling (2), spinning (4); `most` is the largest coefficient.
