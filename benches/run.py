@@ -178,6 +178,11 @@ def main() -> int:
         for row in rows_of:
             rows.append(row)
             print(printed(row, widths), flush=True)
+    notes = {row.work: row.note for row in rows}
+    if notes.get(f"break, {STEPS} steps: Rust", "") not in ("", notes[f"break, {STEPS} steps: CPU"]):
+        print(
+            "\nThe hashes of the break differ: the extension is not built from these sources (`make bench` builds it)."
+        )
     if others:
         print(f"\nOther Rust benches\n{others}")
     if options.csv:
