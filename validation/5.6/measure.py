@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from common import Run, error, grid_steps, model_of, run, slope
+from common import F64, Run, error, grid_steps, model_of, run, slope
 from exact import Slide
 
 LAWS = ("sequence", "sequence-paper")
@@ -41,6 +41,7 @@ class Point:
     after: dict[str, float]  # the same at AFTER
     by_ball: list[list[float]]  # at AFTER: per ball, error of v and w
     cue: list[float]  # velocity of the cue ball at the end of the step of the impact, m/s
+    mirror: float  # at AFTER: distance between ball 4 and the mirror image of ball 5, m
     converged: bool
 
 
@@ -50,6 +51,12 @@ KEYS = {"v": "velocity", "w": "angular_velocity"}
 def errors(run: dict[str, Any], reference: dict[str, Any]) -> dict[str, float]:
     """Errors of v and w over all balls, eq. 45."""
     return {short: error(run[key], reference[key]) for short, key in KEYS.items()}
+
+
+def mirror(position: F64) -> float:
+    """Largest coordinate by which ball 4 misses the mirror image of ball 5 in the plane of the cue ball's start, m."""
+    axis = float(model_of(SCENARIO)["position"][0][1])
+    return float(np.max(np.abs(position[2] - (position[3] * [1, -1, 1] + [0, 2 * axis, 0]))))
 
 
 def at_impact(h: float, contact: float, law: str) -> tuple[Run, int]:
@@ -76,6 +83,7 @@ def study(
                 errors(this.frames[1], reference.frames[1]),
                 [[error(f[i : i + 1], r[i : i + 1]) for f, r in pairs] for i in range(len(BALLS))],
                 this.states[step]["velocity"][0].tolist(),
+                mirror(this.frames[1]["position"]),
                 this.converged,
             )
             found.setdefault(family, []).append(point)
@@ -127,7 +135,7 @@ def whole(h: float, law: str, slide: Slide) -> dict[str, Any]:
         "energy_rise": monitors["energy"]["max_rise_relative"],
         "jump": float(this.height[0]) - radius,
         "cue_vz": float(this.states[step]["velocity"][0, 2]),
-        "mirror": float(np.max(np.abs(end[2] - (end[3] * [1, -1, 1] + [0, 2 * end[0, 1], 0])))),
+        "mirror": mirror(end),
         "position": end.tolist(),
     }
 

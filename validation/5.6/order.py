@@ -44,7 +44,8 @@ def judge(found: dict[str, Any]) -> Bounds:
     bounds.check("penetration", max(r["penetration"] for r in runs))
     default = found["whole"]["sequence"]
     bounds.check("energy_rise", max(r["energy_rise"] for r in default))
-    bounds.check("mirror", max(r["mirror"] for r in default))
+    bounds.check("mirror_after", max(p.mirror for p in points))
+    bounds.check("mirror", max(found["whole"][law][0]["mirror"] for law in LAWS))
     finest = {law: min(found["laws"][law]["middle"], key=lambda p: p.h) for law in LAWS}
     bounds.check("cue_back", finest["sequence"].cue[0])
     bounds.check("cue_up", finest["sequence"].cue[2])
