@@ -32,11 +32,11 @@ pub struct TimedImpact {
     pub impact: ImpactRecord,
 }
 
-/// Residual history of the worst solve of one level in one step.
+/// Residual history of the longest solve of one level in one step.
 #[derive(Clone, Debug)]
 pub struct ResidualRecord {
     pub step: u64,
-    /// 1 position, 2 velocity.
+    /// 0 smooth (loads beyond the weight only), 1 position, 2 velocity.
     pub level: u8,
     pub problem: u32,
     pub contacts: u32,
@@ -85,7 +85,7 @@ impl Recorder {
             if !history.values.is_empty() {
                 self.block.residuals.push(ResidualRecord {
                     step,
-                    level: level as u8 + 1,
+                    level: level as u8,
                     problem: history.problem,
                     contacts: history.contacts,
                     values: history.values.clone(),

@@ -65,6 +65,7 @@ step_report! {
     islands: u32,
     largest_island: u32,
     /// Relative residual of eq. 44 at the end, worst solve.
+    residual_smooth: f64,
     residual_position: f64,
     residual_velocity: f64,
     /// Energies after the step, J.
@@ -121,6 +122,7 @@ impl StepReport {
         self.line_search_position = self.line_search_position.max(earlier.line_search_position);
         self.line_search_velocity = self.line_search_velocity.max(earlier.line_search_velocity);
         self.impact_problems = self.impact_problems.max(earlier.impact_problems);
+        self.residual_smooth = self.residual_smooth.max(earlier.residual_smooth);
         self.residual_position = self.residual_position.max(earlier.residual_position);
         self.residual_velocity = self.residual_velocity.max(earlier.residual_velocity);
         self.penetration = self.penetration.max(earlier.penetration);

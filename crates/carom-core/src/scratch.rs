@@ -13,7 +13,7 @@ use glam::DVec3;
 /// Residual history of one solve, kept for the plot of quadratic convergence.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    /// Smallest-first list of the relative residuals of eq. 44.
+    /// Relative residuals of eq. 44 at each iterate, all rungs in order.
     pub values: Vec<f64>,
     pub problem: u32,
     pub contacts: u32,
@@ -75,8 +75,8 @@ pub struct Scratch {
     /// Warm-start impulses found in this step.
     pub warm: Vec<Warm>,
     pub impacts: Vec<ImpactRecord>,
-    /// Histories of the worst solve of each level in this step.
-    pub history: [History; 2],
+    /// Histories of the longest solve of each level in this step: smooth, position, velocity.
+    pub history: [History; 3],
     pub failed: Option<FailedProblem>,
 }
 

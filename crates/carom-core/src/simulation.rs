@@ -2,7 +2,7 @@
 
 use crate::force;
 use crate::model::{InitialState, Model};
-use crate::options::OnNonconvergence;
+use crate::options::{Method, OnNonconvergence};
 use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
@@ -41,6 +41,8 @@ impl Simulation {
     pub fn new(model: Model, initial: InitialState) -> Simulation {
         let state = State::new(&model, initial);
         let o = &model.options;
+        // The one method of today; another stepper brings its own coefficients and its own `step`.
+        let Method::Nsga = o.method;
         let coefficients = (0..=o.max_halvings)
             .map(|depth| Coefficients::new(o.spectral_radius, o.step / f64::from(1u32 << depth)))
             .collect();

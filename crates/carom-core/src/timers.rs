@@ -19,35 +19,49 @@ pub const PHASES: [&str; 7] = [
     "predict", "broad", "meet", "position", "velocity", "finish", "record",
 ];
 
-/// One step in so many is timed.
+/// One step in so many is timed, after the first ones, which are all timed: caches are cold then, and a first step
+/// must not stand for its followers.
 const SAMPLE: u64 = 32;
+const WARM_UP: u64 = 64;
 
 #[derive(Clone, Debug)]
 pub struct Timers {
+    /// Of the timed steps: those that count once, and those that stand for others.
+    exact: [f64; 7],
     seconds: [f64; 7],
     steps: u64,
+    /// Steps beyond the exact ones, and how many of them were timed.
+    sampling: u64,
     sampled: u64,
+    once: bool,
     last: Option<Instant>,
 }
 
 impl Default for Timers {
     fn default() -> Self {
         Timers {
+            exact: [0.0; 7],
             seconds: [0.0; 7],
             steps: 0,
+            sampling: 0,
             sampled: 0,
+            once: true,
             last: None,
         }
     }
 }
 
 impl Timers {
-    /// Starts a step; large systems are timed in every step.
+    /// Starts a step; those of large systems are all timed.
     #[inline]
     pub fn start(&mut self, always: bool) {
         self.last = None;
-        if always || self.steps % SAMPLE == 0 {
-            self.sampled += 1;
+        self.once = always || self.steps < WARM_UP;
+        if !self.once {
+            self.sampling += 1;
+        }
+        if self.once || self.steps % SAMPLE == 0 {
+            self.sampled += u64::from(!self.once);
             self.last = Some(Instant::now());
         }
         self.steps += 1;
@@ -58,7 +72,12 @@ impl Timers {
     pub fn mark(&mut self, phase: Phase) {
         if let Some(last) = self.last {
             let now = Instant::now();
-            self.seconds[phase as usize] += (now - last).as_secs_f64();
+            let seconds = if self.once {
+                &mut self.exact
+            } else {
+                &mut self.seconds
+            };
+            seconds[phase as usize] += (now - last).as_secs_f64();
             self.last = Some(now);
         }
     }
@@ -68,12 +87,13 @@ impl Timers {
         let factor = if self.sampled == 0 {
             0.0
         } else {
-            self.steps as f64 / self.sampled as f64
+            self.sampling as f64 / self.sampled as f64
         };
-        PHASES
+        let seconds = self
+            .exact
             .iter()
             .zip(self.seconds)
-            .map(|(&name, s)| (name, factor * s))
-            .collect()
+            .map(|(e, s)| e + factor * s);
+        PHASES.iter().copied().zip(seconds).collect()
     }
 }

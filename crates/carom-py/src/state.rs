@@ -122,6 +122,31 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
             moment: DVec3::new(v[3], v[4], v[5]),
         })
         .collect();
+    let warm: Vec<Warm> = warm;
+    if !warm.windows(2).all(|w| w[0].key < w[1].key) {
+        return Err(ModelError::new_err("state: warm_key is not sorted"));
+    }
+    let warm_step = one("warm_step")?;
+    if !(warm_step > 0.0 && warm_step.is_finite()) {
+        return Err(ModelError::new_err(
+            "state: warm_step must be finite and above 0",
+        ));
+    }
+    for name in [
+        "position",
+        "orientation",
+        "velocity",
+        "angular_velocity",
+        "pseudo",
+        "acceleration",
+        "warm_value",
+    ] {
+        if !convert::all_finite(state, name)? {
+            return Err(ModelError::new_err(format!(
+                "state: {name} holds a number that is not finite"
+            )));
+        }
+    }
     Ok(State {
         step: convert::indices(state, "step")?
             .first()
@@ -137,7 +162,7 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
         pseudo: pairs("pseudo")?,
         acceleration: pairs("acceleration")?,
         warm,
-        warm_step: one("warm_step")?,
+        warm_step,
     })
 }
 

@@ -323,7 +323,7 @@ impl ImpactScratch {
             &mut self.u,
         );
         report.add_velocity(&result);
-        let history = &mut scratch.history[1];
+        let history = &mut scratch.history[2];
         if newton.history.len() > history.values.len() {
             history.values.clone_from(&newton.history);
             history.problem = problem;

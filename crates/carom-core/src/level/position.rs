@@ -187,10 +187,10 @@ fn solve_by_newton(
     };
     let result = newton.solve(system, &mut problem, &options, lambda, u);
     report.add_position(&result);
-    if newton.history.len() > history[0].values.len() {
-        history[0].values.clone_from(&newton.history);
-        history[0].contacts = members.len() as u32;
-        history[0].problem = 0;
+    if newton.history.len() > history[1].values.len() {
+        history[1].values.clone_from(&newton.history);
+        history[1].contacts = members.len() as u32;
+        history[1].problem = 0;
     }
     if !result.converged {
         *failed = Some(keep_failed(

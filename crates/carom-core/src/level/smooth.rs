@@ -78,7 +78,10 @@ fn iterate(
         if !residual.is_finite() {
             return false;
         }
-        if residual.sqrt() <= model.options.tolerance.min(1e-10) * terms.sqrt() {
+        let relative = residual.sqrt() / terms.sqrt().max(f64::MIN_POSITIVE);
+        scratch.history[0].values.push(relative);
+        report.residual_smooth = relative;
+        if relative <= model.options.tolerance.min(1e-10) {
             return true;
         }
         for i in 0..n {
