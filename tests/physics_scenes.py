@@ -73,12 +73,14 @@ def balls(
     return scene
 
 
-def line(speeds: Any, *, restitution: float = 1.0, **options: Any) -> carom.Scene:
+def line(speeds: Any, *, restitution: float = 1.0, friction: float = 0.0, **options: Any) -> carom.Scene:
     """Touching equal balls in a row along x, free in space. The radius is a power of two: gaps are exactly 0."""
     n = len(speeds)
     x, v = np.zeros((n, 3)), np.zeros((n, 3))
     x[:, 0], v[:, 0] = 0.0625 * np.arange(n), speeds
-    return balls(x, v, radius=0.03125, mass=0.25, law={"restitution": restitution}, **options)
+    return balls(
+        x, v, radius=0.03125, mass=0.25, law={"restitution": restitution, "friction": friction}, **options
+    )
 
 
 def kinetic(result: carom.Result, frame: int) -> float:
