@@ -46,7 +46,13 @@ pub fn advance(rot_incr_world: DVec3, q: DQuat) -> DQuat {
     let (qv, qw) = (DVec3::new(q.x, q.y, q.z), q.w);
     let w = cos * qw - v.dot(qv);
     let u = cos * qv + qw * v + v.cross(qv);
-    let scale = 1.0 / (w * w + u.length_squared()).sqrt();
+    let square = w * w + u.length_squared();
+    // Of a unit quaternion only rounding is left: one Newton step of 1/sqrt, exact there, instead of root and division.
+    let scale = if (square - 1.0).abs() < 1e-8 {
+        1.5 - 0.5 * square
+    } else {
+        1.0 / square.sqrt()
+    };
     DQuat::from_xyzw(scale * u.x, scale * u.y, scale * u.z, scale * w)
 }
 
