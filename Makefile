@@ -54,6 +54,11 @@ check: preflight-check $(STAMPS)/run $(STAMPS)/check ## formatting, lints, types
 bench: $(STAMPS)/extension ## benchmarks
 	@tools/bench.sh $(ARGS)
 
+.PHONY: validation
+validation: $(STAMPS)/extension ## order of convergence and bounds of the paper's examples
+	@$(PY) validation/5.6/order.py $(ARGS)
+	@$(PY) validation/5.6/compare.py
+
 .PHONY: docs
 docs: $(STAMPS)/docs ## the documentation, to docs/_build/html
 	@$(PY) -m sphinx --fail-on-warning --keep-going -q -b html docs docs/_build/html
