@@ -7,7 +7,6 @@ import json
 import os
 import pty
 import re
-import resource
 import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
@@ -380,25 +379,18 @@ def test_the_demo_computes_what_it_shows(tmp_path: Path) -> None:
 # --- costs and formats ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.timing
-def test_a_whole_run_of_the_break_is_quick_and_small(runs: Path) -> None:
-    """Including the start of the interpreter: 1 s and 150 MB are promised, of processor time here."""
+def test_a_whole_run_of_the_break_is_small(runs: Path) -> None:
+    """150 MB are promised (its time is a matter of `make bench`)."""
     cli("examples", "copy", "5.6_break", "--force", cwd=runs)
-    spent: list[float] = []
-    for _ in range(3):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        process("run", "5.6_break.toml", "--quiet", cwd=runs)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    assert min(spent) < 1.0
+    # The high-water mark of this program alone: ru_maxrss would hold that of the test runner it was forked from.
     measure = (
-        "import resource, sys; from carom.cli import main\ntry: main(['run', '5.6_break.toml', '--quiet'])\n"
+        "import sys; from carom.cli import main\ntry: main(['run', '5.6_break.toml', '--quiet'])\n"
+        "finally: print(next(x for x in open('/proc/self/status') if x.startswith('VmHWM')), file=sys.stderr)"
     )
-    measure += "finally: print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)"
     done = subprocess.run(
         [sys.executable, "-c", measure], cwd=runs, capture_output=True, text=True, check=False
     )
-    assert int(done.stderr.splitlines()[-1]) < 150_000  # kB
+    assert int(done.stderr.split("VmHWM:")[-1].split()[0]) < 150_000, done.stderr  # kB
 
 
 def test_durations_and_tables() -> None:
