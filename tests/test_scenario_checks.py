@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 import pytest
 from carom.errors import ScenarioError
@@ -83,6 +82,25 @@ def test_step_too_long_for_the_speed() -> None:
     assert line.startswith('scene: run.step: a step of 0.001 s moves "cue" by 0.1 radii')
     assert line.endswith("step = 0.0005 is safe, 0.0002 accurate")
     assert advice(billiards(step=5e-4)) == []
+
+
+def test_step_too_long_for_a_plane() -> None:
+    scene = Scene("one ball", run={"until": 1.0, "step": 1e-2})
+    scene.contact("ball", "wall", friction=0.2, restitution=1)
+    scene.plane("wall", point=(1, 0, 0), normal=(-1, 0, 0), material="wall")
+    ball = scene.sphere("cue", radius=0.03, mass=0.17, at=(0, 0, 0), velocity=(3, 9, 0), material="ball")
+    (line,) = advice(scene)
+    assert 'a step of 0.01 s moves "cue" towards "wall" by 1 radii' in line
+    assert line.endswith("step = 0.005 is safe")
+    scene.run.step = 5e-3
+    assert advice(scene) == []
+    ball.velocity = (-30, 0, 0)  # away from it
+    assert advice(scene) == []
+    scene.gravity, scene.run.step = (9.8, 0, 0), 0.1  # what gravity adds counts too
+    ball.velocity = (0, 0, 0)
+    assert any(
+        '"cue" towards "wall" by 3.3 radii' in line and "step = 0.03 " in line for line in advice(scene)
+    )
 
 
 def test_until_between_two_steps() -> None:
