@@ -183,8 +183,14 @@ def test_an_existing_run_is_refused(runs: Path) -> None:
     [
         (["run", "absent.toml"], "absent.toml: no such file"),
         (["run", "three_balls.toml", "--set", "step"], "not KEY=VALUE"),
-        (["run", "three_balls.toml", "--set", "stpe=1"], "did you mean step?"),
-        (["run", "three_balls.toml", "--until", "2 kg"], "until"),
+        (["run", "three_balls.toml", "--set", "stpe=1"], "write step="),
+        (["run", "three_balls.toml", "--until", "2 kg"], "--until: expected a time"),
+        (["run", "three_balls.toml", "--set", "step=-1"], "--set step: must be positive"),
+        (["run", "three_balls.toml", "--set", "dt=1"], "--set dt: unknown option; write step="),
+        (
+            ["run", "three_balls.toml", "--set", "step=10", "--until", "0.1"],
+            "--until: until = 0.1 s is shorter",
+        ),
         (["run", "three_balls.toml", "-o", "three_balls.toml"], "is a file"),
         (["run", "three_balls.toml", "-o", "three_balls.toml/x"], "cannot create the run directory"),
         (["run", "."], "."),

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import carom
 import numpy as np
 import pytest
 from carom import _core
@@ -149,7 +150,7 @@ def test_options_override_those_of_the_scene() -> None:
     assert (scene.run.step, scene.record.every, scene.record.contacts) == (1e-3, 5, True)
     with pytest.raises(ScenarioError) as caught:
         scene.with_options(stpe=1, evry=2)
-    assert "carom.simulate: stpe: unknown option; did you mean step?" in str(caught.value)
+    assert "carom.simulate: stpe: unknown option; write step=" in str(caught.value)
     assert "did you mean every?" in str(caught.value)
     with pytest.raises(ScenarioError, match=r"^carom.simulate: step: must be positive, found -1; "):
         scene.with_options(step=-1)
@@ -283,7 +284,7 @@ def test_orientation_and_normals_are_normalised_in_the_arrays_only() -> None:
 
 
 def test_repr_says_how_much() -> None:
-    assert repr(example()) == '<Scene "one ball": 1 spheres, 1 planes, 1 contact laws; 1000 steps of 0.001 s>'
+    assert repr(example()) == '<Scene "one ball": 1 sphere, 1 plane, 1 contact law; 1000 steps of 0.001 s>'
 
 
 # --- without loss: any scene whatever, sensible or not --------------------------------------------------
@@ -344,3 +345,52 @@ def test_nothing_is_lost_on_the_way_to_text_and_back(scene: Scene) -> None:
     again = Scene.from_toml(text)
     assert again == scene
     assert again.to_toml() == text
+
+
+# --- calls with wrong keywords ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("call", "messages"),
+    [
+        (
+            lambda s: s.sphere("x", radus=1),
+            [
+                'Scene.sphere("x"): radus: unknown keyword; write radius=',
+                'Scene.sphere("x"): material: is missing; add material=...',
+            ],
+        ),
+        (
+            lambda s: s.contact("a", "b", mu=0.1, e=1.0),
+            [
+                'Scene.contact("a", "b"): mu: unknown keyword; write friction=',
+                'Scene.contact("a", "b"): e: unknown keyword; write restitution=',
+            ],
+        ),
+        (
+            lambda s: s.contact("a", "b", 0.1, 1.0),
+            ['Scene.contact("a", "b"): only a, b can be given without a name; write the others as friction='],
+        ),
+        (
+            lambda s: carom.simulate(s, dt=1e-3, T=1.0),
+            [
+                "carom.simulate: dt: unknown option; write step=",
+                "carom.simulate: T: unknown option; write until=",
+            ],
+        ),
+        (lambda s: carom.simulate(3), ["simulate takes a Scene or the path of a scenario file, found int"]),
+    ],
+)
+def test_wrong_keywords_are_explained(call: Callable[[Scene], object], messages: list[str]) -> None:
+    with pytest.raises(carom.CaromError) as caught:
+        call(Scene())
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(messages)
+    assert all(line.startswith(message) for line, message in zip(lines, messages, strict=True)), lines
+
+
+def test_a_path_can_be_simulated(tmp_path: Path) -> None:
+    from carom.cli.examples import find
+
+    assert carom.simulate(find("slide_to_roll"), until=0.01).outcome.ok
+    assert carom.simulate(str(find("slide_to_roll")), until=0.01).outcome.ok

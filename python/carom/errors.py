@@ -100,12 +100,42 @@ def quoted(value: object) -> str:
     return one_line(repr(value), 40)
 
 
+def counted(n: int, what: str) -> str:
+    """`1 step`, `2 steps`."""
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+SYNONYMS: dict[str, tuple[str, ...]] = {
+    "step": ("dt", "h", "timestep", "time_step", "step_size"),
+    "until": ("t_end", "tend", "t_max", "tmax", "t", "duration", "end", "end_time"),
+    "tolerance": ("tol", "tol_r", "rtol"),
+    "friction": ("mu", "friction_coefficient"),
+    "restitution": ("e", "e_n", "en", "cor"),
+    "tangential_restitution": ("e_t", "et"),
+    "rolling_radius": ("rho", "rolling_friction", "rolling_resistance"),
+    "spinning_radius": ("delta", "spinning_friction"),
+    "spectral_radius": ("rho_inf",),
+    "radius": ("r",),
+    "mass": ("m",),
+    "density": ("rho",),
+    "position": ("pos", "x", "center", "centre"),
+    "velocity": ("v", "vel"),
+    "angular_velocity": ("omega", "w", "spin"),
+    "gravity": ("g",),
+    "normal": ("n",),
+}
+"""What other programs and the literature call the keys."""
+
+
 def nearest(name: str, known: Sequence[str]) -> str | None:
     """The known name that the user probably meant, or None."""
     from difflib import get_close_matches  # only needed once something is wrong
 
     if name.lower() in known:
         return name.lower()
+    for key, others in SYNONYMS.items():
+        if key in known and name.lower() in others:
+            return key
     found = get_close_matches(name.lower()[:80], known, n=1, cutoff=0.6)
     return found[0] if found else None
 

@@ -46,14 +46,14 @@ class RunFailed(CaromError):
 
 
 def simulate(
-    scene: Scene,
+    scene: Scene | str | Path,
     *,
     out: str | Path | None = None,
     force: bool = False,
     progress: OnProgress | None = None,
     **options: Any,
 ) -> Result:
-    """Simulate a scene and return its result.
+    """Simulate a scene, or the scenario file of that path, and return its result.
 
     `options` are the keys of `[run]` and `[record]` of a scenario and override those of the scene, which is
     not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The run directory is `out` (an
@@ -64,6 +64,7 @@ def simulate(
     Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
     so far).
     """
+    scene = _scene(scene)
     scene = scene.with_options(**options) if options else scene
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
@@ -75,6 +76,19 @@ def simulate(
             result = launch(scene, _temporary, stop=stop, progress=progress, keep=False)
             weakref.finalize(result._segments, _discard, RunDir(result.path))
     return _judged(result, stop, kept=out is not None)
+
+
+def _scene(given: object) -> Scene:
+    from carom.scene import Scene
+
+    if isinstance(given, (str, Path)):
+        return Scene.from_toml(given)
+    if not isinstance(given, Scene):
+        found = "nothing" if given is None else f"{type(given).__name__}"
+        raise CaromError(
+            f"simulate takes a Scene or the path of a scenario file, found {found}; make one with carom.Scene(...)"
+        )
+    return given
 
 
 def resume(

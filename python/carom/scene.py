@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from carom.errors import Problem, ScenarioError, did_you_mean, quoted
+from carom.errors import Problem, ScenarioError, counted, quoted
 from carom.scenario import load
 from carom.scenario.advice import advise
+from carom.scenario.arguments import explained, wording
 from carom.scenario.arrays import to_arrays, with_generators_expanded
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
@@ -52,6 +53,7 @@ class Scene:
     raises `carom.ScenarioError`.
     """
 
+    @explained
     def __init__(
         self,
         title: str = "",
@@ -71,6 +73,7 @@ class Scene:
             **given,
         )
         self._source: Source | None = None
+        self._places: dict[str, str] = {}  # keys of [run] and [record] that were overridden, and by what
         self._names: set[str] = set()
 
     # --- reading and writing --------------------------------------------------------------------------------
@@ -93,7 +96,7 @@ class Scene:
     @classmethod
     def _of(cls, tree: Scenario) -> Scene:
         scene = cls.__new__(cls)
-        scene._tree, scene._source = tree, None
+        scene._tree, scene._source, scene._places = tree, None, {}
         scene._names = {*(s.name for s in tree.sphere), *(p.name for p in tree.plane)}
         return scene
 
@@ -111,6 +114,7 @@ class Scene:
 
     # --- building -------------------------------------------------------------------------------------------
 
+    @explained
     def material(self, name: str) -> Material:
         """Declare a material. Not needed before it is used: spheres, planes and contacts declare theirs."""
         material = _make(Material, f"Scene.material({quoted(name)})", name=name)
@@ -120,6 +124,7 @@ class Scene:
         self._tree.material.append(material)
         return material
 
+    @explained
     def contact(
         self,
         a: str,
@@ -156,6 +161,7 @@ class Scene:
         self._tree.contact.append(contact)
         return contact
 
+    @explained
     def sphere(
         self,
         name: str,
@@ -201,6 +207,7 @@ class Scene:
         self._tree.sphere.append(sphere)
         return sphere
 
+    @explained
     def plane(self, name: str, *, point: Vector, normal: Vector, material: str) -> Plane:
         """Add a fixed half-space through `point`; `normal` (any length) points to the side where spheres
         live.
@@ -212,6 +219,7 @@ class Scene:
         self._tree.plane.append(plane)
         return plane
 
+    @explained
     def rack(
         self,
         name: str,
@@ -245,6 +253,7 @@ class Scene:
         self._tree.rack.append(rack)
         return rack
 
+    @explained
     def lattice(
         self,
         name: str,
@@ -314,18 +323,28 @@ class Scene:
         """This scene with other keys of `[run]` and `[record]`; spheres and everything else are shared with
         it.
         """
+        return self.overridden(options, dict.fromkeys(options, "carom.simulate"))
+
+    def overridden(self, options: Mapping[str, Any], places: Mapping[str, str]) -> Scene:
+        """As `with_options`; `places` says what messages call the origin of each key, as `--set step`."""
+        options = dict(options)
         tree = self._tree.model_copy()
         for section in (tree.run, tree.record):
             mine = {key: options.pop(key) for key in list(options) if key in type(section).model_fields}
             kept = {key: value for key, value in section.written().items() if key not in mine}
-            setattr(tree, section.section, _make(type(section), "carom.simulate", **kept, **mine))
+            try:
+                setattr(tree, section.section, _make(type(section), "", **kept, **mine))
+            except ScenarioError as error:
+                wrong = (_placed(p.key, p.cause, p.cure, places) for p in error.problems)
+                raise ScenarioError(wrong) from None
         if options:
             known = [*type(tree.run).model_fields, *type(tree.record).model_fields]
             raise ScenarioError(
-                Problem("carom.simulate", key, "unknown option", did_you_mean(key, known)) for key in options
+                _placed(key, "unknown option", wording(key, known), places) for key in options
             )
         scene = Scene._of(tree)
         scene._source = self._source
+        scene._places = {**self._places, **places}
         return scene
 
     # --- the whole ------------------------------------------------------------------------------------------
@@ -365,6 +384,8 @@ class Scene:
     def _problem(self, finding: Finding) -> Problem:
         """A finding with its place: the line of the file, or the call that made the table."""
         path = finding.path
+        if path[0] in ("run", "record") and path[-1] in self._places:
+            return _placed(str(path[-1]), finding.cause, finding.cure, self._places)
         if self._source is not None and self._source.holds(path):
             return self._source.problem(finding)
         section = str(path[0])
@@ -390,15 +411,25 @@ class Scene:
 
     def __repr__(self) -> str:
         run = self.run
-        counts = (
-            f"{len(self.names)} spheres, {len(self.planes)} planes, {len(self._tree.contact)} contact laws"
+        counts = ", ".join(
+            counted(n, what)
+            for n, what in (
+                (len(self.names), "sphere"),
+                (len(self.planes), "plane"),
+                (len(self._tree.contact), "contact law"),
+            )
         )
         time = (
-            f"{steps(run)} steps of {run.step:g} s"
+            f"{counted(steps(run), 'step')} of {run.step:g} s"
             if run.until is not None
             else f"step {run.step:g} s, no end yet"
         )
         return f"<Scene {quoted(self.title)}: {counts}; {time}>"
+
+
+def _placed(key: str, cause: str, cure: str, places: Mapping[str, str]) -> Problem:
+    place = places.get(key, "carom.simulate")
+    return Problem(place, "" if place.startswith("-") else key, cause, cure)
 
 
 def _make(table: type[_T], label: str, **given: Any) -> _T:

@@ -36,6 +36,16 @@ def settings(pairs: list[str]) -> dict[str, Any]:
     return found
 
 
+def overrides(set_: list[str] | None, until: str | None) -> tuple[dict[str, Any], dict[str, str]]:
+    """The keys given on the command line, and how a message calls the place of each."""
+    options = settings(set_ or [])
+    places = {key: f"--set {key}" for key in options}
+    if until is not None:
+        options["until"] = number(until)
+        places["until"] = "--until"
+    return options, places
+
+
 def number(text: str | None) -> Any:
     """A number if it is one; what has a unit is left to the scenario, which knows them."""
     try:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from carom.cli.options import Json, Quiet, Scenario, number, settings
+from carom.cli.options import Json, Quiet, Scenario, overrides
 from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 
@@ -47,12 +47,10 @@ def run(
     from carom.rundir import RunDir
     from carom.scene import Scene
 
-    options = settings(set_ or [])
-    if until is not None:
-        options["until"] = number(until)
+    options, places = overrides(set_, until)
     scene = Scene.from_toml(scenario)
     if options:
-        scene = scene.with_options(**options)
+        scene = scene.overridden(options, places)
     for advice in scene.validate():
         note(f"warning: {advice}")
 

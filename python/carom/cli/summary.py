@@ -20,6 +20,8 @@ TROUBLES = {
     "halvings": "steps halved",
     "missed_impacts": "impacts missed",
 }
+#: Travel in a step, in radii, from which a ball can pass through another or a plane unnoticed.
+MOST_TRAVEL = 1.0
 
 
 def text(summary: Mapping[str, Any], result: Result) -> str:
@@ -73,6 +75,9 @@ def _counts(value: Any) -> list[str]:
 
 def _troubles(summary: Mapping[str, Any]) -> str:
     found = [f"{summary[key]} {words}" for key, words in TROUBLES.items() if summary.get(key)]
+    travel = summary.get("travel_max") or 0.0
+    if travel > MOST_TRAVEL:
+        found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
     return "troubles    " + ("; ".join(found) if found else "none")
 
 

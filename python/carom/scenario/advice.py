@@ -17,26 +17,28 @@ WARN_TRAVEL = 0.05
 """Travel per step, in radii, above which hits are inaccurate (rule R6)."""
 FINE_TRAVEL = 0.02
 """Travel per step, in radii, that accuracy runs should keep to."""
+PLANE_TRAVEL = 0.5
+"""Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
 
 
 def advise(parts: Parts, world: World) -> Iterator[Finding]:
     """All warnings of a scenario that `check` found nothing wrong with."""
-    yield from _step_length(parts)
+    yield from _step_length(parts, world)
     yield from _rounded_until(parts)
     yield from _never_rolls(parts)
     yield from _bounces(parts, world)
     yield from _heavy_shell(parts)
 
 
-def _step_length(parts: Parts) -> Iterator[Finding]:
+def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
     run, bodies = parts.run, parts.bodies()
-    if run is None or len(bodies.names) < 2:
-        return  # planes are flat: only hits between spheres lose accuracy
+    if run is None or not bodies.names:
+        return
     # the fastest ball relative to its size; another may come towards it as fast, which the limits allow for
     rate = np.sqrt((bodies.velocity**2).sum(axis=1)) / bodies.radius
     body = int(rate.argmax())
     travel = float(rate[body]) * run.step
-    if travel > WARN_TRAVEL:
+    if len(bodies.names) > 1 and travel > WARN_TRAVEL:
         ok, fine = _rounded_down(WARN_TRAVEL / rate[body]), _rounded_down(FINE_TRAVEL / rate[body])
         name = quoted(bodies.names[body])
         cause = f"a step of {run.step:g} s moves {name} by {travel:.2g} radii: oblique hits lose accuracy"
@@ -45,6 +47,33 @@ def _step_length(parts: Parts) -> Iterator[Finding]:
             cause + " and grazing ones may be missed",
             f"step = {ok:g} is safe, {fine:g} accurate",
         )
+    else:
+        yield from _step_before_planes(parts, run.step, world)
+
+
+def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Finding]:
+    """Planes are flat, so that hits lose no accuracy; but a ball must not get far behind one in a step.
+
+    What gravity adds to the speed within the first step counts too; of later speeds tells the summary of the run.
+    """
+    bodies = parts.bodies()
+    safe, worst, met = math.inf, 0.0, ""
+    for _, plane in parts.planes():
+        normal = np.array(scaled(plane.normal))
+        rate = np.maximum(0.0, -(bodies.velocity @ normal)) / bodies.radius
+        fall = max(0.0, -dot(world.gravity, scaled(plane.normal))) / bodies.radius
+        travel = (rate + fall * step) * step
+        body = int(travel.argmax())
+        if travel[body] > max(PLANE_TRAVEL, worst):
+            worst, met = float(travel[body]), f"{quoted(bodies.names[body])} towards {quoted(plane.name)}"
+        with np.errstate(
+            divide="ignore"
+        ):  # the root of fall h^2 + rate h = PLANE_TRAVEL, also without gravity
+            root = 2 * PLANE_TRAVEL / (rate + np.sqrt(rate * rate + 4 * fall * PLANE_TRAVEL))
+        safe = min(safe, float(root.min()))
+    if worst:
+        cause = f"a step of {step:g} s moves {met} by {worst:.2g} radii: impacts on planes may be missed"
+        yield Finding(("run", "step"), cause, f"step = {_rounded_down(safe):g} is safe")
 
 
 def _rounded_down(x: float) -> float:
