@@ -248,6 +248,40 @@ def test_a_step_that_is_not_solved_has_code_3(runs: Path) -> None:
     assert result.status == "failed"
     assert len(result.steps) == document["steps"]
     assert all(name in (*result.names, *result.plane_names) for name in result.outcome.bodies)
+    assert "problem is in failing_problem.h5" in told
+    assert "was kept" not in told
+
+
+def test_a_run_that_failed_goes_on_with_other_numerical_options(runs: Path) -> None:
+    cli("examples", "copy", "5.6_break", "--force", cwd=runs)
+    # The impact after 0.114 s needs 6 iterations, all before it one.
+    hard = ["max_iterations=3", "gauss_seidel_sweeps=0", "max_halvings=0", "record.every=50"]
+    options = [part for limit in hard for part in ("--set", limit)]
+    cli("run", "5.6_break.toml", "-o", "stuck", "--until", "0.2", "--quiet", *options, cwd=runs, code=3)
+    failed = carom.load(runs / "stuck")
+    last = failed.outcome.step
+    assert last is not None
+    assert last > 100
+    assert failed.step[-1] == last - 1
+    assert (runs / "stuck" / f"checkpoint-{last - 1:012d}.npz").exists()
+    assert (
+        "would fail there again; change how it is solved" in cli("resume", "stuck", cwd=runs, code=2).stderr
+    )
+    for wrong, words in (("step=1e-4", "cannot change within a run"), ("tol=1", "did you mean tolerance?")):
+        assert words in cli("resume", "stuck", "--set", wrong, cwd=runs, code=2).stderr
+    cli("resume", "stuck", "--quiet", "--set", "max_iterations=50", cwd=runs)
+    result = carom.load(runs / "stuck")
+    assert result.outcome.ok
+    assert result.step[:].tolist() == [0, 50, 100, 150, 200]
+    assert json.loads((runs / "stuck" / "run.json").read_text())["changes"] == [
+        {"after_step": last - 1, "options": {"max_iterations": [3, 50]}}
+    ]
+    assert "options changed" in (runs / "stuck" / "log.jsonl").read_text()
+    cli("run", "5.6_break.toml", "-o", "easy", "--until", "0.2", "--quiet", "--set", "every=50", cwd=runs)
+    assert np.array_equal(carom.load(runs / "easy").position[-1], result.position[-1])
+    assert (
+        cli("resume", "stuck", "--until", "0.21", "--quiet", cwd=runs).stderr == ""
+    )  # the new scenario counts
 
 
 def test_a_terminal_sees_a_progress_bar_that_goes_away(runs: Path) -> None:

@@ -209,7 +209,7 @@ def test_the_repr_says_what_it_is(result: carom.Result) -> None:
 
 def test_options_are_checked_before_anything_runs() -> None:
     scene = carom.Scene(run={"until": 1.0})
-    with pytest.raises(carom.ScenarioError, match="did you mean until"):
+    with pytest.raises(carom.ScenarioError, match="write until="):
         carom.simulate(scene, untl=1.0)
 
 

@@ -77,7 +77,7 @@ def simulate(case: str, out: Path, *, progress: Callable[..., None] | None = Non
         while result.outcome.ok and None in rest_times(result).values() and until < LONGEST:
             until += PORTION
             result.close()
-            result = relaunch(RunDir.open(out), until=until, stop=stop, progress=progress)
+            result = relaunch(RunDir.open(out), {"until": until}, stop=stop, progress=progress)
     return result
 
 

@@ -187,13 +187,15 @@ def drive(
             save()
 
     if failure is not None:
-        writer.append(_last_frame(simulation, writer))
         outcome = dict(failure)
     else:
         kind = "done" if simulation.step >= plan.steps else "interrupted"
         outcome = {"kind": kind, "step": simulation.step, "time": simulation.time}
-        if checkpoints and simulation.step <= grid_end:
-            save()
+    # At a failure the state is the last good one: from there other options may lead on.
+    if checkpoints and simulation.step <= grid_end:
+        save()
+    # After the checkpoint: a run that is continued has frames of the grid only.
+    writer.append(_last_frame(simulation, writer, plan))
     writer.commit()
     return Ending(outcome, time.perf_counter() - begin, core_s)
 
@@ -233,10 +235,11 @@ def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) ->
     return {**block, "frames": columns}
 
 
-def _last_frame(simulation: Simulation, writer: Writer) -> dict[str, Any]:
-    """The last good state of a run that failed, unless the last frame shows it already."""
+def _last_frame(simulation: Simulation, writer: Writer, plan: Plan) -> dict[str, Any]:
+    """The last good state of a run that failed or was interrupted, unless a frame shows it already."""
     empty = dict(simulation.advance(0, 0, False, 0.0))
-    if writer.last_frame == simulation.step:
+    on_grid = simulation.step % plan.every == 0  # then it is in an earlier segment, if not in this one
+    if writer.last_frame == simulation.step or (writer.last_frame is None and on_grid):
         return empty
     return with_frame(empty, simulation.frame(), simulation.step)
 

@@ -19,7 +19,7 @@ import numpy as np
 import carom
 from carom import checkpoint, summary
 from carom.drive import Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
-from carom.errors import CaromError
+from carom.errors import CaromError, nearest
 from carom.record import Rows, Writer
 from carom.result import Result, load
 from carom.rundir import RunDir, now
@@ -29,6 +29,13 @@ if TYPE_CHECKING:
     from carom.scene import Scene
 
 OnProgress = Callable[[Progress], None]
+
+#: Options that may change when a run is continued: how hard the contact problems are solved, not which ones.
+CHANGEABLE = (
+    *("tolerance", "pile_tolerance", "tolerance_floor", "gap_tolerance", "solver", "max_iterations"),
+    *("penalty_scale", "proximal_shift", "line_search", "max_line_search", "max_problems", "dense_contacts"),
+    *("gauss_seidel_sweeps", "max_halvings", "on_nonconvergence", "threads"),
+)
 
 
 class CaromWarning(UserWarning):
@@ -92,16 +99,24 @@ def _scene(given: object) -> Scene:
 
 
 def resume(
-    run: str | Path, *, until: float | str | None = None, progress: OnProgress | None = None
+    run: str | Path,
+    *,
+    until: float | str | None = None,
+    progress: OnProgress | None = None,
+    **options: Any,
 ) -> Result:
     """Continue a run that was interrupted or killed, bit for bit as if nothing had happened; `until` (s)
     extends it.
 
-    A run that has reached its end already is returned as it is.
+    A run that failed goes on from its last good state with other numerical `options`, as `tolerance=1e-7`; what
+    describes the physics, and the step, cannot change within a run. A run that has reached its end already is
+    returned as it is.
     """
     stop = Interrupt()
+    if until is not None:
+        options["until"] = until
     with stop.listening(signal.SIGINT):
-        result = relaunch(RunDir.open(run), until=until, stop=stop, progress=progress)
+        result = relaunch(RunDir.open(run), options, stop=stop, progress=progress)
     return _judged(result, stop)
 
 
@@ -150,30 +165,41 @@ def launch(
 
 def relaunch(
     directory: RunDir,
+    options: Mapping[str, Any] | None = None,
     *,
-    until: float | str | None = None,
+    places: Mapping[str, str] | None = None,
     stop: Interrupt,
     progress: OnProgress | None = None,
 ) -> Result:
-    """Continue the run in `directory` from its newest whole checkpoint, or from the start if there is none."""
+    """Continue the run in `directory` from its newest whole checkpoint, or from the start if there is none.
+
+    `options` are `until` and numerical options of the core; `places` says how messages call them.
+    """
     from carom.scene import Scene
 
-    scene = Scene.from_toml(directory.scenario)
-    if until is not None:
-        scene = scene.with_options(until=until)
+    options = dict(options or {})
+    _refuse_other_physics(options, places or {})
+    old = Scene.from_toml(directory.scenario)
+    scene = old
+    if options:
+        scene = old.overridden(options, places) if places else old.with_options(**options)
     simulation, model, plan = _build(scene)
-    if directory.read()["scenario"]["identity"] != identify(model):
+    about = directory.read()
+    was = identify(old.to_model())
+    if was not in _identities(about):
         raise CaromError(
             f"{directory.scenario} was changed since the run began, and a run continues only with the same scenario;"
             " start a new one with `carom run`"
         )
     if directory.is_finished(plan.steps):
         return load(directory.path)
+    if identify(model) == was:
+        _refuse_to_fail_again(directory, about)
     with directory.writing():
         about = directory.read()
         saved, complaints = checkpoint.newest(directory.path)
         if saved is not None:
-            if saved.scenario != identify(model):
+            if saved.scenario not in _identities(about):
                 raise CaromError(
                     f"the newest checkpoint in {directory.path} belongs to another scenario; remove it"
                 )
@@ -183,14 +209,54 @@ def relaunch(
             simulation.restore(dict(saved.state))
         for complaint in complaints:
             directory.log("damaged checkpoint", message=complaint)
-        if until is not None:
-            directory.write_scenario(scene.to_toml(resolved=True))
+        _note_changes(directory, about, old, scene, simulation.step)
         about.update(status="running", outcome=None)
-        directory.write(about)
+        directory.write(
+            about
+        )  # before the scenario: run.json knows the identity of the old one and of the new
+        if options:
+            directory.write_scenario(scene.to_toml(resolved=True))
         start = _Start(simulation, model, plan, about, saved.rows if saved else Rows())
         writer = _writer(scene, directory.next_segment(), start)
         _execute(scene, directory, start, writer, stop=stop, progress=progress, checkpoints=True)
     return load(directory.path)
+
+
+def _refuse_other_physics(options: Mapping[str, Any], places: Mapping[str, str]) -> None:
+    for key in options:
+        if key not in ("until", *CHANGEABLE):
+            meant = nearest(key, CHANGEABLE)
+            cure = f"did you mean {meant}?" if meant else "start a new run for it"
+            raise CaromError(
+                f"{places.get(key, key)}: cannot change within a run, only {', '.join(CHANGEABLE)} can; {cure}"
+            )
+
+
+def _refuse_to_fail_again(directory: RunDir, about: Mapping[str, Any]) -> None:
+    outcome = about.get("outcome") or {}
+    same_core = about["versions"]["core"] == summary.versions()["core"]
+    if about["status"] == "failed" and outcome.get("kind") != "error" and same_core:
+        raise CaromError(
+            f"the run failed at step {outcome.get('step')} and would fail there again; change how it is solved, as"
+            f" `carom resume {directory.path} --set tolerance=1e-7`, or start a new run with a smaller step"
+        )
+
+
+def _identities(about: Mapping[str, Any]) -> list[str]:
+    """The scenario as it was run, before and after each change of a numerical option."""
+    return [about["scenario"]["identity"], *about["scenario"].get("earlier", [])]
+
+
+def _note_changes(directory: RunDir, about: dict[str, Any], old: Scene, new: Scene, step: int) -> None:
+    """Record in `run.json` and the log from which step on the run was solved with other options."""
+    before, after = old.to_model()["options"], new.to_model()["options"]
+    changed = {key: [before[key], after[key]] for key in after if before[key] != after[key]}
+    if changed:
+        identity = identify(new.to_model())
+        about["scenario"]["earlier"] = [k for k in _identities(about) if k != identity]
+        about["scenario"]["identity"] = identity
+        about.setdefault("changes", []).append({"after_step": step, "options": changed})
+        directory.log("options changed", after_step=step, options=changed)
 
 
 @dataclass
@@ -291,6 +357,8 @@ def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, A
         from carom.record.problem import write_problem
 
         outcome["problem_file"] = write_problem(directory.path / "failing_problem.h5", problem, outcome).name
+        # The outcome names the file: the core need not say as well that there is something to be kept.
+        outcome["advice"] = str(outcome["advice"]).removesuffix("; the failing contact problem was kept")
     about["segments"].append(
         {**segment, "to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from carom.cli.options import Json, Quiet, Run, number
+from carom.cli.options import Json, Quiet, Run, overrides
 from carom.cli.output import guarded
 from carom.cli.progress import progress_bar
 from carom.cli.run import report
@@ -20,12 +20,21 @@ def resume(
         str | None,
         typer.Option("--until", metavar="TIME", help="Simulate on to this time, s or with a unit."),
     ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Go on with another numerical option of [run], as tolerance; may be repeated.",
+        ),
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
     """Continue a run that was interrupted or killed, bit for bit as if nothing had happened.
 
-    With --until a finished run is extended. What is new goes into a further segment of the results.
+    With --until a finished run is extended; with --set a run that failed goes on from its last good state. What
+    is new goes into a further segment of the results.
 
     Example: carom resume runs/break-1 --until 6
     """
@@ -33,7 +42,8 @@ def resume(
     from carom.run import relaunch
     from carom.rundir import RunDir
 
+    options, places = overrides(set_, until)
     stop = Interrupt()
     with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
-        result = relaunch(RunDir.open(run), until=number(until), stop=stop, progress=bar)
+        result = relaunch(RunDir.open(run), options, places=places, stop=stop, progress=bar)
     return report(result, quiet=quiet, as_json=as_json)

@@ -82,4 +82,9 @@ def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None =
         return INTERRUPTED
     if outcome.kind == "error":
         return fail(outcome.advice, BAD_INPUT)
-    return fail(str(outcome), NOT_CONVERGED)
+    told = str(outcome)
+    if outcome.kind == "not_converged":
+        told += (
+            f"; carom resume {result.path} --set KEY=VALUE goes on from there with other numerical options"
+        )
+    return fail(told, NOT_CONVERGED)
