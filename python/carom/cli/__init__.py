@@ -15,4 +15,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from carom.cli.app import app
     except KeyboardInterrupt:
         sys.exit(130)
-    app(args=list(arguments) if arguments is not None else None, prog_name="carom")
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = app(args=given, prog_name="carom", standalone_mode=False)
+    except Exception as error:
+        code = _misused(error, as_json="--json" in given)
+    sys.exit(code or 0)
+
+
+def _misused(error: Exception, *, as_json: bool) -> int:
+    """One line, and a document with `--json`, for a command line that cannot be understood.
+
+    Which package the errors come from depends on the version of typer; they are known by what they can do.
+    """
+    from carom.cli.output import BAD_INPUT, INTERRUPTED, fail
+
+    if type(error).__name__ == "Abort":
+        return INTERRUPTED
+    if type(error).__name__ == "NoArgsIsHelpError":  # asked for nothing: the help is the answer
+        error.show()  # type: ignore[attr-defined]
+        return BAD_INPUT
+    if not hasattr(error, "format_message"):
+        raise error
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "carom"
+    told = " ".join(str(error.format_message()).split()).rstrip(".")
+    return fail(f"{told}; {command} --help explains it", BAD_INPUT, as_json)
