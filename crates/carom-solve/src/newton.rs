@@ -285,8 +285,8 @@ impl Newton {
         }
     }
 
-    /// Takes the step, shortened while the merit exceeds those of the last iterates. If no length helps the full
-    /// step is taken: the merit is only piecewise smooth and may have to rise across a change of status.
+    /// Takes the step, shortened while the merit exceeds those of the last iterates. If no length helps the best one
+    /// tried is taken: the merit is only piecewise smooth and may have to rise across a change of status.
     #[allow(clippy::too_many_arguments)]
     fn advance<P: Subproblem>(
         &mut self,
@@ -302,6 +302,8 @@ impl Newton {
         let bound = merits[..count].iter().fold(0.0f64, |m, &x| m.max(x));
         let mut length = 1.0;
         let mut tries = 0;
+        let mut best = (f64::INFINITY, 1.0);
+        let mut last = false;
         loop {
             for (t, (l, d)) in self
                 .trial_lambda
@@ -320,9 +322,11 @@ impl Newton {
             problem.evaluate(system, &trial_u, &mut self.z);
             let norms = self.norms(system, &trial_lambda, &trial_u);
             (self.trial_lambda, self.trial_u) = (trial_lambda, trial_u);
-            let accept = norms.residual <= bound * (1.0 + 1e-12)
-                || options.max_line_search == 0
-                || (tries > 0 && length == 1.0);
+            let accept =
+                norms.residual <= bound * (1.0 + 1e-12) || options.max_line_search == 0 || last;
+            if norms.residual < best.0 {
+                best = (norms.residual, length);
+            }
             if accept {
                 lambda.copy_from_slice(&self.trial_lambda);
                 u.copy_from_slice(&self.trial_u);
@@ -330,11 +334,8 @@ impl Newton {
             }
             tries += 1;
             report.line_search += 1;
-            length = if tries >= options.max_line_search {
-                1.0
-            } else {
-                0.5 * length
-            };
+            last = tries >= options.max_line_search;
+            length = if last { best.1 } else { 0.5 * length };
         }
     }
 
