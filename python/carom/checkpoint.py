@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.record.layout import Rows
-from carom.record.writer import RecordError, reason
+from carom.record.writer import RecordError, reason, unwritable
 
 FORMAT = 1
 KEEP = 2
@@ -98,10 +98,15 @@ def newest(directory: Path) -> tuple[Checkpoint | None, list[str]]:
     return None, complaints
 
 
-def write_whole(path: Path, data: bytes | memoryview, *, durable: bool) -> None:
-    """Replace a file by another in one move: readers see the old or the new one, never half of it."""
+def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents: bool = False) -> None:
+    """Replace a file by another in one move: readers see the old or the new one, never half of it.
+
+    With `parents` the directory is made if it is not there.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
+        if parents:
+            path.parent.mkdir(parents=True, exist_ok=True)
         with open(temporary, "wb") as file:
             file.write(data)
             if durable:
@@ -113,7 +118,7 @@ def write_whole(path: Path, data: bytes | memoryview, *, durable: bool) -> None:
     except OSError as error:
         with suppress(OSError):
             temporary.unlink()
-        raise RecordError(f"cannot write {path}: {reason(error)}") from error
+        raise RecordError(f"cannot write {path}: {unwritable(error)}") from error
 
 
 def _sync_directory(path: Path) -> None:

@@ -20,7 +20,7 @@ from typing import IO, Any
 
 from carom.checkpoint import write_whole
 from carom.errors import CaromError
-from carom.record.writer import RecordError, reason
+from carom.record.writer import RecordError, reason, unwritable
 
 #: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted.
 _OWN = (
@@ -91,7 +91,7 @@ class RunDir:
                 )
             path.mkdir(parents=True, exist_ok=force)
         except OSError as error:
-            raise RecordError(f"cannot create the run directory {path}: {reason(error)}") from error
+            raise RecordError(f"cannot create the run directory {path}: {unwritable(error)}") from error
         return cls(path)
 
     @classmethod
@@ -110,9 +110,7 @@ class RunDir:
                     return cls(parent / f"{stem}-{n}")
                 n += 1
         except OSError as error:
-            raise RecordError(
-                f"cannot create a run directory in {parent}: {reason(error)}; name another with -o"
-            ) from error
+            raise RecordError(f"cannot create a run directory in {parent}: {unwritable(error)}") from error
 
     def segments(self) -> list[Path]:
         """`results.h5`, `results-0002.h5`, ... in the order of the run."""
@@ -170,7 +168,7 @@ class RunDir:
         try:
             self._log = open(self.log_file, "a", encoding="utf-8")  # noqa: SIM115  # closed below, also by the kernel
         except OSError as error:
-            raise RecordError(f"cannot write {self.log_file}: {reason(error)}") from error
+            raise RecordError(f"cannot write {self.log_file}: {unwritable(error)}") from error
         try:
             if not _lock(self._log, shared=False):
                 raise CaromError(

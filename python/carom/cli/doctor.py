@@ -79,8 +79,13 @@ def _directory() -> str:
     import shutil
     import tempfile
 
-    with tempfile.TemporaryFile(dir="."):
-        pass
+    try:
+        with tempfile.TemporaryFile(dir="."):
+            pass
+    except OSError as error:
+        from carom.record.writer import unwritable
+
+        raise RuntimeError(f"not writable: {unwritable(error)}, or change to another directory") from error
     return f"writable, {shutil.disk_usage('.').free / 1e9:.1f} GB free"
 
 

@@ -59,14 +59,19 @@ def copy(
 
     Example: carom examples copy paper/5.6_break
     """
+    from carom.checkpoint import write_whole
     from carom.errors import CaromError
 
     source = find(name)
     target = to / source.name if to.is_dir() or to.suffix != ".toml" else to
     if target.exists() and not force:
         raise CaromError(f"{target} exists already; give --force to replace it, or another name")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_bytes(source.read_bytes())
+    try:
+        write_whole(target, source.read_bytes(), durable=False, parents=True)
+    except CaromError as error:
+        raise CaromError(
+            str(error).replace("write elsewhere with -o", f"give another place after {name}")
+        ) from None
     if as_json:
         emit({"file": str(target)})
     else:

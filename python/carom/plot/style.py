@@ -90,7 +90,6 @@ def legend(figure: Figure, axes: Axes, columns: int = 8) -> None:
 
 def save(chart: Chart, directory: Path, name: str, formats: Sequence[str]) -> list[Path]:
     """Write a chart as `<name>.<format>` and `<name>.csv`; the same chart gives the same bytes."""
-    directory.mkdir(parents=True, exist_ok=True)
     files = []
     # Without these the files would hold the time at which they were made.
     dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
@@ -99,9 +98,9 @@ def save(chart: Chart, directory: Path, name: str, formats: Sequence[str]) -> li
             buffer = io.BytesIO()
             chart.figure.savefig(buffer, format=chosen, dpi=DPI, metadata=dates[chosen])
             files.append(directory / f"{name}.{chosen}")
-            write_whole(files[-1], buffer.getbuffer(), durable=False)
+            write_whole(files[-1], buffer.getbuffer(), durable=False, parents=True)
     files.append(directory / f"{name}.csv")
-    write_whole(files[-1], _csv(chart.data).encode(), durable=False)
+    write_whole(files[-1], _csv(chart.data).encode(), durable=False, parents=True)
     return files
 
 

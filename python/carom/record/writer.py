@@ -270,21 +270,38 @@ class _explained:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         # h5py reports some failed writes as RuntimeError (from closing) instead of OSError.
         if isinstance(error, (OSError, RuntimeError)):
-            raise RecordError(f"cannot write {self.path}: {reason(error)}") from error
+            raise RecordError(f"cannot write {self.path}: {unwritable(error)}") from error
 
 
 def reason(error: BaseException) -> str:
     """The cause of an input/output error in a few words; HDF5 hides the error number inside a long message."""
+    return _known(error)[0]
+
+
+def unwritable(error: BaseException) -> str:
+    """Cause and cure of a failed attempt to write."""
+    cause, cure = _known(error)
+    return f"{cause}; {cure}"
+
+
+def _known(error: BaseException) -> tuple[str, str]:
     text = str(error)
     number = getattr(error, "errno", None)
-    for code, words in (
-        (errno.ENOSPC, "no space left on the disk; free some, or write elsewhere with -o"),
-        (errno.EDQUOT, "the disk quota is used up; free some, or write elsewhere with -o"),
-        (errno.EFBIG, "the file grew beyond the limit of this process (ulimit -f)"),
-        (errno.EACCES, "permission denied; choose another place with -o"),
-        (errno.EROFS, "the file system is read-only; choose another place with -o"),
-        (errno.EIO, "the disk reports an input/output error"),
+    elsewhere = "write elsewhere with -o"
+    for code, cause, cure in (
+        (errno.ENOSPC, "no space left on the disk", f"free some, or {elsewhere}"),
+        (errno.EDQUOT, "the disk quota is used up", f"free some, or {elsewhere}"),
+        (errno.EFBIG, "the file grew beyond the limit of this process", "raise it (ulimit -f)"),
+        (errno.EACCES, "permission denied", elsewhere),
+        (errno.EPERM, "permission denied", elsewhere),
+        (errno.EROFS, "the file system is read-only", elsewhere),
+        (errno.EIO, "the disk reports an input/output error", elsewhere),
+        (errno.ENOTDIR, "a part of the path is a file, not a directory", elsewhere),
+        (errno.EEXIST, "a part of the path is a file, not a directory", elsewhere),
+        (errno.EISDIR, "it is a directory", "name a file"),
+        (errno.ENAMETOOLONG, "the name is too long", "choose a shorter one"),
     ):
         if number == code or f"errno = {code}," in text:
-            return words
-    return text.splitlines()[0] if text else type(error).__name__
+            return cause, cure
+    words = getattr(error, "strerror", None) if number is not None else None
+    return words or (text.splitlines()[0] if text else type(error).__name__), elsewhere

@@ -7,9 +7,9 @@ import gzip
 import hashlib
 import html
 import json
+import math
 import os
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from carom.checkpoint import write_whole
 from carom.errors import CaromError
 from carom.view import codec
 
@@ -88,12 +89,16 @@ def write_html(
     returned `ViewInfo.notes` say so.
     """
     target = Path(path)
+    if target.is_dir():
+        raise CaromError(f"{target} is a directory; name a file, as {target / 'view.html'}")
     shell = _Shell.load()
-    budget = int(max_mb * 1e6) - shell.size - 20_000
-    if budget < 100_000:
+    least = shell.size + 120_000
+    if not least <= max_mb * 1e6 < math.inf:
         raise CaromError(
-            f"max_mb = {max_mb:g} leaves no room: the empty page takes {shell.size / 1e6:.1f} MB"
+            f"a page of {max_mb:g} MB leaves no room for motion; give --max-mb (max_mb in Python) at least"
+            f" {math.ceil(least / 1e4) / 100:g}"
         )
+    budget = int(max_mb * 1e6) - shell.size - 20_000
 
     shape = tuple(result.position.shape)
     _check(result, shape)
@@ -119,7 +124,7 @@ def write_html(
     notes = _notes(frames, frames_recorded, stride, bodies, bodies_recorded, every, max_mb)
     facts["notes"] = notes
     text = shell.fill(title or "Carom", json.dumps(facts, separators=(",", ":")), packed)
-    _replace(target, text)
+    write_whole(target, text, durable=False, parents=True)  # a full disk leaves the old page in place
     return ViewInfo(target, len(text), frames, frames_recorded, bodies, bodies_recorded, tuple(notes))
 
 
@@ -291,19 +296,3 @@ class _Shell:
 
 def _hash(text: str) -> str:
     return "'sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() + "'"
-
-
-def _replace(target: Path, data: bytes) -> None:
-    """All of the page or nothing: a full disk leaves the old one in place."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
