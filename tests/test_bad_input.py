@@ -143,7 +143,7 @@ MISTAKES = {
     "huge integer": (
         "mass = 0.17\nposition = [0.0",
         "mass = 1" + "0" * 400 + "\nposition = [0.0",
-        "finite number",
+        "is too large, found a whole number of about 400 digits",
     ),
     "boolean for a number": ("until = 1.0", "until = true", "run.until: expected a number, found true"),
     "no mass": ("mass = 0.17\nposition = [0.0", "position = [0.0", 'sphere "cue": neither mass nor density'),
@@ -309,7 +309,23 @@ MISTAKES = {
     "key twice": ("step = 1e-3", "step = 1e-3\nstep = 1e-3", "is not TOML", "may be given once"),
     "open bracket": ("normal = [0.0, 0.0, 1.0]\n", "normal = [0.0, 0.0", "is not TOML"),
     "too deep": ("normal = [0.0, 0.0, 1.0]", "normal = " + "[" * 100_000, "is not TOML"),
-    "date for a number": ("until = 1.0", "until = 2026-01-01", "run.until: expected a number"),
+    "date for a number": (
+        "until = 1.0",
+        "until = 2026-01-01",
+        "run.until: expected a number, found the date 2026-01-01",
+    ),
+    "time for a number": ("until = 1.0", "until = 12:30:00", "found the time 12:30:00"),
+    "dates in a list": ("until = 1.0", "until = [2026-01-01]", "found [the date 2026-01-01]"),
+    "endless number": (
+        "until = 1.0",
+        f"until = {'1' * 5000}",
+        "a number of 5000 digits; write one below 1e308",
+    ),
+    "endless hexadecimal": (
+        "until = 1.0",
+        f"until = 0x{'f' * 6000}",
+        "run.until: is too large, found a whole number of about 7225 digits",
+    ),
 }
 
 

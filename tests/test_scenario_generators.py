@@ -76,6 +76,7 @@ def test_rack_with_gap_turned_and_tilted() -> None:
         ({"balls": 3, "rows": 2}, "both balls and rows"),
         ({}, "neither balls nor rows"),
         ({"balls": 3, "direction": [0, 0, -1]}, "direction and up are parallel"),
+        ({"balls": 3, "direction": [0, 0, 0]}, "must not be zero; write for example [1.0, 0.0, 0.0]"),
         ({"balls": 3, "jitter": 1e-4}, "add seed = 1"),
     ],
 )

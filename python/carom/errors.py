@@ -97,6 +97,12 @@ def quoted(value: object) -> str:
         return "a table"
     if value is None:
         return "nothing"
+    if isinstance(value, int) and value.bit_length() > 128:  # Python refuses to print very long ones
+        return f"a whole number of about {round(value.bit_length() * 0.30103)} digits"
+    if isinstance(value, list):
+        return one_line(f"[{', '.join(map(quoted, value[:10]))}]", 40)
+    if hasattr(value, "isoformat"):
+        return f"the {'date' if hasattr(value, 'year') else 'time'} {value.isoformat()}"
     return one_line(repr(value), 40)
 
 

@@ -118,7 +118,7 @@ class Quantity(Checked):
             try:
                 x = float(value)
             except OverflowError:
-                x = math.inf
+                raise refuse(f"is too large, found {quoted(value)}", "write a number below 1e308") from None
         else:
             raise refuse(
                 f"expected a number, found {quoted(value)}", f"write {units.expected(self.dimension)}"
@@ -183,10 +183,12 @@ class Vector(Checked):
 class Direction(Vector):
     """Three numbers, not all zero, kept as written (the arrays of the model hold unit vectors)."""
 
+    example: str = "[0.0, 0.0, 1.0]"
+
     def check(self, value: Any) -> tuple[float, ...]:
         vector = super().check(value)
         if norm(vector) == 0:
-            raise refuse("a direction must not be zero", "write for example [0.0, 0.0, 1.0]")
+            raise refuse("a direction must not be zero", f"write for example {self.example}")
         return vector
 
 

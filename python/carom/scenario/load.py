@@ -82,7 +82,7 @@ def parse(text: str, name: str = "scenario text") -> tuple[Scenario, Source]:
 def _toml(text: str, name: str) -> dict[str, Any]:
     if not text.strip():
         raise ScenarioError(
-            [Problem(name, "", "is empty", "begin with format = 1; see docs/reference/scenario.md", 1)]
+            [Problem(name, "", "is empty", "begin with one that works: `carom examples copy three_balls`", 1)]
         )
     try:
         return tomllib.loads(text)
@@ -94,6 +94,13 @@ def _toml(text: str, name: str) -> dict[str, Any]:
         at = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
         rows = text.split("\n")
         line = int(at[1]) if at and at[1] else len(rows) if at else 1
+        if "int_max_str_digits" in message:  # Python's own limit, which knows no line
+            longest = [max(map(len, re.findall(r"\d[\d_]*", row)), default=0) for row in rows]
+            line = 1 + longest.index(max(longest))
+            cause = f"a number of {max(longest)} digits"
+            raise ScenarioError(
+                [Problem(name, "", cause, "write one below 1e308, as 1.5e20", line, rows[line - 1])]
+            ) from None
         if isinstance(e, RecursionError):
             line = 1 + max(range(len(rows)), key=lambda i: rows[i].count("[") + rows[i].count("{"))
         row = rows[line - 1] if line <= len(rows) else ""

@@ -252,7 +252,7 @@ class Rack(Generator):
         examples=[[1.905, 0.635, 0.028575]],
         json_schema_extra=_unit("m"),
     )
-    direction: Annotated[Vec3, Direction()] = Field(
+    direction: Annotated[Vec3, Direction(example="[1.0, 0.0, 0.0]")] = Field(
         description="from the apex to the last row, any length", examples=[[1.0, 0.0, 0.0]]
     )
     up: Annotated[Vec3, Direction()] = Field(

@@ -138,7 +138,9 @@ def _translated(
         double = isinstance(path[-1], int) if path else False
         header = f"[[{path[0]}]]" if double else f"[{key}]"
         return Finding(path, f"expected a table, found {quoted(value)}", f"write {header} and its keys below")
-    return Finding(path, message, "see docs/reference/scenario.md")
+    return Finding(
+        path, message, "`carom schema` says what is allowed, `carom examples list` names files that work"
+    )
 
 
 def _how_to_write(key: str, owner: type[Table]) -> str:
