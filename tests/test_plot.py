@@ -123,7 +123,10 @@ def test_many_bodies_are_a_band_and_few_numbers(monkeypatch: pytest.MonkeyPatch,
     result = carom.simulate(scene, until=0.5, every=10)
     chart = result.plot.chart("velocities")
     assert list(chart.data)[1:4] == ["5 % v_x (m/s)", "median v_x (m/s)", "95 % v_x (m/s)"]
-    assert len(chart.figure.axes[0].lines) == 1
+    assert len(chart.figure.axes[0].lines) == 3
+    velocity = np.asarray(result.velocity)[:, :, 0]
+    assert np.array_equal(chart.data["least v_x (m/s)"], velocity.min(axis=1))
+    assert np.array_equal(chart.data["greatest v_x (m/s)"], velocity.max(axis=1))
     assert np.array_equal(
         chart.data["median v_z (m/s)"], np.median(np.asarray(result.velocity)[:, :, 2], axis=1)
     )

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, counted, did_you_mean
 from carom.record import Column, Segments
 from carom.rundir import RunDir
 from carom.tables import Contacts, Energy, Impacts, Outcome, Residuals, Static, Steps, UnknownName
@@ -292,7 +292,7 @@ class Result:
         span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if frames else "no frames yet"
         lines = [
             f"<carom.Result {self.title or self.path.name!r}: {self.outcome.brief}>",
-            f"  {frames} frames, {span}; {len(self.steps)} steps",
+            f"  {counted(frames, 'frame')}, {span}; {counted(len(self.steps), 'step')}",
             f"  bodies    {shown}",
             f"  impacts   {len(self.impacts)} rows; contacts {len(self.contacts)} rows",
             f"  directory {self.path}",

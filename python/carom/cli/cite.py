@@ -8,8 +8,8 @@ from carom.cli.output import emit, guarded
 #: The work whose method Carom implements, and what each part of it rests on.
 SOURCES = {
     "method": "Simulation of impacts between spherical rigid bodies with frictional effects (the paper Carom implements)",
-    "nsga": "Bruels and co-workers: the nonsmooth generalized-alpha scheme, as cited there",
-    "sequence": "Cosimo and co-workers: multiple impacts as a sequence of instantaneous ones, as cited there",
+    "nsga": "Bruels and co-workers: the nonsmooth generalized-alpha scheme (in the references of that paper)",
+    "sequence": "Cosimo and co-workers: multiple impacts as a sequence of instantaneous ones (there as well)",
 }
 
 

@@ -46,6 +46,7 @@ def info(run: Run, as_json: Json = False) -> None:
         facts["status"] = (
             "running" if facts["being_written"] else "did not finish; `carom resume` continues it"
         )
+        del facts["outcome"]  # there is none yet
     facts["bytes"] = f"{facts['bytes'] / 1e6:.2f} MB"
     facts["segments"] = ", ".join(facts["segments"])
     facts["versions"] = ", ".join(f"{k} {v}" for k, v in facts["versions"].items())

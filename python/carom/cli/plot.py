@@ -64,6 +64,11 @@ def plot(
         bodies=bodies.split(",") if bodies else None,
         step=step,
     )
+    from carom.plot.motion import MOST_LINES
+
+    if bodies is None and len(result.names) > MOST_LINES:
+        spread = "figures show median, 5 to 95 %, least and greatest"
+        note(f"{len(result.names)} bodies: {spread}; --bodies {','.join(result.names[:2])} draws these two")
     if as_json:
         emit({"files": [str(f) for f in files]})
     else:

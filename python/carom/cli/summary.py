@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.cli.output import seconds, table
+from carom.errors import counted
 
 if TYPE_CHECKING:
     from carom.result import Result
 
-#: Counts that should be zero, and what each is called in words.
+#: Counts that are zero where all went well, and what each is called in words, for one and for many.
 TROUBLES = {
-    "unconverged": "sub-problems accepted unconverged",
-    "fallbacks": "rescues by a fallback",
-    "truncated_sequences": "impact sequences cut short",
-    "halvings": "steps halved",
-    "missed_impacts": "impacts missed",
+    "unconverged": ("sub-problem accepted unconverged", "sub-problems accepted unconverged"),
+    "fallbacks": ("rescue by a fallback", "rescues by a fallback"),
+    "truncated_sequences": ("impact sequence cut short", "impact sequences cut short"),
+    "halvings": ("step halved", "steps halved"),
+    "missed_impacts": ("impact missed", "impacts missed"),
 }
 #: Travel in a step, in radii, from which a ball can pass through another or a plane unnoticed.
 MOST_TRAVEL = 1.0
@@ -41,7 +42,7 @@ def _head(summary: Mapping[str, Any]) -> str:
     title = summary.get("title") or summary["scenario"]
     return (
         f"{title}\n"
-        f"{str(summary['outcome']).replace('_', ' ')}: {summary['steps']} steps of {summary['step']:g} s,"
+        f"{str(summary['outcome']).replace('_', ' ')}: {counted(summary['steps'], 'step')} of {summary['step']:g} s,"
         f" t = {summary['time']:g} s, {seconds(summary['wall_s'])} (core {seconds(summary['core_s'])})"
     )
 
@@ -52,7 +53,8 @@ def _events(result: Result) -> str:
     most = int(contacts.max()) if len(contacts) else 0
     with_impacts = len(np.unique(step))
     return (
-        f"events      {with_impacts} steps with impacts ({len(step)} impulses); up to {most} contacts at once"
+        f"events      {counted(with_impacts, 'step')} with impacts ({counted(len(step), 'impulse')});"
+        f" up to {counted(most, 'contact')} closed at once"
     )
 
 
@@ -74,7 +76,7 @@ def _counts(value: Any) -> list[str]:
 
 
 def _troubles(summary: Mapping[str, Any]) -> str:
-    found = [f"{summary[key]} {words}" for key, words in TROUBLES.items() if summary.get(key)]
+    found = [f"{n} {one if n == 1 else many}" for k, (one, many) in TROUBLES.items() if (n := summary.get(k))]
     travel = summary.get("travel_max") or 0.0
     if travel > MOST_TRAVEL:
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
@@ -110,5 +112,5 @@ def _files(summary: Mapping[str, Any], result: Result) -> str:
 
     path = summary["directory"]
     size = size_on_disk(result.path) / 1e6
-    held = f"{len(result.time)} frames, {size:.1f} MB"
+    held = f"{counted(len(result.time), 'frame')}, {size:.1f} MB"
     return f"files       {path}  ({held})\nnext        carom view {path}   carom plot {path}"

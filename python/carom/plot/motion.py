@@ -1,4 +1,4 @@
-"""Velocities, angular velocities and heights over time: one line per body, or a band where there are many."""
+"""Velocities, angular velocities and heights over time: one line per body, or the spread where there are many."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.plot.style import COLOURS, DASHES, Chart, legend, panels, styled
+from carom.plot.style import COLOURS, DASHES, GREY, Chart, legend, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,12 +87,16 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
         for i, name in enumerate(names):
             axes.plot(time, values[:, i], color=COLOURS[i], linestyle=DASHES[i % 2], label=name)
         return {name: values[:, i] for i, name in enumerate(names)}
-    low, middle, high = np.quantile(values, [0.05, 0.5, 0.95], axis=1)
+    least, low, middle, high, most = np.quantile(values, [0.0, 0.05, 0.5, 0.95, 1.0], axis=1)
     axes.fill_between(
         time, low, high, color=COLOURS[5], alpha=0.35, linewidth=0, label="5 to 95 % of the bodies"
     )
     axes.plot(time, middle, color=COLOURS[0], label=f"median of {len(names)} bodies")
-    return {"5 %": low, "median": middle, "95 %": high}
+    # One fast ball among many is outside the band, and often the one that matters.
+    thin: dict[str, Any] = {"color": GREY, "linewidth": 0.5}
+    axes.plot(time, least, **thin, label="least and greatest (single bodies: --bodies A,B)")
+    axes.plot(time, most, **thin)
+    return {"5 %": low, "median": middle, "95 %": high, "least": least, "greatest": most}
 
 
 def _flat(values: F64) -> bool:

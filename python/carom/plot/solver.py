@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError
+from carom.errors import CaromError, counted
 from carom.plot.style import COLOURS, GREY, Chart, legend, panels, styled
 
 if TYPE_CHECKING:
@@ -95,7 +95,8 @@ def residuals(result: Result, step: int | None = None) -> Chart:
         for i, (level, problem, contacts, history) in enumerate(histories):
             # Velocity problems are numbered as in the table of impacts: 0 is the resting solve, 1 the first impact.
             which = f", impact problem {problem}" if level == "velocity" else ""
-            label = f"{level}{which}, {contacts} contact{'s' if contacts != 1 else ''}"
+            # All pairs of the island that may touch, of which the solve decides; fewer are closed after it.
+            label = f"{level}{which}, {counted(contacts, 'candidate contact')}"
             look: dict[str, Any] = {"color": GREY, "linewidth": 0.6}
             if i in order:
                 look = {

@@ -121,7 +121,7 @@ MEANINGS: dict[str, Meaning] = {
     "residuals/step": Meaning("1", "step of the contact problem"),
     "residuals/level": Meaning("1", "1 position, 2 velocity"),
     "residuals/problem": Meaning("1", "number of the contact problem in its step and level"),
-    "residuals/contacts": Meaning("1", "contacts of the problem"),
+    "residuals/contacts": Meaning("1", "candidate contacts of the problem, closed or not"),
     "residuals/end": Meaning("1", "end of its history in /residuals/value"),
     "residuals/value": Meaning("1", "residual norms, one per iteration, histories end to end"),
     "bodies/name": Meaning("1", "names"),
