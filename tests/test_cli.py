@@ -348,6 +348,16 @@ def test_the_facts_beside_the_bar_fit() -> None:
     assert "ETA 0:00:00" in facts(Progress(1, 2, 0.0, 1.0, 0, 0, 0, 1.0, 0.0, float("inf")))
 
 
+def test_balls_that_outrun_the_step_are_among_the_troubles(runs: Path) -> None:
+    cli("examples", "copy", "slide_to_roll", "--force", cwd=runs)
+    done = cli("run", "slide_to_roll.toml", "-o", "fast", "--set", "step=0.05", "--until", "0.5", cwd=runs)
+    assert "troubles    balls moved up to 3" in done.stdout
+    assert "radii in a step, impacts may be missed" in done.stdout
+    calm = cli("run", "slide_to_roll.toml", "-o", "calm", cwd=runs).stdout
+    assert "troubles    none" in calm
+    assert "up to 1 contact closed at once" in calm
+
+
 # --- the other commands ---------------------------------------------------------------------------------------------
 
 
@@ -440,6 +450,15 @@ def test_the_demo_computes_what_it_shows(tmp_path: Path) -> None:
     rest = [r for r in document["cases"]["5.6_break_rolling"]["rows"] if r["quantity"].endswith("at rest")]
     assert len(rest) == 4
     assert all(row["carom"].startswith("t = ") for row in rest)
+    orders = [
+        next(r for r in found["rows"] if r["quantity"].startswith("convergence"))
+        for found in document["cases"].values()
+    ]
+    assert orders[0]["difference"] == "agrees"
+    assert orders[0]["value"] > 2.0
+    # With rolling resistance rounding ends the solve before it is seen to be quadratic, and that is what is said.
+    assert orders[1]["difference"] == "superlinear, next is rounding"
+    assert 1.0 < orders[1]["value"] < 1.7
     text = cli("demo", "--no-plots", "-o", "d", cwd=tmp_path).stdout  # a second one replaces the first
     assert text.count("pure rolling at t = 3 s") == 1
     assert "3D page     d/5.6_break/view.html" in text
