@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import carom
-from carom import checkpoint, summary
+from carom import changes, checkpoint, summary
 from carom.drive import Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
-from carom.errors import CaromError, nearest
+from carom.errors import CaromError
 from carom.record import Rows, Writer
 from carom.result import Result, load
 from carom.rundir import RunDir, now
@@ -29,13 +29,6 @@ if TYPE_CHECKING:
     from carom.scene import Scene
 
 OnProgress = Callable[[Progress], None]
-
-#: Options that may change when a run is continued: how hard the contact problems are solved, not which ones.
-CHANGEABLE = (
-    *("tolerance", "pile_tolerance", "tolerance_floor", "gap_tolerance", "solver", "max_iterations"),
-    *("penalty_scale", "proximal_shift", "line_search", "max_line_search", "max_problems", "dense_contacts"),
-    *("gauss_seidel_sweeps", "max_halvings", "on_nonconvergence", "threads"),
-)
 
 
 class CaromWarning(UserWarning):
@@ -178,7 +171,7 @@ def relaunch(
     from carom.scene import Scene
 
     options = dict(options or {})
-    _refuse_other_physics(options, places or {})
+    changes.refuse_other_physics(options, places or {})
     old = Scene.from_toml(directory.scenario)
     scene = old
     if options:
@@ -186,7 +179,7 @@ def relaunch(
     simulation, model, plan = _build(scene)
     about = directory.read()
     was = identify(old.to_model())
-    if was not in _identities(about):
+    if was not in changes.identities(about):
         raise CaromError(
             f"{directory.scenario} was changed since the run began, and a run continues only with the same scenario;"
             " start a new one with `carom run`"
@@ -194,12 +187,12 @@ def relaunch(
     if directory.is_finished(plan.steps):
         return load(directory.path)
     if identify(model) == was:
-        _refuse_to_fail_again(directory, about)
+        changes.refuse_to_fail_again(directory, about)
     with directory.writing():
         about = directory.read()
         saved, complaints = checkpoint.newest(directory.path)
         if saved is not None:
-            if saved.scenario not in _identities(about):
+            if saved.scenario not in changes.identities(about):
                 raise CaromError(
                     f"the newest checkpoint in {directory.path} belongs to another scenario; remove it"
                 )
@@ -209,7 +202,7 @@ def relaunch(
             simulation.restore(dict(saved.state))
         for complaint in complaints:
             directory.log("damaged checkpoint", message=complaint)
-        _note_changes(directory, about, old, scene, simulation.step)
+        changes.note_changes(directory, about, old, scene, simulation.step)
         about.update(status="running", outcome=None)
         directory.write(
             about
@@ -220,43 +213,6 @@ def relaunch(
         writer = _writer(scene, directory.next_segment(), start)
         _execute(scene, directory, start, writer, stop=stop, progress=progress, checkpoints=True)
     return load(directory.path)
-
-
-def _refuse_other_physics(options: Mapping[str, Any], places: Mapping[str, str]) -> None:
-    for key in options:
-        if key not in ("until", *CHANGEABLE):
-            meant = nearest(key, CHANGEABLE)
-            cure = f"did you mean {meant}?" if meant else "start a new run for it"
-            raise CaromError(
-                f"{places.get(key, key)}: cannot change within a run, only {', '.join(CHANGEABLE)} can; {cure}"
-            )
-
-
-def _refuse_to_fail_again(directory: RunDir, about: Mapping[str, Any]) -> None:
-    outcome = about.get("outcome") or {}
-    same_core = about["versions"]["core"] == summary.versions()["core"]
-    if about["status"] == "failed" and outcome.get("kind") != "error" and same_core:
-        raise CaromError(
-            f"the run failed at step {outcome.get('step')} and would fail there again; change how it is solved, as"
-            f" `carom resume {directory.path} --set tolerance=1e-7`, or start a new run with a smaller step"
-        )
-
-
-def _identities(about: Mapping[str, Any]) -> list[str]:
-    """The scenario as it was run, before and after each change of a numerical option."""
-    return [about["scenario"]["identity"], *about["scenario"].get("earlier", [])]
-
-
-def _note_changes(directory: RunDir, about: dict[str, Any], old: Scene, new: Scene, step: int) -> None:
-    """Record in `run.json` and the log from which step on the run was solved with other options."""
-    before, after = old.to_model()["options"], new.to_model()["options"]
-    changed = {key: [before[key], after[key]] for key in after if before[key] != after[key]}
-    if changed:
-        identity = identify(new.to_model())
-        about["scenario"]["earlier"] = [k for k in _identities(about) if k != identity]
-        about["scenario"]["identity"] = identity
-        about.setdefault("changes", []).append({"after_step": step, "options": changed})
-        directory.log("options changed", after_step=step, options=changed)
 
 
 @dataclass

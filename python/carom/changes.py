@@ -1,0 +1,60 @@
+"""What may change when a run is continued: how its contact problems are solved, and nothing that they are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from carom import summary
+from carom.drive import identify
+from carom.errors import CaromError, nearest
+from carom.rundir import RunDir
+
+if TYPE_CHECKING:
+    from carom.scene import Scene
+
+#: Options that may change when a run is continued: how hard the contact problems are solved, not which ones.
+CHANGEABLE = (
+    *("tolerance", "pile_tolerance", "tolerance_floor", "gap_tolerance", "solver", "max_iterations"),
+    *("penalty_scale", "proximal_shift", "line_search", "max_line_search", "max_problems", "dense_contacts"),
+    *("gauss_seidel_sweeps", "max_halvings", "on_nonconvergence", "threads"),
+)
+
+
+def refuse_other_physics(options: Mapping[str, Any], places: Mapping[str, str]) -> None:
+    """Raise unless all `options` may change within a run."""
+    for key in options:
+        if key not in ("until", *CHANGEABLE):
+            meant = nearest(key, CHANGEABLE)
+            cure = f"did you mean {meant}?" if meant else "start a new run for it"
+            raise CaromError(
+                f"{places.get(key, key)}: cannot change within a run, only {', '.join(CHANGEABLE)} can; {cure}"
+            )
+
+
+def refuse_to_fail_again(directory: RunDir, about: Mapping[str, Any]) -> None:
+    """Raise if the run failed in a step that this Carom would fail to solve again."""
+    outcome = about.get("outcome") or {}
+    same_core = about["versions"]["core"] == summary.versions()["core"]
+    if about["status"] == "failed" and outcome.get("kind") != "error" and same_core:
+        raise CaromError(
+            f"the run failed at step {outcome.get('step')} and would fail there again; change how it is solved, as"
+            f" `carom resume {directory.path} --set tolerance=1e-7`, or start a new run with a smaller step"
+        )
+
+
+def identities(about: Mapping[str, Any]) -> list[str]:
+    """The scenario as it was run, before and after each change of a numerical option."""
+    return [about["scenario"]["identity"], *about["scenario"].get("earlier", [])]
+
+
+def note_changes(directory: RunDir, about: dict[str, Any], old: Scene, new: Scene, step: int) -> None:
+    """Record in `run.json` and the log from which step on the run was solved with other options."""
+    before, after = old.to_model()["options"], new.to_model()["options"]
+    changed = {key: [before[key], after[key]] for key in after if before[key] != after[key]}
+    if changed:
+        identity = identify(new.to_model())
+        about["scenario"]["earlier"] = [k for k in identities(about) if k != identity]
+        about["scenario"]["identity"] = identity
+        about.setdefault("changes", []).append({"after_step": step, "options": changed})
+        directory.log("options changed", after_step=step, options=changed)
