@@ -58,7 +58,8 @@ def test_ten_balls_in_a_corner_come_to_rest(spinning: bool) -> None:
     if spinning:
         # A pile is solved to 1e-7 of its loads (m g h) in each step; 1e-4 g h is far above what that leaves.
         below(1e-4 * G * 1e-3, "corner with spinning friction: all speeds", fastest(result, end))
-    # Without spinning friction a ball may turn for ever about the one axis through its contacts, and creep by what they shift.
+    # Without spinning friction a ball may turn for ever about the axis through its contacts, and creep by what
+    # they shift.
     below(1e-2 * G * 1e-3, "corner: speed of the centres in the last 0.2 s", centres)
     below(1e-5, "corner: drift in the last 0.2 s", np.ptp(np.asarray(result.position)[end], axis=0))
     assert result.energy.total[-1] < result.energy.total[0]

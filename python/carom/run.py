@@ -313,8 +313,6 @@ def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, A
         from carom.record.problem import write_problem
 
         outcome["problem_file"] = write_problem(directory.path / "failing_problem.h5", problem, outcome).name
-        # The outcome names the file: the core need not say as well that there is something to be kept.
-        outcome["advice"] = str(outcome["advice"]).removesuffix("; the failing contact problem was kept")
     about["segments"].append(
         {**segment, "to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
     )

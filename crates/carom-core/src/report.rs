@@ -287,8 +287,7 @@ impl Outcome {
     pub fn advice(&self) -> &'static str {
         match self {
             Outcome::NotConverged { .. } => {
-                "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations; the failing contact \
-                 problem was kept"
+                "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations"
             }
             Outcome::NotFinite { .. } => "look for extreme speeds, masses or radii; try a smaller step",
             Outcome::TooManyPairs { .. } => {
