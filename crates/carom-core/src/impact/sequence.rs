@@ -51,27 +51,7 @@ pub fn with_load_offset(
     if !work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report) {
         return false;
     }
-    for problem in 2..=model.options.max_problems {
-        work.choose_closing();
-        if work.chosen.is_empty() {
-            return true;
-        }
-        for ((v, old), (jump, w0)) in work
-            .v_minus
-            .iter_mut()
-            .zip(&work.v_old)
-            .zip(work.jump.iter().zip(&offset))
-        {
-            *v = old + (jump - w0);
-        }
-        if !work.solve_chosen(model, scratch, Law::Newton, Some(problem), None, report) {
-            return false;
-        }
-        if work.stands_still() {
-            break;
-        }
-    }
-    truncate(model, scratch, work, report)
+    in_turn(model, scratch, work, report, Law::Newton, 2, &offset)
 }
 
 /// The paper's own sequence (eqs. 24-29): strictly closing contacts from the first problem on.
@@ -84,19 +64,31 @@ pub fn as_printed(
     if work.tol == 0.0 {
         return true;
     }
-    for problem in 1..=model.options.max_problems {
+    let offset = vec![0.0; work.jump.len()];
+    in_turn(model, scratch, work, report, Law::Printed, 1, &offset)
+}
+
+/// Rule (26): strictly closing contacts, problem after problem, with `V_minus = v_n + (W - offset)` (eq. 27), until none
+/// closes, a problem gives no impulse, or the bound is reached.
+fn in_turn(
+    model: &Model,
+    scratch: &mut Scratch,
+    work: &mut ImpactScratch,
+    report: &mut StepReport,
+    law: Law,
+    first: u32,
+    offset: &[f64],
+) -> bool {
+    for problem in first..=model.options.max_problems {
         work.choose_closing();
         if work.chosen.is_empty() {
             return true;
         }
-        for (v, (old, jump)) in work
-            .v_minus
-            .iter_mut()
-            .zip(work.v_old.iter().zip(&work.jump))
-        {
-            *v = old + jump;
+        let jumps = work.jump.iter().zip(offset);
+        for ((v, old), (jump, w0)) in work.v_minus.iter_mut().zip(&work.v_old).zip(jumps) {
+            *v = old + (jump - w0);
         }
-        if !work.solve_chosen(model, scratch, Law::Printed, Some(problem), None, report) {
+        if !work.solve_chosen(model, scratch, law, Some(problem), None, report) {
             return false;
         }
         if work.stands_still() {
