@@ -3,7 +3,8 @@
 use crate::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 
 /// Runs `count` sweeps on `(lambda, u)` in place. Gradients are refreshed before each sweep; within a sweep the
-/// measures are linear. Each disc takes its exact minimiser for spheres, whose one-contact block is diagonal.
+/// measures are linear. Each disc takes its own minimiser with the
+/// others held: exact for a sphere without rolling rows, one more sweep of the same kind where sliding and rolling couple.
 pub fn sweeps<P: Subproblem>(
     system: &mut RowSystem,
     problem: &mut P,

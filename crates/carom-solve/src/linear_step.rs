@@ -88,7 +88,7 @@ impl LinearStep {
             let tried = if near { 0.0 } else { shift };
             self.assemble_dense(system, at, rows, curved, tried);
             if lu_factor(&mut self.matrix, rows, &mut self.pivots).is_err()
-                || self.nearly_singular(rows)
+                || (near && self.nearly_singular(rows))
             {
                 self.assemble_dense(system, at, rows, curved, shift);
                 lu_factor(&mut self.matrix, rows, &mut self.pivots)?;

@@ -36,20 +36,20 @@ impl ImpactScratch {
                 }
                 done.push(group);
                 let base: Vec<f64> = inside.iter().map(|&p| self.scale[p]).collect();
-                let mut fine = true;
-                let mut trial = |this: &mut Self, s: f64| {
+                let mut solve = |this: &mut Self, s: f64, report: &mut StepReport| {
                     for (&p, start) in inside.iter().zip(&base) {
                         this.scale[p] = s * start;
                     }
                     this.build(model, &scratch.contacts, law);
-                    // A trial is no part of the step: its counts and its failure are its own.
-                    let mut trial_report = StepReport::default();
-                    fine = this.solve_built(model, scratch, problem, None, &mut trial_report);
-                    fine && !this.gains(&inside)
+                    this.solve_built(model, scratch, problem, None, report)
                 };
-                let scale = bisect_scale(|s| trial(self, s));
-                trial(self, scale);
-                if !fine {
+                // A trial is no part of the step: its counts are its own, and one that fails is not admissible.
+                let scale = bisect_scale(|s| {
+                    let mut own = StepReport::default();
+                    let solved = solve(self, s, &mut own) && own.unconverged == 0;
+                    solved && !self.gains(&inside)
+                });
+                if !solve(self, scale, report) {
                     return false;
                 }
             }
