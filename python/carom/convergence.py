@@ -36,7 +36,7 @@ class Order:
 
     def at(self, h: float) -> float:
         """The error that the fit has at step `h` (s)."""
-        return self.factor * h**self.value
+        return float(self.factor * h**self.value)
 
 
 def error_of(found: ArrayLike, reference: ArrayLike, norm: Literal[1, 2] = 1) -> float:
