@@ -96,6 +96,8 @@ pub struct Model {
     /// (point, normal) of each plane, for the broad phase.
     pub half_spaces: Vec<(DVec3, DVec3)>,
     pub laws: Vec<ContactLaw>,
+    /// The last of `laws`: contacts that only keep a gap.
+    pub frictionless: u32,
     /// Law index + 1 by material pair, 0 where there is none.
     law_table: Vec<u32>,
     materials: usize,
@@ -154,6 +156,7 @@ impl Model {
             material: input.material.clone(),
             half_spaces: planes.iter().map(|p| (p.point, p.normal)).collect(),
             planes,
+            frictionless: laws.len() as u32 - 1,
             laws,
             law_table,
             materials,
@@ -345,5 +348,10 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             tangential_restitution: e_t,
         });
     }
+    laws.push(ContactLaw {
+        bounds: Bounds::default(),
+        restitution: 0.0,
+        tangential_restitution: 0.0,
+    });
     Ok((laws, table, materials))
 }
