@@ -84,7 +84,8 @@ def reproduce(
         raise CaromError(
             "--docs writes the page of all examples with figures; leave out --quick, --no-figures and names"
         )
-    workers = jobs or len(os.sched_getaffinity(0))
+    # Processes all start at once; two for an example are as many as have work (its heavy parts, or its figures).
+    workers = jobs or min(len(os.sched_getaffinity(0)), 2 * len(chosen))
     with _terminated_as_interrupted(), folder.replacing(out, force=force) as directory:
         with _bar(not (quiet or as_json)) as progress:
             drawing = Drawing(directory / folder.FIGURES, formats) if drawn else None

@@ -34,7 +34,7 @@ def draw(figure: Figure, directory: Path, formats: Sequence[str]) -> list[str]:
         axes = canvas.subplots()
         colours = _colours(figure.curves)
         for k, (curve, colour) in enumerate(zip(figure.curves, colours, strict=True)):
-            axes.plot(curve.x, curve.y, label=curve.label, **_look(curve, colour, k))
+            axes.plot(curve.x, curve.y, label=curve.label, **_look(curve, colour, k, figure))
         axes.set(xscale=figure.xscale, yscale=figure.yscale, xlabel=figure.xlabel, ylabel=figure.ylabel)
         left, right, bottom, top = figure.limits
         axes.set_xlim(left, right)
@@ -48,10 +48,15 @@ def draw(figure: Figure, directory: Path, formats: Sequence[str]) -> list[str]:
     return [file.name for file in files]
 
 
-def _look(curve: Curve, colour: str, k: int) -> dict[str, Any]:
-    """Lines are broad and pale enough that a dashed one on top of them, a closed form, is seen where both coincide."""
+def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
+    """A line under a dashed one of the same body, a closed form, is broad and pale: both are seen where they coincide."""
     if curve.kind == "line":
-        return {"color": colour, "linewidth": 1.6}
+        under = any(c.kind == "dashed" and c.body == curve.body for c in figure.curves)
+        return (
+            {"color": colour, "linewidth": 3.0, "alpha": 0.45}
+            if under
+            else {"color": colour, "linewidth": 1.5}
+        )
     if curve.kind == "dashed":
         return {"color": _darker(colour), "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 3}
     apart = max(1, -(-len(curve.x) // MOST_MARKERS))

@@ -17,12 +17,13 @@ MARKS: Mapping[Verdict, str] = {"ok": "✓ ok", "paper in error": "✎ paper in 
 FEWEST, MOST = 2, 10
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _ERRATA = "Errors found in the paper"
+_FAILURES = "What failed"
 
 
 def markdown(report: Report, folder: str, facts: Mapping[str, str]) -> str:
     """The whole page. `folder` is where the figures are, seen from the page; `facts` are what is said at its end."""
-    blocks = [f"# {TITLE}", *_introduction(report), _contents(report), *_failures(report), _reading()]
-    blocks += _errata(report)
+    blocks = [f"# {TITLE}", *_introduction(report), _contents(report), _reading()]
+    blocks += [*_failures(report), *_errata(report)]
     for example in report.examples:
         blocks += _section(example, report.files.get(example.id, {}), folder)
     blocks += [*_options(report.examples), "## This page", table(("", ""), facts.items())]
@@ -60,18 +61,16 @@ def number(value: float | str | None, tolerance: float | None = None) -> str:
         return value
     digits = 7
     if tolerance and value:
-        digits = math.ceil(math.log10(abs(value) / tolerance)) + 2
+        digits = math.floor(math.log10(abs(value) / tolerance)) + 2
     return format(value, f".{min(MOST, max(FEWEST, digits))}g") if value != int(value) else f"{value:.10g}"
 
 
 def _introduction(report: Report) -> list[str]:
     count = report.verdicts
-    numbers = f"{len(report.rows)} numbers: {count['ok']} agree" + (
-        f", {count['paper in error']} agree with the corrected theory where the paper errs"
-        if count["paper in error"]
-        else ""
-    )
-    short = f", **{count['short']} fall short**" if count["short"] else ", none falls short"
+    told = [f"{count['ok']} agree"]
+    if count["paper in error"]:
+        told.append(f"{count['paper in error']} agree with the corrected theory where the paper errs")
+    told.append(f"**{count['short']} short**" if count["short"] else "none falls short")
     quick = (
         " This is the quick form: the same tables and tolerances, from fewer points."
         if report.context.quick
@@ -80,22 +79,20 @@ def _introduction(report: Report) -> list[str]:
     return [
         "Every numerical example of *Simulation of impacts between spherical rigid bodies with frictional effects*, run"
         " anew by Carom and held against what the paper prints and against closed forms.",
-        f"{numbers}{short}.{quick}",
+        f"{len(report.rows)} numbers: {', '.join(told)}.{quick}",
     ]
 
 
 def _contents(report: Report) -> str:
-    failed = {failure.example for failure in report.failures}
     rows = []
     for example in report.examples:
         verdicts = [row.verdict for row in example.rows]
-        rows.append(
-            (
-                f"[{heading(example)}](#{anchor(heading(example))})" + (" ⚠" if example.id in failed else ""),
-                *(str(verdicts.count(verdict)) for verdict in MARKS),
-                str(len(example.figures)),
-            )
-        )
+        link = f"[{heading(example)}](#{anchor(heading(example))})"
+        counts = [str(verdicts.count(verdict)) for verdict in MARKS]
+        rows.append((link, *counts, str(len(example.figures))))
+    ran = {example.id for example in report.examples}
+    for name in dict.fromkeys(failure.example for failure in report.failures if failure.example not in ran):
+        rows.append((f"[{label(name)}](#{anchor(_FAILURES)}) ⚠ failed", *["–"] * (len(MARKS) + 1)))
     total = [str(report.verdicts[verdict]) for verdict in MARKS]
     rows.append(("all", *total, str(sum(len(example.figures) for example in report.examples))))
     return table(("example", *MARKS.values(), "figures"), rows, right=range(1, 5))
@@ -105,7 +102,7 @@ def _failures(report: Report) -> list[str]:
     if not report.failures:
         return []
     told = [f"- ⚠ **{label(f.example)}** failed: {escaped(f.error)}{_place(f)}" for f in report.failures]
-    return ["## What failed", "\n".join(told)]
+    return [f"## {_FAILURES}", "\n".join(told)]
 
 
 def _place(failure: Failure) -> str:
