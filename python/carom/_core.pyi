@@ -1,5 +1,6 @@
 """Type stub of the compiled core (crate `carom-py`). Nothing here knows files, names or units other than SI."""
 
+from collections.abc import Mapping
 from typing import Any, TypedDict
 
 import numpy as np
@@ -13,6 +14,24 @@ __version__: str
 
 class ModelError(ValueError):
     """A number of the model is unusable; `args[0]` says which and why."""
+
+class ExpressionError(ValueError):
+    """A formula cannot be read or gives no finite number; `args[0]` says where (column, from 1), why and what to write."""
+
+class Expression:
+    """A formula of named variables: `+ - * / ^` (or `**`), `functions()`, `pi`. `-t^2` is `-(t^2)`, as in Python."""
+
+    def __init__(self, text: str) -> None: ...
+    @staticmethod
+    def functions() -> list[str]:
+        """Names of all functions."""
+
+    @property
+    def variables(self) -> list[str]:
+        """Names that are neither functions nor constants, in the order of their first appearance."""
+
+    def evaluate(self, values: Mapping[str, float]) -> float:
+        """Value for the named values, of which more may be given than needed; finite, or else `ExpressionError`."""
 
 class Block(TypedDict):
     """What a call of `Simulation.advance` produced. Row counts: F frames, C contact rows, S steps, I impact rows."""

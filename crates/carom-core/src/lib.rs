@@ -13,6 +13,7 @@ pub mod options;
 pub mod record;
 pub mod report;
 pub mod rotation;
+pub mod scalar;
 pub mod scratch;
 pub mod simulation;
 pub mod state;

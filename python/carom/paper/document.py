@@ -11,12 +11,18 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.errors import CaromError
+
 Verdict = Literal["ok", "paper in error", "short"]
 Scale = Literal["linear", "log"]
 #: Greatest and mean number of iterations of one sub-problem.
 Iterations = tuple[float, float]
 
 T = TypeVar("T")
+
+
+class NotConverged(CaromError):
+    """A run of an example stopped before its end because a step could not be solved."""
 
 
 def _finite(where: str, **numbers: float | None) -> None:
@@ -147,7 +153,7 @@ class Figure:
     @property
     def name(self) -> str:
         """Name of its files, without ending."""
-        return f"figure_{self.number}"
+        return f"{self.example}_figure_{self.number}"
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from carom import _core
 from carom.errors import CaromError
+from carom.paper.document import NotConverged
 
 if TYPE_CHECKING:
     from carom.paper.document import Iterations
@@ -98,7 +99,7 @@ def trace(
 ) -> Trace:
     """Run a scene to its end (`until`, s; by default that of its file) and keep every state, or those at the times `at`, s.
 
-    `run` are keys of `[run]`. Times must lie on the grid of the steps. A run that stops before its end raises `CaromError`.
+    `run` are keys of `[run]`. Times must lie on the grid of the steps. A run that stops before its end raises `NotConverged`.
     """
     scene = scene.with_options(**run)
     h = scene.run.step
@@ -117,7 +118,7 @@ def trace(
             block = simulation.advance(count, int(chosen is None), False, math.inf)
             core_s += clock.perf_counter() - start
             if block["outcome"] is not None:
-                raise CaromError(f"{scene.title}: the run stopped, {block['outcome']}")
+                raise NotConverged(f"{scene.title}, h = {h:g} s: the run stopped, {block['outcome']}")
             tables["impacts"].append(block["impacts"])
             if chosen is None:
                 kept.append({key: np.asarray(block["frames"][key]) for key in STATE})
@@ -154,7 +155,7 @@ def timed(scene: Scene, runs: int, **run: Any) -> float:
         while simulation.step < steps:
             block = simulation.advance(min(BLOCK, steps - simulation.step), 0, False, math.inf)
             if block["outcome"] is not None:
-                raise CaromError(f"{scene.title}: the run stopped, {block['outcome']}")
+                raise NotConverged(f"{scene.title}: the run stopped, {block['outcome']}")
         return clock.perf_counter() - start
 
     return min(once() for _ in range(runs))

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -20,15 +20,41 @@ from carom import units
 from carom.errors import did_you_mean, quoted
 from carom.scenario.vectors import norm, scaled
 
+T = TypeVar("T")
+
 OURS = "carom"
 """Type of the pydantic errors made here; their context holds `cause`, `cure` and perhaps `part` (a place in
 the value).
 """
 
 
-def refuse(cause: str, cure: str, part: tuple[int, ...] = ()) -> PydanticCustomError:
+def refuse(cause: str, cure: str, part: tuple[int | str, ...] = ()) -> PydanticCustomError:
     """The error to raise for a value that cannot be used. Braces would be read as fields of a template."""
     return PydanticCustomError(OURS, "{cause}; {cure}", {"cause": cause, "cure": cure, "part": part})
+
+
+def inside(place: int | str, error: PydanticCustomError) -> PydanticCustomError:
+    """The same error, of which the value is a part (an element of a list, a key of a table) of the one given."""
+    context = error.context or {}
+    number = f"number {place + 1}: " if isinstance(place, int) else ""
+    return refuse(f"{number}{context['cause']}", str(context["cure"]), (place, *context.get("part", ())))
+
+
+def each(values: Iterable[Any], check: Callable[[Any], T]) -> list[T]:
+    """All `values` of a list, checked; an error says which one it is about."""
+    found = []
+    for place, value in enumerate(values):
+        try:
+            found.append(check(value))
+        except PydanticCustomError as e:
+            raise inside(place, e) from None
+    return found
+
+
+def as_list(value: Any) -> Any:
+    """NumPy arrays, which come from Python, as lists; all else as it is."""
+    tolist = getattr(value, "tolist", None)
+    return tolist() if callable(tolist) else value
 
 
 def _is(kind: type, value: Any) -> bool:
@@ -148,23 +174,11 @@ class Vector(Checked):
     most: float | None = None
 
     def check(self, value: Any) -> tuple[float, ...]:
-        tolist = getattr(value, "tolist", None)  # NumPy arrays, from Python
-        if callable(tolist):
-            value = tolist()
+        value = as_list(value)
         if not isinstance(value, list | tuple) or len(value) != self.size:
             found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
             raise refuse(f"expected a list of {self.size} numbers, found {found}", f"write {self._example()}")
-        item = self._item()
-        numbers_si = []
-        for place, x in enumerate(value):
-            try:
-                numbers_si.append(item.check(x))
-            except PydanticCustomError as e:
-                context = e.context or {}
-                raise refuse(
-                    f"number {place + 1}: {context['cause']}", str(context["cure"]), (place,)
-                ) from None
-        return tuple(numbers_si)
+        return tuple(each(value, self._item().check))
 
     def _item(self) -> Quantity:
         return Quantity(self.dimension, ANY if self.most is None else Bounds(ge=-self.most, le=self.most))
@@ -190,6 +204,27 @@ class Direction(Vector):
         if norm(vector) == 0:
             raise refuse("a direction must not be zero", f"write for example {self.example}")
         return vector
+
+
+@dataclass(frozen=True)
+class Vectors(Checked):
+    """`least` to `most` vectors of one kind, as a tuple."""
+
+    kind: Vector
+    least: int
+    most: int
+
+    def check(self, value: Any) -> tuple[tuple[float, ...], ...]:
+        value = as_list(value)
+        if not isinstance(value, list | tuple) or not self.least <= len(value) <= self.most:
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            counts = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
+            raise refuse(f"expected {counts} vectors, found {found}", "write [[x, y, z], ...]")
+        return tuple(each(value, self.kind.check))
+
+    def json_schema(self) -> dict[str, Any]:
+        items = self.kind.json_schema()
+        return {"type": "array", "items": items, "minItems": self.least, "maxItems": self.most}
 
 
 @dataclass(frozen=True)
@@ -252,9 +287,7 @@ class Integers(Checked):
     bounds: Bounds = ANY
 
     def check(self, value: Any) -> tuple[int, ...]:
-        tolist = getattr(value, "tolist", None)
-        if callable(tolist):
-            value = tolist()
+        value = as_list(value)
         if not isinstance(value, list | tuple) or len(value) != self.size:
             raise refuse(
                 f"expected a list of {self.size} whole numbers, found {quoted(value)}", "write such a list"
@@ -325,12 +358,15 @@ class Text(Checked):
 
 @dataclass(frozen=True)
 class Pair(Checked):
-    """Two names of materials, order without meaning."""
+    """Two names."""
+
+    what: str = "material"
+    example: str = '["ball", "cloth"]'
 
     def check(self, value: Any) -> tuple[str, str]:
         if not isinstance(value, list | tuple) or len(value) != 2:
             found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
-            raise refuse(f"expected two material names, found {found}", 'write between = ["ball", "cloth"]')
+            raise refuse(f"expected two {self.what} names, found {found}", f"write between = {self.example}")
         name = Text(1)
         return name.check(value[0]), name.check(value[1])
 

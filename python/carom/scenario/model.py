@@ -8,13 +8,12 @@ in `options`.
 from __future__ import annotations
 
 from math import isqrt, pi
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from carom.scenario.fields import (
     NOT_NEGATIVE,
-    POSITIVE,
     Bounds,
     Choice,
     Direction,
@@ -31,31 +30,28 @@ from carom.scenario.fields import (
     refuse,
 )
 from carom.scenario.options import Run
+from carom.scenario.quantities import (
+    ZEROS,
+    AngularVelocity,
+    Density,
+    Distance,
+    Inertia,
+    Length,
+    Mass,
+    Name,
+    Position,
+    Seed,
+    Vec3,
+    Velocity,
+    unit,
+)
 from carom.scenario.table import Table
 from carom.scenario.vectors import cross, norm
 
 FORMAT = 1
-Vec3 = tuple[float, float, float]
 
-Name = Annotated[str, Text(1)]
-Length = Annotated[float, Quantity("length", POSITIVE)]
-Distance = Annotated[float, Quantity("length", NOT_NEGATIVE)]
-Mass = Annotated[float, Quantity("mass", POSITIVE)]
-Density = Annotated[float, Quantity("density", POSITIVE)]
-Inertia = Annotated[float, Quantity("moment of inertia", POSITIVE)]
-# The bounds are far from anything real; they keep squares and products from overflowing in what follows.
-Position = Annotated[Vec3, Vector("length", most=1e30)]
-Velocity = Annotated[Vec3, Vector("speed", most=1e9)]
-AngularVelocity = Annotated[Vec3, Vector("angular speed", most=1e15)]
-Seed = Annotated[int, Integer(Bounds(ge=0))]
-
-AT_REST: Vec3 = (0.0, 0.0, 0.0)
 MOST_BALLS = 10_000_000
 """Balls of one generator at most: no input may make Carom allocate without bound."""
-
-
-def _unit(si: str) -> dict[str, Any]:
-    return {"unit": si}
 
 
 class Record(Table):
@@ -79,7 +75,7 @@ class World(Table):
     gravity: Annotated[Vec3, Vector("acceleration", most=1e15)] = Field(
         description="acceleration of gravity, m/s^2; zeros for none",
         examples=[[0.0, 0.0, -9.8]],
-        json_schema_extra=_unit("m/s^2"),
+        json_schema_extra=unit("m/s^2"),
     )
 
 
@@ -112,12 +108,12 @@ class Contact(Table):
     rolling_radius: Distance = Field(
         0.0,
         description="rho: bound of the rolling moment over the normal force",
-        json_schema_extra=_unit("m"),
+        json_schema_extra=unit("m"),
     )
     spinning_radius: Distance = Field(
         0.0,
         description="delta: bound of the spinning moment over the normal force",
-        json_schema_extra=_unit("m"),
+        json_schema_extra=unit("m"),
     )
 
     def label(self) -> str:
@@ -130,19 +126,19 @@ class Ball(Table):
     name: Name
     material: Name = Field(description="name of its material", examples=["ball"])
     radius: Length = Field(
-        description="radius r", examples=["28.575 mm", 0.028575], json_schema_extra=_unit("m")
+        description="radius r", examples=["28.575 mm", 0.028575], json_schema_extra=unit("m")
     )
     mass: Mass | None = Field(
-        None, description="mass m (or give density)", examples=[0.17, "170 g"], json_schema_extra=_unit("kg")
+        None, description="mass m (or give density)", examples=[0.17, "170 g"], json_schema_extra=unit("kg")
     )
     density: Density | None = Field(
-        None, description="density, instead of mass", examples=[1700.0], json_schema_extra=_unit("kg/m^3")
+        None, description="density, instead of mass", examples=[1700.0], json_schema_extra=unit("kg/m^3")
     )
     inertia: Inertia | None = Field(
         None,
         description="moment of inertia about any axis; if omitted, 2/5 m r^2 (homogeneous)",
         examples=[5.5e-5],
-        json_schema_extra=_unit("kg m^2"),
+        json_schema_extra=unit("kg m^2"),
     )
 
     @model_validator(mode="after")
@@ -173,11 +169,11 @@ class Sphere(Ball):
 
     name: Name = Field(description="name, unique among spheres and planes", examples=["cue"])
     position: Position = Field(
-        description="centre at the start", examples=[[0.0, 0.0, 0.028575]], json_schema_extra=_unit("m")
+        description="centre at the start", examples=[[0.0, 0.0, 0.028575]], json_schema_extra=unit("m")
     )
-    velocity: Velocity = Field(AT_REST, description="velocity at the start", json_schema_extra=_unit("m/s"))
+    velocity: Velocity = Field(ZEROS, description="velocity at the start", json_schema_extra=unit("m/s"))
     angular_velocity: AngularVelocity = Field(
-        AT_REST, description="angular velocity at the start, in fixed axes", json_schema_extra=_unit("rad/s")
+        ZEROS, description="angular velocity at the start, in fixed axes", json_schema_extra=unit("rad/s")
     )
     orientation: Annotated[tuple[float, float, float, float], Quaternion()] = Field(
         (1.0, 0.0, 0.0, 0.0), description="unit quaternion [w, x, y, z], body to fixed axes"
@@ -192,7 +188,7 @@ class Plane(Table):
     name: Name = Field(description="name, unique among spheres and planes", examples=["bed"])
     material: Name = Field(description="name of its material", examples=["cloth"])
     point: Position = Field(
-        description="any point of the plane", examples=[[0.0, 0.0, 0.0]], json_schema_extra=_unit("m")
+        description="any point of the plane", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
     )
     normal: Annotated[Vec3, Direction()] = Field(
         description="points to the side where spheres live; any length but zero", examples=[[0.0, 0.0, 1.0]]
@@ -209,7 +205,7 @@ class Generator(Ball):
     jitter: Distance = Field(
         0.0,
         description="each centre is moved at random by at most this along each axis",
-        json_schema_extra=_unit("m"),
+        json_schema_extra=unit("m"),
     )
     seed: Seed | None = Field(
         None, description="seed of the jitter (PCG64); needed if jitter is not zero", examples=[1]
@@ -250,7 +246,7 @@ class Rack(Generator):
     apex: Position = Field(
         description="centre of the first ball",
         examples=[[1.905, 0.635, 0.028575]],
-        json_schema_extra=_unit("m"),
+        json_schema_extra=unit("m"),
     )
     direction: Annotated[Vec3, Direction(example="[1.0, 0.0, 0.0]")] = Field(
         description="from the apex to the last row, any length", examples=[[1.0, 0.0, 0.0]]
@@ -259,7 +255,7 @@ class Rack(Generator):
         (0.0, 0.0, 1.0), description="normal of the table that the rack lies on, any length"
     )
     gap: Distance = Field(
-        0.0, description="distance between the surfaces of neighbours", json_schema_extra=_unit("m")
+        0.0, description="distance between the surfaces of neighbours", json_schema_extra=unit("m")
     )
 
     @model_validator(mode="after")
@@ -305,12 +301,12 @@ class Lattice(Generator):
     counts: Annotated[tuple[int, int, int], Integers(3, Bounds(ge=1, le=MOST_BALLS))] = Field(
         description="number of balls along x, y and z", examples=[[3, 3, 3]]
     )
-    origin: Position = Field(description="centre of the first ball", json_schema_extra=_unit("m"))
+    origin: Position = Field(description="centre of the first ball", json_schema_extra=unit("m"))
     spacing: Length | None = Field(
-        None, description="distance of neighbouring centres; if omitted, 2 r", json_schema_extra=_unit("m")
+        None, description="distance of neighbouring centres; if omitted, 2 r", json_schema_extra=unit("m")
     )
     velocity: Velocity = Field(
-        AT_REST, description="velocity of all its balls at the start", json_schema_extra=_unit("m/s")
+        ZEROS, description="velocity of all its balls at the start", json_schema_extra=unit("m/s")
     )
 
     @model_validator(mode="after")
