@@ -29,6 +29,9 @@ from carom.scenario.fields import (
     exactly_one,
     refuse,
 )
+from carom.scenario.joints import Joint
+from carom.scenario.laws import Law, LawValue
+from carom.scenario.loads import Drag, Load, LoadFunction, Spring
 from carom.scenario.options import Run
 from carom.scenario.quantities import (
     ZEROS,
@@ -96,8 +99,9 @@ class Contact(Table):
         description="the two materials, in any order; the same twice for contact among equals",
         examples=[["ball", "cloth"]],
     )
-    friction: Annotated[float, Quantity("number", NOT_NEGATIVE)] = Field(
-        description="coefficient mu of sliding friction", examples=[0.2]
+    friction: Annotated[LawValue, Law("v", bounds=NOT_NEGATIVE)] = Field(
+        description="coefficient mu of sliding friction, a number or a law of the slip speed v",
+        examples=[0.2],
     )
     restitution: Annotated[float, Quantity("number", Bounds(ge=0, le=1))] = Field(
         description="normal restitution e_N, from 0 (no rebound) to 1", examples=[0.9]
@@ -336,6 +340,13 @@ class Scenario(Table):
     rack: list[Rack] = Field(default_factory=list, description="billiard racks")
     lattice: list[Lattice] = Field(default_factory=list, description="grids of balls")
     plane: list[Plane] = Field(default_factory=list, description="fixed half-spaces")
+    joint: list[Joint] = Field(default_factory=list, description="constraints of the motion")
+    load: list[Load] = Field(default_factory=list, description="forces and torques")
+    spring: list[Spring] = Field(default_factory=list, description="springs and dampers")
+    drag: list[Drag] = Field(default_factory=list, description="viscous drag")
+    load_function: list[LoadFunction] = Field(
+        default_factory=list, description="places of Python functions that give loads"
+    )
 
 
 SINGLE: dict[str, type[Table]] = {"run": Run, "record": Record, "world": World}
@@ -348,5 +359,10 @@ REPEATED: dict[str, type[Table]] = {
     "rack": Rack,
     "lattice": Lattice,
     "plane": Plane,
+    "joint": Joint,
+    "load": Load,
+    "spring": Spring,
+    "drag": Drag,
+    "load_function": LoadFunction,
 }
 """Tables written `[[name]]`, any number of times."""
