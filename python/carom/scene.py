@@ -17,11 +17,12 @@ from carom.scenario.advice import advise
 from carom.scenario.arguments import explained, wording
 from carom.scenario.arrays import resolved_tree, to_arrays
 from carom.scenario.attaching import Attacher
+from carom.scenario.balls import Generator, Sphere
 from carom.scenario.building import Builder, Vector, make
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
 from carom.scenario.mechanics import MECHANICS
-from carom.scenario.model import FORMAT, Generator, Plane, Record, Scenario, Sphere, World
+from carom.scenario.model import FORMAT, Plane, Record, Scenario, World
 from carom.scenario.options import Run
 from carom.scenario.problems import Finding, Source
 

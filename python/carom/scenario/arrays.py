@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from carom.scenario.balls import Sphere
 from carom.scenario.bodies import F64, Bodies, expand
 from carom.scenario.joints import default_name
 from carom.scenario.laws import LawValue, as_core
 from carom.scenario.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
-from carom.scenario.model import Scenario, Sphere
+from carom.scenario.model import Scenario
 from carom.scenario.vectors import scaled
 
 EXPANDED = 10_000

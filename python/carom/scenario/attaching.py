@@ -127,6 +127,11 @@ class Attacher:
         return place
 
     @property
+    def load_functions(self) -> tuple[LoadFunction, ...]:
+        """The Python functions, each with its name and `function`; None where a file told the name alone."""
+        return tuple(self._tree.load_function)
+
+    @property
     def joint_names(self) -> list[str]:
         """Names of all joints, in their order."""
         return [joint.name or default_name(i) for i, joint in enumerate(self._tree.joint)]

@@ -11,7 +11,8 @@ from pydantic import ValidationError
 
 from carom.errors import Problem, ScenarioError, quoted
 from carom.scenario.arguments import explained
-from carom.scenario.model import Contact, Lattice, Material, Plane, Rack, Scenario, Sphere
+from carom.scenario.balls import Lattice, Rack, Sphere
+from carom.scenario.model import Contact, Material, Plane, Scenario
 from carom.scenario.problems import from_python
 from carom.scenario.table import Table
 

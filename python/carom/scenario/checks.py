@@ -16,10 +16,11 @@ import numpy as np
 
 from carom.errors import did_you_mean, quoted
 from carom.scenario.attachment_checks import check_names
+from carom.scenario.balls import Ball
 from carom.scenario.bodies import Bodies, expand
 from carom.scenario.joint_start import check_start
 from carom.scenario.mechanics import MECHANICS
-from carom.scenario.model import Ball, Contact, Material, Plane, Scenario
+from carom.scenario.model import Contact, Material, Plane, Scenario
 from carom.scenario.options import RunBase
 from carom.scenario.overlap import overlaps
 from carom.scenario.problems import Finding

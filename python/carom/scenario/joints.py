@@ -9,8 +9,9 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from carom.errors import quoted
-from carom.scenario.fields import POSITIVE, Choice, Direction, Vectors, refuse
+from carom.scenario.fields import POSITIVE, Choice, refuse
 from carom.scenario.laws import Law, LawValue
+from carom.scenario.lists import Direction, Vectors
 from carom.scenario.literal import literal
 from carom.scenario.loads import Ends, Points, check_ends, check_points
 from carom.scenario.quantities import Name, Position, Vec3, unit

@@ -17,7 +17,8 @@ import numpy as np
 from pydantic_core import PydanticCustomError
 
 from carom.errors import did_you_mean, quoted
-from carom.scenario.fields import ANY, Bounds, Checked, Quantity, Vector, as_list, each, inside, refuse
+from carom.scenario.fields import ANY, Bounds, Checked, Quantity, inside, refuse
+from carom.scenario.lists import Vector, as_list, each
 
 if TYPE_CHECKING:
     from carom._core import Expression

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, model_validator
 
 from carom.errors import CaromError, quoted
-from carom.scenario.fields import NOT_NEGATIVE, Pair, Quantity, Vector, Vectors, refuse
+from carom.scenario.fields import NOT_NEGATIVE, Pair, Quantity, refuse
 from carom.scenario.laws import LawValue, LawVector
+from carom.scenario.lists import Vector, Vectors
 from carom.scenario.quantities import FARTHEST, ZEROS, Distance, Name, Vec3, unit
 from carom.scenario.table import Table
 

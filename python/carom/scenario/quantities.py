@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from carom.scenario.fields import NOT_NEGATIVE, POSITIVE, Bounds, Integer, Quantity, Text, Vector
+from carom.scenario.fields import NOT_NEGATIVE, POSITIVE, Bounds, Integer, Quantity, Text
+from carom.scenario.lists import Vector
 
 Vec3 = tuple[float, float, float]
 
