@@ -146,6 +146,7 @@ def test_page_report_and_figures(fakes: Any, tmp_path: Path) -> None:
         in markdown
     )
     assert f"1. {good.ERRATUM}" in markdown
+    markdown = markdown.replace("\N{NO-BREAK SPACE}", " ")
     assert "6 / 1.04 (paper 7 / 2)" in markdown
     assert "0 / 0 (paper 9 / –)" in markdown
     assert "All runs: `step = 0.001`." in markdown

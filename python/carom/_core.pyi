@@ -56,6 +56,17 @@ class Simulation:
     `orientation (N,4)` w first, `material (N,)`; planes `plane_point, plane_normal (P,3)`, `plane_material (P,)`;
     contact laws `law_a, law_b (L,)` material indices (unordered pair), `friction, restitution, tangential_restitution,
     rolling_radius, spinning_radius (L,)`; and `options`: a dict with any keys of `defaults()` plus `step`.
+
+    Three lists may be left out. A law in them is `("constant", x)`, `("polynomial", [c0, c1, ...])`,
+    `("table", [[x, y], ...])` or `("expression", text)`, of the time t, in friction of the slip speed v:
+
+    - `friction_law` (L,): None, or a law in place of `friction`, which is 0 there
+    - `joints`: `{"a": int, "b": int or -1 for the ground, "rows": [(kind, direction, arm_a, arm_b, law), ...]}`; `kind` is
+      `point` (`direction . (p_a - p_b)` follows the law), `distance` (`|p_a - p_b|` does) or `rotation` (of a against b
+      about `direction`, counted from the law's value at the start); `p = x + R arm`, `arm_b` of the ground is the point
+    - `loads`: `{"kind": "force", "body", "force": [law, law, law], "torque": [law, law, law]}`; `{"kind": "spring", "a",
+      "b", "arm_a", "arm_b", "stiffness", "damping", "rest_length"}`; `{"kind": "drag", "body", "translation", "rotation"}`;
+      `{"kind": "callable", "function": f}`, `f(time, position, velocity, angular_velocity)` giving a float64 array (N,6)
     """
 
     def __init__(self, model: dict[str, Any]) -> None: ...

@@ -15,16 +15,19 @@ from carom.errors import Problem, ScenarioError, counted, quoted
 from carom.scenario import load
 from carom.scenario.advice import advise
 from carom.scenario.arguments import explained, wording
-from carom.scenario.arrays import to_arrays, with_generators_expanded
+from carom.scenario.arrays import resolved_tree, to_arrays
+from carom.scenario.attaching import Attacher
+from carom.scenario.balls import Generator, Sphere
 from carom.scenario.building import Builder, Vector, make
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
-from carom.scenario.model import FORMAT, Generator, Plane, Record, Scenario, Sphere, World
+from carom.scenario.mechanics import MECHANICS
+from carom.scenario.model import FORMAT, Plane, Record, Scenario, World
 from carom.scenario.options import Run
 from carom.scenario.problems import Finding, Source
 
 
-class Scene(Builder):
+class Scene(Builder, Attacher):
     """Spheres, planes, materials and how to simulate them.
 
     `scene.run` and `scene.record` hold the keys of `[run]` and `[record]` as attributes: `scene.run.step =
@@ -85,8 +88,18 @@ class Scene(Builder):
         With `resolved` nothing is left to defaults or to chance: every key has its value and racks and
         lattices are written as the spheres they stand for (unless these are more than 10 000). A run
         directory holds this form.
+
+        Python functions cannot be written, so a scene that has some is refused. The resolved form holds their names and is
+        no scenario that could be run: it waits for the functions (see `load_function`).
         """
-        text = to_text(with_generators_expanded(self._tree) if resolved else self._tree, everything=resolved)
+        functions = [place for place in self._tree.load_function if place.function is not None]
+        if functions and not resolved:
+            cure = "write laws of the time with scene.load(...), or keep the scene as a Python program"
+            raise ScenarioError(
+                Problem(place.label(), "", "a file cannot hold a Python function", cure)
+                for place in functions
+            )
+        text = to_text(resolved_tree(self._tree) if resolved else self._tree, everything=resolved)
         if path is not None:
             Path(path).write_text(text, encoding="utf-8")
         return text
@@ -191,9 +204,9 @@ class Scene(Builder):
             return self._source.problem(finding)
         section = str(path[0])
         cure = finding.call or finding.cure
-        if len(path) > 2 and isinstance(path[1], int):
+        if len(path) > 1 and isinstance(path[1], int) and (len(path) > 2 or section in MECHANICS):
             table = getattr(self._tree, section)[path[1]]
-            return Problem(table.label(), str(path[2]), finding.cause, cure)
+            return Problem(table.label(), str(path[2]) if len(path) > 2 else "", finding.cause, cure)
         key = section if section not in ("run", "record") else ".".join(map(str, path))
         return Problem("scene", key if section != "material" else "contact", finding.cause, cure)
 
@@ -201,24 +214,34 @@ class Scene(Builder):
         """The arrays for `carom._core.Simulation` (their names, units and shapes are in `_core.pyi`)."""
         arrays = to_arrays(self._tree)
         if arrays is None:
-            self.validate()  # raises and says which material is unknown
+            self.validate()  # raises and says which material, sphere or function is unknown
             raise AssertionError("a valid scene has arrays")
         return arrays
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scene) and self._tree.model_dump() == other._tree.model_dump()
+        return (
+            isinstance(other, Scene)
+            and self._tree.model_dump() == other._tree.model_dump()
+            and [p.function for p in self._tree.load_function]
+            == [p.function for p in other._tree.load_function]
+        )
 
     __hash__ = None  # type: ignore[assignment]  # a scene can be changed
 
     def __repr__(self) -> str:
         run = self.run
+        tree = self._tree
+        loads = [*tree.load, *tree.spring, *tree.drag, *tree.load_function]
         counts = ", ".join(
             counted(n, what)
-            for n, what in (
-                (len(self.names), "sphere"),
-                (len(self.planes), "plane"),
-                (len(self._tree.contact), "contact law"),
+            for n, what, always in (
+                (len(self.names), "sphere", True),
+                (len(self.planes), "plane", True),
+                (len(tree.contact), "contact law", True),
+                (len(tree.joint), "joint", False),
+                (len(loads), "load", False),
             )
+            if n or always
         )
         time = (
             f"{counted(steps(run), 'step')} of {run.step:g} s"

@@ -25,7 +25,7 @@ def reproduce(
     examples: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[EXAMPLE]...",
+            metavar="EXAMPLE",
             help="Sections and appendices of the paper: 5.1 to 5.6, A, B, C, or all (default).",
             show_default=False,
         ),

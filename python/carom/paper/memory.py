@@ -99,7 +99,8 @@ def trace(
 ) -> Trace:
     """Run a scene to its end (`until`, s; by default that of its file) and keep every state, or those at the times `at`, s.
 
-    `run` are keys of `[run]`. Times must lie on the grid of the steps. A run that stops before its end raises `NotConverged`.
+    `run` are keys of `[run]`. Times must lie on the grid of the steps. A run that stops before its end raises
+    `NotConverged`.
     """
     scene = scene.with_options(**run)
     h = scene.run.step

@@ -16,6 +16,8 @@ MARKS: Mapping[Verdict, str] = {"ok": "✓ ok", "paper in error": "✎ paper in 
 #: Significant digits of a number: enough to see its tolerance, at least and at most these.
 FEWEST, MOST = 2, 10
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: A space at which no line ends.
+_HARD = "\N{NO-BREAK SPACE}"
 _ERRATA = "Errors found in the paper"
 _FAILURES = "What failed"
 
@@ -195,10 +197,11 @@ def _counts(counts: Sequence[Counts]) -> list[str]:
         for level in ("smooth", "position", "velocity", "line_search"):
             most, other = getattr(count, level)
             told = f"{most:g} / {other:g}" if level == "line_search" else f"{most:g} / {other:.2f}"
+            cells.append(told.replace(" ", _HARD))
             printed = count.paper.get(level)
             if printed is not None:
-                told += f" (paper {' / '.join(number(value) for value in printed)})"
-            cells.append(told)
+                theirs = f"(paper {' / '.join(number(value) for value in printed)})"
+                cells[-1] += " " + theirs.replace(" ", _HARD)
         numbers = (str(count.unconverged), str(count.fallbacks))
         lines.append((count.case, f"{count.step:g}", f"{count.tolerance:g}", *cells, *numbers))
     head = (

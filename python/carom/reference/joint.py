@@ -66,7 +66,10 @@ class JointsAt:
                     self._measure[i] += sign * float(row.axis @ pose.psi[body])
                 self._spans.append(None)
                 continue
-            span = spans.setdefault(id(row.ends), Span(row.ends, pose))
+            # rows of a joint share their ends, and the span is the dear part
+            if id(row.ends) not in spans:
+                spans[id(row.ends)] = Span(row.ends, pose)
+            span = spans[id(row.ends)]
             if row.kind == "point":
                 d, turning = row.axis, np.zeros((3, 3))
                 self._measure[i] = float(d @ span.vector)

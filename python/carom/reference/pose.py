@@ -99,13 +99,13 @@ class Carried:
         self.c = c = stumpff(float(psi @ psi))
         self.rate = [0.5 * (k * c[k + 2] - c[k + 1]) for k in range(5)]
         """d c_k/ds."""
-        self.y = c[0] * r + c[1] * np.cross(psi, r) + c[2] * float(psi @ r) * psi
+        self.y = c[0] * r + c[1] * cross_matrix(psi) @ r + c[2] * float(psi @ r) * psi
 
     def jacobian(self) -> F64:
         """d y/d psi (3,3)."""
         psi, r, c, rate = self.psi, self.r, self.c, self.rate
         along = float(psi @ r)
-        grown = 2.0 * (rate[0] * r + rate[1] * np.cross(psi, r) + rate[2] * along * psi)
+        grown = 2.0 * (rate[0] * r + rate[1] * cross_matrix(psi) @ r + rate[2] * along * psi)
         return np.asarray(
             np.outer(grown, psi) - c[1] * cross_matrix(r) + c[2] * (along * np.eye(3) + np.outer(psi, r)),
             dtype=np.float64,
@@ -117,7 +117,7 @@ class Carried:
         a . y = c_0 (a.r) + c_1 psi.(r x a) + c_2 (psi.a)(psi.r), differentiated twice.
         """
         psi, r, c, rate = self.psi, self.r, self.c, self.rate
-        turn, pa, pr = np.cross(r, a), float(psi @ a), float(psi @ r)
+        turn, pa, pr = cross_matrix(r) @ a, float(psi @ a), float(psi @ r)
         factors = (float(a @ r), float(psi @ turn), pa * pr)
         result = c[2] * (np.outer(a, r) + np.outer(r, a))
         for k, factor in enumerate(factors):

@@ -146,6 +146,7 @@ class PositionProblem(ContactProblem):
         self.rounding = 16.0 * EPS * size
         self._frozen = layout.frozen_gradient()
         self._d_all = d_check
+        self._last: tuple[F64, JointsAt] | None = None
         moving = {body for load in model.loads for body in load.joins(model.bodies)}
         self._follows = free is not None and not moving.isdisjoint(layout.bodies)
 
@@ -167,7 +168,9 @@ class PositionProblem(ContactProblem):
     def _joints(self, u: F64) -> tuple[JointsAt, FreeMotion] | None:
         if self.free is None or not self.layout.joints:
             return None
-        return JointsAt(self.layout.joints, self._pose(u, self.free)), self.free
+        if self._last is None or not np.array_equal(self._last[0], u):
+            self._last = u.copy(), JointsAt(self.layout.joints, self._pose(u, self.free))
+        return self._last[1], self.free
 
     def kinematics(self, u: F64) -> tuple[F64, F64]:
         x, gradient = self.centres(u), self._frozen.copy()

@@ -6,7 +6,7 @@ import numpy as np
 
 from .contact import gap_and_normal
 from .joint import JointsAt, accelerations, rates
-from .load import applied_force
+from .load import Applied, applied_force
 from .model import F64, TOUCH, Model, State
 from .pose import Pose, rotation_matrices
 
@@ -73,46 +73,78 @@ def _refuse_violations(joints: JointsAt, u: F64) -> None:
             )
 
 
-def free_motion(model: Model, state: State) -> FreeMotion:
-    """Lines 5-20, eqs. 1a-b: Newton with the whole matrix of eq. 11, rotations in the coordinates psi."""
-    h, c = model.options.step, model.coefficients
-    time_n, time = state.step * h, (state.step + 1) * h
-    turn = rotation_matrices(state.q)
-    a_new = (c.alpha_f * state.acc - c.alpha_m * state.a) / (1.0 - c.alpha_m)
-    u = state.u + h * (1.0 - c.gamma) * state.a + h * c.gamma * a_new
-    d = h * state.u + h * h * (0.5 - c.beta) * state.a + h * h * c.beta * a_new
-    acc = np.zeros_like(a_new)
-    slope, share = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.gamma * h), h * c.beta / c.gamma
-    wanted, n, m = rates(model.joints, time), len(u), len(model.joints)
-    reactions = np.zeros(m)
-    weight = np.tile(np.repeat([1.0, 1.0], 3), model.bodies)
-    weight.reshape(-1, 6)[:, 3:] = 1.0 / model.radius[:, None]
-    p = 0.5 / np.array([row.compliance(model.mass, model.inertia) for row in model.joints])
-    # a speed times p s is a force; of a moment it is the moment, divided by a radius as in eq. 44
-    lever = np.array([float(np.min(model.radius[list(row.bodies)])) for row in model.joints])
-    turns = np.array([row.kind == "rotation" for row in model.joints], dtype=bool)
-    p_slope = slope * p / np.where(turns, lever, 1.0)
-    for iteration in range(model.options.max_iterations + 1):
+class SmoothProblem:
+    """Eqs. 1a-b over du (6N,), the change of v_check from its prediction, and lambda (m,) of the joints.
+
+    As in lines 16-18, du changes acc by `slope` du and the displacement by `share` du.
+    """
+
+    def __init__(self, model: Model, state: State) -> None:
+        h, c = model.options.step, model.coefficients
+        self.model, self.state = model, state
+        self.time_n, self.time = state.step * h, (state.step + 1) * h
+        self.turn = rotation_matrices(state.q)
+        self.slope = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.gamma * h)
+        self.share = h * c.beta / c.gamma
+        self.a_new = (c.alpha_f * state.acc - c.alpha_m * state.a) / (1.0 - c.alpha_m)
+        self.u_start = state.u + h * (1.0 - c.gamma) * state.a + h * c.gamma * self.a_new
+        self.d_start = h * state.u + h * h * ((0.5 - c.beta) * state.a + c.beta * self.a_new)
+        self.wanted = rates(model.joints, self.time)
+        self.p = 0.5 / np.array([row.compliance(model.mass, model.inertia) for row in model.joints])
+        # weights of eq. 44: moments over a radius; a speed times p s is a force
+        self.weight = np.ones(6 * model.bodies)
+        self.weight.reshape(-1, 6)[:, 3:] = 1.0 / model.radius[:, None]
+        lever = [float(np.min(model.radius[list(row.bodies)])) for row in model.joints]
+        turns = [row.kind == "rotation" for row in model.joints]
+        self.weight_rate = self.slope * self.p / np.where(turns, lever, 1.0)
+
+    def at(self, du: F64) -> tuple[F64, F64, JointsAt, Applied]:
+        """v_check and d_check (6N,), joints and loads there."""
+        u, d = self.u_start + du, self.d_start + self.share * du
         step = d.reshape(-1, 6)
-        pose = Pose(state.x + step[:, :3], step[:, 3:], turn)
-        joints = JointsAt(model.joints, pose)
-        load = applied_force(model.loads, pose, u, time)
-        terms = (model.mass_diagonal * acc, load.force, joints.gradient.T @ reactions)
-        balance, rate = terms[0] - terms[1] - terms[2], joints.gradient @ u
-        residual = np.concatenate([balance * weight, (rate - wanted) * p_slope])
-        scale = sum(float(np.linalg.norm(term * weight)) for term in terms)
-        scale += float(np.linalg.norm((np.abs(joints.gradient) @ np.abs(u) + np.abs(wanted)) * p_slope))
-        if float(np.linalg.norm(residual)) <= model.options.tolerance * scale:
-            return FreeMotion(time_n, time, turn, a_new, acc, u, d, load.force, reactions, iteration)
-        matrix = np.zeros((n + m, n + m))
-        matrix[:n, :n] = slope * np.diag(model.mass_diagonal) + load.damping + share * load.stiffness
-        matrix[:n, :n] -= share * joints.reaction_tangent(reactions)
-        matrix[:n, n:] = -joints.gradient.T
-        matrix[n:, :n] = joints.gradient + share * joints.velocity_tangent(u)
-        # dimensionless with square roots of s M and s p; redundant joints have many reactions, the shortest is taken
-        left = 1.0 / np.sqrt(np.concatenate([slope * model.mass_diagonal, 1.0 / (slope * p)]))
-        rhs = -np.concatenate([balance, rate - wanted])
-        change = left * np.linalg.lstsq(matrix * left * left[:, None], rhs * left, rcond=1e-11)[0]
-        du = change[:n]
-        u, acc, d, reactions = u + du, acc + slope * du, d + share * du, reactions + change[n:]
+        pose = Pose(self.state.x + step[:, :3], step[:, 3:], self.turn)
+        return u, d, JointsAt(self.model.joints, pose), applied_force(self.model.loads, pose, u, self.time)
+
+    def residual(self, du: F64, reactions: F64) -> tuple[F64, float, float]:
+        """Residual (6N + m,) [N, N m, m/s, rad/s], its weighted norm [N] and the sum of those of its terms."""
+        u, _, joints, load = self.at(du)
+        inertia, carried = self.model.mass_diagonal * self.slope * du, joints.gradient.T @ reactions
+        balance, miss = inertia - load.force - carried, joints.gradient @ u - self.wanted
+        norm = np.hypot(np.linalg.norm(balance * self.weight), np.linalg.norm(miss * self.weight_rate))
+        rate = np.abs(joints.gradient) @ np.abs(u) + np.abs(self.wanted)
+        terms = (inertia * self.weight, load.force * self.weight, carried * self.weight)
+        scale = sum(np.linalg.norm(term) for term in (*terms, rate * self.weight_rate))
+        return np.concatenate([balance, miss]), float(norm), float(scale)
+
+    def matrix(self, du: F64, reactions: F64) -> F64:
+        """S_t of eq. 11, (6N + m, 6N + m): the derivative of the residual."""
+        u, _, joints, load = self.at(du)
+        n, m = len(du), len(reactions)
+        result = np.zeros((n + m, n + m))
+        result[:n, :n] = self.slope * np.diag(self.model.mass_diagonal) + load.damping
+        result[:n, :n] += self.share * (load.stiffness - joints.reaction_tangent(reactions))
+        result[:n, n:] = -joints.gradient.T
+        result[n:, :n] = joints.gradient + self.share * joints.velocity_tangent(u)
+        return result
+
+
+def free_motion(model: Model, state: State) -> FreeMotion:
+    """Lines 5-20, eqs. 1a-b, by Newton."""
+    problem = SmoothProblem(model, state)
+    n, slope = 6 * model.bodies, problem.slope
+    du, reactions = np.zeros(n), np.zeros(len(model.joints))
+    # dimensionless with square roots of s M and of s p
+    left = 1.0 / np.sqrt(np.concatenate([slope * model.mass_diagonal, 1.0 / (slope * problem.p)]))
+    for iteration in range(model.options.max_iterations + 1):
+        residual, norm, scale = problem.residual(du, reactions)
+        if norm <= model.options.tolerance * scale:
+            u, d, _, load = problem.at(du)
+            return FreeMotion(
+                problem.time_n, problem.time, problem.turn, problem.a_new, slope * du, u, d, load.force,
+                reactions, iteration,
+            )  # fmt: skip
+        matrix = problem.matrix(du, reactions) * left * left[:, None]
+        # reactions of redundant joints are not unique: the shortest
+        change = left * np.linalg.lstsq(matrix, -residual * left, rcond=1e-11)[0]
+        du, reactions = du + change[:n], reactions + change[n:]
     raise RuntimeError(f"step {state.step + 1}: the smooth sub-problem was not solved")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,7 +11,8 @@ from pydantic import ValidationError
 
 from carom.errors import Problem, ScenarioError, quoted
 from carom.scenario.arguments import explained
-from carom.scenario.model import Contact, Lattice, Material, Plane, Rack, Scenario, Sphere
+from carom.scenario.balls import Lattice, Rack, Sphere
+from carom.scenario.model import Contact, Material, Plane, Scenario
 from carom.scenario.problems import from_python
 from carom.scenario.table import Table
 
@@ -52,7 +53,7 @@ class Builder:
         a: str,
         b: str,
         *,
-        friction: float,
+        friction: float | Mapping[str, Any],
         restitution: float,
         tangential_restitution: float | None = None,
         rolling_radius: Number | None = None,
@@ -60,9 +61,9 @@ class Builder:
     ) -> Contact:
         """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
 
-        `friction` mu >= 0; `restitution` e_N in [0, 1]; `tangential_restitution` e_T in (-1, 1);
-        `rolling_radius` rho and `spinning_radius` delta: moment that resists rolling or spinning over the
-        normal force, m.
+        `friction` mu >= 0, a number or a law of the slip speed `v`, as `{"expression": "0.01 + 0.1*exp(-v)"}`;
+        `restitution` e_N in [0, 1]; `tangential_restitution` e_T in (-1, 1); `rolling_radius` rho and
+        `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m.
         """
         label = f"Scene.contact({quoted(a)}, {quoted(b)})"
         contact = make(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from carom.scenario.joints import KEYS, TYPES
 from carom.scenario.model import FORMAT, Scenario
 
 
@@ -21,8 +22,28 @@ def json_schema() -> dict[str, Any]:
         ("Rack", ("mass", "density")),
     ):
         schema["$defs"][name]["oneOf"] = [{"required": [key]} for key in keys]
+    for name, pair in (
+        ("Load", ("force", "torque")),
+        ("Spring", ("stiffness", "damping")),
+        ("Drag", ("translation", "rotation")),
+    ):
+        schema["$defs"][name]["anyOf"] = [{"required": [key]} for key in pair]
+    schema["$defs"]["Joint"]["allOf"] = [_joint(kind) for kind in TYPES]
     schema["$defs"]["Rack"]["allOf"] = [{"oneOf": [{"required": ["balls"]}, {"required": ["rows"]}]}]
     return schema
+
+
+def _joint(kind: str) -> dict[str, Any]:
+    """Which keys a joint of this type has."""
+    keys = TYPES[kind]
+    admitted = {*keys.needs, *keys.may, *(key for group in keys.either for key in group)}
+    then: dict[str, Any] = {
+        "required": list(keys.needs),
+        "properties": {key: False for key in KEYS if key not in admitted},
+    }
+    if keys.either:
+        then["oneOf"] = [{"required": list(group)} for group in keys.either]
+    return {"if": {"properties": {"type": {"const": kind}}}, "then": then}
 
 
 def _without_null(node: Any) -> Any:

@@ -221,9 +221,9 @@ def _counts(tolerances: list[float]) -> list[Counts]:
         for how in ("newton", "auto")
         for tol in tolerances
     ]
-    only_44 = {"tolerance": study.PAPER_TOLERANCE, "gap_tolerance": LOOSE_GAPS, "solver": "newton"}
-    run, name = trace(scene("frictional"), **only_44), "frictional, newton, eq. 44 alone"
-    return [*found, study.counts(name, run, study.PAPER_TOLERANCE, PAPER_COUNTS["frictional"])]
+    tol, name = study.PAPER_TOLERANCE, "frictional, newton, eq. 44 alone"
+    run = trace(scene("frictional"), tolerance=tol, gap_tolerance=LOOSE_GAPS, solver="newton")
+    return [*found, study.counts(name, run, tol, PAPER_COUNTS["frictional"])]
 
 
 TEXT = """
