@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
+    from carom.comparison import Comparison as Comparison
+    from carom.comparison import compare as compare
     from carom.errors import CaromError as CaromError
     from carom.errors import ScenarioError as ScenarioError
     from carom.result import Result as Result
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
     "CaromError": "carom.errors",
+    "Comparison": "carom.comparison",
+    "compare": "carom.comparison",
     "ScenarioError": "carom.errors",
     "Result": "carom.result",
     "load": "carom.result",
@@ -34,11 +38,13 @@ _HOMES = {
 
 __all__ = [
     "CaromError",
+    "Comparison",
     "Result",
     "RunFailed",
     "ScenarioError",
     "Scene",
     "__version__",
+    "compare",
     "load",
     "resume",
     "simulate",
