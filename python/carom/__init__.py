@@ -21,12 +21,16 @@ if TYPE_CHECKING:
     from carom.run import resume as resume
     from carom.run import simulate as simulate
     from carom.scene import Scene as Scene
+    from carom.study import Convergence as Convergence
+    from carom.study import converge as converge
 
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
     "CaromError": "carom.errors",
     "Comparison": "carom.comparison",
     "compare": "carom.comparison",
+    "Convergence": "carom.study",
+    "converge": "carom.study",
     "ScenarioError": "carom.errors",
     "Result": "carom.result",
     "load": "carom.result",
@@ -39,12 +43,14 @@ _HOMES = {
 __all__ = [
     "CaromError",
     "Comparison",
+    "Convergence",
     "Result",
     "RunFailed",
     "ScenarioError",
     "Scene",
     "__version__",
     "compare",
+    "converge",
     "load",
     "resume",
     "simulate",
