@@ -167,7 +167,7 @@ def test_the_hessians_with_joints_and_loads(level: str, seed: int) -> None:
 
         def change(jump: Any) -> Any:
             now = applied_force(model.loads, pose, free.u_check + jump, free.time)
-            return 0.05 * (now.force - free.force), 0.05 * now.by_velocity
+            return 0.05 * (now.force - free.load.force), 0.05 * now.by_velocity
 
         offset, fixed = rng.normal(size=m), rng.normal(size=d)
         problem = VelocityProblem(layout, gradient, free.u_check, offset, fixed, 0.0, change)
