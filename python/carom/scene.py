@@ -61,16 +61,21 @@ class Scene(Builder, Attacher):
     # --- reading and writing --------------------------------------------------------------------------------
 
     @classmethod
-    def from_toml(cls, source: str | Path) -> Scene:
+    def from_toml(
+        cls, source: str | Path, *, case: str | None = None, set: Mapping[str, Any] | None = None
+    ) -> Scene:
         """The scene of a scenario file, or of TOML text (a `str` that is empty or has a line break).
+
+        Of a file with `[parameters]`, `case` names one of its variants and `set` gives other values of parameters,
+        numbers in SI or expressions (`{"f": 0.3, "phi": "= asin(1 - f)"}`), which go before those of the case.
 
         All mistakes in the keys and values are reported at once, with file and line. A scene that can be read
         may still be impossible to simulate (spheres that overlap, a missing contact law): `validate` tells.
         """
         if isinstance(source, str) and (not source or "\n" in source):
-            tree, origin = load.parse(source)
+            tree, origin = load.parse(source, case=case, given=set)
         else:
-            tree, origin = load.read(source)
+            tree, origin = load.read(source, case, set)
         scene = cls._of(tree)
         scene._source = origin
         return scene
@@ -113,6 +118,16 @@ class Scene(Builder, Attacher):
     @title.setter
     def title(self, value: str) -> None:
         self._tree.title = value
+
+    @property
+    def case(self) -> str | None:
+        """Name of the case of the file that the scene was read from, if it is one."""
+        return self._source.case if self._source else None
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the parameters of the file that the scene was read from, SI."""
+        return dict(self._source.parameters) if self._source else {}
 
     @property
     def gravity(self) -> tuple[float, float, float]:

@@ -7,6 +7,7 @@ pub mod contact;
 pub mod force;
 pub mod impact;
 pub mod islands;
+pub mod joint;
 pub mod level;
 pub mod model;
 pub mod options;

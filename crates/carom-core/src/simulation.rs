@@ -7,7 +7,7 @@ use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
 use crate::state::State;
-use crate::step::{step, Attempt, Failure};
+use crate::step::{motion_of, step, Attempt, Failure};
 use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
 use std::time::{Duration, Instant};
@@ -56,6 +56,8 @@ impl Simulation {
             potential += force::weight_potential(&model, i, state.position[i]);
             static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
         }
+        let at = motion_of(&state, 0.0);
+        potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         Simulation {
             scratch: Scratch::new(&model),
             monitors: Monitors::new(kinetic, potential, static_scale),
@@ -178,13 +180,8 @@ impl Simulation {
                 } else {
                     report.merge(&local);
                 }
-                self.recorder.add_step(
-                    &self.model,
-                    &self.scratch,
-                    number,
-                    time,
-                    recording.contacts,
-                );
+                self.recorder
+                    .add_step(&self.scratch, number, time, recording.contacts);
                 Ok(())
             }
             Err(Failure::NotConverged(level)) => {
@@ -216,6 +213,11 @@ impl Simulation {
                 step,
                 time,
                 bodies: (a, b),
+            },
+            Failure::Load => Outcome::LoadFailed {
+                step,
+                time,
+                message: self.scratch.load_error.take().unwrap_or_default(),
             },
             Failure::NotConverged(level) => {
                 let (mut bodies, mut contacts, mut residual) = ((0, 0), 0, f64::NAN);

@@ -1,6 +1,8 @@
 //! The skin: converts arrays, releases the interpreter lock, maps errors. No physics.
 
 mod convert;
+mod coupling;
+mod element;
 mod expression;
 mod simulation;
 mod state;
@@ -41,6 +43,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("ExpressionError", m.py().get_type::<ExpressionError>())?;
     m.add_function(wrap_pyfunction!(defaults, m)?)?;
     m.add_function(wrap_pyfunction!(choices, m)?)?;
+    m.add_function(wrap_pyfunction!(element::tangential_increment, m)?)?;
     m.add_class::<simulation::Simulation>()?;
     m.add_class::<expression::Expression>()?;
     Ok(())

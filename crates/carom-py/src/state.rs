@@ -200,12 +200,13 @@ pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
         m.energy_max_rise,
         m.energy_scale,
         m.travel,
+        m.energy_work,
     ];
     (integers, floats)
 }
 
 pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
-    if i.len() != 23 || f.len() != 10 {
+    if i.len() != 23 || f.len() != 11 {
         return None;
     }
     let spread = |k: usize| Spread {
@@ -239,5 +240,6 @@ pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
         energy_max_rise: f[7],
         energy_scale: f[8],
         travel: f[9],
+        energy_work: f[10],
     })
 }

@@ -208,13 +208,7 @@ impl LinearStep {
         out
     }
 
-    fn assemble_dense(
-        &mut self,
-        system: &RowSystem,
-        at: &Iterate,
-        rows: usize,
-        shift: f64,
-    ) {
+    fn assemble_dense(&mut self, system: &RowSystem, at: &Iterate, rows: usize, shift: f64) {
         let full = self.mass.kind != MassKind::Diagonal;
         self.matrix.clear();
         self.matrix.resize(rows * rows, 0.0);
@@ -321,13 +315,7 @@ impl LinearStep {
     }
 
     /// Full increments from the reduced ones.
-    fn expand(
-        &mut self,
-        system: &RowSystem,
-        at: &Iterate,
-        d_lambda: &mut [f64],
-        d_u: &mut [f64],
-    ) {
+    fn expand(&mut self, system: &RowSystem, at: &Iterate, d_lambda: &mut [f64], d_u: &mut [f64]) {
         for (d, l) in d_lambda.iter_mut().zip(at.lambda) {
             *d = -l;
         }

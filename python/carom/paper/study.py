@@ -9,6 +9,7 @@ from string import Template
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carom import _core
 from carom.convergence import Order
@@ -20,6 +21,8 @@ PAPER_TOLERANCE = 1e-5
 #: Energy may rise by this share of its total in the paper's examples: reliability contract.
 ENERGY_RISE = 1e-12
 
+F64 = NDArray[np.float64]
+Level = Literal["position", "velocity"]
 Printed = Mapping[str, tuple[float | None, float | None]]
 
 

@@ -74,6 +74,8 @@ class Bonds:
     """c'(t_{n+1}) (m,)."""
     change: Callable[[F64], tuple[F64, F64]]
     """h f_v of eq. 4 (6N,) and its derivative (6N, 6N), as a function of v_{n+1} (6N,)."""
+    parts: F64
+    """Absolute sizes (6N,) of the forces that f_v is a difference of."""
 
     @staticmethod
     def of(model: Model, group: Group, free: FreeMotion, pose: Pose) -> "Bonds | None":
@@ -84,10 +86,10 @@ class Bonds:
 
         def change(u: F64) -> tuple[F64, F64]:
             now = applied_force(model.loads, pose, u, free.time)
-            return h * (now.force - free.force), h * now.by_velocity
+            return h * (now.force - free.load.force), h * now.by_velocity
 
         gradient = JointsAt(group.joints, pose).gradient
-        return Bonds(group, gradient, rates(group.joints, free.time), change)
+        return Bonds(group, gradient, rates(group.joints, free.time), change, free.load.parts)
 
 
 class Island:
@@ -122,6 +124,9 @@ class Island:
         # rounding of the problem: relative to the largest velocity that enters it, spin included
         fastest = max(_speed(before, lay.reach), _speed(free, lay.reach))
         self.floor = 4.0 * EPS * lay.inertness * fastest
+        if bonds:
+            # f_v is a difference of forces
+            self.floor += 4.0 * EPS * model.options.step * lay.size_of(bonds.parts)
         self.start = self.respond(np.zeros(lay.rows))[0]
         """W_J (d,): what the joints and loads ask for before any impact (stage J)."""
         started = free + self.start.reshape(-1, 6)

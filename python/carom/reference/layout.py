@@ -68,6 +68,10 @@ class Layout:
                 i = local[body]
                 self.reach[i] = max(self.reach[i], float(np.sqrt(arm @ arm)))
 
+    def size_of(self, vector: F64) -> float:
+        """Norm [N] of a generalised force (6N,) on these bodies, moments divided by radii as in eq. 44."""
+        return float(np.linalg.norm(vector[self.dofs] * self.weight_u))
+
     def disc_rows(self, number: int, start: int, stop: int) -> slice:
         """Rows of a disc of element `number`."""
         return slice(int(self.start[number]) + start, int(self.start[number]) + stop)

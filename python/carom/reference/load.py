@@ -17,6 +17,8 @@ class Applied:
     force: F64
     by_position: F64
     by_velocity: F64
+    parts: F64
+    """Sum of the absolute values of what f was added up from (6N,): rounding of f is relative to these."""
 
     @property
     def stiffness(self) -> F64:
@@ -54,7 +56,9 @@ class Weight:
 
     def add(self, total: Applied, pose: Pose, u: F64, time: float) -> None:
         """Add it."""
-        total.force.reshape(-1, 6)[:, :3] += self.mass[:, None] * self.gravity
+        weight = self.mass[:, None] * self.gravity
+        total.force.reshape(-1, 6)[:, :3] += weight
+        total.parts.reshape(-1, 6)[:, :3] += np.abs(weight)
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,9 @@ class TimeLoad:
 
     def add(self, total: Applied, pose: Pose, u: F64, time: float) -> None:
         """Add it."""
-        total.force[6 * self.body : 6 * self.body + 6] += [law.value(time) for law in self.laws]
+        own, given = slice(6 * self.body, 6 * self.body + 6), np.array([law.value(time) for law in self.laws])
+        total.force[own] += given
+        total.parts[own] += np.abs(given)
 
 
 @dataclass(frozen=True)
@@ -93,6 +99,10 @@ class Spring:
         gradient, between = n @ span.velocity, span.velocity @ u
         pull = self.stiffness * (length - self.rest_length) + self.damping * float(n @ between)
         total.force -= pull * gradient
+        parts = self.stiffness * (length + self.rest_length) + self.damping * float(
+            np.abs(n) @ np.abs(between)
+        )
+        total.parts += parts * np.abs(gradient)
         rate_slope = u @ span.turning(n) + between @ turning @ span.slope
         pull_slope = self.stiffness * (n @ span.slope) + self.damping * rate_slope
         turned = span.turning(n) + span.velocity.T @ turning @ span.slope
@@ -122,6 +132,7 @@ class Drag:
         dofs = np.arange(6 * self.body, 6 * self.body + 6)
         coefficients = np.repeat([self.translation, self.rotation], 3)
         total.force[dofs] -= coefficients * u[dofs]
+        total.parts[dofs] += np.abs(coefficients * u[dofs])
         total.by_velocity[dofs, dofs] -= coefficients
 
 
@@ -142,7 +153,9 @@ class UserLoad:
 
     def add(self, total: Applied, pose: Pose, u: F64, time: float) -> None:
         """Add it; derivatives by central differences, which serve Newton's matrix alone."""
-        total.force += self._force(pose.x, u, time)
+        given = self._force(pose.x, u, time)
+        total.force += given
+        total.parts += np.abs(given)
         for i in range(len(u)):
             body, k = divmod(i, 6)
             nudge = 1e-6 * max(1.0, abs(float(u[i])))
@@ -162,7 +175,8 @@ class UserLoad:
 
 def applied_force(loads: Sequence[Load], pose: Pose, u: F64, time: float) -> Applied:
     """Sum of all loads at a pose and velocity u (6N,)."""
-    total = Applied(np.zeros(pose.size), np.zeros((pose.size, pose.size)), np.zeros((pose.size, pose.size)))
+    n = pose.size
+    total = Applied(np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
     for load in loads:
         load.add(total, pose, u, time)
     return total

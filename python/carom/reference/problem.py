@@ -141,7 +141,11 @@ class PositionProblem(ContactProblem):
         self, model: Model, layout: Layout, x_check: F64, d_check: F64, free: FreeMotion | None = None
     ) -> None:
         size = float(np.max(np.abs(x_check[layout.bodies]))) + float(np.max(layout.reach))
-        super().__init__(layout, np.zeros(len(layout.dofs)), 4.0 * EPS * layout.inertness * size)
+        floor = 4.0 * EPS * layout.inertness * size
+        if free is not None:
+            # f_p is a difference of forces
+            floor += 2.0 * EPS * model.options.step**2 * layout.size_of(free.load.parts)
+        super().__init__(layout, np.zeros(len(layout.dofs)), floor)
         self.model, self.x_check, self.d_check, self.free = model, x_check, d_check[layout.dofs], free
         self.rounding = 16.0 * EPS * size
         self._frozen = layout.frozen_gradient()
@@ -190,7 +194,7 @@ class PositionProblem(ContactProblem):
             return self.fixed, None
         free, dofs, h = self.free, self.layout.dofs, self.model.options.step
         now = applied_force(self.model.loads, self._pose(u, free), free.u_check, free.time)
-        change = 0.5 * h * h * (now.force - free.force)
+        change = 0.5 * h * h * (now.force - free.load.force)
         return change[dofs], 0.5 * h * h * now.by_position[np.ix_(dofs, dofs)]
 
     def curvature(self, u: F64, phi: F64) -> F64 | None:

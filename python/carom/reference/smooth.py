@@ -30,7 +30,7 @@ class FreeMotion:
     u_check: F64
     d_check: F64
     """Velocity, and displacement (x, psi) of the step."""
-    force: F64
+    load: Applied
     """f(q_check, v_check, t_{n+1})."""
     reactions: F64
     """lambda of the joints (m,) [N, N m]."""
@@ -112,7 +112,8 @@ class SmoothProblem:
         balance, miss = inertia - load.force - carried, joints.gradient @ u - self.wanted
         norm = np.hypot(np.linalg.norm(balance * self.weight), np.linalg.norm(miss * self.weight_rate))
         rate = np.abs(joints.gradient) @ np.abs(u) + np.abs(self.wanted)
-        terms = (inertia * self.weight, load.force * self.weight, carried * self.weight)
+        # load by load: at rest on a spring inertia and force vanish, their rounding does not
+        terms = (inertia * self.weight, load.parts * self.weight, carried * self.weight)
         scale = sum(np.linalg.norm(term) for term in (*terms, rate * self.weight_rate))
         return np.concatenate([balance, miss]), float(norm), float(scale)
 
@@ -140,7 +141,7 @@ def free_motion(model: Model, state: State) -> FreeMotion:
         if norm <= model.options.tolerance * scale:
             u, d, _, load = problem.at(du)
             return FreeMotion(
-                problem.time_n, problem.time, problem.turn, problem.a_new, slope * du, u, d, load.force,
+                problem.time_n, problem.time, problem.turn, problem.a_new, slope * du, u, d, load,
                 reactions, iteration,
             )  # fmt: skip
         matrix = problem.matrix(du, reactions) * left * left[:, None]

@@ -31,10 +31,15 @@ class Finding:
 
 
 class Source:
-    """A scenario text and how messages call it; lines are looked up only when something is wrong."""
+    """A scenario text and how messages call it; lines are looked up only when something is wrong.
+
+    `case` and `parameters` say which of its variants was read.
+    """
 
     def __init__(self, name: str, text: str, raw: Mapping[str, Any]) -> None:
         self.name, self.text, self.raw = name, text, raw
+        self.case: str | None = None
+        self.parameters: Mapping[str, float] = {}
         self._map: LineMap | None = None
 
     @property

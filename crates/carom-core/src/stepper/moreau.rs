@@ -3,7 +3,7 @@
 //! predict -> broad -> meet -> velocity -> advance (-> position, if `position_projection`) -> finish. Contacts are the
 //! pairs whose gap at the predicted midpoint `x_n + (h/2) v_n` is closed; `v_{n+1}` follows from the impact law of the
 //! run, and `x_{n+1} = x_n + h (theta v_{n+1} + (1 - theta) v_n)`. Nothing makes the gap itself vanish: what overlaps
-//! stays so unless the projection removes it.
+//! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
 use super::Coefficients;
 use crate::contact::Contact;
@@ -14,6 +14,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::step::{self, Attempt, Failure};
 use crate::timers::{Phase, Timers};
+use carom_solve::Bounds;
 use glam::DVec3;
 
 impl Coefficients {
@@ -49,7 +50,10 @@ pub fn step(
         time,
         accept_unconverged,
     } = attempt;
-    let h = coefficients.h;
+    let (h, end) = (coefficients.h, *time + coefficients.h);
+    if !model.is_free() {
+        weigh_loads(model, state, scratch, *time)?;
+    }
     step::predict_and_smooth(model, state, scratch, coefficients, *time, report)?;
     for i in 0..model.spheres() {
         scratch.position[i] = state.position[i] + 0.5 * h * state.velocity[i];
@@ -60,14 +64,51 @@ pub fn step(
     meet(model, state, scratch)?;
     report.candidates = scratch.contacts.len() as u32;
     timers.mark(Phase::Meet);
-    step::correct_velocities(model, state, scratch, h, report, *accept_unconverged)?;
+    // Joints and loads are taken at q-check, where the smooth motion has them already.
+    for i in 0..model.spheres() {
+        scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
+    }
+    let weight = coefficients.displacement_per_velocity;
+    let weighted = if model.is_free() { h } else { weight };
+    let span = (end - weighted, end);
+    step::correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Velocity);
-    advance(model, state, scratch, coefficients);
-    let projected = close(model, state, scratch, report, *accept_unconverged);
+    advance(model, state, scratch, weight);
+    let span = (*time, end);
+    let closed = close(model, state, scratch, span, report, *accept_unconverged);
     timers.mark(Phase::Position);
-    projected?;
-    step::finish(model, state, scratch, coefficients, report)?;
+    closed?;
+    // The smooth reactions of joints act with the weight of the new values.
+    for lambda in &mut scratch.smooth.lambda {
+        *lambda *= weight / h;
+    }
+    step::finish(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Finish);
+    Ok(())
+}
+
+/// `a_n = M^-1 f(q_n, v_n, t_n)` of the theta rule: loads alone, at the state itself. Reactions of joints are wholly
+/// implicit, for the mean of old and new ones would keep any error in them for ever.
+fn weigh_loads(
+    model: &Model,
+    state: &mut State,
+    scratch: &mut Scratch,
+    time: f64,
+) -> Result<(), Failure> {
+    let mut wrench = vec![[DVec3::ZERO; 2]; model.spheres()];
+    let at = step::motion_of(state, time);
+    for load in &model.loads {
+        if let Err(error) = load.add(&at, &mut wrench) {
+            scratch.load_error = Some(error.0);
+            return Err(Failure::Load);
+        }
+    }
+    for (i, [force, moment]) in wrench.into_iter().enumerate() {
+        state.pseudo[i] = [
+            model.gravity + model.inv_mass[i] * force,
+            model.inv_inertia[i] * moment,
+        ];
+    }
     Ok(())
 }
 
@@ -114,8 +155,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
 }
 
 /// `x_{n+1}` and the increment of rotation from `v_{n+1} = v-check + W`.
-fn advance(model: &Model, state: &State, scratch: &mut Scratch, coefficients: &Coefficients) {
-    let theta_h = coefficients.displacement_per_velocity;
+fn advance(model: &Model, state: &State, scratch: &mut Scratch, theta_h: f64) {
     for i in 0..model.spheres() {
         let [linear, angular] = scratch.jump[i];
         scratch.linear[i].displacement += theta_h * linear;
@@ -130,13 +170,14 @@ fn close(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
+    span: (f64, f64),
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
     std::mem::swap(&mut scratch.contacts, &mut scratch.overlaps);
     scratch.contacts.clear();
     let closed = if model.options.position_projection {
-        project(model, state, scratch, report, accept)
+        project(model, state, scratch, span, report, accept)
     } else {
         overlapping(model, state, scratch, 0.0).map(|_| ())
     };
@@ -168,7 +209,7 @@ fn overlapping(
             .is_ok();
         if !listed && step::push_candidate(model, state, position, pair, margin, contacts)? {
             let last = contacts.len() - 1;
-            contacts[last].law = model.frictionless;
+            contacts[last].bounds = Bounds::default();
         }
     }
     contacts.sort_unstable_by_key(|c| (c.a, c.b));
@@ -176,11 +217,12 @@ fn overlapping(
 }
 
 /// The position sub-problem (eqs. 1c-e) at `x_{n+1}`, without friction: the nearest positions, measured by mass, at
-/// which nothing overlaps. Velocities stay as they are.
+/// which nothing overlaps and joints hold. Velocities stay as they are.
 fn project(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
+    span: (f64, f64),
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
@@ -194,7 +236,7 @@ fn project(
         gaps(model, scratch, |c, gap| {
             (c.gap_check, c.nu) = (gap, [0.0; 6])
         });
-        step::solve_positions(model, scratch, report, accept)?;
+        step::solve_positions(model, state, scratch, span, report, accept)?;
         for i in 0..model.spheres() {
             scratch.position[i] += scratch.shift[i][0];
         }

@@ -10,6 +10,7 @@ Gauss-Seidel sweeps, in world vectors and without a line of the simulation's cod
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -71,70 +72,73 @@ class Outcome:
 
 def collide(balls: Sequence[Ball], touches: Sequence[Touch]) -> Outcome:
     """Solve the impact law: all contacts at once, normals and levers as they are at the instant."""
-    velocity = np.array([ball.velocity for ball in balls], dtype=np.float64)
-    spin = np.array([ball.spin for ball in balls], dtype=np.float64)
-    impulse = np.zeros((len(touches), 3))
+    rows = np.array([_rows(balls, touch) for touch in touches])  # (C, 3, 6 N)
+    before = np.concatenate([[*ball.velocity, *ball.spin] for ball in balls])
+    response = _inverse_mass(balls)
+    # Change of the relative velocity at one contact by an impulse at another, (C, C, 3, 3).
+    compliance = np.einsum("aik,kl,bjl->abij", rows, response, rows)
+    relative = rows @ before
     # Restitution asks for this relative normal velocity after the impact; a contact at rest asks for 0.
-    wanted = [
-        -touch.restitution * min(0.0, float(touch.normal @ _relative(balls, touch, velocity, spin)))
-        for touch in touches
+    local = [
+        _Local(touch, -touch.restitution * min(0.0, float(touch.normal @ speed)), compliance[c, c])
+        for c, (touch, speed) in enumerate(zip(touches, relative, strict=True))
     ]
-    compliance = [_compliance(balls, touch) for touch in touches]
+    impulse = np.zeros((len(touches), 3))
     for _ in range(MOST_SWEEPS):
         change = 0.0
-        for c, touch in enumerate(touches):
-            new = _local(impulse[c], touch, wanted[c], compliance[c], _relative(balls, touch, velocity, spin))
-            step = new - impulse[c]
-            impulse[c] = new
-            _apply(balls, touch, step, velocity, spin)
+        for c, contact in enumerate(local):
+            step = contact.solved(impulse[c], relative[c]) - impulse[c]
+            impulse[c] += step
+            relative += compliance[:, c] @ step
             change = max(change, float(np.abs(step).max()))
         if change <= CONVERGED * float(np.abs(impulse).max(initial=0.0)):
-            return Outcome(velocity, spin, impulse)
-    raise CaromError(
-        f"the impact law did not converge in {MOST_SWEEPS} sweeps; the last changed an impulse by {change:g}"
-    )
+            break
+    else:
+        raise CaromError(
+            f"the impact law did not converge in {MOST_SWEEPS} sweeps; the last changed an impulse by {change:g}"
+        )
+    after = before + response @ np.einsum("cik,ci->k", rows, impulse)
+    bodies = after.reshape(len(balls), 2, 3)
+    return Outcome(bodies[:, 0], bodies[:, 1], impulse)
 
 
-def _sides(balls: Sequence[Ball], touch: Touch) -> list[tuple[int, float, F64]]:
-    """Ball, sign of its part in the relative velocity, and arm from its centre to the contact point."""
+class _Local:
+    """One contact, brought to its law with the impulses of the others held."""
+
+    def __init__(self, touch: Touch, wanted: float, compliance: F64) -> None:
+        self.normal, self.friction, self.wanted = touch.normal, touch.friction, wanted
+        self.along = float(self.normal @ compliance @ self.normal)
+        # A locked axis makes the compliances along the tangents differ: the greatest keeps the sweeps from running away.
+        self.across = float(np.linalg.eigvalsh(compliance)[-1])
+
+    def solved(self, impulse: F64, relative: F64) -> F64:
+        """The impulse for the relative velocity (3,) that there is: normal part first, then friction on its disc."""
+        n = self.normal
+        speed, old = float(n @ relative), float(n @ impulse)
+        # The normal impulse goes through the centres: it changes no slip of its own contact.
+        normal = max(0.0, old - (speed - self.wanted) / self.along)
+        friction = impulse - old * n - (relative - speed * n) / self.across
+        bound, size = self.friction * normal, math.sqrt(float(friction @ friction))
+        return normal * n + (friction if size <= bound else friction * (bound / size))
+
+
+def _rows(balls: Sequence[Ball], touch: Touch) -> F64:
+    """Velocity of the contact point of a relative to that of b (eq. 34) from all velocities and spins, (3, 6 N)."""
+    rows = np.zeros((3, 6 * len(balls)))
     sides = [(touch.a, 1.0, -balls[touch.a].radius * touch.normal)]
     if touch.b is not None:
         sides.append((touch.b, -1.0, balls[touch.b].radius * touch.normal))
-    return sides
+    for ball, sign, arm in sides:
+        turning = np.array([np.cross(axis, arm) for axis in np.eye(3)]).T  # w x arm
+        rows[:, 6 * ball : 6 * ball + 6] = sign * np.hstack([np.eye(3), turning])
+    return rows
 
 
-def _relative(balls: Sequence[Ball], touch: Touch, velocity: F64, spin: F64) -> F64:
-    """Velocity of the contact point of a relative to that of b, (3,) m/s (eq. 34)."""
-    total = np.zeros(3)
-    for ball, sign, arm in _sides(balls, touch):
-        total += sign * (velocity[ball] + np.cross(spin[ball], arm))
-    return total
-
-
-def _apply(balls: Sequence[Ball], touch: Touch, impulse: F64, velocity: F64, spin: F64) -> None:
-    for ball, sign, arm in _sides(balls, touch):
-        velocity[ball] += sign * impulse / balls[ball].mass
-        spin[ball] += balls[ball].mobility @ np.cross(arm, sign * impulse)
-
-
-def _compliance(balls: Sequence[Ball], touch: Touch) -> tuple[float, float]:
-    """Change of relative velocity by an impulse, 1/kg: along the normal, and the greatest along a tangent."""
-    normal = tangent = 0.0
-    for ball, _, arm in _sides(balls, touch):
-        lever = np.array([np.cross(arm, axis) for axis in np.eye(3)])
-        normal += 1 / balls[ball].mass
-        turning = lever @ balls[ball].mobility @ lever.T
-        tangent += 1 / balls[ball].mass + float(np.linalg.eigvalsh(turning)[-1])
-    return normal, tangent
-
-
-def _local(impulse: F64, touch: Touch, wanted: float, compliance: tuple[float, float], relative: F64) -> F64:
-    """One contact brought to its law with the others held: normal part first, then friction on its disc."""
-    n = touch.normal
-    speed = float(n @ relative)
-    old = float(n @ impulse)
-    normal = max(0.0, old - (speed - wanted) / compliance[0])
-    # The normal impulse goes through the centres: it changes no slip of its own contact.
-    friction = impulse - old * n - (relative - speed * n) / compliance[1]
-    bound, size = touch.friction * normal, float(np.linalg.norm(friction))
-    return normal * n + (friction if size <= bound else friction * (bound / size))
+def _inverse_mass(balls: Sequence[Ball]) -> F64:
+    """Change of all velocities and spins by impulses and angular impulses, (6 N, 6 N)."""
+    response = np.zeros((6 * len(balls), 6 * len(balls)))
+    for n, ball in enumerate(balls):
+        at = slice(6 * n, 6 * n + 3), slice(6 * n + 3, 6 * n + 6)
+        response[at[0], at[0]] = np.eye(3) / ball.mass
+        response[at[1], at[1]] = ball.mobility
+    return response

@@ -17,7 +17,9 @@ Three things of the paper need care:
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +45,23 @@ class Hit:
     restitution: float
     mass: float
     radius: float
+
+    @classmethod
+    def of(cls, model: Mapping[str, Any]) -> Hit:
+        """The hit that the arrays of a scenario describe: cue ball first, its path through the origin at the hit.
+
+        A cue ball that slides at the start has come to roll by then.
+        """
+        target, radius = model["position"][1], float(model["radius"][0])
+        start, spin = float(model["velocity"][0][1]), float(model["angular_velocity"][0][0])
+        return cls(
+            speed=(5 * start - 2 * radius * spin) / 7,
+            phi=math.atan2(-target[0], target[1]),
+            friction=float(model["friction"][0]),
+            restitution=float(model["restitution"][0]),
+            mass=float(model["mass"][0]),
+            radius=radius,
+        )
 
     @property
     def impulse(self) -> float:
@@ -181,8 +200,13 @@ class Roll:
         return np.asarray(curved + self._velocity(t_roll, slip, t_roll) * (time - sliding))
 
 
-def eq_48_of(hit: Hit) -> float:
-    """Deflection by eqs. 63 and 66, rad; eq. 48 where mu_b = 0 and e_N = 1."""
-    velocity, spin = eq_63(hit)
-    vx, vy = Roll(velocity, spin, hit.radius, 1.0, 1.0).final_velocity
-    return math.atan2(float(vx), float(vy))
+def printed_rise(hit: Hit, h: float, table_friction: float, gravity: float) -> float:
+    """Rise of the total energy in the step of a hit with e_N = 1 and mu_b = 0 under eqs. 16, 24, 43 as printed, J.
+
+    First order in the step h (s), wherever in the step the hit falls. The printed law reverses the approach along the line
+    of centres of t_n, but along that of t_{n+1}, which has turned by v sin(phi) h/(2 r): the balls part faster than they
+    met. Meanwhile the cloth slows both balls, which slide by v cos(phi) after the hit: a half of it counts in this step.
+    """
+    across, along = hit.speed * math.sin(hit.phi), hit.speed * math.cos(hit.phi)
+    gain = hit.mass * along * across**2 * h / (4 * hit.radius)
+    return gain - table_friction * hit.mass * gravity * along * h

@@ -10,7 +10,9 @@ they stand in the paper, for the comparison.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +34,19 @@ class SpherePair:
     friction: float
     gravity: float
     rate: float
+
+    @classmethod
+    def of(cls, model: Mapping[str, Any]) -> SpherePair:
+        """The pair that the arrays of a scenario describe: A first, a torque -k t about y on B."""
+        (_, (_, slope)) = model["loads"][0]["torque"][1]
+        return cls(
+            mass=float(model["mass"][0]),
+            radius=float(model["radius"][0]),
+            inertia=float(model["inertia"][0]),
+            friction=float(model["friction"][0]),
+            gravity=-float(model["gravity"][2]),
+            rate=-float(slope),
+        )
 
     @property
     def normal_force(self) -> float:

@@ -13,7 +13,9 @@ ball does not roll: friction of a rolling cue ball presses the object ball down,
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +42,25 @@ class Shot:
     radius: float
     friction: float | None = None
     restitution: float = 1.0
+
+    @classmethod
+    def of(cls, model: Mapping[str, Any]) -> Shot:
+        """The shot that the arrays of a scenario describe: cue ball first, its path through the origin at the hit.
+
+        A law of friction in place of a number is taken to be eq. 51.
+        """
+        target, laws = model["position"][1], model.get("friction_law")
+        law = laws[0] if laws is not None else None
+        return cls(
+            speed=float(model["velocity"][0][0]),
+            phi=math.atan2(target[1], target[0]),
+            spin=float(model["angular_velocity"][0][2]),
+            roll=float(model["angular_velocity"][0][1]),
+            mass=float(model["mass"][0]),
+            radius=float(model["radius"][0]),
+            friction=float(model["friction"][0]) if law is None else None,
+            restitution=float(model["restitution"][0]),
+        )
 
     @property
     def slip(self) -> tuple[float, float]:
