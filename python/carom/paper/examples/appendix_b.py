@@ -44,8 +44,8 @@ def reproduce(context: Context) -> Example:
         figures=(_figure_28(phi, by_angle), _figure_29(ratios, by_ratio)),
         texts=(
             "The core's own contact element is placed as in fig. 27 and asked for its increment of slip (eq. 37), which"
-            " takes normal and tangents of the start of the step. Multiplied out, eq. 61 is `sin(theta_B) - theta_B`: an error"
-            " of third order, the smaller the larger the sphere that is rolled on.",
+            " takes normal and tangents of the start of the step. Multiplied out, eq. 61 is `sin(theta_B) - theta_B`, an"
+            " error of third order, the smaller the larger the sphere that is rolled on.",
             f"Here r_B/r_A is {', '.join(f'{r:g}' for r in RATIOS)} in fig. 28 and phi_A is"
             f" {', '.join(f'{a:g}' for a in ANGLES)} rad in fig. 29; the text of the paper does not say which it used.",
         ),
