@@ -128,7 +128,7 @@ def _figure_28(phi: F64, found: dict[float, F64]) -> Figure:
         theory = np.abs(exact.slip_error(exact.contact_angle(phi, ratio)))
         curves += [
             Curve(f"r_B/r_A = {ratio:g}, eq. 61", phi, theory, "line", body),
-            Curve(f"r_B/r_A = {ratio:g}, Carom's element", phi, np.abs(values), "points", body),
+            Curve(f"r_B/r_A = {ratio:g}, Carom", phi, np.abs(values), "points", body),
         ]
     return Figure(
         "28",
@@ -151,7 +151,7 @@ def _figure_29(ratios: F64, found: dict[float, F64]) -> Figure:
         theory = np.abs(exact.slip_error(exact.contact_angle(angle, ratios)))
         curves += [
             Curve(f"phi_A = {angle:g} rad, eq. 61", ratios, theory, "line", body),
-            Curve(f"phi_A = {angle:g} rad, Carom's element", ratios, np.abs(values), "points", body),
+            Curve(f"phi_A = {angle:g} rad, Carom", ratios, np.abs(values), "points", body),
         ]
     return Figure(
         "29",

@@ -184,11 +184,12 @@ def _figure_12(run: Trace) -> Figure:
     hit = two_balls.hit_step(run)
     kept = np.unique([*range(0, len(run.energy), 20), *range(hit - 3, hit + 4)])
     time = run.steps["time"][kept]
-    names = {"energy_kinetic": "kinetic", "energy_potential": "potential"}
+    rest = float(run.steps["energy_potential"][0])
     curves = [
-        Curve(label, time, run.steps[key][kept], "line", n) for n, (key, label) in enumerate(names.items())
+        Curve("kinetic", time, run.steps["energy_kinetic"][kept], "line", 0),
+        Curve("potential, above rest", time, run.steps["energy_potential"][kept] - rest, "line", 1),
+        Curve("total, above rest", time, run.energy[kept] - rest, "dashed", 2),
     ]
-    curves.append(Curve("total", time, run.energy[kept], "dashed", len(names)))
     return Figure(
         "12",
         ID,
