@@ -600,3 +600,96 @@ def test_many_joints_are_checked_one_by_one() -> None:
     assert scene.validate() == []
     scene.spheres[150].velocity = (1, 1, 0)
     assert len(start_error(scene).splitlines()) == 2
+
+
+# --- runs: the core does with the rows what the words say ---------------------------------------------------------------
+
+
+def moving(**joint: Any) -> tuple[np.ndarray, ...]:
+    """Times (T,), and positions (T, 3) and rotations (T, 3, 3) of `a` and `b` that gravity, forces and torques move."""
+    import carom
+
+    scene = balls(orientation=unit_quaternion(TURNED))
+    scene.gravity = (1.0, -2.0, -9.8)
+    scene.load("a", force=(3, 1, {"expression": "20*sin(9*t)"}), torque=(0.01, -0.02, 0.03))
+    scene.load("b", force=(-1, 0, 5), torque=(0.02, 0.01, -0.01))
+    scene.joint(joint.pop("type"), **joint)
+    result = carom.simulate(scene, until=0.2, every=10)
+    a, b = (np.array([matrix(q) for q in result.orientation[:, k]]) for k in (0, 1))
+    return result.time, result.position[:, 0], a, result.position[:, 1], b
+
+
+def carried(x: np.ndarray, turn: np.ndarray, point: Any) -> np.ndarray:
+    """Where a point of a body, `point` at the start, is at each time, (T, 3)."""
+    return x + turn @ turn[0].T @ (np.array(point) - x[0])
+
+
+def turned_about(turn: np.ndarray, axis: Any) -> np.ndarray:
+    """Sum of the angles about a fixed axis from frame to frame, (T,): for small steps the integral of w . axis."""
+    steps = turn[1:] @ turn[:-1].transpose(0, 2, 1)
+    skew = (steps - steps.transpose(0, 2, 1)) / 2
+    angles = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) @ axis
+    return np.concatenate([[0.0], np.cumsum(angles)])
+
+
+class TestRuns:
+    POINT = (0.05, 0.02, 1.03)
+
+    def test_fix(self) -> None:
+        _, x, turn, *_ = moving(type="fix", body="a", point=self.POINT)
+        np.testing.assert_allclose(carried(x, turn, self.POINT), [self.POINT] * len(x), atol=1e-12)
+        assert np.ptp(x, axis=0).max() > 1e-3
+
+    def test_line(self) -> None:
+        direction = np.array([2, 1, -0.5]) / np.linalg.norm([2, 1, -0.5])
+        _, x, turn, *_ = moving(type="line", body="a", point=self.POINT, direction=direction)
+        way = carried(x, turn, self.POINT) - self.POINT
+        np.testing.assert_allclose(way - np.outer(way @ direction, direction), 0, atol=1e-12)
+        assert np.abs(way).max() > 5e-3
+
+    def test_plane(self) -> None:
+        normal = np.array([2, -1, 0.5]) / np.linalg.norm([2, -1, 0.5])
+        _, x, turn, *_ = moving(type="plane", body="a", point=self.POINT, normal=normal)
+        way = carried(x, turn, self.POINT) - self.POINT
+        np.testing.assert_allclose(way @ normal, 0, atol=1e-12)
+        assert np.linalg.matrix_rank(way, tol=1e-4) == 2
+
+    def test_lock(self) -> None:
+        _, x, turn, *_ = moving(type="lock", body="a")
+        np.testing.assert_allclose(turn, [turn[0]] * len(turn), atol=1e-12)
+        assert np.ptp(x, axis=0).max() > 0.02
+
+    def test_lock_between(self) -> None:
+        _, _, turn, _, other = moving(type="lock", between=("a", "b"))
+        np.testing.assert_allclose(other.transpose(0, 2, 1) @ turn, [turn[0]] * len(turn), atol=1e-12)
+        assert np.abs(other[-1] - np.eye(3)).max() > 1e-3
+
+    def test_ball(self) -> None:
+        point = (0.02, 0, 1.5)
+        _, x, turn, y, other = moving(type="ball", between=("a", "b"), point=point)
+        np.testing.assert_allclose(carried(x, turn, point), carried(y, other, point), atol=1e-12)
+        assert np.abs(turn[-1] - turn[0]).max() > 1e-2
+
+    def test_rod(self) -> None:
+        law = {"polynomial": [0.8, 0, 2.0]}
+        ends = [(0, 0, 1.1), (0, 0, 1.9)]
+        t, x, turn, y, other = moving(type="rod", between=("a", "b"), points=ends, length=law)
+        length = np.linalg.norm(carried(x, turn, ends[0]) - carried(y, other, ends[1]), axis=1)
+        np.testing.assert_allclose(length, 0.8 + 2 * t**2, atol=1e-12)
+
+    def test_motion_along_a_direction(self) -> None:
+        law = {"expression": "0.05*(1 - cos(20*t))"}
+        t, x, turn, *_ = moving(
+            type="motion", body="a", point=self.POINT, direction=(0, 3, 0), displacement=law
+        )
+        way = carried(x, turn, self.POINT) - self.POINT
+        np.testing.assert_allclose(way[:, 1], 0.05 * (1 - np.cos(20 * t)), atol=1e-12)
+        assert np.abs(way[-1, 2]) > 0.02
+
+    def test_motion_about_an_axis(self) -> None:
+        """The angle is the integral of w . axis, which the frames give to the second order of their distance."""
+        t, _, turn, *_ = moving(
+            type="motion", body="a", axis=(0, 0, 2), angle={"table": [[0, 0], [0.1, 0], [0.2, 0.4]]}
+        )
+        np.testing.assert_allclose(turned_about(turn, Z), np.interp(t, [0.1, 0.2], [0, 0.4]), atol=2e-3)
+        assert np.abs(turn[-1] - turn[0]).max() > 1e-2
