@@ -132,6 +132,17 @@ class Result:
         return str(self._about.get("scenario", {}).get("title") or "")
 
     @property
+    def case(self) -> str | None:
+        """Name of the case of the scenario file that was run, if it was one."""
+        found = self._about.get("scenario", {}).get("case")
+        return None if found is None else str(found)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the parameters of the scenario file, SI."""
+        return dict(self._about.get("scenario", {}).get("parameters", {}))
+
+    @property
     def scenario(self) -> str:
         """The scenario as it was run, as TOML."""
         return self._directory.scenario.read_text(encoding="utf-8")
