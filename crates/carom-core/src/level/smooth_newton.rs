@@ -19,7 +19,7 @@ use glam::DVec3;
 /// Unknowns of a group up to which its matrix is dense.
 const DENSE: usize = 72;
 /// `delta` over the diagonal of `G S^-1 G^T`.
-const SHIFT: f64 = 1e-9;
+const SHIFT: f64 = 1e-12;
 
 /// Spheres that move together in the smooth sub-problem.
 #[derive(Default)]
