@@ -64,7 +64,7 @@ def simulate(
     Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
     so far).
     """
-    scene = _scene(scene)
+    scene = scene_of(scene)
     scene = scene.with_options(**options) if options else scene
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
@@ -78,7 +78,8 @@ def simulate(
     return _judged(result, stop, kept=out is not None)
 
 
-def _scene(given: object) -> Scene:
+def scene_of(given: object, caller: str = "simulate") -> Scene:
+    """The scene, or that of the scenario file whose path is given; `caller` is what a message calls the function."""
     from carom.scene import Scene
 
     if isinstance(given, (str, Path)):
@@ -86,7 +87,7 @@ def _scene(given: object) -> Scene:
     if not isinstance(given, Scene):
         found = "nothing" if given is None else f"{type(given).__name__}"
         raise CaromError(
-            f"simulate takes a Scene or the path of a scenario file, found {found}; make one with carom.Scene(...)"
+            f"{caller} takes a Scene or the path of a scenario file, found {found}; make one with carom.Scene(...)"
         )
     return given
 

@@ -71,6 +71,8 @@ pub struct Scratch {
     pub neighbours: NeighbourList,
     /// Candidate contacts, sorted by (a, b).
     pub contacts: Vec<Contact>,
+    /// Pairs that overlap at the end of a step of `moreau`.
+    pub overlaps: Vec<Contact>,
     pub islands: Islands,
     pub solve: SolveScratch,
     pub smooth: SmoothScratch,
@@ -117,6 +119,7 @@ impl Scratch {
             need: vec![0.0; n],
             neighbours: NeighbourList::new(),
             contacts: Vec::new(),
+            overlaps: Vec::new(),
             islands: Islands::default(),
             impact: ImpactScratch::default(),
             smooth: SmoothScratch::new(model),

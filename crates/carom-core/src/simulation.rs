@@ -8,7 +8,7 @@ use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
 use crate::state::State;
 use crate::step::{motion_of, step, Attempt, Failure};
-use crate::stepper::Coefficients;
+use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
 use std::time::{Duration, Instant};
 
@@ -41,10 +41,12 @@ impl Simulation {
     pub fn new(model: Model, initial: InitialState) -> Simulation {
         let state = State::new(&model, initial);
         let o = &model.options;
-        // The one method of today; another stepper brings its own coefficients and its own `step`.
-        let Method::Nsga = o.method;
         let coefficients = (0..=o.max_halvings)
-            .map(|depth| Coefficients::new(o.spectral_radius, o.step / f64::from(1u32 << depth)))
+            .map(|depth| o.step / f64::from(1u32 << depth))
+            .map(|h| match o.method {
+                Method::Nsga => Coefficients::new(o.spectral_radius, h),
+                Method::MoreauJean => Coefficients::theta_rule(o.theta, h),
+            })
             .collect();
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
         for i in 0..model.spheres() {
@@ -157,7 +159,11 @@ impl Simulation {
         };
         let mut local = StepReport::new(report.step, report.time);
         let (number, time) = (report.step, report.time);
-        let made = step(
+        let method = match self.model.options.method {
+            Method::Nsga => step,
+            Method::MoreauJean => moreau::step,
+        };
+        let made = method(
             &self.model,
             &mut self.state,
             &mut self.scratch,

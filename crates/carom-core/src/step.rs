@@ -19,9 +19,9 @@ use carom_solve::{Bounds, Status};
 use glam::DVec3;
 
 /// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
-const CANDIDATE_MARGIN: f64 = 1e-2;
+pub(crate) const CANDIDATE_MARGIN: f64 = 1e-2;
 /// Rounds of listing new overlaps after the position solve.
-const MAX_RELIST: u32 = 20;
+pub(crate) const MAX_RELIST: u32 = 20;
 
 /// Why a step could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ pub fn step(
 }
 
 /// Lines 5-20 for every sphere, and a clean slate for what the step collects.
-fn predict_and_smooth(
+pub(crate) fn predict_and_smooth(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
@@ -117,7 +117,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
 }
 
 /// A list that reached its limit has lost pairs: nothing may be concluded from it.
-fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> {
+pub(crate) fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> {
     if list.is_truncated() {
         return Err(Failure::TooManyPairs);
     }
@@ -141,7 +141,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
 
 /// Adds the contact of a pair if its gap at `position` is below `margin r_c`; false: it is not.
 #[inline]
-fn push_candidate(
+pub(crate) fn push_candidate(
     model: &Model,
     state: &State,
     position: &[DVec3],
@@ -261,21 +261,7 @@ fn correct_positions(
     accept: bool,
 ) -> Result<(), Failure> {
     for round in 0..=MAX_RELIST {
-        let mut islands = std::mem::take(&mut scratch.islands);
-        islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
-        let mut converged = true;
-        for island in 0..islands.len() {
-            let island = islands.island(island);
-            converged &=
-                position::solve_island(model, state, scratch, island, span, report, accept);
-            if !converged {
-                break;
-            }
-        }
-        scratch.islands = islands;
-        if !converged {
-            return Err(Failure::NotConverged(Level::Position));
-        }
+        solve_positions(model, state, scratch, span, report, accept)?;
         place(model, state, scratch);
         if !relist(model, state, scratch)? {
             break;
@@ -287,6 +273,33 @@ fn correct_positions(
     }
     report.candidates = scratch.contacts.len() as u32;
     Ok(())
+}
+
+/// One round of position solves, island by island of candidates.
+pub(crate) fn solve_positions(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    span: (f64, f64),
+    report: &mut StepReport,
+    accept: bool,
+) -> Result<(), Failure> {
+    let mut islands = std::mem::take(&mut scratch.islands);
+    islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
+    let mut converged = true;
+    for island in 0..islands.len() {
+        let island = islands.island(island);
+        converged &= position::solve_island(model, state, scratch, island, span, report, accept);
+        if !converged {
+            break;
+        }
+    }
+    scratch.islands = islands;
+    if converged {
+        Ok(())
+    } else {
+        Err(Failure::NotConverged(Level::Position))
+    }
 }
 
 /// Corrected positions, gaps, normals and the closed set A.
@@ -372,7 +385,7 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
 }
 
 /// Step 3: velocity corrections by the impact law, island by island of closed contacts.
-fn correct_velocities(
+pub(crate) fn correct_velocities(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
@@ -405,7 +418,7 @@ fn correct_velocities(
 }
 
 /// Line 41 and the new state, energies and penetration.
-fn finish(
+pub(crate) fn finish(
     model: &Model,
     state: &mut State,
     scratch: &mut Scratch,

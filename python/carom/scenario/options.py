@@ -44,8 +44,14 @@ _COUNT_OR_NONE = Bounds(ge=0, le=1_000_000)
 
 OPTIONS: dict[str, Option] = {
     "step": Option("time step h", POSITIVE, "time"),
-    "method": Option("method in time; nsga is the nonsmooth generalized-alpha scheme"),
+    "method": Option(
+        "method in time; nsga is the nonsmooth generalized-alpha scheme, moreau Moreau-Jean time stepping"
+    ),
     "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
+    "theta": Option(
+        "moreau only: weight of the new velocity in the step of the position", Bounds(gt=0, le=1)
+    ),
+    "position_projection": Option("moreau only: remove penetration after each step; velocities stay"),
     "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
     "pile_tolerance": Option("tol_r in islands of more than dense_contacts contacts", _FRACTION),
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
