@@ -311,11 +311,10 @@ another rests.
 | eq. 8c | A | Lambda |
 | after eq. 15 | xi_N = k nu_N + p g_N, twice | k nu_N - p g_N, as two lines above |
 | eq. 26 | closing if g < tol_v | g < -tol_v: with a positive tol_v contacts at rest would count as closing |
-| eq. 29, gap | 0 in the row of q | earlier impulses stay, whatever the status now; P belongs there once, not once a contact |
+| eq. 29, gap | 0 in the row of q | earlier impulses stay whatever the status; P stands there once, not per contact |
 | eq. 30 | an increment in body axes | a spatial one, as the normals of eqs. 34 to 43 |
 
-**Departures.** Increments of rotation are spatial vectors (eq. 30 has them in body axes beside spatial normals). The
-contact problems are solved for the multipliers alone (mass is diagonal), with p from each row's own compliance: the
-solutions are those of eqs. 1, the iterates are not. Steps that do not converge are repeated by other means or as two
-half steps, never accepted.
+**Departures.** The contact problems are solved for the multipliers alone (mass is diagonal), with p from each row's
+own compliance: the solutions are those of eqs. 1, the iterates are not. Steps that do not converge are repeated by
+other means or as two half steps, never accepted.
 """
