@@ -137,7 +137,12 @@ def launch(
         "format": 1,
         "status": "running",
         "outcome": None,
-        "scenario": {"title": scene.title, "file": source and Path(source).name, "identity": identify(model)},
+        "scenario": {
+            "title": scene.title,
+            "file": source and Path(source).name,
+            **({"case": scene.case, "parameters": scene.parameters} if scene.parameters else {}),
+            "identity": identify(model),
+        },
         "seed": getattr(scene, "seed", None),
         "versions": summary.versions(),
         "created": now(),

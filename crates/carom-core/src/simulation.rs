@@ -61,7 +61,7 @@ impl Simulation {
         Simulation {
             scratch: Scratch::new(&model),
             monitors: Monitors::new(kinetic, potential, static_scale),
-            recorder: Recorder::default(),
+            recorder: Recorder::new(&model),
             timers: Timers::default(),
             failed: None,
             coefficients,

@@ -12,6 +12,7 @@ use crate::rotation;
 use crate::scratch::{History, Scratch};
 use crate::state::State;
 use crate::stepper::Coefficients;
+use crate::stepper::Span;
 use crate::timers::{Phase, Timers};
 use carom_geom::tangent_frame;
 use carom_solve::{Bounds, Status};
@@ -65,7 +66,7 @@ pub fn step(
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
-    let span = (*time, *time + coefficients.h);
+    let span = Span::new(*time, coefficients.h);
     correct_positions(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Position);
     correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
@@ -93,6 +94,7 @@ pub(crate) fn predict_and_smooth(
     }
     scratch.failed = None;
     scratch.joint_impulse.fill(0.0);
+    scratch.joint_reaction.fill([DVec3::ZERO; 2]);
     if !model.loads.is_empty() {
         scratch.power = power(model, &motion_of(state, time));
     }
@@ -254,7 +256,7 @@ fn correct_positions(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
@@ -387,7 +389,7 @@ pub(crate) fn correct_velocities(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
@@ -421,7 +423,7 @@ pub(crate) fn finish(
     state: &mut State,
     scratch: &mut Scratch,
     coefficients: &Coefficients,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let (mut kinetic, mut potential) = (0.0, 0.0);
@@ -451,10 +453,16 @@ pub(crate) fn finish(
         ];
     }
     if !model.is_free() {
-        let at = motion_of(state, span.1);
+        let at = motion_of(state, span.end);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         let mean = 0.5 * (scratch.power + power(model, &at));
-        report.energy_work = (span.1 - span.0) * mean + joint_work(model, scratch, span);
+        let Scratch {
+            smooth,
+            joint_reaction,
+            ..
+        } = &mut *scratch;
+        smooth.add_reactions(model, coefficients.h, joint_reaction);
+        report.energy_work = span.h * mean + joint_work(model, scratch, span);
     }
     std::mem::swap(&mut state.warm, &mut scratch.warm);
     state.warm.sort_unstable_by_key(|w| w.key);
@@ -485,14 +493,14 @@ fn power(model: &Model, at: &Motion) -> f64 {
 }
 
 /// Work of joints with a prescribed motion: reactions of the smooth and the velocity level times its rate.
-fn joint_work(model: &Model, scratch: &Scratch, span: (f64, f64)) -> f64 {
+fn joint_work(model: &Model, scratch: &Scratch, span: Span) -> f64 {
     let mut work = 0.0;
     for (index, joint) in model.joints.iter().enumerate() {
         let first = scratch.smooth.first_row[index] as usize;
         let mut rates = [0.0; 6];
-        joint.rates(span.1, &mut rates);
+        joint.rates(span.end, &mut rates);
         for (r, rate) in rates.iter().enumerate().take(joint.rows.len()) {
-            let smooth = (span.1 - span.0) * scratch.smooth.lambda[first + r];
+            let smooth = span.h * scratch.smooth.lambda[first + r];
             work += rate * (smooth + scratch.joint_impulse[first + r]);
         }
     }

@@ -4,3 +4,21 @@ pub mod generalized_alpha;
 pub mod moreau;
 
 pub use generalized_alpha::Coefficients;
+
+/// A step in time: t_n, t_{n+1} and h itself, which their difference only rounds to.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Span {
+    pub start: f64,
+    pub end: f64,
+    pub h: f64,
+}
+
+impl Span {
+    pub fn new(start: f64, h: f64) -> Span {
+        Span {
+            start,
+            end: start + h,
+            h,
+        }
+    }
+}

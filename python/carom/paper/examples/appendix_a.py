@@ -300,13 +300,21 @@ in numbers: the smooth part (lines 2 to 20 and 41) on a linear oscillator, whose
 and on a thrown ball; the corrections (lines 21 to 40) on the first step of section 5.4, where a ball slides and
 another rests.
 
-**Errata, without effect on numbers here.** Eq. 6c prints velocities on its right side; accelerations are meant. Line
-16 prints `v := v-dot + dv` for `v := v + dv`: read as printed, an acceleration would be added to a velocity. Line 18
-updates q-check, which is q at that stage. Eq. 8c prints A for Lambda, and the cones after eq. 15 have xi_N = k nu_N -
-p g_N.
+**Errata in the equations behind it.** All are slips of print: followed to the letter they contradict the text around them.
 
-**Departures.** Increments of rotation are spatial vectors (eq. 30 has them in body axes beside spatial normals). The
-contact problems are solved for the multipliers alone (mass is diagonal), with p from each row's own compliance: the
-solutions are those of eqs. 1, the iterates are not. Steps that do not converge are repeated by other means or as two
-half steps, never accepted.
+| where | printed | meant |
+|---|---|---|
+| eq. 6c, right side | velocities | accelerations: another unit otherwise |
+| line 16 | v := v-dot + dv | v := v + dv |
+| line 18 | q | q-check, which is q at that stage |
+| eqs. 3, 4; eq. 28 | multipliers without k_s, k_v | with them, as in eqs. 1a and 1f |
+| eq. 8c | A | Lambda |
+| after eq. 15 | xi_N = k nu_N + p g_N, twice | k nu_N - p g_N, as two lines above |
+| eq. 26 | closing if g < tol_v | g < -tol_v: with a positive tol_v contacts at rest would count as closing |
+| eq. 29, gap | 0 in the row of q | earlier impulses stay whatever the status; P stands there once, not per contact |
+| eq. 30 | an increment in body axes | a spatial one, as the normals of eqs. 34 to 43 |
+
+**Departures.** The contact problems are solved for the multipliers alone (mass is diagonal), with p from each row's
+own compliance: the solutions are those of eqs. 1, the iterates are not. Steps that do not converge are repeated by
+other means or as two half steps, never accepted.
 """

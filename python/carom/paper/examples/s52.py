@@ -30,7 +30,7 @@ NO_CLOTH = (
     " turns the slip"
 )
 LOCKED = f"{NO_CLOTH}; the locked axis turns it too"
-STICKS = f"eq. 63 assumes that the slip outlasts the hit; with this much friction it does not. {LOCKED}"
+STICKS = "eq. 63 assumes that the slip outlasts the hit; with this much friction it does not, whatever cloth and lock add"
 
 
 def reproduce(context: Context) -> Example:
