@@ -5,7 +5,7 @@
 //! run, and `x_{n+1} = x_n + h (theta v_{n+1} + (1 - theta) v_n)`. Nothing makes the gap itself vanish: what overlaps
 //! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
-use super::Coefficients;
+use super::{Coefficients, Span};
 use crate::contact::Contact;
 use crate::level::position;
 use crate::model::Model;
@@ -50,7 +50,8 @@ pub fn step(
         time,
         accept_unconverged,
     } = attempt;
-    let (h, end) = (coefficients.h, *time + coefficients.h);
+    let h = coefficients.h;
+    let span = Span::new(*time, h);
     if !model.is_free() {
         weigh_loads(model, state, scratch, *time)?;
     }
@@ -69,12 +70,13 @@ pub fn step(
         scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
     }
     let weight = coefficients.displacement_per_velocity;
-    let weighted = if model.is_free() { h } else { weight };
-    let span = (end - weighted, end);
-    step::correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
+    let weighted = Span {
+        h: if model.is_free() { h } else { weight },
+        ..span
+    };
+    step::correct_velocities(model, state, scratch, weighted, report, *accept_unconverged)?;
     timers.mark(Phase::Velocity);
     advance(model, state, scratch, weight);
-    let span = (*time, end);
     let closed = close(model, state, scratch, span, report, *accept_unconverged);
     timers.mark(Phase::Position);
     closed?;
@@ -170,7 +172,7 @@ fn close(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
@@ -222,7 +224,7 @@ fn project(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
