@@ -75,6 +75,13 @@ def test_runs_are_kept_where_asked(tmp_path: Path) -> None:
     carom.compare(THREE, ("nsga",), out=tmp_path, force=True)
 
 
+def test_a_scene_with_laws_and_joints_is_compared() -> None:
+    found = carom.compare(SCENARIOS / "paper" / "5.3_throw.toml", ("nsga", "moreau"), until=0.01)
+    assert found.ok
+    driven = carom.compare(SCENARIOS / "paper" / "5.1_torque.toml", ("nsga", "moreau"), until=0.1)
+    assert all(d.relative < 1e-4 for d in driven["moreau"].differences if d.quantity != "velocity")
+
+
 def test_a_run_that_stops_is_an_outcome() -> None:
     """A tolerance that no solver reaches: the first method stops at once and nothing can be compared."""
     scene = carom.Scene.from_toml(SCENARIOS / "paper" / "5.6_break.toml")

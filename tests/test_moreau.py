@@ -242,6 +242,21 @@ def test_joints_are_held_at_velocity_level(projected: bool) -> None:
         assert order_of(steps, drift).value == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.parametrize("options", [{"method": "nsga"}, {"theta": 0.5}, {"theta": 0.8}])
+def test_the_reaction_of_a_joint_carries_the_weight(options: dict[str, Any]) -> None:
+    """At rest weight and reaction cancel and nothing moves: neither may be the measure of convergence."""
+    scene = Scene("hanging", gravity=(0, 0, -GRAVITY))
+    scene.contact("a", "a", friction=0.0, restitution=0.0)
+    scene.sphere("ball", radius=0.05, mass=2.0, material="a", position=(0, 0, 0))
+    scene.joint("fix", body="ball")
+    h, every = 1e-3, 10
+    result = run(scene, step=h, until=0.1, every=every, **options)
+    reaction = np.asarray(result.joint_impulse)[2:, 0]
+    carried = [0, 0, 2.0 * GRAVITY * h * every, 0, 0, 0]
+    np.testing.assert_allclose(reaction, [carried] * len(reaction), atol=1e-12)
+    assert np.max(np.abs(np.asarray(result.position))) < 1e-12
+
+
 def test_a_driven_joint_does_the_work_that_the_energy_gains() -> None:
     """A ball pushed along a line by a prescribed motion: what the joint puts in is counted with the right weight."""
     scene = Scene("driven", gravity=(0, 0, 0))

@@ -209,7 +209,10 @@ def identify(model: Mapping[str, Any]) -> str:
             for key in sorted(value):
                 feed(f"{name}/{key}", value[key])
         elif name != "/options/threads":
-            array = np.asarray(value)
+            try:
+                array = np.asarray(value)
+            except ValueError:  # a list of laws, some of which are none
+                array = np.asarray(repr(value))
             digest.update(f"{name} {array.dtype.kind} {array.shape}".encode())
             digest.update(repr(array.tolist()).encode() if array.dtype.kind in "OU" else array.tobytes())
 
