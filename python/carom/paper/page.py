@@ -172,11 +172,10 @@ def _rows(rows: Sequence[Row]) -> list[str]:
     lines = []
     for row in rows:
         mark = f"{_HARD}{str(notes.index(row.note) + 1).translate(SUPERSCRIPTS)}" if row.note else ""
-        # What the paper prints stands there with all its digits, but for a rounding error that is meant to be nothing.
-        nothing = isinstance(row.paper, float) and abs(row.paper) < 1e-6 * row.tolerance
+        # What the paper prints stands there with all its digits.
         values = {
-            "paper": "0" if nothing else number(row.paper),
-            "analytic": number(row.analytic, row.tolerance),
+            "paper": number(_nothing(row.paper, row.tolerance)),
+            "analytic": number(_nothing(row.analytic, row.tolerance), row.tolerance),
         }
         values[row.against] = f"**{values[row.against]}**"
         lines.append(
@@ -197,6 +196,11 @@ def _rows(rows: Sequence[Row]) -> list[str]:
     if notes:
         blocks.append("\n".join(f"{k}. {note}" for k, note in enumerate(notes, 1)))
     return blocks
+
+
+def _nothing(value: float | str | None, tolerance: float) -> float | str | None:
+    """Zero for what a formula gives by rounding where it means nothing, as sin(pi)."""
+    return 0.0 if isinstance(value, float) and abs(value) < 1e-6 * tolerance else value
 
 
 def _letter(k: int) -> str:
