@@ -208,6 +208,8 @@ def identify(model: Mapping[str, Any]) -> str:
         if isinstance(value, Mapping):
             for key in sorted(value):
                 feed(f"{name}/{key}", value[key])
+        elif isinstance(value, list):  # joints, loads, laws: numbers and texts; functions show their names
+            digest.update(f"{name} {value!r}".encode())
         elif name != "/options/threads":
             array = np.asarray(value)
             digest.update(f"{name} {array.dtype.kind} {array.shape}".encode())

@@ -280,7 +280,7 @@ pub(crate) fn solve_positions(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {

@@ -5,7 +5,7 @@
 //! run, and `x_{n+1} = x_n + h (theta v_{n+1} + (1 - theta) v_n)`. Nothing makes the gap itself vanish: what overlaps
 //! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
-use super::Coefficients;
+use super::{Coefficients, Span};
 use crate::contact::Contact;
 use crate::level::position;
 use crate::model::Model;
@@ -70,11 +70,15 @@ pub fn step(
     }
     let weight = coefficients.displacement_per_velocity;
     let weighted = if model.is_free() { h } else { weight };
-    let span = (end - weighted, end);
+    let span = Span {
+        start: end - weighted,
+        end,
+        h: weighted,
+    };
     step::correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Velocity);
     advance(model, state, scratch, weight);
-    let span = (*time, end);
+    let span = Span::new(*time, coefficients.h);
     let closed = close(model, state, scratch, span, report, *accept_unconverged);
     timers.mark(Phase::Position);
     closed?;
@@ -170,7 +174,7 @@ fn close(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
@@ -222,7 +226,7 @@ fn project(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
