@@ -534,6 +534,26 @@ class TestFunctions:
         changes.restore_functions(directory, balls())
 
 
+    def test_a_run_continues_with_its_function(self, tmp_path: Path) -> None:
+        """Bit for bit as without the break; without the function it is refused with a cure."""
+        import carom
+
+        whole = carom.simulate(self.scene(), until=0.2, out=tmp_path / "whole")
+        carom.simulate(self.scene(), until=0.1, out=tmp_path / "part")
+        with pytest.raises(CaromError, match=r"continue it in Python, as carom\.resume"):
+            carom.resume(tmp_path / "part", until=0.2)
+        resumed = carom.resume(tmp_path / "part", until=0.2, load_functions=[wind])
+        np.testing.assert_array_equal(resumed.velocity[-1], whole.velocity[-1])
+        assert resumed.time[-1] == whole.time[-1]
+        assert whole.velocity[-1, 0, 0] == pytest.approx(0.2 - 1 + math.exp(-0.2), rel=1e-4)
+
+
+def test_a_scene_of_all_loads_runs() -> None:
+    import carom
+
+    assert carom.simulate(everything(), until=0.05).outcome.ok
+
+
 def test_the_identity_of_a_scene_knows_its_loads() -> None:
     scene = balls()
     plain = identify(scene.to_model())

@@ -208,11 +208,10 @@ def identify(model: Mapping[str, Any]) -> str:
         if isinstance(value, Mapping):
             for key in sorted(value):
                 feed(f"{name}/{key}", value[key])
+        elif isinstance(value, list):  # joints, loads, laws: numbers and texts; functions show their names
+            digest.update(f"{name} {value!r}".encode())
         elif name != "/options/threads":
-            try:
-                array = np.asarray(value)
-            except ValueError:  # a list of laws, some of which are none
-                array = np.asarray(repr(value))
+            array = np.asarray(value)
             digest.update(f"{name} {array.dtype.kind} {array.shape}".encode())
             digest.update(repr(array.tolist()).encode() if array.dtype.kind in "OU" else array.tobytes())
 

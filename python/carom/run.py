@@ -9,7 +9,7 @@ import signal
 import tempfile
 import warnings
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from carom.scene import Scene
 
 OnProgress = Callable[[Progress], None]
+LoadFunctions = Callable[..., Any] | Sequence[Callable[..., Any]]
+"""One Python function that gives loads, or several."""
 
 
 class CaromWarning(UserWarning):
@@ -97,6 +99,7 @@ def resume(
     *,
     until: float | str | None = None,
     progress: OnProgress | None = None,
+    load_functions: LoadFunctions = (),
     **options: Any,
 ) -> Result:
     """Continue a run that was interrupted or killed, bit for bit as if nothing had happened; `until` (s)
@@ -104,13 +107,16 @@ def resume(
 
     A run that failed goes on from its last good state with other numerical `options`, as `tolerance=1e-7`; what
     describes the physics, and the step, cannot change within a run. A run that has reached its end already is
-    returned as it is.
+    returned as it is. A run whose scene has Python functions (`Scene.load_function`) needs them again:
+    `load_functions`, in the order in which they were added.
     """
     stop = Interrupt()
     if until is not None:
         options["until"] = until
     with stop.listening(signal.SIGINT):
-        result = relaunch(RunDir.open(run), options, stop=stop, progress=progress)
+        result = relaunch(
+            RunDir.open(run), options, stop=stop, progress=progress, load_functions=load_functions
+        )
     return _judged(result, stop)
 
 
@@ -169,6 +175,7 @@ def relaunch(
     places: Mapping[str, str] | None = None,
     stop: Interrupt,
     progress: OnProgress | None = None,
+    load_functions: LoadFunctions = (),
 ) -> Result:
     """Continue the run in `directory` from its newest whole checkpoint, or from the start if there is none.
 
@@ -179,6 +186,7 @@ def relaunch(
     options = dict(options or {})
     changes.refuse_other_physics(options, places or {})
     old = Scene.from_toml(directory.scenario)
+    changes.restore_functions(directory, old, load_functions)
     scene = old
     if options:
         scene = old.overridden(options, places) if places else old.with_options(**options)

@@ -20,6 +20,8 @@ use glam::DVec3;
 const DENSE: usize = 72;
 /// `delta` over the diagonal of `G S^-1 G^T`.
 const SHIFT: f64 = 1e-12;
+/// Roundings of the loads that a residual may hold.
+const ROUNDING: f64 = 16.0;
 
 /// Spheres that move together in the smooth sub-problem.
 #[derive(Default)]
@@ -210,6 +212,12 @@ impl SmoothScratch {
                 }
             }
         }
+        let (mut parts, mut rounding) = (0.0, 0.0);
+        for load in &model.loads {
+            let m = load.magnitude(&trial.motion(time));
+            parts += m.parts;
+            rounding += m.rounding;
+        }
         for i in 0..n {
             let [a, alpha] = acceleration(i);
             let [f, m] = trial.wrench[i];
@@ -221,7 +229,9 @@ impl SmoothScratch {
             self.residual[i] = r;
         }
         Ok(Smallness {
-            balance: residual.sqrt() / terms.sqrt().max(f64::MIN_POSITIVE),
+            // What rounding leaves counts as nothing.
+            balance: (residual.sqrt() - ROUNDING * rounding).max(0.0)
+                / (terms.sqrt() + parts).max(f64::MIN_POSITIVE),
             constraint: constraint / speed.max(f64::MIN_POSITIVE),
         })
     }

@@ -50,8 +50,7 @@ pub fn step(
         time,
         accept_unconverged,
     } = attempt;
-    let h = coefficients.h;
-    let span = Span::new(*time, h);
+    let (h, end) = (coefficients.h, *time + coefficients.h);
     if !model.is_free() {
         weigh_loads(model, state, scratch, *time)?;
     }
@@ -70,13 +69,16 @@ pub fn step(
         scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
     }
     let weight = coefficients.displacement_per_velocity;
-    let weighted = Span {
-        h: if model.is_free() { h } else { weight },
-        ..span
+    let weighted = if model.is_free() { h } else { weight };
+    let span = Span {
+        start: end - weighted,
+        end,
+        h: weighted,
     };
-    step::correct_velocities(model, state, scratch, weighted, report, *accept_unconverged)?;
+    step::correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Velocity);
     advance(model, state, scratch, weight);
+    let span = Span::new(*time, coefficients.h);
     let closed = close(model, state, scratch, span, report, *accept_unconverged);
     timers.mark(Phase::Position);
     closed?;
