@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from joint_scenes import held, scene
 from oracle_scenes import (
     core_state,
+    joints_of,
     judge_core_step,
     nullity,
     random_linked_scene,
@@ -112,10 +113,16 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
         assert np.max(np.abs(acceleration - oracle.state.acc)) < 1e-9 * (1.0 + np.max(np.abs(acceleration)))
     for _ in range(4):
         before = oracle.state = core_state(core)
-        oracle.advance(1)
+        (report,) = oracle.advance(1)
         block = core.advance(1, 1, True, 1e9)
         assert block["outcome"] is None, block["outcome"]
         if difference(oracle, core, model["radius"]) <= AGREE:
+            joints = joints_of(model, core.frame())
+            rank = np.linalg.matrix_rank(joints, tol=1e-8) if len(joints) else 0
+            if 0 < rank == len(joints) and nullity(core, model, block) == 0:
+                given = block["frames"]["joint_impulse"][0]
+                assert np.max(np.abs(given - report.joint_impulses)) < AGREE
+                seen["reactions"] += 1
             continue
         assert nullity(core, model, block) > 0, "differs, and its contacts are independent"
         judged = Reference(model)
@@ -133,6 +140,7 @@ def test_joints_and_loads_equal_the_oracle() -> None:
     for seed in range(120):
         compare_linked(seed, seen)
     assert seen["equal"] >= 116
+    assert seen["reactions"] > 200
 
 
 @pytest.mark.long

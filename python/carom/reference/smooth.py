@@ -34,6 +34,8 @@ class FreeMotion:
     """f(q_check, v_check, t_{n+1}) of the loads that follow the motion."""
     reactions: F64
     """lambda of the joints (m,) [N, N m]."""
+    gradient: F64
+    """G of the joints (m, 6N) at q_check, along which the reactions act."""
     iterations: int
 
 
@@ -147,7 +149,7 @@ def free_motion(model: Model, state: State) -> FreeMotion:
             following = applied_force(model.following, pose, u, problem.time)
             return FreeMotion(
                 problem.time_n, problem.time, problem.turn, problem.a_new, slope * du, u, d, following,
-                reactions, iteration,
+                reactions, problem.at(du)[1].gradient, iteration,
             )  # fmt: skip
         matrix = problem.matrix(du, reactions) * left * left[:, None]
         # reactions of redundant joints are not unique: the shortest
