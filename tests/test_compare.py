@@ -172,3 +172,23 @@ def test_command_says_that_a_method_stopped() -> None:
     assert code == 3
     assert json.loads(out)["methods"][0]["outcome"].startswith("not converged")
     assert "nsga: not converged" in err
+
+
+def test_commands_know_cases_and_parameters() -> None:
+    from carom.cli.app import app
+
+    path = SCENARIOS / "paper" / "5.2_free_balls.toml"
+    code, out, _ = command(str(path), "--case", "slips", "--methods", "nsga,moreau", "--json")
+    assert code == 0
+    slips = carom.compare(carom.Scene.from_toml(path, case="slips"), ("nsga", "moreau"))
+    sticks = carom.compare(carom.Scene.from_toml(path, case="sticks"), ("nsga", "moreau"))
+    told = json.loads(out)["methods"][1]["differences"]
+    assert [d["greatest"] for d in told] == [d.greatest for d in slips["moreau"].differences]
+    assert [d["greatest"] for d in told] != [d.greatest for d in sticks["moreau"].differences]
+
+    arguments = ["converge", str(path), "--steps", "2e-3,1e-3", "--reference", "1e-4", "--json"]
+    found = [
+        json.loads(CliRunner().invoke(app, [*arguments, "--set", f"mu_b={mu}"]).stdout)["quantities"]
+        for mu in (0.06, 0.2)
+    ]
+    assert found[0]["angular_velocity"] != found[1]["angular_velocity"]
