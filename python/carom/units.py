@@ -30,6 +30,7 @@ DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
     "density": ((-3, 1, 0, 0), "kg/m^3", "kg/m^3, g/cm^3"),
     "moment of inertia": ((2, 1, 0, 0), "kg m^2", "kg m^2, g mm^2"),
     "force": ((1, 1, -2, 0), "N", "N, mN"),
+    "pressure": ((-1, 1, -2, 0), "Pa", "Pa, kPa, MPa, GPa"),
 }
 
 _Unit = tuple[Fraction, int, Dimension]  # rational factor, power of pi, exponents
@@ -66,6 +67,10 @@ UNITS: dict[str, _Unit] = {
     "rpm": _unit("1/30", (0, 0, -1, 1), pi=1),
     "N": _unit("1", (1, 1, -2, 0)),
     "mN": _unit("0.001", (1, 1, -2, 0)),
+    "Pa": _unit("1", (-1, 1, -2, 0)),
+    "kPa": _unit("1000", (-1, 1, -2, 0)),
+    "MPa": _unit("1e6", (-1, 1, -2, 0)),
+    "GPa": _unit("1e9", (-1, 1, -2, 0)),
 }
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?)\s*(.*?)\s*", re.DOTALL)

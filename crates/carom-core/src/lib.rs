@@ -10,6 +10,7 @@ pub mod islands;
 pub mod level;
 pub mod model;
 pub mod options;
+pub mod penalty;
 pub mod record;
 pub mod report;
 pub mod rotation;

@@ -2,6 +2,7 @@
 
 use crate::force::Load;
 use crate::options::Options;
+use crate::penalty;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -144,6 +145,7 @@ impl Model {
         finite("world", 0, "gravity", &input.gravity)?;
         let planes = compile_planes(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
+        penalty::check_laws(&options, &laws)?;
         let model = Model {
             gravity: DVec3::from(input.gravity),
             radius: input.radius.clone(),

@@ -4,6 +4,7 @@ use crate::contact::Contact;
 use crate::impact::ImpactScratch;
 use crate::islands::Islands;
 use crate::model::Model;
+use crate::penalty::Workspace;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_geom::NeighbourList;
@@ -78,6 +79,8 @@ pub struct Scratch {
     /// Histories of the longest solve of each level in this step: smooth, position, velocity.
     pub history: [History; 3],
     pub failed: Option<FailedProblem>,
+    /// Memory of method `penalty`.
+    pub penalty: Workspace,
 }
 
 /// Buffers of one island's solve.
@@ -114,6 +117,7 @@ impl Scratch {
             impacts: Vec::new(),
             history: Default::default(),
             failed: None,
+            penalty: Workspace::new(model),
         }
     }
 }

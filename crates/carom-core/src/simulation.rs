@@ -3,11 +3,12 @@
 use crate::force;
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
+use crate::penalty;
 use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
 use crate::state::State;
-use crate::step::{step, Attempt, Failure};
+use crate::step::{self, Attempt, Failure};
 use crate::stepper::Coefficients;
 use crate::timers::{Phase, Timers};
 use std::time::{Duration, Instant};
@@ -41,8 +42,6 @@ impl Simulation {
     pub fn new(model: Model, initial: InitialState) -> Simulation {
         let state = State::new(&model, initial);
         let o = &model.options;
-        // The one method of today; another stepper brings its own coefficients and its own `step`.
-        let Method::Nsga = o.method;
         let coefficients = (0..=o.max_halvings)
             .map(|depth| Coefficients::new(o.spectral_radius, o.step / f64::from(1u32 << depth)))
             .collect();
@@ -81,7 +80,8 @@ impl Simulation {
     ) -> Option<Outcome> {
         let begin = Instant::now();
         let large = self.model.spheres() >= LARGE;
-        let check_every = if large {
+        // A step in hundreds of substeps takes as long as hundreds of others.
+        let check_every = if large || self.model.options.method == Method::Penalty {
             1
         } else {
             (LARGE / self.model.spheres()).max(1) as u64
@@ -155,6 +155,10 @@ impl Simulation {
         };
         let mut local = StepReport::new(report.step, report.time);
         let (number, time) = (report.step, report.time);
+        let step = match self.model.options.method {
+            Method::Nsga => step::step,
+            Method::Penalty => penalty::step,
+        };
         let made = step(
             &self.model,
             &mut self.state,
@@ -166,7 +170,7 @@ impl Simulation {
         match made {
             Ok(()) => {
                 // The first sub-step that is made has nothing to merge with but the count of halvings.
-                if report.iterations_smooth == 0 {
+                if report.iterations_smooth == 0 && report.substeps == 0 {
                     local.halvings = report.halvings;
                     *report = local;
                 } else {
@@ -205,6 +209,7 @@ impl Simulation {
         let time = step as f64 * self.model.options.step;
         match failure {
             Failure::TooManyPairs => Outcome::TooManyPairs { step, time },
+            Failure::TooManySubsteps => Outcome::TooManySubsteps { step, time },
             Failure::NotFinite(body) => Outcome::NotFinite { step, time, body },
             Failure::MissingLaw(a, b) => Outcome::MissingLaw {
                 step,

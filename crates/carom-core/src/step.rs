@@ -30,6 +30,8 @@ pub enum Failure {
     MissingLaw(u32, u32),
     /// More pairs may meet within the step than the list holds: the step is far too long for the speeds.
     TooManyPairs,
+    /// Method `penalty` would need more substeps than it may take.
+    TooManySubsteps,
 }
 
 /// What is asked of one step.
