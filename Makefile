@@ -59,6 +59,10 @@ validation: $(STAMPS)/extension ## order of convergence and bounds of the paper'
 	@$(PY) validation/5.6/order.py $(ARGS)
 	@$(PY) validation/5.6/compare.py
 
+.PHONY: reproduce
+reproduce: $(STAMPS)/extension ## every example of the paper, to reproduction/ and docs/validation/paper.md
+	@.venv/bin/carom reproduce all --docs docs/validation $(ARGS)
+
 .PHONY: docs
 docs: $(STAMPS)/docs ## the documentation, to docs/_build/html
 	@$(PY) -m sphinx --fail-on-warning --keep-going -q -b html docs docs/_build/html

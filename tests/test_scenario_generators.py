@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from carom.errors import ScenarioError
+from carom.scenario.balls import Lattice, Rack
 from carom.scenario.bodies import lattice_centres, rack_centres, uniform
-from carom.scenario.model import Lattice, Rack
 from carom.scenario.overlap import overlaps
 from carom.scene import Scene
 from hypothesis import given

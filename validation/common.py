@@ -1,4 +1,4 @@
-"""What the examples of validation/ share: running the core at many steps, norms, orders, bounds, tables.
+"""What the examples of validation/ share: running the core at many steps, bounds, tables.
 
 An example is a folder named after its section of the paper; `validation/README.md` says what it holds. Its
 scripts run the compiled core directly: nothing is written to disk, so hundreds of thousands of steps take
@@ -91,18 +91,6 @@ def run(
     joined = {key: np.concatenate(columns) for key, columns in impacts.items()}
     states = {n: at[n] for n in steps}
     return Run(h, [at[n] for n in wanted], simulation.monitors(), joined, height, outcome, states)
-
-
-def error(found: F64, reference: F64) -> float:
-    """Eq. 45 over the bodies at one instant: sum of |f - f_ref| over sum of |f_ref|, |.| Euclidean."""
-    off = float(np.sum(np.linalg.norm(found - reference, axis=-1)))
-    size = float(np.sum(np.linalg.norm(reference, axis=-1)))
-    return off / size if size > 0 else off
-
-
-def slope(h: Sequence[float], errors: Sequence[float]) -> float:
-    """Order of convergence: slope of log error against log h, least squares over all steps."""
-    return float(np.polyfit(np.log(h), np.log(errors), 1)[0])
 
 
 def grid_steps(unit: float, event: float, near: Iterable[float], place: float) -> list[float]:

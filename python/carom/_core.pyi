@@ -1,5 +1,6 @@
 """Type stub of the compiled core (crate `carom-py`). Nothing here knows files, names or units other than SI."""
 
+from collections.abc import Mapping
 from typing import Any, TypedDict
 
 import numpy as np
@@ -13,6 +14,24 @@ __version__: str
 
 class ModelError(ValueError):
     """A number of the model is unusable; `args[0]` says which and why."""
+
+class ExpressionError(ValueError):
+    """A formula cannot be read or gives no finite number; `args[0]` says where (column, from 1), why and what to write."""
+
+class Expression:
+    """A formula of named variables: `+ - * / ^` (or `**`), `functions()`, `pi`. `-t^2` is `-(t^2)`, as in Python."""
+
+    def __init__(self, text: str) -> None: ...
+    @staticmethod
+    def functions() -> list[str]:
+        """Names of all functions."""
+
+    @property
+    def variables(self) -> list[str]:
+        """Names that are neither functions nor constants, in the order of their first appearance."""
+
+    def evaluate(self, values: Mapping[str, float]) -> float:
+        """Value for the named values, of which more may be given than needed; finite, or else `ExpressionError`."""
 
 class Block(TypedDict):
     """What a call of `Simulation.advance` produced. Row counts: F frames, C contact rows, S steps, I impact rows."""
@@ -37,6 +56,17 @@ class Simulation:
     `orientation (N,4)` w first, `material (N,)`; planes `plane_point, plane_normal (P,3)`, `plane_material (P,)`;
     contact laws `law_a, law_b (L,)` material indices (unordered pair), `friction, restitution, tangential_restitution,
     rolling_radius, spinning_radius (L,)`; and `options`: a dict with any keys of `defaults()` plus `step`.
+
+    Three lists may be left out. A law in them is `("constant", x)`, `("polynomial", [c0, c1, ...])`,
+    `("table", [[x, y], ...])` or `("expression", text)`, of the time t, in friction of the slip speed v:
+
+    - `friction_law` (L,): None, or a law in place of `friction`, which is 0 there
+    - `joints`: `{"a": int, "b": int or -1 for the ground, "rows": [(kind, direction, arm_a, arm_b, law), ...]}`; `kind` is
+      `point` (`direction . (p_a - p_b)` follows the law), `distance` (`|p_a - p_b|` does) or `rotation` (of a against b
+      about `direction`, counted from the law's value at the start); `p = x + R arm`, `arm_b` of the ground is the point
+    - `loads`: `{"kind": "force", "body", "force": [law, law, law], "torque": [law, law, law]}`; `{"kind": "spring", "a",
+      "b", "arm_a", "arm_b", "stiffness", "damping", "rest_length"}`; `{"kind": "drag", "body", "translation", "rotation"}`;
+      `{"kind": "callable", "function": f}`, `f(time, position, velocity, angular_velocity)` giving a float64 array (N,6)
     """
 
     def __init__(self, model: dict[str, Any]) -> None: ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from carom import summary
@@ -30,6 +30,26 @@ def refuse_other_physics(options: Mapping[str, Any], places: Mapping[str, str]) 
             raise CaromError(
                 f"{places.get(key, key)}: cannot change within a run, only {', '.join(CHANGEABLE)} can; {cure}"
             )
+
+
+def restore_functions(
+    directory: RunDir, scene: Scene, functions: Callable[..., Any] | Sequence[Callable[..., Any]] = ()
+) -> None:
+    """Give the scene of a run its Python functions again, in the order of `scene.load_functions`; raise if they do not fit.
+
+    Only their names are in the scenario of the run: that each is the same function as before is up to the caller.
+    """
+    given = [functions] if callable(functions) else list(functions)
+    missing = [place.name for place in scene.load_functions if place.function is None]
+    if len(given) != len(missing):
+        names = ", ".join(missing) or "none"
+        call = f'carom.resume("{directory.path}", load_functions=[{", ".join(missing)}])'
+        cure = f"continue it in Python, as {call}" if missing else "leave load_functions out"
+        raise CaromError(
+            f"{directory.path}: the run has the Python load functions: {names}; {len(given)} given; {cure}"
+        )
+    for name, function in zip(missing, given, strict=True):
+        scene.load_function(function, name=name)
 
 
 def refuse_to_fail_again(directory: RunDir, about: Mapping[str, Any]) -> None:

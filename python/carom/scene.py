@@ -7,45 +7,27 @@ mm"`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import ValidationError
+from typing import Any
 
 from carom.errors import Problem, ScenarioError, counted, quoted
 from carom.scenario import load
 from carom.scenario.advice import advise
 from carom.scenario.arguments import explained, wording
-from carom.scenario.arrays import to_arrays, with_generators_expanded
+from carom.scenario.arrays import resolved_tree, to_arrays
+from carom.scenario.attaching import Attacher
+from carom.scenario.balls import Generator, Sphere
+from carom.scenario.building import Builder, Vector, make
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
-from carom.scenario.model import (
-    FORMAT,
-    Contact,
-    Generator,
-    Lattice,
-    Material,
-    Plane,
-    Rack,
-    Record,
-    Scenario,
-    Sphere,
-    World,
-)
+from carom.scenario.mechanics import MECHANICS
+from carom.scenario.model import FORMAT, Plane, Record, Scenario, World
 from carom.scenario.options import Run
-from carom.scenario.problems import Finding, Source, from_python
-from carom.scenario.table import Table
-
-Number = float | str
-"""A number in SI or a string with a unit."""
-Vector = Sequence[Number] | NDArray[np.float64]
-_T = TypeVar("_T", bound=Table)
+from carom.scenario.problems import Finding, Source
 
 
-class Scene:
+class Scene(Builder, Attacher):
     """Spheres, planes, materials and how to simulate them.
 
     `scene.run` and `scene.record` hold the keys of `[run]` and `[record]` as attributes: `scene.run.step =
@@ -63,13 +45,13 @@ class Scene:
         record: Mapping[str, Any] | None = None,
     ) -> None:
         given: dict[str, Any] = {"title": title} if title else {}
-        self._tree: Scenario = _make(
+        self._tree: Scenario = make(
             Scenario,
             "Scene",
             format=FORMAT,
-            world=_make(World, "Scene", gravity=gravity),
-            run=_make(Run, "Scene(run=...)", **(run or {})),
-            record=_make(Record, "Scene(record=...)", **(record or {})),
+            world=make(World, "Scene", gravity=gravity),
+            run=make(Run, "Scene(run=...)", **(run or {})),
+            record=make(Record, "Scene(record=...)", **(record or {})),
             **given,
         )
         self._source: Source | None = None
@@ -79,16 +61,21 @@ class Scene:
     # --- reading and writing --------------------------------------------------------------------------------
 
     @classmethod
-    def from_toml(cls, source: str | Path) -> Scene:
+    def from_toml(
+        cls, source: str | Path, *, case: str | None = None, set: Mapping[str, Any] | None = None
+    ) -> Scene:
         """The scene of a scenario file, or of TOML text (a `str` that is empty or has a line break).
+
+        Of a file with `[parameters]`, `case` names one of its variants and `set` gives other values of parameters,
+        numbers in SI or expressions (`{"f": 0.3, "phi": "= asin(1 - f)"}`), which go before those of the case.
 
         All mistakes in the keys and values are reported at once, with file and line. A scene that can be read
         may still be impossible to simulate (spheres that overlap, a missing contact law): `validate` tells.
         """
         if isinstance(source, str) and (not source or "\n" in source):
-            tree, origin = load.parse(source)
+            tree, origin = load.parse(source, case=case, given=set)
         else:
-            tree, origin = load.read(source)
+            tree, origin = load.read(source, case, set)
         scene = cls._of(tree)
         scene._source = origin
         return scene
@@ -106,189 +93,21 @@ class Scene:
         With `resolved` nothing is left to defaults or to chance: every key has its value and racks and
         lattices are written as the spheres they stand for (unless these are more than 10 000). A run
         directory holds this form.
+
+        Python functions cannot be written, so a scene that has some is refused. The resolved form holds their names and is
+        no scenario that could be run: it waits for the functions (see `load_function`).
         """
-        text = to_text(with_generators_expanded(self._tree) if resolved else self._tree, everything=resolved)
+        functions = [place for place in self._tree.load_function if place.function is not None]
+        if functions and not resolved:
+            cure = "write laws of the time with scene.load(...), or keep the scene as a Python program"
+            raise ScenarioError(
+                Problem(place.label(), "", "a file cannot hold a Python function", cure)
+                for place in functions
+            )
+        text = to_text(resolved_tree(self._tree) if resolved else self._tree, everything=resolved)
         if path is not None:
             Path(path).write_text(text, encoding="utf-8")
         return text
-
-    # --- building -------------------------------------------------------------------------------------------
-
-    @explained
-    def material(self, name: str) -> Material:
-        """Declare a material. Not needed before it is used: spheres, planes and contacts declare theirs."""
-        material = _make(Material, f"Scene.material({quoted(name)})", name=name)
-        for known in self._tree.material:
-            if known.name == name:
-                return known
-        self._tree.material.append(material)
-        return material
-
-    @explained
-    def contact(
-        self,
-        a: str,
-        b: str,
-        *,
-        friction: float,
-        restitution: float,
-        tangential_restitution: float | None = None,
-        rolling_radius: Number | None = None,
-        spinning_radius: Number | None = None,
-    ) -> Contact:
-        """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
-
-        `friction` mu >= 0; `restitution` e_N in [0, 1]; `tangential_restitution` e_T in (-1, 1);
-        `rolling_radius` rho and `spinning_radius` delta: moment that resists rolling or spinning over the
-        normal force, m.
-        """
-        label = f"Scene.contact({quoted(a)}, {quoted(b)})"
-        contact = _make(
-            Contact,
-            label,
-            between=(a, b),
-            friction=friction,
-            restitution=restitution,
-            tangential_restitution=tangential_restitution,
-            rolling_radius=rolling_radius,
-            spinning_radius=spinning_radius,
-        )
-        if any({*known.between} == {a, b} for known in self._tree.contact):
-            cause = f"there is already a law for {quoted(a)} and {quoted(b)}"
-            raise ScenarioError([Problem(label, "", cause, "change the one that contact() returned")])
-        self.material(a)
-        self.material(b)
-        self._tree.contact.append(contact)
-        return contact
-
-    @explained
-    def sphere(
-        self,
-        name: str,
-        *,
-        radius: Number,
-        material: str,
-        position: Vector | None = None,
-        at: Vector | None = None,
-        mass: Number | None = None,
-        density: Number | None = None,
-        inertia: Number | None = None,
-        velocity: Vector | None = None,
-        angular_velocity: Vector | None = None,
-        orientation: Vector | None = None,
-    ) -> Sphere:
-        """Add a ball and return it; its attributes may be changed (`cue.velocity = (2, 0, 0)`).
-
-        `radius` m; `mass` kg or `density` kg/m^3; `inertia` kg m^2, by default 2/5 m r^2; centre `position`
-        (or `at`) m; `velocity` m/s; `angular_velocity` rad/s in fixed axes; `orientation` unit quaternion, w
-        first.
-        """
-        label = f"Scene.sphere({quoted(name)})"
-        if position is not None and at is not None:
-            raise ScenarioError(
-                [Problem(label, "at", "both position and at are given", "give one, they mean the same")]
-            )
-        sphere = _make(
-            Sphere,
-            label,
-            name=name,
-            material=material,
-            radius=radius,
-            mass=mass,
-            density=density,
-            inertia=inertia,
-            position=position if at is None else at,
-            velocity=velocity,
-            angular_velocity=angular_velocity,
-            orientation=orientation,
-        )
-        self._take_name(name, label)
-        self.material(material)
-        self._tree.sphere.append(sphere)
-        return sphere
-
-    @explained
-    def plane(self, name: str, *, point: Vector, normal: Vector, material: str) -> Plane:
-        """Add a fixed half-space through `point`; `normal` (any length) points to the side where spheres
-        live.
-        """
-        label = f"Scene.plane({quoted(name)})"
-        plane = _make(Plane, label, name=name, material=material, point=point, normal=normal)
-        self._take_name(name, label)
-        self.material(material)
-        self._tree.plane.append(plane)
-        return plane
-
-    @explained
-    def rack(
-        self,
-        name: str,
-        *,
-        apex: Vector,
-        direction: Vector,
-        radius: Number,
-        material: str,
-        balls: int | None = None,
-        rows: int | None = None,
-        shape: str | None = None,
-        up: Vector | None = None,
-        mass: Number | None = None,
-        density: Number | None = None,
-        inertia: Number | None = None,
-        gap: Number | None = None,
-        jitter: Number | None = None,
-        seed: int | None = None,
-        first_number: int | None = None,
-    ) -> Rack:
-        """Add a billiard rack: `balls` (or `rows`) in a "triangle" or "diamond", from the `apex` along
-        `direction`.
-
-        The balls are called `name` + number, row by row from `first_number`, each row from left to right.
-        Neighbours are `gap` m apart; `jitter` m moves each centre at random along each axis of the table,
-        drawn with `seed`.
-        """
-        given = {k: v for k, v in locals().items() if k != "self"}
-        rack = _make(Rack, f"Scene.rack({quoted(name)})", **given)
-        self.material(material)
-        self._tree.rack.append(rack)
-        return rack
-
-    @explained
-    def lattice(
-        self,
-        name: str,
-        *,
-        counts: Sequence[int],
-        origin: Vector,
-        radius: Number,
-        material: str,
-        kind: str | None = None,
-        spacing: Number | None = None,
-        mass: Number | None = None,
-        density: Number | None = None,
-        inertia: Number | None = None,
-        velocity: Vector | None = None,
-        jitter: Number | None = None,
-        seed: int | None = None,
-        first_number: int | None = None,
-    ) -> Lattice:
-        """Add a grid of balls, "cubic" or "hcp": `counts` along x, y, z from the centre `origin`, `spacing` m
-        (default 2 r).
-
-        The balls are called `name` + number, x fastest; `jitter` m moves each centre at random along each
-        axis, drawn with `seed`; `velocity` m/s is that of all balls.
-        """
-        given = {k: v for k, v in locals().items() if k != "self"}
-        lattice = _make(Lattice, f"Scene.lattice({quoted(name)})", **given)
-        self.material(material)
-        self._tree.lattice.append(lattice)
-        return lattice
-
-    def _take_name(self, name: str, label: str) -> None:
-        if name in self._names:
-            cause = f"there is already a sphere or plane {quoted(name)}"
-            raise ScenarioError([Problem(label, "name", cause, "give another name")])
-        self._names.add(name)
 
     # --- settings -------------------------------------------------------------------------------------------
 
@@ -299,6 +118,16 @@ class Scene:
     @title.setter
     def title(self, value: str) -> None:
         self._tree.title = value
+
+    @property
+    def case(self) -> str | None:
+        """Name of the case of the file that the scene was read from, if it is one."""
+        return self._source.case if self._source else None
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the parameters of the file that the scene was read from, SI."""
+        return dict(self._source.parameters) if self._source else {}
 
     @property
     def gravity(self) -> tuple[float, float, float]:
@@ -333,7 +162,7 @@ class Scene:
             mine = {key: options.pop(key) for key in list(options) if key in type(section).model_fields}
             kept = {key: value for key, value in section.written().items() if key not in mine}
             try:
-                setattr(tree, section.section, _make(type(section), "", **kept, **mine))
+                setattr(tree, section.section, make(type(section), "", **kept, **mine))
             except ScenarioError as error:
                 wrong = (_placed(p.key, p.cause, p.cure, places) for p in error.problems)
                 raise ScenarioError(wrong) from None
@@ -390,9 +219,9 @@ class Scene:
             return self._source.problem(finding)
         section = str(path[0])
         cure = finding.call or finding.cure
-        if len(path) > 2 and isinstance(path[1], int):
+        if len(path) > 1 and isinstance(path[1], int) and (len(path) > 2 or section in MECHANICS):
             table = getattr(self._tree, section)[path[1]]
-            return Problem(table.label(), str(path[2]), finding.cause, cure)
+            return Problem(table.label(), str(path[2]) if len(path) > 2 else "", finding.cause, cure)
         key = section if section not in ("run", "record") else ".".join(map(str, path))
         return Problem("scene", key if section != "material" else "contact", finding.cause, cure)
 
@@ -400,24 +229,34 @@ class Scene:
         """The arrays for `carom._core.Simulation` (their names, units and shapes are in `_core.pyi`)."""
         arrays = to_arrays(self._tree)
         if arrays is None:
-            self.validate()  # raises and says which material is unknown
+            self.validate()  # raises and says which material, sphere or function is unknown
             raise AssertionError("a valid scene has arrays")
         return arrays
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scene) and self._tree.model_dump() == other._tree.model_dump()
+        return (
+            isinstance(other, Scene)
+            and self._tree.model_dump() == other._tree.model_dump()
+            and [p.function for p in self._tree.load_function]
+            == [p.function for p in other._tree.load_function]
+        )
 
     __hash__ = None  # type: ignore[assignment]  # a scene can be changed
 
     def __repr__(self) -> str:
         run = self.run
+        tree = self._tree
+        loads = [*tree.load, *tree.spring, *tree.drag, *tree.load_function]
         counts = ", ".join(
             counted(n, what)
-            for n, what in (
-                (len(self.names), "sphere"),
-                (len(self.planes), "plane"),
-                (len(self._tree.contact), "contact law"),
+            for n, what, always in (
+                (len(self.names), "sphere", True),
+                (len(self.planes), "plane", True),
+                (len(tree.contact), "contact law", True),
+                (len(tree.joint), "joint", False),
+                (len(loads), "load", False),
             )
+            if n or always
         )
         time = (
             f"{counted(steps(run), 'step')} of {run.step:g} s"
@@ -430,12 +269,3 @@ class Scene:
 def _placed(key: str, cause: str, cure: str, places: Mapping[str, str]) -> Problem:
     place = places.get(key, "carom.simulate")
     return Problem(place, "" if place.startswith("-") else key, cause, cure)
-
-
-def _make(table: type[_T], label: str, **given: Any) -> _T:
-    """A checked table; arguments that are None count as not given."""
-    given = {key: value for key, value in given.items() if value is not None}
-    try:
-        return table.model_validate(given)
-    except ValidationError as e:
-        raise from_python(e, table, label, given) from None

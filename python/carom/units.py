@@ -29,7 +29,11 @@ DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
     "angular speed": ((0, 0, -1, 1), "rad/s", "rad/s, deg/s, rpm"),
     "density": ((-3, 1, 0, 0), "kg/m^3", "kg/m^3, g/cm^3"),
     "moment of inertia": ((2, 1, 0, 0), "kg m^2", "kg m^2, g mm^2"),
-    "force": ((1, 1, -2, 0), "N", "N, mN"),
+    "force": ((1, 1, -2, 0), "N", "N, mN, kN"),
+    "moment": ((2, 1, -2, 0), "N m", "N m, mN m, N mm"),
+    "stiffness": ((0, 1, -2, 0), "N/m", "N/m, N/mm"),
+    "damping": ((0, 1, -1, 0), "N s/m", "N s/m, kg/s"),
+    "rotational damping": ((2, 1, -1, 0), "N m s", "N m s, mN m s"),
     "pressure": ((-1, 1, -2, 0), "Pa", "Pa, kPa, MPa, GPa"),
 }
 
@@ -67,6 +71,7 @@ UNITS: dict[str, _Unit] = {
     "rpm": _unit("1/30", (0, 0, -1, 1), pi=1),
     "N": _unit("1", (1, 1, -2, 0)),
     "mN": _unit("0.001", (1, 1, -2, 0)),
+    "kN": _unit("1000", (1, 1, -2, 0)),
     "Pa": _unit("1", (-1, 1, -2, 0)),
     "kPa": _unit("1000", (-1, 1, -2, 0)),
     "MPa": _unit("1e6", (-1, 1, -2, 0)),

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from common import F64, Run, error, grid_steps, model_of, run, slope
+from carom.convergence import error_of, order_of
+from common import F64, Run, grid_steps, model_of, run
 from exact import Slide
 
 LAWS = ("sequence", "sequence-paper")
@@ -50,7 +51,7 @@ KEYS = {"v": "velocity", "w": "angular_velocity"}
 
 def errors(run: dict[str, Any], reference: dict[str, Any]) -> dict[str, float]:
     """Errors of v and w over all balls, eq. 45."""
-    return {short: error(run[key], reference[key]) for short, key in KEYS.items()}
+    return {short: error_of(run[key], reference[key], norm=2) for short, key in KEYS.items()}
 
 
 def mirror(position: F64) -> float:
@@ -81,7 +82,7 @@ def study(
                 step * h - contact,
                 errors(this.states[step], reference.states[last]),
                 errors(this.frames[1], reference.frames[1]),
-                [[error(f[i : i + 1], r[i : i + 1]) for f, r in pairs] for i in range(len(BALLS))],
+                [[error_of(f[i : i + 1], r[i : i + 1], norm=2) for f, r in pairs] for i in range(len(BALLS))],
                 this.states[step]["velocity"][0].tolist(),
                 mirror(this.frames[1]["position"]),
                 this.converged,
@@ -152,9 +153,9 @@ def measure(quick: bool) -> dict[str, Any]:
     laws = {law: study(law, slide, families, reference) for law in LAWS}
     orders = {
         law: {
-            f"{when} {short}": slope(
+            f"{when} {short}": order_of(
                 [p.h for p in points["middle"]], [getattr(p, when)[short] for p in points["middle"]]
-            )
+            ).value
             for when in ("impact", "after")
             for short in KEYS
         }

@@ -5,7 +5,7 @@
 
 use crate::model::{ContactLaw, Model};
 use carom_solve::rows::NODE_DOF;
-use carom_solve::Status;
+use carom_solve::{Bounds, Status};
 use glam::DVec3;
 
 /// Rows over both bodies, at most six.
@@ -19,6 +19,8 @@ pub struct Contact {
     /// Body B: a sphere of larger index, or plane `b - N`.
     pub b: u32,
     pub law: u32,
+    /// mu, rho, delta in this step.
+    pub bounds: Bounds,
     /// Frame at t_n.
     pub n0: DVec3,
     pub t1: DVec3,
@@ -68,13 +70,13 @@ impl Contact {
     /// Jacobian rows with the given normal in the normal row and the frame of t_n in all others; returns their number.
     pub fn rows(&self, model: &Model, normal: DVec3, rows: &mut Rows) -> usize {
         let (ra, rb) = (model.radius[self.a as usize], self.radius_b(model));
-        let bounds = self.law(model).bounds;
+        let bounds = self.bounds;
         let (n, t1, t2) = (self.n0, self.t1, self.t2);
         rows[0] = row(normal, DVec3::ZERO, -normal, DVec3::ZERO);
         let mut count = 1;
         if bounds.sliding > 0.0 {
-            rows[count] = row(t1, -ra * t2, -t1, -rb * t2);
-            rows[count + 1] = row(t2, ra * t1, -t2, rb * t1);
+            let sliding = sliding_rows(t1, t2, ra, rb);
+            rows[count..count + 2].copy_from_slice(&sliding);
             count += 2;
         }
         if bounds.rolling > 0.0 {
@@ -90,8 +92,8 @@ impl Contact {
     }
 
     /// World vectors of packed multipliers, the normal one along `normal`.
-    pub fn to_world(&self, model: &Model, normal: DVec3, packed: &[f64; 6]) -> WorldImpulse {
-        let bounds = self.law(model).bounds;
+    pub fn to_world(&self, normal: DVec3, packed: &[f64; 6]) -> WorldImpulse {
+        let bounds = self.bounds;
         let mut out = WorldImpulse {
             impulse: packed[0] * normal,
             moment: DVec3::ZERO,
@@ -112,8 +114,8 @@ impl Contact {
     }
 
     /// Packed multipliers of world vectors, projected on this step's frame (warm start, rule R8).
-    pub fn to_rows(&self, model: &Model, world: &WorldImpulse, packed: &mut [f64; 6]) {
-        let bounds = self.law(model).bounds;
+    pub fn to_rows(&self, world: &WorldImpulse, packed: &mut [f64; 6]) {
+        let bounds = self.bounds;
         packed[0] = world.impulse.dot(self.n1).max(0.0);
         let mut k = 1;
         if bounds.sliding > 0.0 {
@@ -132,8 +134,8 @@ impl Contact {
     }
 
     /// Which work column (normal, sliding, rolling, spinning) a packed row belongs to.
-    pub fn row_kind(&self, model: &Model, row: usize) -> usize {
-        let bounds = self.law(model).bounds;
+    pub fn row_kind(&self, row: usize) -> usize {
+        let bounds = self.bounds;
         let mut end = 1;
         for (kind, present) in [(1, bounds.sliding > 0.0), (2, bounds.rolling > 0.0)] {
             if row < end {
@@ -152,6 +154,36 @@ impl Contact {
             3
         }
     }
+}
+
+/// The two sliding rows (eq. 41).
+#[inline]
+fn sliding_rows(t1: DVec3, t2: DVec3, ra: f64, rb: f64) -> [[[f64; NODE_DOF]; 2]; 2] {
+    [
+        row(t1, -ra * t2, -t1, -rb * t2),
+        row(t2, ra * t1, -t2, rb * t1),
+    ]
+}
+
+/// Tangential increment of two spheres over a step (eq. 37) and the tangents of t_n: the sliding rows on displacements and
+/// rotation increments. Centres at t_n, displacements, increments and radii of A and B.
+pub fn tangential_increment(
+    centres: [DVec3; 2],
+    displacements: [DVec3; 2],
+    rot_incr_world: [DVec3; 2],
+    [ra, rb]: [f64; 2],
+) -> ([f64; 2], [DVec3; 2]) {
+    let n = carom_geom::sphere_sphere(centres[0], ra, centres[1], rb).normal;
+    let (t1, t2) = carom_geom::tangent_frame(n);
+    let rows = sliding_rows(t1, t2, ra, rb);
+    let mut gap = [0.0; 2];
+    for (g, row) in gap.iter_mut().zip(&rows) {
+        for (side, (x, psi)) in row.iter().zip(displacements.iter().zip(&rot_incr_world)) {
+            let parts = [x.to_array(), psi.to_array()].concat();
+            *g += side.iter().zip(&parts).map(|(j, d)| j * d).sum::<f64>();
+        }
+    }
+    (gap, [t1, t2])
 }
 
 #[inline]

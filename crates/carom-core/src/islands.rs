@@ -1,29 +1,57 @@
-//! Islands: contacts joined by spheres (planes do not join), in a fixed order.
+//! Islands: contacts, joints and loads joined by spheres (planes and ground do not join), in a fixed order.
 
 use crate::contact::Contact;
+use crate::model::{Link, LinkKind};
 
-/// Contacts grouped by island. Buffers are reused.
+/// Contacts, joints and loads grouped by island. Buffers are reused.
 #[derive(Default)]
 pub struct Islands {
     parent: Vec<u32>,
     /// Island of each root body, `u32::MAX` where none.
     slot: Vec<u32>,
-    /// Contact indices, island after island, in contact order within each.
+    contacts: Groups,
+    joints: Groups,
+    loads: Groups,
+}
+
+/// Indices, island after island, ascending within each.
+#[derive(Default)]
+struct Groups {
     members: Vec<u32>,
     starts: Vec<u32>,
 }
 
+/// One island.
+#[derive(Clone, Copy, Debug)]
+pub struct Island<'a> {
+    /// Indices into the candidate contacts, the joints and the loads of the model.
+    pub contacts: &'a [u32],
+    pub joints: &'a [u32],
+    pub loads: &'a [u32],
+}
+
+impl Island<'_> {
+    /// Contacts alone.
+    pub fn is_free(&self) -> bool {
+        self.joints.is_empty() && self.loads.is_empty()
+    }
+}
+
 impl Islands {
-    /// Groups those of `contacts` that `select` admits. Islands appear in the order of their first contact.
+    /// Groups those of `contacts` that `select` admits, with the joints and the loads that depend on the motion. Islands
+    /// appear in the order of their first contact, then of their first joint; a load alone makes none.
     pub fn build(
         &mut self,
         spheres: usize,
         contacts: &[Contact],
+        links: &[Link],
         select: impl Fn(&Contact) -> bool,
     ) {
-        self.members.clear();
-        self.starts.clear();
-        if contacts.iter().all(|c| c.b as usize >= spheres) {
+        for groups in [&mut self.contacts, &mut self.joints, &mut self.loads] {
+            groups.members.clear();
+            groups.starts.clear();
+        }
+        if links.is_empty() && contacts.iter().all(|c| c.b as usize >= spheres) {
             self.build_apart(contacts, select);
             return;
         }
@@ -31,68 +59,95 @@ impl Islands {
         self.parent.extend(0..spheres as u32);
         for c in contacts.iter().filter(|c| select(c)) {
             if (c.b as usize) < spheres {
-                let (ra, rb) = (self.root(c.a), self.root(c.b));
-                // The smaller index is the root: the result does not depend on the order of the unions.
-                self.parent[ra.max(rb) as usize] = ra.min(rb);
+                self.unite(c.a, c.b);
             }
+        }
+        for link in links {
+            self.unite(link.a, link.b);
         }
         self.slot.clear();
         self.slot.resize(spheres, u32::MAX);
         let mut islands = 0;
-        for c in contacts.iter().filter(|c| select(c)) {
-            let root = self.root(c.a) as usize;
+        let with_contact = contacts.iter().filter(|c| select(c)).map(|c| c.a);
+        let with_joint = links
+            .iter()
+            .filter(|l| matches!(l.kind, LinkKind::Joint(_)))
+            .map(|l| l.a);
+        for body in with_contact.chain(with_joint) {
+            let root = self.root(body) as usize;
             if self.slot[root] == u32::MAX {
                 self.slot[root] = islands;
                 islands += 1;
-                self.starts.push(0);
             }
-            self.starts[self.slot[root] as usize] += 1;
         }
-        let mut total = 0;
-        for start in &mut self.starts {
-            let count = *start;
-            *start = total;
-            total += count;
+        let mut groups = std::mem::take(&mut self.contacts);
+        let selected = contacts.iter().enumerate().filter(|(_, c)| select(c));
+        groups.fill(
+            islands,
+            selected.map(|(i, c)| (i as u32, self.island_of(c.a))),
+        );
+        self.contacts = groups;
+        if links.is_empty() {
+            return;
         }
-        self.starts.push(total);
-        self.members.resize(total as usize, 0);
-        for (index, c) in contacts.iter().enumerate().filter(|(_, c)| select(c)) {
-            let root = self.root(c.a) as usize;
-            let island = self.slot[root] as usize;
-            self.members[self.starts[island] as usize] = index as u32;
-            self.starts[island] += 1;
-        }
-        // Each start now stands at its island's end: shift back.
-        for island in (1..self.starts.len()).rev() {
-            self.starts[island] = self.starts[island - 1];
-        }
-        self.starts[0] = 0;
+        let mut groups = std::mem::take(&mut self.joints);
+        let joints = links.iter().filter_map(|l| match l.kind {
+            LinkKind::Joint(index) => Some((index, self.island_of(l.a))),
+            LinkKind::Load(_) => None,
+        });
+        groups.fill(islands, joints);
+        self.joints = groups;
+        let mut groups = std::mem::take(&mut self.loads);
+        let loads = links.iter().filter_map(|l| match l.kind {
+            LinkKind::Load(index) => Some((index, self.island_of(l.a))),
+            LinkKind::Joint(_) => None,
+        });
+        groups.fill(islands, loads);
+        self.loads = groups;
     }
 
     /// Only planes are touched: an island per sphere, and contacts are sorted by sphere already.
     fn build_apart(&mut self, contacts: &[Contact], select: impl Fn(&Contact) -> bool) {
+        let groups = &mut self.contacts;
         let mut last = u32::MAX;
         for (index, c) in contacts.iter().enumerate().filter(|(_, c)| select(c)) {
             if c.a != last {
-                self.starts.push(self.members.len() as u32);
+                groups.starts.push(groups.members.len() as u32);
                 last = c.a;
             }
-            self.members.push(index as u32);
+            groups.members.push(index as u32);
         }
-        self.starts.push(self.members.len() as u32);
+        groups.starts.push(groups.members.len() as u32);
     }
 
     pub fn len(&self) -> usize {
-        self.starts.len().saturating_sub(1)
+        self.contacts.starts.len().saturating_sub(1)
     }
 
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Contact indices of one island.
-    pub fn members(&self, island: usize) -> &[u32] {
-        &self.members[self.starts[island] as usize..self.starts[island + 1] as usize]
+    pub fn island(&self, index: usize) -> Island<'_> {
+        Island {
+            contacts: self.contacts.of(index),
+            joints: self.joints.of(index),
+            loads: self.loads.of(index),
+        }
+    }
+
+    /// The smaller index is the root: the result does not depend on the order of the unions.
+    fn unite(&mut self, a: u32, b: u32) {
+        let (ra, rb) = (self.root(a), self.root(b));
+        self.parent[ra.max(rb) as usize] = ra.min(rb);
+    }
+
+    /// Island of a body, `u32::MAX` if it has none.
+    fn island_of(&self, mut body: u32) -> u32 {
+        while self.parent[body as usize] != body {
+            body = self.parent[body as usize];
+        }
+        self.slot[body as usize]
     }
 
     fn root(&mut self, mut body: u32) -> u32 {
@@ -102,5 +157,37 @@ impl Islands {
             body = up;
         }
         body
+    }
+}
+
+impl Groups {
+    /// Counting sort of (index, island) pairs; those without an island are left out.
+    fn fill(&mut self, islands: u32, entries: impl Iterator<Item = (u32, u32)> + Clone) {
+        self.starts.resize(islands as usize + 1, 0);
+        for (_, island) in entries.clone().filter(|e| e.1 != u32::MAX) {
+            self.starts[island as usize + 1] += 1;
+        }
+        for island in 0..islands as usize {
+            self.starts[island + 1] += self.starts[island];
+        }
+        self.members
+            .resize(self.starts[islands as usize] as usize, 0);
+        for (index, island) in entries.filter(|e| e.1 != u32::MAX) {
+            let start = &mut self.starts[island as usize];
+            self.members[*start as usize] = index;
+            *start += 1;
+        }
+        // Each start now stands at its island's end: shift back.
+        for island in (1..self.starts.len()).rev() {
+            self.starts[island] = self.starts[island - 1];
+        }
+        self.starts[0] = 0;
+    }
+
+    fn of(&self, index: usize) -> &[u32] {
+        match self.starts.get(index + 1) {
+            Some(&end) => &self.members[self.starts[index] as usize..end as usize],
+            None => &[],
+        }
     }
 }

@@ -1,8 +1,10 @@
 //! What is simulated: compiled, immutable, arrays and integer ids.
 
-use crate::force::Load;
+use crate::force::{Dependence, Load};
+use crate::joint::{Joint, RowKind, GROUND};
 use crate::options::Options;
 use crate::penalty;
+use crate::scalar::Scalar;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -40,14 +42,49 @@ impl ModelError {
 }
 
 /// Law of a pair of materials.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ContactLaw {
     /// mu, rho (m), delta (m).
     pub bounds: Bounds,
+    /// mu as a law of the slip speed (m/s) at the start of a step, instead of `bounds.sliding`.
+    pub friction_law: Option<Scalar>,
     /// Normal restitution e_N in [0, 1].
     pub restitution: f64,
     /// Tangential restitution e_T in (-1, 1).
     pub tangential_restitution: f64,
+}
+
+impl ContactLaw {
+    /// mu at a slip speed, m/s. A law may dip below 0, or leave its domain: no friction then.
+    #[inline]
+    pub fn friction(&self, slip: f64) -> f64 {
+        let Some(law) = &self.friction_law else {
+            return self.bounds.sliding;
+        };
+        let mu = law.value(slip);
+        if mu.is_finite() {
+            mu.max(0.0)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// What joins spheres beside contacts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinkKind {
+    /// Index into the joints.
+    Joint(u32),
+    /// Index into the loads: one that depends on the motion.
+    Load(u32),
+}
+
+/// A joint or a load that depends on the motion, between spheres `a` and `b` (equal where there is one sphere only).
+#[derive(Clone, Copy, Debug)]
+pub struct Link {
+    pub a: u32,
+    pub b: u32,
+    pub kind: LinkKind,
 }
 
 /// A fixed half-space: spheres live where `normal . (x - point) >= 0`.
@@ -80,6 +117,10 @@ pub struct ModelInput {
     pub plane_material: Vec<u32>,
     /// Unordered pairs of materials and their law: mu, e_N, e_T, rho, delta.
     pub laws: Vec<(u32, u32, [f64; 5])>,
+    /// Per law: mu as a law of the slip speed instead of the number. Empty: none.
+    pub friction_law: Vec<Option<Scalar>>,
+    pub joints: Vec<Joint>,
+    pub loads: Vec<Arc<dyn Load>>,
 }
 
 /// Compiled model.
@@ -100,8 +141,11 @@ pub struct Model {
     /// Law index + 1 by material pair, 0 where there is none.
     law_table: Vec<u32>,
     materials: usize,
+    pub joints: Vec<Joint>,
     /// Loads beyond the weight.
     pub loads: Vec<Arc<dyn Load>>,
+    /// Joints, then loads that depend on the motion.
+    pub links: Vec<Link>,
     pub options: Options,
 }
 
@@ -145,7 +189,8 @@ impl Model {
         finite("world", 0, "gravity", &input.gravity)?;
         let planes = compile_planes(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
-        penalty::check_laws(&options, &laws)?;
+        penalty::check(&options, &laws, &input.joints)?;
+        let links = compile_links(input)?;
         let model = Model {
             gravity: DVec3::from(input.gravity),
             radius: input.radius.clone(),
@@ -159,7 +204,9 @@ impl Model {
             laws,
             law_table,
             materials,
-            loads: Vec::new(),
+            joints: input.joints.clone(),
+            loads: input.loads.clone(),
+            links,
             options,
         };
         let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();
@@ -179,6 +226,12 @@ impl Model {
     /// Number of spheres.
     pub fn spheres(&self) -> usize {
         self.radius.len()
+    }
+
+    /// Neither joints nor loads beside the weight.
+    #[inline]
+    pub fn is_free(&self) -> bool {
+        self.joints.is_empty() && self.loads.is_empty()
     }
 
     /// Law of a pair of bodies (`b` may be a plane: index N + p), if its materials have one.
@@ -236,6 +289,67 @@ fn finite(
         quantity,
         format!("is {values:?}; it must be finite"),
     ))
+}
+
+/// Checks joints and loads and lists what they join.
+fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
+    let n = input.radius.len();
+    let mut links = Vec::new();
+    let missing = |kind, index, body: u32| {
+        let text = format!("is {body}; there are {n} spheres");
+        entry(kind, index, "body", text)
+    };
+    for (index, j) in input.joints.iter().enumerate() {
+        for body in [j.a, j.b] {
+            if body as usize >= n && !(body == GROUND && body == j.b) {
+                return Err(missing("joint", index, body));
+            }
+        }
+        if j.a == j.b {
+            let text = "joins a sphere with itself".to_owned();
+            return Err(entry("joint", index, "body", text));
+        }
+        let leading = |kind| (kind != RowKind::Rotation) as usize;
+        let translational = j.rows.iter().take_while(|r| leading(r.kind) == 1).count();
+        let sorted = j.rows[translational..].iter().all(|r| leading(r.kind) == 0);
+        if j.rows.is_empty() || j.rows.len() > 6 || !sorted || translational != j.translational {
+            let text = "must be 1 to 6, points and distances before rotations".to_owned();
+            return Err(entry("joint", index, "rows", text));
+        }
+        for row in &j.rows {
+            finite("joint", index, "arms", &row.arm_a.to_array())?;
+            finite("joint", index, "arms", &row.arm_b.to_array())?;
+            let unit = (row.direction.length() - 1.0).abs() < 1e-9;
+            if row.kind != RowKind::Distance && !unit {
+                let text = "must be a unit vector".to_owned();
+                return Err(entry("joint", index, "direction", text));
+            }
+            row.law
+                .check()
+                .map_err(|text| entry("joint", index, "law", text))?;
+        }
+        links.push(Link {
+            a: j.a,
+            b: if j.grounded() { j.a } else { j.b },
+            kind: LinkKind::Joint(index as u32),
+        });
+    }
+    for (index, load) in input.loads.iter().enumerate() {
+        let bodies = load.bodies();
+        if let Some(body) = bodies.into_iter().flatten().find(|&b| b as usize >= n) {
+            return Err(missing("load", index, body));
+        }
+        load.check()
+            .map_err(|(quantity, text)| entry("load", index, quantity, text))?;
+        if let Dependence::Motion(a, b) = load.dependence() {
+            links.push(Link {
+                a,
+                b: b.unwrap_or(a),
+                kind: LinkKind::Load(index as u32),
+            });
+        }
+    }
+    Ok(links)
 }
 
 fn check_lengths(input: &ModelInput, n: usize) -> Result<(), ModelError> {
@@ -309,6 +423,13 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
     }
     let mut table = vec![0u32; materials * materials];
     let mut laws = Vec::with_capacity(input.laws.len());
+    if !input.friction_law.is_empty() && input.friction_law.len() != input.laws.len() {
+        return Err(ModelError::Length {
+            name: "friction_law",
+            found: input.friction_law.len(),
+            expected: input.laws.len(),
+        });
+    }
     for (index, (a, b, values)) in input.laws.iter().enumerate() {
         let [mu, e_n, e_t, rho, delta] = *values;
         finite("contact law", index, "coefficients", values)?;
@@ -334,6 +455,11 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             let text = format!("is {e_t}; it must lie in (-1, 1)");
             return Err(entry("contact law", index, "tangential_restitution", text));
         }
+        let friction_law = input.friction_law.get(index).cloned().flatten();
+        if let Some(law) = &friction_law {
+            law.check()
+                .map_err(|text| entry("contact law", index, "friction", text))?;
+        }
         let id = laws.len() as u32 + 1;
         table[*a as usize * materials + *b as usize] = id;
         table[*b as usize * materials + *a as usize] = id;
@@ -343,6 +469,7 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
                 rolling: rho,
                 spinning: delta,
             },
+            friction_law,
             restitution: e_n,
             tangential_restitution: e_t,
         });

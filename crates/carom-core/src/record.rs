@@ -1,7 +1,6 @@
 //! What is kept of a run, in memory, until the border takes it: frames, contacts, impacts, steps, residuals.
 
 use crate::contact::Contact;
-use crate::model::Model;
 use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::{ContactKey, State};
@@ -70,14 +69,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// Takes the events of a (sub-)step that was made.
-    pub fn add_step(
-        &mut self,
-        model: &Model,
-        scratch: &Scratch,
-        step: u64,
-        time: f64,
-        contacts: bool,
-    ) {
+    pub fn add_step(&mut self, scratch: &Scratch, step: u64, time: f64, contacts: bool) {
         for &impact in &scratch.impacts {
             self.block.impacts.push(TimedImpact { step, time, impact });
         }
@@ -93,12 +85,12 @@ impl Recorder {
             }
         }
         if contacts {
-            self.accumulate(model, &scratch.contacts);
+            self.accumulate(&scratch.contacts);
         }
     }
 
     /// Merges the step's contacts into the open records; both are sorted by key.
-    fn accumulate(&mut self, model: &Model, contacts: &[Contact]) {
+    fn accumulate(&mut self, contacts: &[Contact]) {
         let mut cursor = 0;
         let mut missing = false;
         for c in contacts {
@@ -110,17 +102,17 @@ impl Recorder {
                 cursor += 1;
             }
             if cursor < self.open.len() && self.open[cursor].key == key {
-                add(model, c, &mut self.open[cursor]);
+                add(c, &mut self.open[cursor]);
             } else {
                 missing = true;
             }
         }
         if missing {
-            self.insert_missing(model, contacts);
+            self.insert_missing(contacts);
         }
     }
 
-    fn insert_missing(&mut self, model: &Model, contacts: &[Contact]) {
+    fn insert_missing(&mut self, contacts: &[Contact]) {
         self.merged.clear();
         let mut old = self.open.iter().peekable();
         for c in contacts
@@ -140,7 +132,7 @@ impl Recorder {
                 key,
                 ..ContactRecord::default()
             };
-            add(model, c, &mut record);
+            add(c, &mut record);
             self.merged.push(record);
         }
         self.merged.extend(old);
@@ -169,9 +161,9 @@ impl Recorder {
     }
 }
 
-fn add(model: &Model, c: &Contact, record: &mut ContactRecord) {
-    let velocity = c.to_world(model, c.n1, &c.lambda);
-    let position = c.to_world(model, c.n1, &c.nu);
+fn add(c: &Contact, record: &mut ContactRecord) {
+    let velocity = c.to_world(c.n1, &c.lambda);
+    let position = c.to_world(c.n1, &c.nu);
     record.status = c.status as u8;
     record.gap = c.gap;
     record.normal = c.n1;

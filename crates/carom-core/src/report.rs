@@ -71,6 +71,8 @@ step_report! {
     /// Energies after the step, J.
     energy_kinetic: f64,
     energy_potential: f64,
+    /// Work of loads without a potential and of prescribed motion in the step, J.
+    energy_work: f64,
     /// Largest penetration after the step, m, and over r_c.
     penetration: f64,
     penetration_relative: f64,
@@ -128,6 +130,7 @@ impl StepReport {
         self.residual_smooth = self.residual_smooth.max(earlier.residual_smooth);
         self.residual_position = self.residual_position.max(earlier.residual_position);
         self.residual_velocity = self.residual_velocity.max(earlier.residual_velocity);
+        self.energy_work += earlier.energy_work;
         self.penetration = self.penetration.max(earlier.penetration);
         self.penetration_relative = self.penetration_relative.max(earlier.penetration_relative);
         self.fallbacks += earlier.fallbacks;
@@ -181,7 +184,9 @@ pub struct Monitors {
     pub penetration_relative: f64,
     pub energy_initial: f64,
     pub energy_final: f64,
-    /// Largest rise of the total energy in one step, J (0: it never rose).
+    /// Work of loads without a potential and of prescribed motion, J.
+    pub energy_work: f64,
+    /// Largest rise of the total energy in one step beyond that work, J (0: it never rose).
     pub energy_max_rise: f64,
     /// Largest kinetic energy plus `sum m |g| r`: the scale against which a rise is judged, J.
     pub energy_scale: f64,
@@ -228,7 +233,8 @@ impl Monitors {
         self.penetration = self.penetration.max(r.penetration);
         self.penetration_relative = self.penetration_relative.max(r.penetration_relative);
         let energy = r.energy_kinetic + r.energy_potential;
-        let rise = energy - self.energy_final;
+        let rise = energy - self.energy_final - r.energy_work;
+        self.energy_work += r.energy_work;
         self.energy_scale = self.energy_scale.max(r.energy_kinetic + static_scale);
         self.energy_max_rise = self.energy_max_rise.max(rise);
         // The potential has its zero at the origin: far from it, its rounding is no rise.
@@ -290,6 +296,12 @@ pub enum Outcome {
         time: f64,
         bodies: (u32, u32),
     },
+    /// A load could not be evaluated; what it said.
+    LoadFailed {
+        step: u64,
+        time: f64,
+        message: String,
+    },
 }
 
 impl Outcome {
@@ -298,6 +310,7 @@ impl Outcome {
             Outcome::NotConverged { .. } => "not_converged",
             Outcome::NotFinite { .. } => "not_finite",
             Outcome::MissingLaw { .. } => "missing_law",
+            Outcome::LoadFailed { .. } => "load_failed",
             Outcome::TooManyPairs { .. } => "too_many_pairs",
             Outcome::TooManySubsteps { .. } => "too_many_substeps",
         }
@@ -316,6 +329,7 @@ impl Outcome {
             Outcome::TooManySubsteps { .. } => {
                 "the contacts are far too stiff for the step; take a shorter step, a lower stiffness or resolution"
             }
+            Outcome::LoadFailed { .. } => "mend the function, or the law, of the load",
             Outcome::MissingLaw { .. } => "add a [[contact]] entry for this pair of materials",
         }
     }

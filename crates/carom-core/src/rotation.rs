@@ -56,6 +56,23 @@ pub fn advance(rot_incr_world: DVec3, q: DQuat) -> DQuat {
     DQuat::from_xyzw(scale * u.x, scale * u.y, scale * u.z, scale * w)
 }
 
+/// `T(psi)^T w` with the left Jacobian `T` of the exponential map: `d exp(psi) exp(psi)^T = (T dpsi)~`.
+pub fn transposed_left_jacobian(psi: DVec3, w: DVec3) -> DVec3 {
+    let x = psi.length_squared();
+    // (1 - cos t)/t^2 and (t - sin t)/t^3; the series where the difference would cancel.
+    let (a, b) = if x < 1e-2 {
+        (
+            0.5 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)),
+            1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5040.0 - x / 362_880.0)),
+        )
+    } else {
+        let t = x.sqrt();
+        ((1.0 - t.cos()) / x, (t - t.sin()) / (x * t))
+    };
+    let turn = psi.cross(w);
+    w - a * turn + b * psi.cross(turn)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,6 +86,21 @@ mod tests {
             let found = advance(psi, q);
             let difference = (found - expected).length();
             assert!(difference < 4e-15, "{size}: {difference:e}");
+        }
+    }
+
+    #[test]
+    fn the_left_jacobian_is_the_derivative_of_the_exponential() {
+        let w = DVec3::new(0.3, -0.7, 0.2);
+        for size in [1e-4, 0.05, 0.2, 1.0, 2.5] {
+            let psi = DVec3::new(0.36, -0.48, 0.8) * size;
+            let found = transposed_left_jacobian(psi, w);
+            for (k, axis) in DVec3::AXES.into_iter().enumerate() {
+                let step = 1e-6;
+                let at = |s: f64| DQuat::from_scaled_axis(psi + s * step * axis);
+                let turned = (at(1.0) * at(-1.0).inverse()).to_scaled_axis() / (2.0 * step);
+                assert!((turned.dot(w) - found[k]).abs() < 1e-9, "{size} {k}");
+            }
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use crate::contact::Contact;
 use crate::impact::ImpactScratch;
-use crate::islands::Islands;
+use crate::islands::{Island, Islands};
+use crate::level::coupling::Trial;
+use crate::level::smooth::SmoothScratch;
 use crate::model::Model;
 use crate::penalty::Workspace;
 use crate::state::Warm;
@@ -72,6 +74,9 @@ pub struct Scratch {
     pub contacts: Vec<Contact>,
     pub islands: Islands,
     pub solve: SolveScratch,
+    pub smooth: SmoothScratch,
+    /// Where loads and joints are evaluated.
+    pub trial: Trial,
     pub impact: ImpactScratch,
     /// Warm-start impulses found in this step.
     pub warm: Vec<Warm>,
@@ -81,6 +86,12 @@ pub struct Scratch {
     pub failed: Option<FailedProblem>,
     /// Memory of method `penalty`.
     pub penalty: Workspace,
+    /// What a load said that failed.
+    pub load_error: Option<String>,
+    /// Increments Lambda of all joint rows at the velocity level, N s or N m s.
+    pub joint_impulse: Vec<f64>,
+    /// Power at t_n of loads without potential, W.
+    pub power: f64,
 }
 
 /// Buffers of one island's solve.
@@ -109,6 +120,8 @@ impl Scratch {
             contacts: Vec::new(),
             islands: Islands::default(),
             impact: ImpactScratch::default(),
+            smooth: SmoothScratch::new(model),
+            trial: Trial::new(model),
             solve: SolveScratch {
                 node_of: vec![u32::MAX; n],
                 ..SolveScratch::default()
@@ -118,26 +131,46 @@ impl Scratch {
             history: Default::default(),
             failed: None,
             penalty: Workspace::new(model),
+            load_error: None,
+            joint_impulse: vec![0.0; model.joints.iter().map(|j| j.rows.len()).sum()],
+            power: 0.0,
         }
     }
 }
 
 impl SolveScratch {
-    /// Starts an island: nodes for the spheres of the given contacts, in ascending order of first use.
-    pub fn begin(&mut self, model: &Model, contacts: &[Contact], members: &[u32]) {
+    /// Starts an island: nodes for the spheres of its contacts, joints and loads, in order of first use.
+    pub fn begin(&mut self, model: &Model, contacts: &[Contact], island: Island) {
         self.system.clear();
         self.bodies.clear();
-        for &index in members {
+        for &index in island.contacts {
             let c = &contacts[index as usize];
-            for body in [c.a, c.b] {
-                let i = body as usize;
-                if i < model.spheres() && !self.bodies.contains_recent(body, &self.node_of) {
-                    self.node_of[i] =
-                        self.system
-                            .push_node(model.mass[i], model.inertia[i], model.radius[i]);
-                    self.bodies.push(body);
-                }
+            self.add_node(model, c.a);
+            if (c.b as usize) < model.spheres() {
+                self.add_node(model, c.b);
             }
+        }
+        if island.is_free() {
+            return;
+        }
+        for &index in island.joints {
+            let link = &model.links[index as usize];
+            self.add_node(model, link.a);
+            self.add_node(model, link.b);
+        }
+        for &index in island.loads {
+            for body in model.loads[index as usize].bodies().into_iter().flatten() {
+                self.add_node(model, body);
+            }
+        }
+    }
+
+    fn add_node(&mut self, model: &Model, body: u32) {
+        let i = body as usize;
+        if !self.bodies.contains_recent(body, &self.node_of) {
+            let (m, inertia) = (model.mass[i], model.inertia[i]);
+            self.node_of[i] = self.system.push_node(m, inertia, model.radius[i]);
+            self.bodies.push(body);
         }
     }
 

@@ -8,7 +8,7 @@ use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
 use crate::state::State;
-use crate::step::{self, Attempt, Failure};
+use crate::step::{self, motion_of, Attempt, Failure};
 use crate::stepper::Coefficients;
 use crate::timers::{Phase, Timers};
 use std::time::{Duration, Instant};
@@ -53,6 +53,8 @@ impl Simulation {
             potential += force::weight_potential(&model, i, state.position[i]);
             static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
         }
+        let at = motion_of(&state, 0.0);
+        potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         Simulation {
             scratch: Scratch::new(&model),
             monitors: Monitors::new(kinetic, potential, static_scale),
@@ -176,13 +178,8 @@ impl Simulation {
                 } else {
                     report.merge(&local);
                 }
-                self.recorder.add_step(
-                    &self.model,
-                    &self.scratch,
-                    number,
-                    time,
-                    recording.contacts,
-                );
+                self.recorder
+                    .add_step(&self.scratch, number, time, recording.contacts);
                 Ok(())
             }
             Err(Failure::NotConverged(level)) => {
@@ -215,6 +212,11 @@ impl Simulation {
                 step,
                 time,
                 bodies: (a, b),
+            },
+            Failure::Load => Outcome::LoadFailed {
+                step,
+                time,
+                message: self.scratch.load_error.take().unwrap_or_default(),
             },
             Failure::NotConverged(level) => {
                 let (mut bodies, mut contacts, mut residual) = ((0, 0), 0, f64::NAN);

@@ -1,6 +1,6 @@
 //! What must be saved to continue bit for bit.
 
-use crate::force::Motion;
+use crate::level::smooth_newton::initial_accelerations;
 use crate::model::{InitialState, Model};
 use crate::penalty::Touch;
 use glam::{DQuat, DVec3};
@@ -43,27 +43,8 @@ pub struct State {
 impl State {
     /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
     pub fn new(model: &Model, initial: InitialState) -> State {
-        let at = Motion {
-            time: 0.0,
-            position: &initial.position,
-            velocity: &initial.velocity,
-            angular_velocity: &initial.angular_velocity,
-        };
-        let mut wrench = vec![[DVec3::ZERO; 2]; model.spheres()];
-        model
-            .loads
-            .iter()
-            .for_each(|load| load.add(&at, &mut wrench));
-        let accelerations = wrench.iter().enumerate();
-        let start: Vec<[DVec3; 2]> = accelerations
-            .map(|(i, [f, m])| {
-                [
-                    model.gravity + model.inv_mass[i] * *f,
-                    model.inv_inertia[i] * *m,
-                ]
-            })
-            .collect();
-        State {
+        let start = vec![[model.gravity, DVec3::ZERO]; model.spheres()];
+        let mut state = State {
             step: 0,
             position: initial.position,
             orientation: initial.orientation,
@@ -74,6 +55,11 @@ impl State {
             warm: Vec::new(),
             warm_step: model.options.step,
             touches: Vec::new(),
+        };
+        if !model.is_free() {
+            state.acceleration = initial_accelerations(model, &state);
+            state.pseudo.clone_from(&state.acceleration);
         }
+        state
     }
 }

@@ -4,7 +4,7 @@
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
 use crate::contact::Contact;
-use crate::force;
+use crate::force::{self, Motion};
 use crate::level::{position, smooth, velocity};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
@@ -14,7 +14,7 @@ use crate::state::State;
 use crate::stepper::Coefficients;
 use crate::timers::{Phase, Timers};
 use carom_geom::tangent_frame;
-use carom_solve::Status;
+use carom_solve::{Bounds, Status};
 use glam::DVec3;
 
 /// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
@@ -32,6 +32,8 @@ pub enum Failure {
     TooManyPairs,
     /// Method `penalty` would need more substeps than it may take.
     TooManySubsteps,
+    /// A load could not be evaluated.
+    Load,
 }
 
 /// What is asked of one step.
@@ -65,18 +67,12 @@ pub fn step(
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
-    correct_positions(model, state, scratch, report, *accept_unconverged)?;
+    let span = (*time, *time + coefficients.h);
+    correct_positions(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Position);
-    correct_velocities(
-        model,
-        state,
-        scratch,
-        coefficients.h,
-        report,
-        *accept_unconverged,
-    )?;
+    correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Velocity);
-    finish(model, state, scratch, coefficients, report)?;
+    finish(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Finish);
     Ok(())
 }
@@ -98,11 +94,11 @@ fn predict_and_smooth(
         *history = History::default();
     }
     scratch.failed = None;
-    if smooth::solve(model, state, scratch, coefficients, time, report) {
-        Ok(())
-    } else {
-        Err(Failure::NotConverged(Level::Smooth))
+    scratch.joint_impulse.fill(0.0);
+    if !model.loads.is_empty() {
+        scratch.power = power(model, &motion_of(state, time));
     }
+    smooth::solve(model, state, scratch, coefficients, time, report)
 }
 
 /// Pairs that may come within the candidate margin during the step.
@@ -166,7 +162,9 @@ fn push_candidate(
         };
         let start = carom_geom::sphere_plane(state.position[i], ra, plane.point, plane.normal);
         let frame = (plane.normal, plane.tangent1, plane.tangent2);
-        contacts.push(new_contact((a, b), law, frame, start.gap, gap, ra));
+        let mut contact = new_contact((a, b), law, frame, start.gap, gap, ra);
+        contact.bounds = bounds_at_start(model, state, &contact);
+        contacts.push(contact);
         return Ok(true);
     }
     let length = ra.min(model.radius[j]);
@@ -183,8 +181,32 @@ fn push_candidate(
         carom_geom::sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
     let (t1, t2) = tangent_frame(start.normal);
     let frame = (start.normal, t1, t2);
-    contacts.push(new_contact((a, b), law, frame, start.gap, gap, length));
+    let mut contact = new_contact((a, b), law, frame, start.gap, gap, length);
+    contact.bounds = bounds_at_start(model, state, &contact);
+    contacts.push(contact);
     Ok(true)
+}
+
+/// Bounds of a contact in this step; a friction law is evaluated at the slip of t_n.
+#[inline]
+fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Bounds {
+    let law = c.law(model);
+    if law.friction_law.is_none() {
+        return law.bounds;
+    }
+    let part = |body: u32, sign: f64| {
+        let i = body as usize;
+        let Some(&radius) = model.radius.get(i) else {
+            return DVec3::ZERO;
+        };
+        sign * state.velocity[i] + radius * c.n0.cross(state.angular_velocity[i])
+    };
+    let slip = part(c.a, 1.0) + part(c.b, -1.0);
+    let across = slip - c.n0 * c.n0.dot(slip);
+    Bounds {
+        sliding: law.friction(across.length()),
+        ..law.bounds
+    }
 }
 
 /// The law of a pair; a pair without one may come near, not touch.
@@ -210,6 +232,7 @@ fn new_contact(
         a,
         b,
         law,
+        bounds: Bounds::default(),
         n0,
         t1,
         t2,
@@ -231,16 +254,18 @@ fn correct_positions(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
+    span: (f64, f64),
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
     for round in 0..=MAX_RELIST {
         let mut islands = std::mem::take(&mut scratch.islands);
-        islands.build(model.spheres(), &scratch.contacts, |_| true);
+        islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
         let mut converged = true;
         for island in 0..islands.len() {
+            let island = islands.island(island);
             converged &=
-                position::solve_island(model, scratch, islands.members(island), report, accept);
+                position::solve_island(model, state, scratch, island, span, report, accept);
             if !converged {
                 break;
             }
@@ -349,23 +374,26 @@ fn correct_velocities(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    h: f64,
+    span: (f64, f64),
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
     let mut islands = std::mem::take(&mut scratch.islands);
-    islands.build(model.spheres(), &scratch.contacts, |c| c.closed);
+    islands.build(model.spheres(), &scratch.contacts, &model.links, |c| {
+        c.closed
+    });
     let mut converged = true;
     for island in 0..islands.len() {
-        let members = islands.members(island);
-        report.contacts += members.len() as u32;
-        report.largest_island = report.largest_island.max(members.len() as u32);
-        converged &= velocity::solve_island(model, state, scratch, members, h, report, accept);
+        let island = islands.island(island);
+        let members = island.contacts.len() as u32;
+        report.contacts += members;
+        report.islands += u32::from(members > 0);
+        report.largest_island = report.largest_island.max(members);
+        converged &= velocity::solve_island(model, state, scratch, island, span, report, accept);
         if !converged {
             break;
         }
     }
-    report.islands = islands.len() as u32;
     scratch.islands = islands;
     if converged {
         Ok(())
@@ -380,6 +408,7 @@ fn finish(
     state: &mut State,
     scratch: &mut Scratch,
     coefficients: &Coefficients,
+    span: (f64, f64),
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let (mut kinetic, mut potential) = (0.0, 0.0);
@@ -393,9 +422,6 @@ fn finish(
             return Err(Failure::NotFinite(i as u32));
         }
         scratch.jump[i] = [v, w];
-    }
-    for load in &model.loads {
-        potential += load.potential(&scratch.position);
     }
     for i in 0..model.spheres() {
         [state.velocity[i], state.angular_velocity[i]] = scratch.jump[i];
@@ -411,6 +437,12 @@ fn finish(
             scratch.angular[i].acceleration,
         ];
     }
+    if !model.is_free() {
+        let at = motion_of(state, span.1);
+        potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
+        let mean = 0.5 * (scratch.power + power(model, &at));
+        report.energy_work = (span.1 - span.0) * mean + joint_work(model, scratch, span);
+    }
     std::mem::swap(&mut state.warm, &mut scratch.warm);
     state.warm.sort_unstable_by_key(|w| w.key);
     state.warm_step = coefficients.h;
@@ -421,4 +453,35 @@ fn finish(
         report.penetration_relative = report.penetration_relative.max(-c.gap / c.length);
     }
     Ok(())
+}
+
+/// The motion of a state, as loads see it.
+pub(crate) fn motion_of(state: &State, time: f64) -> Motion<'_> {
+    Motion {
+        time,
+        position: &state.position,
+        orientation: &state.orientation,
+        velocity: &state.velocity,
+        angular_velocity: &state.angular_velocity,
+    }
+}
+
+/// Power of the loads that have no potential, W.
+fn power(model: &Model, at: &Motion) -> f64 {
+    model.loads.iter().map(|load| load.power(at)).sum()
+}
+
+/// Work of joints with a prescribed motion: reactions of the smooth and the velocity level times its rate.
+fn joint_work(model: &Model, scratch: &Scratch, span: (f64, f64)) -> f64 {
+    let mut work = 0.0;
+    for (index, joint) in model.joints.iter().enumerate() {
+        let first = scratch.smooth.first_row[index] as usize;
+        let mut rates = [0.0; 6];
+        joint.rates(span.1, &mut rates);
+        for (r, rate) in rates.iter().enumerate().take(joint.rows.len()) {
+            let smooth = (span.1 - span.0) * scratch.smooth.lambda[first + r];
+            work += rate * (smooth + scratch.joint_impulse[first + r]);
+        }
+    }
+    work
 }

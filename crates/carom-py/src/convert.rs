@@ -1,6 +1,6 @@
 //! Arrays in and out. Vectors are moved into NumPy, never copied element by element in Python.
 
-use crate::ModelError;
+use crate::{coupling, ModelError};
 use carom_core::model::ModelInput;
 use carom_core::options::{Options, Value};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
@@ -128,9 +128,9 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
     let laws = (0..a.len())
         .map(|l| (a[l], b[l], std::array::from_fn(|k| columns[k][l])))
         .collect();
+    let radius = floats(dict, "radius")?;
     Ok(ModelInput {
         gravity,
-        radius: floats(dict, "radius")?,
         mass: floats(dict, "mass")?,
         inertia: floats(dict, "inertia")?,
         material: ids(dict, "material")?,
@@ -142,6 +142,10 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         plane_normal: rows(dict, "plane_normal")?,
         plane_material: ids(dict, "plane_material")?,
         laws,
+        friction_law: coupling::friction_laws(dict)?,
+        joints: coupling::joints(dict, &radius)?,
+        loads: coupling::loads(dict)?,
+        radius,
     })
 }
 

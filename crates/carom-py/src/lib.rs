@@ -1,6 +1,9 @@
 //! The skin: converts arrays, releases the interpreter lock, maps errors. No physics.
 
 mod convert;
+mod coupling;
+mod element;
+mod expression;
 mod simulation;
 mod state;
 mod tables;
@@ -9,6 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 pyo3::create_exception!(_core, ModelError, pyo3::exceptions::PyValueError);
+pyo3::create_exception!(_core, ExpressionError, pyo3::exceptions::PyValueError);
 
 /// Every numerical option with its default.
 #[pyfunction]
@@ -40,8 +44,11 @@ fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add("ModelError", m.py().get_type::<ModelError>())?;
+    m.add("ExpressionError", m.py().get_type::<ExpressionError>())?;
     m.add_function(wrap_pyfunction!(defaults, m)?)?;
     m.add_function(wrap_pyfunction!(choices, m)?)?;
+    m.add_function(wrap_pyfunction!(element::tangential_increment, m)?)?;
     m.add_class::<simulation::Simulation>()?;
+    m.add_class::<expression::Expression>()?;
     Ok(())
 }

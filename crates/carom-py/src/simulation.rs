@@ -224,6 +224,7 @@ impl Simulation {
         let energy = PyDict::new(py);
         energy.set_item("initial", m.energy_initial)?;
         energy.set_item("final", m.energy_final)?;
+        energy.set_item("work", m.energy_work)?;
         energy.set_item("max_rise", m.energy_max_rise)?;
         energy.set_item(
             "max_rise_relative",

@@ -250,13 +250,14 @@ pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
         m.energy_max_rise,
         m.energy_scale,
         m.travel,
+        m.energy_work,
         m.substep_min,
     ];
     (integers, floats)
 }
 
 pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
-    if i.len() != 24 || f.len() != 11 {
+    if i.len() != 24 || f.len() != 12 {
         return None;
     }
     let spread = |k: usize| Spread {
@@ -291,6 +292,7 @@ pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
         energy_max_rise: f[7],
         energy_scale: f[8],
         travel: f[9],
-        substep_min: f[10],
+        energy_work: f[10],
+        substep_min: f[11],
     })
 }

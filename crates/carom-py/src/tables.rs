@@ -42,6 +42,15 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("time", time)?;
             out.set_item("bodies", [bodies.0, bodies.1])?;
         }
+        Outcome::LoadFailed {
+            step,
+            time,
+            message,
+        } => {
+            out.set_item("step", step)?;
+            out.set_item("time", time)?;
+            out.set_item("message", message)?;
+        }
     }
     Ok(out)
 }

@@ -97,6 +97,22 @@ pub fn project(bounds: &Bounds, xi: &[f64], phi: &mut [f64]) -> Status {
     status
 }
 
+/// [`project`] for a joint: no bound, always active.
+#[inline]
+pub fn pass(xi: &[f64], phi: &mut [f64]) -> Status {
+    phi.copy_from_slice(xi);
+    Status::Stick
+}
+
+/// Derivative of [`pass`].
+#[inline]
+pub fn pass_tangent(dim: usize, block: &mut Block) {
+    for (r, row) in block.iter_mut().enumerate().take(dim) {
+        row[..dim].fill(0.0);
+        row[r] = 1.0;
+    }
+}
+
 /// Derivative of [`project`] with respect to `xi`: an element of its generalised Jacobian (theory: the blocks
 /// `C_NN, C_TN, C_TT`). Unused entries of `block` are left alone.
 #[inline]

@@ -18,7 +18,7 @@ pub fn sweeps<P: Subproblem>(
     for _ in 0..count {
         problem.evaluate(system, u, z);
         // Normals may have turned: momentum balance with the present ones.
-        system.impulses(lambda, &mut force);
+        system.momentum(lambda, &mut force);
         system.apply_inverse_mass(&force, u);
         problem.evaluate(system, u, z);
         base.copy_from_slice(u);
@@ -28,6 +28,14 @@ pub fn sweeps<P: Subproblem>(
             let measure = |system: &RowSystem, u: &[f64], r: usize| {
                 z[r] + system.row_velocity(&c, r, u) - system.row_velocity(&c, r, &base)
             };
+            if c.bilateral {
+                for r in row..row + c.dim as usize {
+                    let delta = -measure(system, u, r) / system.diag[r];
+                    update(system, &c, r, delta, u);
+                    lambda[r] += delta;
+                }
+                continue;
+            }
             let normal = (lambda[row] - measure(system, u, row) / system.diag[row]).max(0.0);
             update(system, &c, row, normal - lambda[row], u);
             lambda[row] = normal;

@@ -36,12 +36,31 @@ pub struct LinearStep {
     pivots: Vec<u32>,
     rhs: Vec<f64>,
     solution: Vec<f64>,
-    force: Vec<f64>,
     du0: Vec<f64>,
-    /// Dense translational block of `Mt` (3 per node), its factor, and `Mt^-1 G^T` per active row.
-    mass: Vec<f64>,
+    /// Factor of `Mt`, and `Mt^-1 G^T` per active row.
+    mass: Mass,
     compliance: Vec<f64>,
     sparse: SparseParts,
+}
+
+/// Factor of `Mt = M - sum phi_N K - db/du`.
+#[derive(Default)]
+struct Mass {
+    kind: MassKind,
+    matrix: Vec<f64>,
+    pivots: Vec<u32>,
+    scratch: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum MassKind {
+    /// `M` itself.
+    #[default]
+    Diagonal,
+    /// Curved contacts: Cholesky of the translational block (3 per node).
+    Curved,
+    /// Loads that depend on the motion: LU over all degrees of freedom.
+    Loaded,
 }
 
 /// Sparse assembly: contacts per node, the CSC arrays and the factorisation that is reused while the pattern stands.
@@ -79,18 +98,21 @@ impl LinearStep {
                 rows += system.contacts[index].dim as usize;
             }
         }
-        let curved = dense && self.factor_curved_mass(system, at);
-        self.free_step(system, at, curved);
+        self.mass.kind = MassKind::Diagonal;
+        if dense {
+            self.mass.factor(system, at);
+        }
+        self.free_step(system, at);
         self.assemble_rhs(system, at, rows);
         if dense {
             self.pivots.resize(rows, 0);
             // Near the solution independent rows need no shift, and without it the last iterations are exact ones.
             let tried = if near { 0.0 } else { shift };
-            self.assemble_dense(system, at, rows, curved, tried);
+            self.assemble_dense(system, at, rows, tried);
             if lu_factor(&mut self.matrix, rows, &mut self.pivots).is_err()
                 || (near && self.nearly_singular(rows))
             {
-                self.assemble_dense(system, at, rows, curved, shift);
+                self.assemble_dense(system, at, rows, shift);
                 lu_factor(&mut self.matrix, rows, &mut self.pivots)?;
             }
             self.solution.clear();
@@ -103,75 +125,12 @@ impl LinearStep {
             s.lu.refactor(rows, &s.col_ptr, &s.row_idx, &s.values)?;
             s.lu.solve(&self.rhs, &mut self.solution)?;
         }
-        self.expand(system, at, curved, d_lambda, d_u);
+        self.expand(system, at, d_lambda, d_u);
         Ok(())
     }
 
-    /// Factors the translational block of `M - sum phi_N K` if some contact has curvature; false: plain `M`.
-    fn factor_curved_mass(&mut self, system: &RowSystem, at: &Iterate) -> bool {
-        let n = 3 * system.nodes();
-        let loaded =
-            |c: &crate::rows::RowContact| c.curvature != 0.0 && at.phi[c.row as usize] > 0.0;
-        if !system.contacts.iter().any(loaded) {
-            return false;
-        }
-        self.mass.clear();
-        self.mass.resize(n * n, 0.0);
-        for node in 0..system.nodes() {
-            for k in 0..3 {
-                self.mass[(3 * node + k) * (n + 1)] = 1.0 / system.inv_mass[node];
-            }
-        }
-        for c in system.contacts.iter().filter(|c| loaded(c)) {
-            let weight = at.phi[c.row as usize] * c.curvature;
-            let nodes = [(c.node_a, 1.0), (c.node_b, -1.0)];
-            for (node_r, sign_r) in nodes.iter().filter(|(node, _)| *node != WORLD) {
-                for (node_s, sign_s) in nodes.iter().filter(|(node, _)| *node != WORLD) {
-                    for i in 0..3 {
-                        for j in 0..3 {
-                            let k = f64::from(i == j) - c.normal[i] * c.normal[j];
-                            self.mass[(3 * *node_r as usize + i) * n + 3 * *node_s as usize + j] -=
-                                sign_r * sign_s * weight * k;
-                        }
-                    }
-                }
-            }
-        }
-        // Not positive definite (penetration of the order of a radius): fall back on M, a quasi-Newton step.
-        chol_factor(&mut self.mass, n).is_ok()
-    }
-
-    /// `x = Mt^-1 f` in place.
-    fn apply_inverse(
-        mass: &[f64],
-        system: &RowSystem,
-        curved: bool,
-        f: &mut [f64],
-        scratch: &mut Vec<f64>,
-    ) {
-        let nodes = system.nodes();
-        if curved {
-            scratch.clear();
-            for node in 0..nodes {
-                scratch.extend_from_slice(&f[NODE_DOF * node..NODE_DOF * node + 3]);
-            }
-            chol_solve(mass, 3 * nodes, scratch);
-        }
-        for node in 0..nodes {
-            for k in 0..3 {
-                let i = NODE_DOF * node + k;
-                f[i] = if curved {
-                    scratch[3 * node + k]
-                } else {
-                    system.inv_mass[node] * f[i]
-                };
-                f[i + 3] *= system.inv_inertia[node];
-            }
-        }
-    }
-
-    /// `du0 = Mt^-1 (G_act^T l_act - M u)`; multipliers of inactive rows count as already gone.
-    fn free_step(&mut self, system: &RowSystem, at: &Iterate, curved: bool) {
+    /// `du0 = Mt^-1 (G_act^T l_act + b - M u)`; multipliers of inactive rows count as already gone.
+    fn free_step(&mut self, system: &RowSystem, at: &Iterate) {
         self.du0.clear();
         self.du0.resize(NODE_DOF * system.nodes(), 0.0);
         for (node, u) in at.u.chunks_exact(NODE_DOF).enumerate() {
@@ -184,10 +143,13 @@ impl LinearStep {
                 self.du0[NODE_DOF * node + k] = -u[k] / inverse;
             }
         }
+        for (f, b) in self.du0.iter_mut().zip(&system.load) {
+            *f += b;
+        }
         for &(index, _) in &self.active {
             system.add_impulse(&system.contacts[index], at.lambda, &mut self.du0);
         }
-        Self::apply_inverse(&self.mass, system, curved, &mut self.du0, &mut self.force);
+        self.mass.apply_inverse(system, &mut self.du0);
     }
 
     /// `rhs = phi - l - C p G du0` on active rows.
@@ -246,17 +208,11 @@ impl LinearStep {
         out
     }
 
-    fn assemble_dense(
-        &mut self,
-        system: &RowSystem,
-        at: &Iterate,
-        rows: usize,
-        curved: bool,
-        shift: f64,
-    ) {
+    fn assemble_dense(&mut self, system: &RowSystem, at: &Iterate, rows: usize, shift: f64) {
+        let full = self.mass.kind != MassKind::Diagonal;
         self.matrix.clear();
         self.matrix.resize(rows * rows, 0.0);
-        if curved {
+        if full {
             self.compute_compliance(system, rows);
         }
         for &(j, first_j) in &self.active {
@@ -264,7 +220,7 @@ impl LinearStep {
             for &(i, first_i) in &self.active {
                 let ci = &system.contacts[i];
                 let mut w = [[0.0; MAX_ROWS]; MAX_ROWS];
-                if curved {
+                if full {
                     let dofs = NODE_DOF * system.nodes();
                     for (s, col) in (first_j..first_j + cj.dim as usize).enumerate() {
                         let y = &self.compliance[col * dofs..(col + 1) * dofs];
@@ -308,7 +264,7 @@ impl LinearStep {
                 if c.node_b != WORLD {
                     y[NODE_DOF * c.node_b as usize..][..NODE_DOF].copy_from_slice(&jac[1]);
                 }
-                Self::apply_inverse(&self.mass, system, true, y, &mut self.force);
+                self.mass.apply_inverse(system, y);
             }
         }
     }
@@ -359,14 +315,7 @@ impl LinearStep {
     }
 
     /// Full increments from the reduced ones.
-    fn expand(
-        &mut self,
-        system: &RowSystem,
-        at: &Iterate,
-        curved: bool,
-        d_lambda: &mut [f64],
-        d_u: &mut [f64],
-    ) {
+    fn expand(&mut self, system: &RowSystem, at: &Iterate, d_lambda: &mut [f64], d_u: &mut [f64]) {
         for (d, l) in d_lambda.iter_mut().zip(at.lambda) {
             *d = -l;
         }
@@ -378,9 +327,99 @@ impl LinearStep {
                 .copy_from_slice(&self.solution[first..first + c.dim as usize]);
             system.add_impulse(c, d_lambda, d_u);
         }
-        Self::apply_inverse(&self.mass, system, curved, d_u, &mut self.force);
+        self.mass.apply_inverse(system, d_u);
         for (d, free) in d_u.iter_mut().zip(&self.du0) {
             *d += free;
+        }
+    }
+}
+
+impl Mass {
+    /// Factors `Mt` where it differs from `M`. Where it cannot be factored `M` is taken: a quasi-Newton step.
+    fn factor(&mut self, system: &RowSystem, at: &Iterate) {
+        let loaded =
+            |c: &crate::rows::RowContact| c.curvature != 0.0 && at.phi[c.row as usize] > 0.0;
+        let curved = system.contacts.iter().any(loaded);
+        // Entries per node: translation only, unless loads turn spheres too.
+        let (per_node, kind) = if system.has_load() {
+            (NODE_DOF, MassKind::Loaded)
+        } else if curved {
+            (3, MassKind::Curved)
+        } else {
+            return;
+        };
+        let n = per_node * system.nodes();
+        self.matrix.clear();
+        if kind == MassKind::Loaded {
+            self.matrix.extend_from_slice(&system.load_tangent);
+        } else {
+            self.matrix.resize(n * n, 0.0);
+        }
+        for node in 0..system.nodes() {
+            for k in 0..per_node {
+                let inverse = if k < 3 {
+                    system.inv_mass[node]
+                } else {
+                    system.inv_inertia[node]
+                };
+                self.matrix[(per_node * node + k) * (n + 1)] += 1.0 / inverse;
+            }
+        }
+        for c in system.contacts.iter().filter(|c| loaded(c)) {
+            let weight = at.phi[c.row as usize] * c.curvature;
+            let nodes = [(c.node_a, 1.0), (c.node_b, -1.0)];
+            for (node_r, sign_r) in nodes.iter().filter(|(node, _)| *node != WORLD) {
+                for (node_s, sign_s) in nodes.iter().filter(|(node, _)| *node != WORLD) {
+                    for i in 0..3 {
+                        for j in 0..3 {
+                            let k = f64::from(i == j) - c.normal[i] * c.normal[j];
+                            let (row, col) = (
+                                per_node * *node_r as usize + i,
+                                per_node * *node_s as usize + j,
+                            );
+                            self.matrix[row * n + col] -= sign_r * sign_s * weight * k;
+                        }
+                    }
+                }
+            }
+        }
+        // Not positive definite: penetration of the order of a radius.
+        let factored = if kind == MassKind::Curved {
+            chol_factor(&mut self.matrix, n).is_ok()
+        } else {
+            self.pivots.resize(n, 0);
+            lu_factor(&mut self.matrix, n, &mut self.pivots).is_ok()
+        };
+        self.kind = if factored { kind } else { MassKind::Diagonal };
+    }
+
+    /// `x = Mt^-1 f` in place.
+    fn apply_inverse(&mut self, system: &RowSystem, f: &mut [f64]) {
+        let nodes = system.nodes();
+        match self.kind {
+            MassKind::Loaded => lu_solve(&self.matrix, NODE_DOF * nodes, &self.pivots, f),
+            MassKind::Curved => {
+                self.scratch.clear();
+                for node in 0..nodes {
+                    self.scratch
+                        .extend_from_slice(&f[NODE_DOF * node..NODE_DOF * node + 3]);
+                }
+                chol_solve(&self.matrix, 3 * nodes, &mut self.scratch);
+                for node in 0..nodes {
+                    for k in 0..3 {
+                        f[NODE_DOF * node + k] = self.scratch[3 * node + k];
+                        f[NODE_DOF * node + 3 + k] *= system.inv_inertia[node];
+                    }
+                }
+            }
+            MassKind::Diagonal => {
+                for node in 0..nodes {
+                    for k in 0..3 {
+                        f[NODE_DOF * node + k] *= system.inv_mass[node];
+                        f[NODE_DOF * node + 3 + k] *= system.inv_inertia[node];
+                    }
+                }
+            }
         }
     }
 }

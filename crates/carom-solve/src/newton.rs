@@ -228,7 +228,8 @@ impl Newton {
         problem.evaluate(system, u, &mut self.z);
         let mut norms = self.norms(system, lambda, u);
         let first = norms.residual;
-        let dense = system.contacts.len() <= options.dense_contacts;
+        // Loads couple all nodes: their matrix is dense whatever the size.
+        let dense = system.contacts.len() <= options.dense_contacts || system.has_load();
         let shift_floor = if dense {
             SHIFT_FLOOR_DENSE
         } else {
@@ -257,6 +258,10 @@ impl Newton {
             }
             let shift = options.proximal_shift * (norms.residual / first).clamp(shift_floor, 1.0);
             for (c, block) in system.contacts.iter().zip(&mut self.tangents) {
+                if c.bilateral {
+                    cone::pass_tangent(c.dim as usize, block);
+                    continue;
+                }
                 let rows = c.row as usize..(c.row + c.dim) as usize;
                 cone::tangent(&c.bounds, &self.xi[rows], block);
             }
@@ -347,12 +352,13 @@ impl Newton {
             for row in rows.clone() {
                 self.xi[row] = lambda[row] - self.penalty[row] * self.z[row];
             }
-            self.statuses[index] = cone::project(
-                &c.bounds,
-                &self.xi[rows.clone()],
-                &mut self.phi[rows.clone()],
-            );
-            let translational = c.row as usize + if c.bounds.sliding > 0.0 { 3 } else { 1 };
+            let (xi, phi) = (&self.xi[rows.clone()], &mut self.phi[rows.clone()]);
+            self.statuses[index] = if c.bilateral {
+                cone::pass(xi, phi)
+            } else {
+                cone::project(&c.bounds, xi, phi)
+            };
+            let translational = (c.row + c.translational) as usize;
             for row in rows {
                 let scale = if row < translational {
                     1.0
@@ -366,7 +372,7 @@ impl Newton {
                 ll += (scale * lambda[row]) * (scale * lambda[row]);
             }
         }
-        system.impulses(&self.phi, &mut self.force);
+        system.momentum(&self.phi, &mut self.force);
         let (mut inertia, mut force) = (0.0, 0.0);
         for node in 0..system.nodes() {
             let (m, i) = (1.0 / system.inv_mass[node], 1.0 / system.inv_inertia[node]);
@@ -389,8 +395,12 @@ impl Newton {
     fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
         options.gap_tolerance.is_infinite()
             || system.contacts.iter().all(|c| {
-                let z = self.z[c.row as usize];
                 let tolerance = options.gap_tolerance * c.length + options.gap_floor;
+                if c.bilateral {
+                    let rows = c.row as usize..(c.row + c.translational) as usize;
+                    return self.z[rows].iter().all(|z| z.abs() <= tolerance);
+                }
+                let z = self.z[c.row as usize];
                 z >= -tolerance && (self.phi[c.row as usize] == 0.0 || z <= tolerance)
             })
     }

@@ -17,9 +17,13 @@ pub struct RowContact {
     pub node_b: u32,
     /// First row.
     pub row: u32,
-    /// Number of rows, `bounds.dim()`.
+    /// Number of rows: `bounds.dim()`, or those of a joint.
     pub dim: u32,
     pub bounds: Bounds,
+    /// A joint: its multipliers have no bounds and it is always active.
+    pub bilateral: bool,
+    /// Leading rows that are forces and lengths; the others are moments and angles.
+    pub translational: u32,
     /// Reference length r_c, m: makes rotational rows comparable and gaps relative.
     pub length: f64,
     /// Derivative of the unit normal: `curvature (1 - n n^T)` over the relative position, 1/m (eq. 42); 0 at velocity level.
@@ -28,10 +32,10 @@ pub struct RowContact {
     pub normal: [f64; 3],
 }
 
-/// Nodes, contacts and rows. `M u = G^T lambda`, measures `z(u)` (gaps, or relative velocities with restitution).
+/// Nodes, contacts and rows. `M u = G^T lambda + b(u)`, measures `z(u)` (gaps, or relative velocities with restitution).
 ///
-/// The mass is diagonal here (free spheres); joints and other bodies bring a saddle system beside this one, not a
-/// different row type.
+/// The mass is diagonal (free spheres). Joints are row groups without bounds beside the contacts. Loads that depend on the
+/// motion bring `b(u)` and its derivative over the nodes (`load`, `load_tangent`).
 #[derive(Clone, Debug, Default)]
 pub struct RowSystem {
     /// Per node: 1/m, 1/I, length (radius, m).
@@ -45,11 +49,15 @@ pub struct RowSystem {
     pub z0: Vec<f64>,
     /// `D_cc`, diagonal of `G M^-1 G^T` per row (nominal, without the turning of the normal).
     pub diag: Vec<f64>,
+    /// Change of the impulse of loads `b(u)` at the last evaluation (6 per node); empty: none.
+    pub load: Vec<f64>,
+    /// `-db/du`, dense and row-major over the nodes; empty with `load`.
+    pub load_tangent: Vec<f64>,
 }
 
 /// A sub-problem of a step: measures as functions of the correction `u`.
 pub trait Subproblem {
-    /// Writes `z(u)`. May refresh the Jacobian rows, normals and curvatures that depend on `u`.
+    /// Writes `z(u)`. May refresh the Jacobian rows, normals, curvatures and loads that depend on `u`.
     fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]);
 }
 
@@ -72,6 +80,23 @@ impl RowSystem {
         self.jac.clear();
         self.z0.clear();
         self.diag.clear();
+        self.load.clear();
+        self.load_tangent.clear();
+    }
+
+    /// Whether loads change with the correction.
+    #[inline]
+    pub fn has_load(&self) -> bool {
+        !self.load.is_empty()
+    }
+
+    /// Makes room for loads that change with the correction; call it after the last node.
+    pub fn open_load(&mut self) {
+        let dofs = NODE_DOF * self.nodes();
+        self.load.clear();
+        self.load.resize(dofs, 0.0);
+        self.load_tangent.clear();
+        self.load_tangent.resize(dofs * dofs, 0.0);
     }
 
     #[inline]
@@ -106,17 +131,49 @@ impl RowSystem {
         z0: &[f64],
     ) {
         debug_assert_eq!(jac.len(), bounds.dim());
-        let row = self.jac.len() as u32;
-        self.contacts.push(RowContact {
+        let group = RowContact {
             node_a,
             node_b,
-            row,
+            row: self.jac.len() as u32,
             dim: jac.len() as u32,
             bounds,
+            bilateral: false,
+            translational: if bounds.sliding > 0.0 { 3 } else { 1 },
             length,
             curvature: 0.0,
             normal,
-        });
+        };
+        self.push_rows(group, jac, z0);
+    }
+
+    /// Adds a joint: rows without bounds, the first `translational` of them forces.
+    pub fn push_joint(
+        &mut self,
+        (node_a, node_b): (u32, u32),
+        translational: usize,
+        length: f64,
+        jac: &[[[f64; NODE_DOF]; 2]],
+        z0: &[f64],
+    ) {
+        debug_assert!(jac.len() <= MAX_ROWS);
+        let group = RowContact {
+            node_a,
+            node_b,
+            row: self.jac.len() as u32,
+            dim: jac.len() as u32,
+            bounds: Bounds::default(),
+            bilateral: true,
+            translational: translational as u32,
+            length,
+            curvature: 0.0,
+            normal: [0.0; 3],
+        };
+        self.push_rows(group, jac, z0);
+    }
+
+    fn push_rows(&mut self, group: RowContact, jac: &[[[f64; NODE_DOF]; 2]], z0: &[f64]) {
+        let (node_a, node_b) = (group.node_a, group.node_b);
+        self.contacts.push(group);
         for (j, z) in jac.iter().zip(z0) {
             let mut d = self.weighted_dot(node_a, &j[0], &j[0]);
             if node_b != WORLD {
@@ -178,6 +235,14 @@ impl RowSystem {
         f.fill(0.0);
         for c in &self.contacts {
             self.add_impulse(c, lambda, f);
+        }
+    }
+
+    /// `f = G^T lambda + b`: what `M u` has to equal.
+    pub fn momentum(&self, lambda: &[f64], f: &mut [f64]) {
+        self.impulses(lambda, f);
+        for (f, b) in f.iter_mut().zip(&self.load) {
+            *f += b;
         }
     }
 

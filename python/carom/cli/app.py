@@ -13,6 +13,7 @@ from carom.cli.doctor import doctor
 from carom.cli.examples import examples
 from carom.cli.info import info
 from carom.cli.plot import plot
+from carom.cli.reproduce import reproduce
 from carom.cli.resume import resume
 from carom.cli.run import run
 from carom.cli.schema import schema
@@ -50,6 +51,6 @@ def carom(
     """
 
 
-for _command in (demo, run, resume, check, plot, view, info, schema, doctor, cite):
+for _command in (demo, run, resume, check, plot, view, reproduce, info, schema, doctor, cite):
     app.command(no_args_is_help=False)(_command)
 app.add_typer(examples, name="examples")

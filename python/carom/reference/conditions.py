@@ -4,6 +4,9 @@ Redundant frictional contacts have many solutions; two programs may then differ 
 judged here is not a solution but its claim: the dynamics, and for every disc the natural map
 `projection(lambda - p z) - lambda`, divided by p and for moments multiplied by r_c, so that every figure is a
 length [m] (position level) or a speed [m/s] (velocity level) and 0 means that the condition holds exactly.
+
+Nobody reports the multipliers of joints. They have no sign and no bound, so they are recovered: those that balance
+the dynamics best, in the metric of M; what they leave unbalanced is the violation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,11 +14,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .contact import Impulse, element, from_world, gap_and_normal, islands
-from .impact import ImpactProblem, Island, solve_island
+from .contact import Impulse, element, from_world, gap_and_normal
+from .impact import ImpactProblem, solve_island
+from .island import Bonds, Island, islands
+from .joint import JointsAt, rates
 from .model import F64, TOUCH, Model, State
-from .problem import ContactProblem, Layout, PositionProblem, VelocityProblem
-from .step import smooth
+from .pose import Pose
+from .pose import rotation_increment as rotation_increment
+from .problem import ContactProblem, Layout, PositionProblem
+from .smooth import FreeMotion, free_motion
 
 Key = tuple[int, int]
 
@@ -30,11 +37,13 @@ class Conditions:
     """Natural map of the unilateral rows: overlap, adhesion, impulse at an open gap."""
     discs: float
     """Natural map of sliding, rolling and spinning: bound exceeded, motion inside it, wrong direction."""
+    joints: float = 0.0
+    """Rows of joints; those of rotations times the radius of the body."""
 
     @property
     def worst(self) -> float:
         """The largest of all."""
-        return max(self.dynamics, self.normal, self.discs)
+        return max(self.dynamics, self.normal, self.discs, self.joints)
 
 
 @dataclass
@@ -46,41 +55,46 @@ class StepJudgement:
     """Stage and verdict of each impact problem."""
     velocity: float = 0.0
     """Largest |u_{n+1} - u_check - W| with W from the impulses, rotations times the radius [m/s]."""
+    joints: float = 0.0
+    """Largest |G u_{n+1} - c'| of the joints, rotations times the radius [m/s]."""
     objections: list[str] = field(default_factory=list)
     """Problems that the law does not have, are missing, or hold impulses of foreign contacts."""
 
     @property
     def worst(self) -> float:
         """Largest violation of all; infinite if there are objections."""
-        figures = [self.position.worst, self.velocity, *(verdict.worst for _, verdict in self.problems)]
+        figures = [
+            self.position.worst,
+            self.velocity,
+            self.joints,
+            *(verdict.worst for _, verdict in self.problems),
+        ]
         return float("inf") if self.objections else max(figures)
 
 
 def conditions(problem: ContactProblem, u: F64, multipliers: F64) -> Conditions:
-    """Judge u (d,), lambda (m,) as an answer to a problem."""
-    lay = problem.layout
-    at = problem.evaluate(u, multipliers)
-    dynamics = np.abs(at.r_u) / lay.mass / lay.weight_u
+    """Judge u (d,), lambda (m,) as an answer to a problem; multipliers of joints are recovered, not read."""
+    lay, rows = problem.layout, problem.layout.joint_rows
+    known = multipliers.copy()
+    z, gradient = problem.kinematics(u)
+    # projection adds -p z to a joint's multiplier: with this start its row counts as phi = 0
+    known[rows] = problem.p[rows] * z[rows]
+    at = problem.evaluate(u, known)
+    root = 1.0 / np.sqrt(lay.mass)
+    balance = root * at.r_u
+    reach = gradient[rows].T * root[:, None]
+    if lay.joints:
+        balance = balance - reach @ np.linalg.lstsq(reach, balance, rcond=1e-10)[0]
+    dynamics = np.abs(root * balance) / lay.weight_u
     natural = np.abs(at.r_l) / problem.p / lay.weight_l
-    is_normal = np.zeros(lay.rows, dtype=bool)
-    is_normal[lay.start] = True
+    is_normal, is_joint = np.zeros(lay.rows, dtype=bool), np.zeros(lay.rows, dtype=bool)
+    is_normal[lay.start], is_joint[rows] = True, True
     return Conditions(
         float(np.max(dynamics, initial=0.0)),
         float(np.max(natural[is_normal], initial=0.0)),
-        float(np.max(natural[~is_normal], initial=0.0)),
+        float(np.max(natural[~is_normal & ~is_joint], initial=0.0)),
+        float(np.max(natural[is_joint], initial=0.0)),
     )
-
-
-def rotation_increment(q_n: F64, q_new: F64) -> F64:
-    """Spatial psi (N,3) [rad] with q_new = exp(psi) q_n, |psi| <= pi; orientations (N,4), w first."""
-    w1, v1, w2, v2 = q_new[:, 0], q_new[:, 1:], q_n[:, 0], -q_n[:, 1:]
-    w = w1 * w2 - np.sum(v1 * v2, axis=1)
-    v = w1[:, None] * v2 + w2[:, None] * v1 + np.cross(v1, v2)
-    v = np.where(w[:, None] < 0.0, -v, v)
-    length = np.linalg.norm(v, axis=1)
-    angle = 2.0 * np.arctan2(length, np.abs(w))
-    factor = np.divide(angle, length, out=np.full(len(v), 2.0), where=length > 1e-300)
-    return np.asarray(factor[:, None] * v, dtype=np.float64)
 
 
 def position_conditions(
@@ -90,18 +104,29 @@ def position_conditions(
 
     Every pair of the scene is judged, whether it has an impulse or not.
     """
-    _, _, _, d_check, _ = smooth(model, state)
-    elements = [element(model, pair, state.x) for pair in model.pairs]
-    if not elements:
+    return _position_conditions(model, state, free_motion(model, state), x_new, rot_incr_world, impulses)
+
+
+def _position_conditions(
+    model: Model,
+    state: State,
+    free: FreeMotion,
+    x_new: F64,
+    rot_incr_world: F64,
+    impulses: Mapping[Key, Impulse],
+) -> Conditions:
+    elements = [element(model, pair, state.x, state.u) for pair in model.pairs]
+    if not elements and not model.joints:
         return Conditions(0.0, 0.0, 0.0)
-    layout = Layout(model, elements)
-    problem = PositionProblem(model, layout, state.x + d_check.reshape(-1, 6)[:, :3], d_check)
+    layout = Layout(model, elements, model.joints, range(model.bodies))
+    x_check = state.x + free.d_check.reshape(-1, 6)[:, :3]
+    problem = PositionProblem(model, layout, x_check, free.d_check, free)
     displacement = np.concatenate([x_new - state.x, rot_incr_world], axis=1).reshape(-1)
     multipliers = np.zeros(layout.rows)
     for e, rows in zip(elements, layout.slices, strict=True):
         if e.pair.key in impulses:
             multipliers[rows] = from_world(e, impulses[e.pair.key])
-    return conditions(problem, (displacement - d_check)[layout.dofs], multipliers)
+    return conditions(problem, (displacement - free.d_check)[layout.dofs], multipliers)
 
 
 def split_impulse(model: Model, state: State, x_new: F64, key: Key, total: F64, moment: F64) -> Impulse:
@@ -134,20 +159,23 @@ def judge_step(
     `scales`: factor of the energy safeguard of each entry, where it acted. The law is replayed with the given
     impulses: its sets follow from them, not from a solution made here.
     """
-    verdict = StepJudgement(position_conditions(model, state, x_new, rot_incr_world, position_impulses))
-    _, _, u_check, _, _ = smooth(model, state)
+    free = free_motion(model, state)
+    verdict = StepJudgement(
+        _position_conditions(model, state, free, x_new, rot_incr_world, position_impulses)
+    )
     closed = [
-        element(model, pair, state.x)
+        element(model, pair, state.x, state.u)
         for pair in model.pairs
         if pair.key in position_impulses or gap_and_normal(model, pair, x_new)[0] <= TOUCH * pair.radius
     ]
     factors = [1.0] * len(problems) if scales is None else list(scales)
-    u = u_check.copy()
+    u, pose = free.u_check.copy(), Pose(x_new, rot_incr_world, free.turn)
     homeless = {key for _, given in problems for key in given} - {e.pair.key for e in closed}
     if homeless:
         verdict.objections.append(f"impulses of {sorted(homeless)}, which are not closed")
-    for group in islands(closed):
-        island = Island(model, [closed[i] for i in group], x_new, state.u, u_check)
+    for group in islands(model, closed):
+        bonds = Bonds.of(model, group, free, pose)
+        island = Island(model, group.elements, x_new, state.u, free.u_check, bonds)
         own = {e.pair.key for e in island.elements}
         queue = [
             (stage, {key: given[key] for key in own & given.keys()}, factor)
@@ -156,6 +184,10 @@ def judge_step(
         u[island.layout.dofs] += _replay(island, [entry for entry in queue if entry[1]], verdict)
     radius = np.repeat(np.stack([np.ones(model.bodies), model.radius], axis=1), 3, axis=1).reshape(-1)
     verdict.velocity = float(np.max(np.abs(u_new - u) * radius, initial=0.0))
+    if model.joints:
+        missed = JointsAt(model.joints, pose).gradient @ u_new - rates(model.joints, free.time)
+        weight = Layout(model, [], model.joints).weight_l
+        verdict.joints = float(np.max(np.abs(missed) / weight))
     return verdict
 
 
@@ -183,15 +215,10 @@ def _replay(
         foreign = given.keys() - set(names)
         if foreign:
             verdict.objections.append(f"stage {stage}: impulses of {sorted(foreign)}, which are no members")
-        offset = np.zeros(lay.rows)
+        offset = island.plastic
         if u_minus is not None:
             offset = island.offset(u_minus, np.full(len(island.elements), factor), tolerance, paper)
-        rows = np.concatenate([np.arange(lay.rows)[lay.slices[i]] for i in members])
-        sub = Layout(island.model, [island.elements[i] for i in members])
-        columns = np.flatnonzero(np.isin(lay.dofs, sub.dofs))
-        force = (island.gradient.T @ fixed)[columns]
-        gradient = island.gradient[np.ix_(rows, columns)]
-        problem = VelocityProblem(sub, gradient, island.u_check[columns], offset[rows], force, island.floor)
+        problem, columns, rows = island.problem(members, offset, fixed)
         jump = island.jump(fixed + multipliers)
         verdict.problems.append((stage, conditions(problem, jump[columns], multipliers[rows])))
         record = ImpactProblem(tuple(lay.bodies), stage, names, given, 0, [], "", factor, 0.0)

@@ -40,9 +40,9 @@ class Element:
     delassus: F64
 
     @property
-    def dofs(self) -> list[int]:
-        """Indices of the element's columns in the generalised vector of all bodies."""
-        return [6 * body + k for body in self.pair.bodies for k in range(6)]
+    def slides(self) -> bool:
+        """Whether there are sliding rows; they are rows 1 and 2 then."""
+        return any(disc.kind == "T" for disc in self.discs)
 
 
 def gap_and_normal(model: Model, pair: Pair, x: F64) -> tuple[float, F64, float]:
@@ -87,8 +87,28 @@ def tangents_of(normal: F64) -> F64:
     return np.stack([first, np.cross(normal, first)])
 
 
-def element(model: Model, pair: Pair, x_n: F64, tangents: F64 | None = None) -> Element:
-    """Build the element of a pair with the frame of t_n; `tangents` (2,3) replaces the default choice."""
+def friction_of(pair: Pair, sliding: list[F64], u_n: F64 | None) -> float:
+    """mu of the pair; a law takes the slip speed |G_T v_n| of the rows `sliding`, u_n (6N,) generalised velocity."""
+    law = pair.law.friction_law
+    if law is None:
+        return pair.law.friction
+    if u_n is None:
+        raise ValueError(f"pair {pair.key}: its friction law needs the velocities at the start of the step")
+    u = np.concatenate([u_n[6 * body : 6 * body + 6] for body in pair.bodies])
+    speed = float(np.hypot(*(row @ u for row in sliding)))
+    friction = law.value(speed)
+    if not friction >= 0.0:
+        raise ValueError(f"pair {pair.key}: the friction law gives {friction} at a slip speed of {speed} m/s")
+    return friction
+
+
+def element(
+    model: Model, pair: Pair, x_n: F64, u_n: F64 | None = None, tangents: F64 | None = None
+) -> Element:
+    """Build the element of a pair with the frame of t_n; `tangents` (2,3) replaces the default choice.
+
+    `x_n` (N,3) centres, `u_n` (6N,) velocities of t_n, needed where friction depends on them.
+    """
     _, n, _ = gap_and_normal(model, pair, x_n)
     t = tangents_of(n) if tangents is None else tangents
     radii = model.radius[list(pair.bodies)]
@@ -100,12 +120,15 @@ def element(model: Model, pair: Pair, x_n: F64, tangents: F64 | None = None) -> 
     inv_inertia = float(np.sum(1.0 / model.inertia[list(pair.bodies)]))
     inv_slip = inv_mass + float(np.sum(radii**2 / model.inertia[list(pair.bodies)]))
     delassus = [inv_mass]
-    if law.friction > 0.0:
-        discs.append(Disc("T", len(rows), len(rows) + 2, law.friction))
-        for tangent in t:
-            # t.(n x r w) = r (t x n).w, with the same sign for both spheres (eq. 34)
-            arm = np.cross(tangent, n)
-            rows.append(np.concatenate([part for s, r in sides for part in (s * tangent, r * arm)]))
+    # t.(n x r w) = r (t x n).w, with the same sign for both spheres (eq. 34)
+    sliding = [
+        np.concatenate([part for s, r in sides for part in (s * tangent, r * np.cross(tangent, n))])
+        for tangent in t
+    ]
+    friction = friction_of(pair, sliding, u_n)
+    if friction > 0.0:
+        discs.append(Disc("T", len(rows), len(rows) + 2, friction))
+        rows += sliding
         delassus += [inv_slip] * 2
     if law.rolling_radius > 0.0:
         discs.append(Disc("R", len(rows), len(rows) + 2, law.rolling_radius))
@@ -158,19 +181,3 @@ def from_world(e: Element, impulse: Impulse) -> F64:
         else:
             result[disc.start] = e.normal @ impulse.moment
     return result
-
-
-def islands(elements: list[Element]) -> list[list[int]]:
-    """Groups of element numbers joined through common spheres, in order; planes join nothing."""
-    groups: list[tuple[set[int], list[int]]] = []
-    for number, e in enumerate(elements):
-        bodies, members = set(e.pair.bodies), [number]
-        rest = []
-        for group in groups:
-            if group[0] & bodies:
-                bodies |= group[0]
-                members = group[1] + members
-            else:
-                rest.append(group)
-        groups = [*rest, (bodies, members)]
-    return sorted(sorted(members) for _, members in groups)

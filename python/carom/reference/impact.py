@@ -1,4 +1,4 @@
-"""Velocity level: the sequence of impact problems of one island (section 5 of the specification; eqs. 24-29).
+"""Velocity level: the sequence of impact problems of one island (sections 5 and 7 of the specification; eqs. 24-29).
 
 Three laws: `sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (the paper as printed) and
 `one-shot` (one simultaneous problem with Newton's law).
@@ -9,18 +9,15 @@ from typing import Protocol
 
 import numpy as np
 
-from .contact import Element, Impulse, gap_and_normal, islands, normal_row, to_world
-from .model import F64, Model
+from .contact import Impulse, to_world
+from .island import Island as Island
+from .island import connected
+from .model import F64
 from .newton import solve
-from .problem import EPS, Layout, VelocityProblem
 
 ENERGY_SLACK = 1e-10
 """A problem may produce this fraction of the kinetic energy of its bodies (rule R4)."""
 BISECTIONS = 12
-
-
-LARGE_ISLAND = 10
-"""Contacts above which the closing tolerance goes by the load alone (rule R3)."""
 
 
 @dataclass
@@ -48,72 +45,11 @@ class IslandResult:
     jump: F64
     """W (d,) [m/s, rad/s]."""
     multipliers: F64
-    """Sum over the problems that count, (m,) [N s, N s m]."""
+    """Sum over the problems that count, (m,) [N s, N s m]; of the joints their totals."""
     problems: list[ImpactProblem] = field(default_factory=list)
     truncated: bool = False
     tolerance: float | None = None
     """Closing tolerance [m/s], None where there was nothing to solve."""
-
-
-class Island:
-    """One island with its contacts of A: velocities in local numbering, gradients at the corrected positions.
-
-    `u_n`, `u_check` (6N,) generalised velocities; `x_new` (N,3) corrected centres.
-    """
-
-    def __init__(self, model: Model, elements: list[Element], x_new: F64, u_n: F64, u_check: F64) -> None:
-        self.model, self.elements = model, elements
-        self.layout = lay = Layout(model, elements)
-        self.u_n, self.u_check = u_n[lay.dofs], u_check[lay.dofs]
-        self.gradient_n = lay.frozen_gradient()
-        self.gradient = self.gradient_n.copy()
-        for e, row, columns in zip(elements, lay.start, lay.columns, strict=True):
-            self.gradient[row, columns] = normal_row(e.pair, gap_and_normal(model, e.pair, x_new)[1])
-        self.normal_rows = lay.start
-        radius = model.radius[lay.bodies]
-        before, free = self.u_n.reshape(-1, 6), self.u_check.reshape(-1, 6)
-        self.load = float(np.max(np.linalg.norm(free[:, :3] - before[:, :3], axis=1)))
-        self.old_speed = _speed(before, radius)
-        self.speed = max(self.old_speed, self.load)
-        # rounding of the problem: relative to the largest velocity that enters it, spin included
-        self.floor = 4.0 * EPS * lay.mean_mass * max(_speed(before, radius), _speed(free, radius))
-
-    def closing_tolerance(self) -> float | None:
-        """Rule R3 [m/s]; None if there is nothing to solve."""
-        if self.load == 0.0:
-            return 1e-6 * self.speed if self.speed > 0.0 else None
-        by_load = 1e-2 * self.load
-        large = len(self.elements) > LARGE_ISLAND
-        tolerance = by_load if large else min(by_load, 1e-6 * self.speed)
-        return max(tolerance, 64.0 * EPS * self.old_speed)
-
-    def normal_velocity(self, u: F64, frozen: bool = False) -> F64:
-        """G_N u per contact [m/s], with the normals of t_{n+1}, or of t_n if `frozen`."""
-        gradient = self.gradient_n if frozen else self.gradient
-        return np.asarray(gradient[self.normal_rows] @ u, dtype=np.float64)
-
-    def jump(self, multipliers: F64) -> F64:
-        """M^-1 G^T of impulses (m,): a velocity jump (d,)."""
-        return np.asarray(self.gradient.T @ multipliers / self.layout.mass, dtype=np.float64)
-
-    def offset(self, u_minus: F64, scale: F64, tolerance: float, paper: bool) -> F64:
-        """The part e gamma^- of eq. 24 for every row (m,); `scale` per contact multiplies its coefficients.
-
-        Default law: normal of t_{n+1}, clipped to approach, tangential restitution only where the contact
-        approaches. `paper`: normal of t_n and neither clip.
-        """
-        approach = self.normal_velocity(u_minus, frozen=paper)
-        result = np.zeros(self.layout.rows)
-        for i, e in enumerate(self.elements):
-            law, n = e.pair.law, self.layout.start[i]
-            threshold = self.model.options.restitution_threshold
-            # zero means never: the unclipped law of the paper knows separating pre-impact velocities
-            if threshold == 0.0 or -approach[i] >= threshold:
-                result[n] = scale[i] * law.restitution * (approach[i] if paper else min(0.0, approach[i]))
-            if law.friction > 0.0 and (paper or approach[i] < -tolerance):
-                rows = slice(n + 1, n + 3)
-                result[rows] = scale[i] * law.tangential_restitution * (self.gradient[rows] @ u_minus)
-        return result
 
 
 @dataclass
@@ -128,38 +64,39 @@ class _Solved:
 
 
 def _solve_members(island: Island, members: list[int], offset: F64, fixed: F64, what: str) -> _Solved:
-    """Solve the contacts `members`; `fixed` (m,) are the impulses that already act."""
-    lay = island.layout
-    rows = np.concatenate([np.arange(lay.rows)[lay.slices[i]] for i in members])
-    sub = Layout(island.model, [island.elements[i] for i in members])
-    columns = np.flatnonzero(np.isin(lay.dofs, sub.dofs))
-    force = island.gradient.T @ fixed
-    start = force / lay.mass
-    problem = VelocityProblem(
-        sub,
-        island.gradient[np.ix_(rows, columns)],
-        island.u_check[columns],
-        offset[rows],
-        force[columns],
-        island.floor,
-    )
-    found = solve(problem, start[columns], island.model.options, what)
-    multipliers = np.zeros(lay.rows)
+    """Solve the contacts `members` and all joints; `fixed` (m,) are the impulses of contacts that already act."""
+    problem, columns, rows = island.problem(members, offset, fixed)
+    found = solve(problem, island.jump(fixed)[columns], island.model.options, what)
+    multipliers = np.zeros(island.layout.rows)
     multipliers[rows] = found.multipliers
+    multipliers[island.layout.joint_rows] = 0.0
     jump = island.jump(fixed + multipliers)
     return _Solved(multipliers, jump, found.iterations, found.history, found.fallback)
 
 
 def _gain(island: Island, contacts: list[int], solved: _Solved, before: F64) -> float:
-    """w of rule R4 over some contacts [J]; `before` (d,) the jump of the fixed impulses."""
+    """w of rule R4 over some contacts [J]; `before` (d,) the jump of the fixed impulses.
+
+    Both velocities satisfy the joints: those that prescribe nothing do no work, and that of the others is no gain.
+    """
     mean = 0.5 * (before + solved.jump) + island.u_check
     work = solved.multipliers * (island.gradient @ mean)
     return float(sum(np.sum(work[island.layout.slices[i]]) for i in contacts))
 
 
-def _pushing_islands(island: Island, members: list[int], solved: _Solved) -> list[list[int]]:
+def _pushing_islands(
+    island: Island, members: list[int], solved: _Solved
+) -> list[tuple[list[int], list[int]]]:
+    """Contacts with impulse that hang together, also through joints and loads; and the spheres of each group."""
     pushing = [i for i in members if solved.multipliers[island.layout.start[i]] > 0.0]
-    return [[pushing[k] for k in group] for group in islands([island.elements[i] for i in pushing])]
+    links = island.bonds.group.links if island.bonds else []
+    sets = [island.elements[i].pair.bodies for i in pushing] + links
+    result = []
+    for group in connected(sets):
+        contacts = [pushing[k] for k in group if k < len(pushing)]
+        if contacts:
+            result.append((contacts, sorted({body for k in group for body in sets[k]})))
+    return result
 
 
 def impact_problem(
@@ -176,8 +113,7 @@ def impact_problem(
     scale = np.ones(len(island.elements))
 
     def at(factors: F64) -> _Solved:
-        plastic = np.zeros(island.layout.rows)
-        offset = plastic if u_minus is None else island.offset(u_minus, factors, tolerance, paper)
+        offset = island.plastic if u_minus is None else island.offset(u_minus, factors, tolerance, paper)
         return _solve_members(island, members, offset, fixed, what)
 
     solved = at(scale)
@@ -187,9 +123,9 @@ def impact_problem(
         # scaling one group may let a contact between two groups push: look again until no group gains
         for _ in range(len(members)):
             gaining = []
-            for group in _pushing_islands(island, members, solved):
-                dofs = np.unique(np.concatenate([island.layout.columns[i] for i in group]))
-                bound = ENERGY_SLACK * float(np.sum(energy[dofs]))
+            for group, bodies in _pushing_islands(island, members, solved):
+                own = np.isin(island.layout.dofs // 6, bodies)
+                bound = ENERGY_SLACK * float(np.sum(energy[own]))
                 if _gain(island, group, solved, before) > bound:
                     gaining.append((group, bound))
             if not gaining:
@@ -241,27 +177,29 @@ class ProblemSolver(Protocol):
 
 def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem) -> IslandResult:
     """All impact problems of one island by the law that the options name."""
-    result = IslandResult(np.zeros(len(island.layout.dofs)), np.zeros(island.layout.rows))
-    tolerance = result.tolerance = island.closing_tolerance()
-    if tolerance is None:
-        return result
-    everything = list(range(len(island.elements)))
-    impact = island.model.options.impact
-    paper = impact == "sequence-paper"
-    if impact == "one-shot":
-        result.multipliers, record = impact_problem(
-            island, everything, result.multipliers, island.u_n, tolerance, impact
-        )
-        result.problems.append(record)
-        result.jump = island.jump(result.multipliers)
-        return result
-
+    result = IslandResult(island.start, np.zeros(island.layout.rows))
     impulses = np.zeros(island.layout.rows)
-    offset_jump = np.zeros(len(island.layout.dofs))
+    tolerance = result.tolerance = island.closing_tolerance()
+    if tolerance is not None and island.elements:
+        if island.model.options.impact == "one-shot":
+            everything = list(range(len(island.elements)))
+            impulses, record = impact_problem(island, everything, impulses, island.u_n, tolerance, "one-shot")
+            result.problems.append(record)
+        else:
+            impulses = _sequence(island, impact_problem, tolerance, result)
+    result.jump, result.multipliers = island.respond(impulses)
+    return result
+
+
+def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: float, result: IslandResult) -> F64:
+    """The problems of `sequence` and `sequence-paper`, put into `result`; the impulses of all contacts (m,)."""
+    paper = island.model.options.impact == "sequence-paper"
+    impulses = np.zeros(island.layout.rows)
+    offset_jump = island.start
     loaded: set[int] = set()
     if not paper:
         resting = np.flatnonzero(island.normal_velocity(island.u_n) >= -tolerance).tolist()
-        closing = island.normal_velocity(island.u_check) < -tolerance
+        closing = island.normal_velocity(island.u_check + island.start) < -tolerance
         loaded = {i for i in resting if closing[i]}
         if loaded:
             impulses, record = impact_problem(island, resting, impulses, None, tolerance, "0")
@@ -275,6 +213,7 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
             break
         if number > island.model.options.max_problems:
             # the sequence does not end: one problem that leaves nothing approaching and cannot gain energy
+            everything = list(range(len(island.elements)))
             added, record = impact_problem(island, everything, impulses, None, tolerance, "truncated")
             result.truncated = True
         else:
@@ -289,11 +228,4 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
         impulses = impulses + added
         result.problems.append(record)
         jump = island.jump(impulses)
-    result.multipliers, result.jump = impulses, jump
-    return result
-
-
-def _speed(velocities: F64, radius: F64) -> float:
-    """max(|v| + r |w|) of generalised velocities (n,6) [m/s]."""
-    linear, spin = np.linalg.norm(velocities[:, :3], axis=1), np.linalg.norm(velocities[:, 3:], axis=1)
-    return float(np.max(linear + radius * spin))
+    return impulses

@@ -10,9 +10,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from .joint import JointRow, read_joints
+from .law import ScalarLaw, read_law
+from .load import Load, read_loads
+from .pose import F64 as F64
 
 TOUCH = 1e-9
 """A contact is closed, and a starting overlap admitted, up to this fraction of its reference radius."""
@@ -27,6 +29,8 @@ class Law:
     tangential_restitution: float = 0.0
     rolling_radius: float = 0.0
     spinning_radius: float = 0.0
+    friction_law: ScalarLaw | None = None
+    """mu as a function of the slip speed [m/s] at t_n; takes the place of `friction`."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,10 @@ class Model:
     angular_velocity: F64
     mass_diagonal: F64 = field(repr=False)
     """Diagonal of M, (6N,): kg and kg m^2."""
+    joints: list[JointRow]
+    """Rows of all joints, joint after joint."""
+    loads: list[Load]
+    """The weight of the spheres and whatever else pushes them."""
 
     @property
     def bodies(self) -> int:
@@ -156,6 +164,8 @@ class Model:
             velocity=_array(model.get("velocity", np.zeros((n, 3)))).reshape(n, 3),
             angular_velocity=_array(model.get("angular_velocity", np.zeros((n, 3)))).reshape(n, 3),
             mass_diagonal=blocks.reshape(6 * n),
+            joints=read_joints(model),
+            loads=read_loads(model),
         )
         for name, values in (("radius", radius), ("mass", mass), ("inertia", inertia)):
             if len(values) != n or not np.all(values > 0.0):
@@ -189,8 +199,12 @@ def _pairs(model: Mapping[str, Any], radius: F64, planes: int) -> list[Pair]:
     columns = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
     count = len(model.get("law_a", ()))
     table = [model.get(name, np.zeros(count)) for name in columns]
+    slip = [None if law is None else read_law(law) for law in model.get("friction_law", [None] * count)]
     laws = {
-        frozenset((int(a), int(b))): Law(*(float(column[i]) for column in table))
+        frozenset((int(a), int(b))): Law(
+            **{name: float(column[i]) for name, column in zip(columns, table, strict=True)},
+            friction_law=slip[i],
+        )
         for i, (a, b) in enumerate(zip(model.get("law_a", ()), model.get("law_b", ()), strict=True))
     }
     sphere_material = [int(m) for m in model.get("material", np.zeros(n))]

@@ -141,7 +141,8 @@ def _step(problem: ContactProblem, u: F64, multipliers: F64, at: Evaluation, fir
     redundant contacts solvable.
     """
     lay, d = problem.layout, len(problem.layout.dofs)
-    active = np.flatnonzero(np.diagonal(at.tangent)[lay.start][lay.owner] > 0.0)
+    closed = np.flatnonzero(np.diagonal(at.tangent)[lay.start][lay.owner] > 0.0)
+    active = np.concatenate([closed, np.arange(lay.contact_rows, lay.rows)])
     dl = -multipliers + 0.0
     dl[active] = 0.0
     keep = np.concatenate([np.arange(d), d + active])
@@ -175,7 +176,7 @@ def _floor(problem: ContactProblem, at: Evaluation, active: NDArray[np.intp]) ->
 
 
 def gauss_seidel(problem: ContactProblem, u: F64, multipliers: F64, sweeps: int) -> tuple[F64, F64]:
-    """Projected Gauss-Seidel, block after block (N, T, R, S of each contact); exact for a single block."""
+    """Projected Gauss-Seidel, block after block (N, T, R, S of each contact, rows of joints); exact for a single block."""
     lay = problem.layout
     u, multipliers = u.copy(), multipliers.copy()
     for _ in range(sweeps):
@@ -197,6 +198,12 @@ def gauss_seidel(problem: ContactProblem, u: F64, multipliers: F64, sweeps: int)
                 largest = max(largest, float(np.max(np.abs(change))))
                 multipliers[rows] = new
                 u += gradient[rows].T @ change / lay.mass
+        for row in range(lay.contact_rows, lay.rows):
+            z, gradient = problem.kinematics(u)
+            change = -z[row] * 2.0 * lay.p[row]
+            largest = max(largest, abs(float(change)))
+            multipliers[row] += change
+            u += gradient[row] * change / lay.mass
         if largest <= 1e-15 * float(np.max(np.abs(multipliers), initial=0.0)):
             break
     return u, multipliers

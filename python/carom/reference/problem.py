@@ -4,65 +4,27 @@ With `xi = lambda - p z` and `phi` its projection (section 4 of the specificatio
 multiplier row scaled) the unknowns `u` (displacement U [m, rad] or velocity jump W [m/s, rad/s]) and `lambda`
 satisfy
 
-    r_u = M u - fixed - G^T phi = 0        r_l = phi - lambda = 0
+    r_u = M u - forces(u) - G^T phi = 0        r_l = phi - lambda = 0
 
-which is the whole saddle system of the paper: no multiplier and no velocity is eliminated.
+which is the whole saddle system of the paper: no multiplier and no velocity is eliminated. A row of a joint is
+one whose projection is the identity, phi = xi, so that its r_l = -p z demands z = 0.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .contact import Element, gap_and_normal, normal_curvature, normal_row
+from .joint import JointsAt
+from .layout import Layout as Layout
+from .load import applied_force
 from .model import F64, Model
+from .pose import Pose
+from .smooth import FreeMotion
 
 EPS = float(np.finfo(np.float64).eps)
-
-
-class Layout:
-    """Numbering of the unknowns of some contacts: local degrees of freedom (d,) and rows (m,)."""
-
-    def __init__(self, model: Model, elements: list[Element]) -> None:
-        self.elements = elements
-        self.bodies = sorted({body for e in elements for body in e.pair.bodies})
-        local = {body: i for i, body in enumerate(self.bodies)}
-        self.dofs = np.array([6 * body + k for body in self.bodies for k in range(6)], dtype=np.intp)
-        self.columns = [
-            np.array([6 * local[body] + k for body in e.pair.bodies for k in range(6)]) for e in elements
-        ]
-        counts = [len(e.rows) for e in elements]
-        ends = [int(end) for end in np.cumsum(counts)]
-        self.slices = [slice(end - k, end) for end, k in zip(ends, counts, strict=True)]
-        self.rows = sum(counts)
-        self.start = np.array([rows.start for rows in self.slices], dtype=np.intp)
-        """First row of every element: its normal row."""
-        self.mass = model.mass_diagonal[self.dofs]
-        self.p = 0.5 / np.concatenate([e.delassus for e in elements])
-        """Penalty per row, 0.5/D_cc (rule R1) [kg, kg m^2]."""
-        self.owner = np.repeat(np.arange(len(elements)), counts)
-        # weights of eq. 44: moments are divided by a radius, so that all entries are impulses [N s or N s^2]
-        self.weight_u = np.ones(len(self.dofs))
-        self.weight_l = np.ones(self.rows)
-        for i, body in enumerate(self.bodies):
-            self.weight_u[6 * i + 3 : 6 * i + 6] = 1.0 / model.radius[body]
-        for number, e in enumerate(elements):
-            for disc in e.discs:
-                if disc.kind != "T":
-                    rows = self.disc_rows(number, disc.start, disc.stop)
-                    self.weight_l[rows] = 1.0 / e.pair.radius
-        self.mean_mass = float(np.mean(model.mass[self.bodies]))
-
-    def disc_rows(self, number: int, start: int, stop: int) -> slice:
-        """Rows of a disc of element `number`."""
-        return slice(int(self.start[number]) + start, int(self.start[number]) + stop)
-
-    def frozen_gradient(self) -> F64:
-        """G (m, d) with every row, the normal one included, in the frame of t_n."""
-        gradient = np.zeros((self.rows, len(self.dofs)))
-        for e, columns, rows in zip(self.elements, self.columns, self.slices, strict=True):
-            gradient[rows, columns] = e.rows
-        return gradient
 
 
 @dataclass(frozen=True)
@@ -80,6 +42,8 @@ class Evaluation:
     """C = d phi / d xi, (m, m)."""
     z: F64
     gradient: F64
+    by_u: F64 | None
+    """Derivative of the forces by u (d, d), None for 0."""
 
 
 class ContactProblem:
@@ -96,8 +60,12 @@ class ContactProblem:
         """z (m,) and its gradient G (m, d) at u (d,)."""
         raise NotImplementedError
 
+    def forces(self, u: F64) -> tuple[F64, F64 | None]:
+        """What acts besides the multipliers (d,), and its derivative (d, d), None for 0."""
+        return self.fixed, None
+
     def curvature(self, u: F64, phi: F64) -> F64 | None:
-        """Sum over contacts of phi_N d2 gap / dq2, (d, d), or None where the gradient is constant."""
+        """Sum over rows of phi d2 z / dq2, (d, d), or None where the gradient is constant."""
         raise NotImplementedError
 
     def closed_gap(self, u: F64, phi: F64) -> float:
@@ -107,6 +75,8 @@ class ContactProblem:
     def project(self, xi: F64) -> tuple[F64, F64]:
         """Projection phi (m,) of the augmented multipliers and its generalised derivative C (m, m)."""
         phi, tangent = np.zeros(len(xi)), np.zeros((len(xi), len(xi)))
+        bilateral = np.arange(len(xi))[self.layout.joint_rows]
+        phi[bilateral], tangent[bilateral, bilateral] = xi[bilateral], 1.0
         for number, e in enumerate(self.layout.elements):
             n = int(self.layout.start[number])
             if xi[n] < 0.0:
@@ -134,12 +104,13 @@ class ContactProblem:
         z, gradient = self.kinematics(u)
         phi, tangent = self.project(multipliers - self.p * z)
         inertia, contact = lay.mass * u, gradient.T @ phi
-        r_u, r_l = inertia - self.fixed - contact, phi - multipliers
-        terms = (inertia, self.fixed, contact)
+        forces, stiffening = self.forces(u)
+        r_u, r_l = inertia - forces - contact, phi - multipliers
+        terms = (inertia, forces, contact)
         scale = sum(_norm(term * lay.weight_u) for term in terms)
         scale += _norm(phi * lay.weight_l) + _norm(multipliers * lay.weight_l)
         norm = float(np.hypot(_norm(r_u * lay.weight_u), _norm(r_l * lay.weight_l)))
-        return Evaluation(r_u, r_l, norm, scale, phi, tangent, z, gradient)
+        return Evaluation(r_u, r_l, norm, scale, phi, tangent, z, gradient, stiffening)
 
     def hessian(self, u: F64, at: Evaluation) -> F64:
         """Exact derivative of (r_u, r_l) by (u, lambda), (d + m, d + m); `at` is the evaluation at u."""
@@ -154,21 +125,34 @@ class ContactProblem:
         curvature = self.curvature(u, at.phi)
         if curvature is not None:
             result[:d, :d] -= curvature
+        if at.by_u is not None:
+            result[:d, :d] -= at.by_u
         return result
 
 
 class PositionProblem(ContactProblem):
-    """Eqs. 1c-e: displacements U with the gaps, friction on the increments of the step (eq. 37).
+    """Eqs. 1c-e: displacements U with the gaps, friction on the increments of the step (eq. 37), joints and f_p.
 
-    `x_check` (N,3) centres and `d_check` (6N,) displacements of the whole step before the correction.
+    `x_check` (N,3) centres and `d_check` (6N,) displacements of the whole step before the correction. `free` is the free
+    motion that led there; without it there are neither joints nor loads that follow the motion.
     """
 
-    def __init__(self, model: Model, layout: Layout, x_check: F64, d_check: F64) -> None:
-        size = float(np.max(np.abs(x_check[layout.bodies]))) + float(np.max(model.radius[layout.bodies]))
-        super().__init__(layout, np.zeros(len(layout.dofs)), 4.0 * EPS * layout.mean_mass * size)
-        self.model, self.x_check, self.d_check = model, x_check, d_check[layout.dofs]
+    def __init__(
+        self, model: Model, layout: Layout, x_check: F64, d_check: F64, free: FreeMotion | None = None
+    ) -> None:
+        size = float(np.max(np.abs(x_check[layout.bodies]))) + float(np.max(layout.reach))
+        floor = 4.0 * EPS * layout.inertness * size
+        if free is not None:
+            # f_p is a difference of forces
+            floor += 2.0 * EPS * model.options.step**2 * layout.size_of(free.load.parts)
+        super().__init__(layout, np.zeros(len(layout.dofs)), floor)
+        self.model, self.x_check, self.d_check, self.free = model, x_check, d_check[layout.dofs], free
         self.rounding = 16.0 * EPS * size
         self._frozen = layout.frozen_gradient()
+        self._d_all = d_check
+        self._last: tuple[F64, JointsAt] | None = None
+        moving = {body for load in model.loads for body in load.joins(model.bodies)}
+        self._follows = free is not None and not moving.isdisjoint(layout.bodies)
 
     def _contacts(self) -> "zip[tuple[Element, np.intp, NDArray[np.intp]]]":
         lay = self.layout
@@ -180,13 +164,38 @@ class PositionProblem(ContactProblem):
         x[self.layout.bodies] += u.reshape(-1, 6)[:, :3]
         return x
 
+    def _pose(self, u: F64, free: FreeMotion) -> Pose:
+        displacement = self._d_all.copy()
+        displacement[self.layout.dofs] += u
+        return Pose(self.centres(u), displacement.reshape(-1, 6)[:, 3:], free.turn)
+
+    def _joints(self, u: F64) -> tuple[JointsAt, FreeMotion] | None:
+        if self.free is None or not self.layout.joints:
+            return None
+        if self._last is None or not np.array_equal(self._last[0], u):
+            self._last = u.copy(), JointsAt(self.layout.joints, self._pose(u, self.free))
+        return self._last[1], self.free
+
     def kinematics(self, u: F64) -> tuple[F64, F64]:
         x, gradient = self.centres(u), self._frozen.copy()
         z = gradient @ (self.d_check + u)
         for e, n, columns in self._contacts():
             z[n], normal, _ = gap_and_normal(self.model, e.pair, x)
             gradient[n, columns] = normal_row(e.pair, normal)
+        known = self._joints(u)
+        if known is not None:
+            joints, free = known
+            z[self.layout.joint_rows] = joints.measure(free.time, free.time_n)
+            gradient[self.layout.joint_rows] = joints.slope[:, self.layout.dofs]
         return z, gradient
+
+    def forces(self, u: F64) -> tuple[F64, F64 | None]:
+        if self.free is None or not self._follows:
+            return self.fixed, None
+        free, dofs, h = self.free, self.layout.dofs, self.model.options.step
+        now = applied_force(self.model.loads, self._pose(u, free), free.u_check, free.time)
+        change = 0.5 * h * h * (now.force - free.load.force)
+        return change[dofs], 0.5 * h * h * now.by_position[np.ix_(dofs, dofs)]
 
     def curvature(self, u: F64, phi: F64) -> F64 | None:
         x = self.centres(u)
@@ -195,6 +204,10 @@ class PositionProblem(ContactProblem):
             if e.pair.plane < 0 and phi[n] > 0.0:
                 _, normal, distance = gap_and_normal(self.model, e.pair, x)
                 result[np.ix_(columns, columns)] += phi[n] * normal_curvature(normal, distance)
+        known = self._joints(u)
+        if known is not None:
+            dofs = self.layout.dofs
+            result += known[0].curvature(phi[self.layout.joint_rows])[np.ix_(dofs, dofs)]
         return result
 
     def closed_gap(self, u: F64, phi: F64) -> float:
@@ -204,24 +217,39 @@ class PositionProblem(ContactProblem):
             # an open gap is admitted where nothing pushes, and rounding of the coordinates is no error
             miss = abs(z[n]) if phi[n] > 0.0 else max(0.0, -z[n])
             worst = max(worst, max(0.0, miss - self.rounding) / e.pair.radius)
-        return worst
+        misses = np.abs(z[self.layout.joint_rows]) - self.rounding
+        return max(worst, float(np.max(misses / self.layout.joint_radius, initial=0.0)))
 
 
 class VelocityProblem(ContactProblem):
     """Eqs. 1f-h, 29: velocity jump W with `z = G (u_check + W) + offset`; G (m, d) constant, offset (m,).
 
     `u_check` (d,) velocity before any impulse of the step, `fixed` (d,) impulses of earlier problems: the P
-    of eq. 28.
+    of eq. 28. `change` gives h f_v (d,) and its derivative (d, d) for a jump W (d,).
     """
 
     def __init__(
-        self, layout: Layout, gradient: F64, u_check: F64, offset: F64, fixed: F64, floor: float
+        self,
+        layout: Layout,
+        gradient: F64,
+        u_check: F64,
+        offset: F64,
+        fixed: F64,
+        floor: float,
+        change: Callable[[F64], tuple[F64, F64]] | None = None,
     ) -> None:
         super().__init__(layout, fixed, floor)
         self.gradient, self.free = gradient, gradient @ u_check + offset
+        self._change = change
 
     def kinematics(self, u: F64) -> tuple[F64, F64]:
         return self.free + self.gradient @ u, self.gradient
+
+    def forces(self, u: F64) -> tuple[F64, F64 | None]:
+        if self._change is None:
+            return self.fixed, None
+        force, tangent = self._change(u)
+        return self.fixed + force, tangent
 
     def curvature(self, u: F64, phi: F64) -> F64 | None:
         return None

@@ -5,8 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from .load import Spring
 from .model import F64, Model
-from .step import StepReport, advance, initial_state
+from .pose import Pose, rotation_matrices
+from .smooth import initial_state
+from .step import StepReport, advance
 
 
 class Reference:
@@ -55,6 +58,8 @@ class Reference:
         return self.state.u.reshape(-1, 6)[:, 3:].copy()
 
     def energy(self) -> tuple[float, float]:
-        """Kinetic and potential energy [J]; the potential is zero at the origin."""
+        """Kinetic and potential energy [J]: weight, zero at the origin, and springs."""
         kinetic = 0.5 * float(np.sum(self.model.mass_diagonal * self.state.u**2))
-        return kinetic, -float(np.sum(self.model.mass * (self.state.x @ self.model.gravity)))
+        pose = Pose(self.state.x, np.zeros_like(self.state.x), rotation_matrices(self.state.q))
+        springs = sum(load.energy(pose) for load in self.model.loads if isinstance(load, Spring))
+        return kinetic, springs - float(np.sum(self.model.mass * (self.state.x @ self.model.gravity)))

@@ -4,11 +4,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .contact import Element, Impulse, element, gap_and_normal, islands, to_world
-from .impact import ImpactProblem, Island, IslandResult, solve_island
+from .contact import Element, Impulse, element, gap_and_normal, to_world
+from .impact import ImpactProblem, IslandResult, solve_island
+from .island import Bonds, Island, islands
 from .model import F64, TOUCH, Model, Pair, State
 from .newton import Solution, solve
+from .pose import Pose, rotate
 from .problem import Layout, PositionProblem
+from .smooth import FreeMotion, free_motion
 
 
 @dataclass
@@ -31,6 +34,8 @@ class StepReport:
     fallbacks: list[str] = field(default_factory=list)
     relisted: int = 0
     """Times the position level was solved again because an unlisted pair overlapped."""
+    reactions: F64 = field(default_factory=lambda: np.zeros(0))
+    """Impulses of the joints in the step, row by row of the model (m,) [N s, N m s]: Lambda + h lambda."""
 
     @property
     def scale(self) -> float:
@@ -42,56 +47,10 @@ class StepReport:
         return [problem.iterations for problem in self.problems]
 
 
-def applied_force(model: Model, x_check: F64, u_check: F64, time: float) -> tuple[F64, F64, F64]:
-    """Smooth force f (6N,) and its derivatives by displacement and velocity, (6N, 6N): here gravity alone.
-
-    Loads that depend on position, velocity or time enter the reference at this one place.
-    """
-    f = np.zeros(6 * model.bodies)
-    f.reshape(-1, 6)[:, :3] = model.mass[:, None] * model.gravity
-    zero = np.zeros((len(f), len(f)))
-    return f, zero, zero
-
-
-def initial_state(model: Model) -> State:
-    """State at t = 0 with a = acc = M^-1 f (Algorithm 1, lines 2-3); refuses overlapping spheres."""
-    x = model.position.copy()
-    for pair in model.pairs:
-        gap = gap_and_normal(model, pair, x)[0]
-        if gap < -TOUCH * pair.radius:
-            raise ValueError(f"pair {pair.key} overlaps by {-gap:.3e} m at the start")
-    u = np.concatenate([model.velocity, model.angular_velocity], axis=1).reshape(-1)
-    f, _, _ = applied_force(model, x, u, 0.0)
-    acc = f / model.mass_diagonal
-    return State(x, model.orientation.copy(), u, acc.copy(), acc)
-
-
 def smooth(model: Model, state: State) -> tuple[F64, F64, F64, F64, int]:
-    """Lines 5-20: the free motion of the step.
-
-    Returns a_new before line 41, acc_new, u_check, displacement d_check (6N,), and the iterations.
-    """
-    h, c = model.options.step, model.coefficients
-    time = (state.step + 1) * h
-    a_new = (c.alpha_f * state.acc - c.alpha_m * state.a) / (1.0 - c.alpha_m)
-    u_check = state.u + h * (1.0 - c.gamma) * state.a + h * c.gamma * a_new
-    d_check = h * state.u + h * h * (0.5 - c.beta) * state.a + h * h * c.beta * a_new
-    acc_new = np.zeros_like(a_new)
-    slope = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.gamma * h)
-    for iteration in range(model.options.max_iterations):
-        x_check = state.x + d_check.reshape(-1, 6)[:, :3]
-        f, stiffness, damping = applied_force(model, x_check, u_check, time)
-        inertia = model.mass_diagonal * acc_new
-        residual = inertia - f
-        scale = np.linalg.norm(inertia) + np.linalg.norm(f)
-        if float(np.linalg.norm(residual)) <= model.options.tolerance * scale:
-            return a_new, acc_new, u_check, d_check, iteration
-        matrix = slope * np.diag(model.mass_diagonal) - damping - h * c.beta / c.gamma * stiffness
-        du = np.linalg.solve(matrix, -residual)
-        u_check = u_check + du
-        acc_new = acc_new + slope * du
-        d_check = d_check + h * c.beta / c.gamma * du
-    raise RuntimeError("the smooth sub-problem was not solved")
+    """Lines 5-20: a_new before line 41, acc_new, u_check, displacement d_check (6N,), and the iterations."""
+    free = free_motion(model, state)
+    return free.a_new, free.acc_new, free.u_check, free.d_check, free.iterations
 
 
 @dataclass
@@ -103,14 +62,15 @@ class Corrected:
     closed: list[Element]
 
 
-def position(model: Model, state: State, d_check: F64, report: StepReport) -> Corrected:
-    """Lines 21-30 (eqs. 1c-e, 8a): remove overlap, with friction on the increments of the step."""
+def position(model: Model, state: State, free: FreeMotion, report: StepReport) -> Corrected:
+    """Lines 21-30 (eqs. 1c-e, 8a): remove overlap, with friction on the increments of the step; hold the joints."""
+    d_check = free.d_check
     x_check = state.x + d_check.reshape(-1, 6)[:, :3]
     elements: dict[tuple[int, int], Element] = {}
 
     def built(pair: Pair) -> Element:
         if pair.key not in elements:
-            elements[pair.key] = element(model, pair, state.x)
+            elements[pair.key] = element(model, pair, state.x, state.u)
         return elements[pair.key]
 
     # any list will do, as long as no pair outside it overlaps in the end
@@ -121,9 +81,9 @@ def position(model: Model, state: State, d_check: F64, report: StepReport) -> Co
         correction = np.zeros_like(d_check)
         solutions: list[tuple[Layout, Solution]] = []
         candidates = [built(pair) for pair in model.pairs if pair.key in listed]
-        for group in islands(candidates):
-            layout = Layout(model, [candidates[i] for i in group])
-            problem = PositionProblem(model, layout, x_check, d_check)
+        for group in islands(model, candidates):
+            layout = Layout(model, group.elements, group.joints, group.bodies if group.links else ())
+            problem = PositionProblem(model, layout, x_check, d_check, free)
             what = f"position level, step {state.step + 1}, spheres {layout.bodies}"
             solutions.append((layout, solve(problem, np.zeros(len(layout.dofs)), model.options, what)))
             correction[layout.dofs] = solutions[-1][1].u
@@ -153,11 +113,13 @@ def position(model: Model, state: State, d_check: F64, report: StepReport) -> Co
     return Corrected(x, displacement, closed)
 
 
-def velocity(model: Model, corrected: Corrected, u_n: F64, u_check: F64, report: StepReport) -> F64:
+def velocity(model: Model, corrected: Corrected, u_n: F64, free: FreeMotion, report: StepReport) -> F64:
     """Lines 31-40 (eqs. 1f-h, 24-29): u_{n+1} = u_check + W, (6N,), from the problems of every island."""
-    u = u_check.copy()
-    for group in islands(corrected.closed):
-        island = Island(model, [corrected.closed[i] for i in group], corrected.x, u_n, u_check)
+    u = free.u_check.copy()
+    pose = Pose(corrected.x, corrected.displacement.reshape(-1, 6)[:, 3:], free.turn)
+    for group in islands(model, corrected.closed):
+        bonds = Bonds.of(model, group, free, pose)
+        island = Island(model, group.elements, corrected.x, u_n, free.u_check, bonds)
         result: IslandResult = solve_island(island)
         u[island.layout.dofs] += result.jump
         report.problems += result.problems
@@ -166,29 +128,21 @@ def velocity(model: Model, corrected: Corrected, u_n: F64, u_check: F64, report:
         for e, rows in zip(island.elements, island.layout.slices, strict=True):
             if result.multipliers[rows.start] > 0.0:
                 report.velocity_impulses[e.pair.key] = to_world(e, result.multipliers[rows])
+        for row, impulse in zip(group.joints, result.multipliers[island.layout.joint_rows], strict=True):
+            report.reactions[row.number] = impulse
     return u
-
-
-def rotate(q: F64, rot_incr_world: F64) -> F64:
-    """exp(psi) q for orientations (N,4), w first, and spatial increments psi (N,3) [rad]; normalised."""
-    angle = np.linalg.norm(rot_incr_world, axis=1)
-    w1 = np.cos(0.5 * angle)
-    v1 = 0.5 * np.sinc(angle / (2.0 * np.pi))[:, None] * rot_incr_world
-    w2, v2 = q[:, 0], q[:, 1:]
-    scalar = w1 * w2 - np.sum(v1 * v2, axis=1)
-    vector = w1[:, None] * v2 + w2[:, None] * v1 + np.cross(v1, v2)
-    result = np.concatenate([scalar[:, None], vector], axis=1)
-    return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True), dtype=np.float64)
 
 
 def advance(model: Model, state: State) -> tuple[State, StepReport]:
     """One step of size h; `state` is left as it is."""
-    report = StepReport()
-    a_new, acc_new, u_check, d_check, report.smooth_iterations = smooth(model, state)
-    corrected = position(model, state, d_check, report)
-    u = velocity(model, corrected, state.u, u_check, report)
+    report = StepReport(reactions=np.zeros(len(model.joints)))
+    free = free_motion(model, state)
+    report.smooth_iterations = free.iterations
+    corrected = position(model, state, free, report)
+    u = velocity(model, corrected, state.u, free, report)
+    report.reactions += model.options.step * free.reactions
     c = model.coefficients
-    a_new = a_new + (1.0 - c.alpha_f) / (1.0 - c.alpha_m) * acc_new
+    a_new = free.a_new + (1.0 - c.alpha_f) / (1.0 - c.alpha_m) * free.acc_new
     rot_incr_world = corrected.displacement.reshape(-1, 6)[:, 3:]
     q = rotate(state.q, rot_incr_world)
-    return State(corrected.x, q, u, a_new, acc_new, state.step + 1), report
+    return State(corrected.x, q, u, a_new, free.acc_new, state.step + 1), report

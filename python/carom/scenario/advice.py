@@ -8,7 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from carom.errors import quoted
+from carom.scenario.attachment_checks import advise_loads
 from carom.scenario.checks import Parts, steps
+from carom.scenario.joint_start import advise_start
+from carom.scenario.laws import value_at
 from carom.scenario.model import Plane, World
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot, scaled
@@ -28,6 +31,8 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from _never_rolls(parts)
     yield from _bounces(parts, world)
     yield from _heavy_shell(parts)
+    yield from advise_start(parts)
+    yield from advise_loads(parts)
 
 
 def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
@@ -98,7 +103,7 @@ def _never_rolls(parts: Parts) -> Iterator[Finding]:
     }
     for i, law in parts.contacts():
         radius = min(smallest.get(name, math.inf) for name in law.between)
-        limit = law.friction * radius
+        limit = value_at(law.friction, 0.0) * radius
         if law.rolling_radius > 0 and math.isfinite(radius) and law.rolling_radius >= limit:
             cause = f"{law.rolling_radius:g} m is not below friction times radius, {limit:.4g} m"
             cause += ": a sliding ball never starts to roll"

@@ -6,8 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from carom.scenario.balls import Sphere
 from carom.scenario.bodies import F64, Bodies, expand
-from carom.scenario.model import Scenario, Sphere
+from carom.scenario.joints import default_name
+from carom.scenario.laws import LawValue, as_core
+from carom.scenario.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
+from carom.scenario.model import Scenario
 from carom.scenario.vectors import scaled
 
 EXPANDED = 10_000
@@ -29,6 +33,9 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
     balls = bodies(tree)
     if not used <= set(materials) or balls.material.min(initial=0) < 0:
         return None
+    mechanics = _mechanics(tree, balls)
+    if mechanics is None:
+        return None
     laws = tree.contact
     return {
         "gravity": np.array(tree.world.gravity),
@@ -45,9 +52,34 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
         "plane_material": np.array([materials[p.material] for p in tree.plane], dtype=np.int64),
         "law_a": np.array([materials[c.between[0]] for c in laws], dtype=np.int64),
         "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
-        **{key: np.array([getattr(c, key) for c in laws], dtype=np.float64) for key in LAW_KEYS},
+        **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in LAW_KEYS},
+        **mechanics,
         "options": tree.run.options(),
     }
+
+
+def _constant(value: LawValue) -> float:
+    """The number of a contact law, 0 where a law of the slip speed takes its place."""
+    return 0.0 if isinstance(value, dict) else value
+
+
+def _mechanics(tree: Scenario, balls: Bodies) -> dict[str, Any] | None:
+    """Joints, loads and friction laws, each only if there are any; None if a name or a function is unknown."""
+    found: dict[str, Any] = {}
+    if any(isinstance(c.friction, dict) for c in tree.contact):
+        found["friction_law"] = [
+            as_core(c.friction) if isinstance(c.friction, dict) else None for c in tree.contact
+        ]
+    if not (tree.joint or tree.load or tree.spring or tree.drag or tree.load_function):
+        return found
+    number = numbers(balls)
+    entries = {name: list(enumerate(getattr(tree, name))) for name in MECHANICS}
+    named = (reference.name for reference in references(entries))
+    if any(f.function is None for f in tree.load_function) or not all(name in number for name in named):
+        return None
+    joints = joints_for_core(tree.joint, balls, number)
+    loads = loads_for_core(tree.load, tree.spring, tree.drag, tree.load_function, balls, number)
+    return found | {key: rows for key, rows in (("joints", joints), ("loads", loads)) if rows}
 
 
 def _rows(vectors: list[tuple[float, ...]]) -> F64:
@@ -70,3 +102,11 @@ def with_generators_expanded(tree: Scenario) -> Scenario:
             position, velocity = balls.position[k].tolist(), balls.velocity[k].tolist()
             spheres.append(Sphere(name=balls.names[k], position=position, velocity=velocity, **same))
     return tree.model_copy(update={"sphere": spheres, "rack": [], "lattice": []})
+
+
+def resolved_tree(tree: Scenario) -> Scenario:
+    """The same scenario with generators expanded and the default names of joints written down."""
+    tree = with_generators_expanded(tree)
+    named = [j.name or default_name(i) for i, j in enumerate(tree.joint)]
+    joints = [j.model_copy(update={"name": name}) for j, name in zip(tree.joint, named, strict=True)]
+    return tree.model_copy(update={"joint": joints})

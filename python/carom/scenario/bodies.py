@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.scenario.model import Ball, Lattice, Rack, Sphere
+from carom.scenario.balls import Ball, Lattice, Rack, Sphere
 from carom.scenario.table import Table
 from carom.scenario.vectors import cross, dot, scaled
 

@@ -15,8 +15,12 @@ from itertools import islice
 import numpy as np
 
 from carom.errors import did_you_mean, quoted
+from carom.scenario.attachment_checks import check_names
+from carom.scenario.balls import Ball
 from carom.scenario.bodies import Bodies, expand
-from carom.scenario.model import Ball, Contact, Material, Plane, Scenario
+from carom.scenario.joint_start import check_start
+from carom.scenario.mechanics import MECHANICS
+from carom.scenario.model import Contact, Material, Plane, Scenario
 from carom.scenario.options import RunBase
 from carom.scenario.overlap import overlaps
 from carom.scenario.problems import Finding
@@ -54,14 +58,18 @@ class Parts:
     def planes(self) -> list[tuple[int, Plane]]:
         return [(i, t) for i, t in self.entries["plane"] if isinstance(t, Plane)]
 
+    def balls_damaged(self) -> bool:
+        """Whether a ball is missing because its table could not be read."""
+        return bool(self.damaged & set(BALLS))
+
     def bodies(self) -> Bodies:
         if self._bodies is None:
             self._bodies = expand(self.entries, self.materials())
         return self._bodies
 
 
-SECTIONS = ("material", "contact", "sphere", "rack", "lattice", "plane")
 BALLS = ("sphere", "rack", "lattice")
+SECTIONS = ("material", "contact", *BALLS, "plane", *MECHANICS)
 
 
 def check(parts: Parts) -> Iterator[Finding]:
@@ -70,8 +78,10 @@ def check(parts: Parts) -> Iterator[Finding]:
     yield from _names(parts)
     yield from _materials(parts)
     yield from _pairs(parts)
+    wrong_names = list(check_names(parts))
+    yield from wrong_names
     if len(parts.bodies().names) == 0:
-        if not parts.damaged & set(BALLS):
+        if not parts.balls_damaged():
             cure = "add a [[sphere]], [[rack]] or [[lattice]]"
             yield Finding(("sphere",), "the scene has no spheres", cure, "add one with scene.sphere(...)")
         return
@@ -80,6 +90,8 @@ def check(parts: Parts) -> Iterator[Finding]:
     if not bad_numbers:
         yield from _below_planes(parts)
         yield from _overlaps(parts)
+        if not wrong_names and not parts.balls_damaged():
+            yield from check_start(parts)
 
 
 def steps(run: RunBase) -> int:

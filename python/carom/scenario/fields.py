@@ -18,7 +18,6 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from carom import units
 from carom.errors import did_you_mean, quoted
-from carom.scenario.vectors import norm, scaled
 
 OURS = "carom"
 """Type of the pydantic errors made here; their context holds `cause`, `cure` and perhaps `part` (a place in
@@ -26,9 +25,16 @@ the value).
 """
 
 
-def refuse(cause: str, cure: str, part: tuple[int, ...] = ()) -> PydanticCustomError:
+def refuse(cause: str, cure: str, part: tuple[int | str, ...] = ()) -> PydanticCustomError:
     """The error to raise for a value that cannot be used. Braces would be read as fields of a template."""
     return PydanticCustomError(OURS, "{cause}; {cure}", {"cause": cause, "cure": cure, "part": part})
+
+
+def inside(place: int | str, error: PydanticCustomError) -> PydanticCustomError:
+    """The same error, of which the value is a part (an element of a list, a key of a table) of the one given."""
+    context = error.context or {}
+    number = f"number {place + 1}: " if isinstance(place, int) else ""
+    return refuse(f"{number}{context['cause']}", str(context["cure"]), (place, *context.get("part", ())))
 
 
 def _is(kind: type, value: Any) -> bool:
@@ -140,74 +146,6 @@ class Quantity(Checked):
 
 
 @dataclass(frozen=True)
-class Vector(Checked):
-    """`size` quantities of one dimension, none larger than `most` in size; stored as a tuple of floats."""
-
-    dimension: str = "number"
-    size: int = 3
-    most: float | None = None
-
-    def check(self, value: Any) -> tuple[float, ...]:
-        tolist = getattr(value, "tolist", None)  # NumPy arrays, from Python
-        if callable(tolist):
-            value = tolist()
-        if not isinstance(value, list | tuple) or len(value) != self.size:
-            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
-            raise refuse(f"expected a list of {self.size} numbers, found {found}", f"write {self._example()}")
-        item = self._item()
-        numbers_si = []
-        for place, x in enumerate(value):
-            try:
-                numbers_si.append(item.check(x))
-            except PydanticCustomError as e:
-                context = e.context or {}
-                raise refuse(
-                    f"number {place + 1}: {context['cause']}", str(context["cure"]), (place,)
-                ) from None
-        return tuple(numbers_si)
-
-    def _item(self) -> Quantity:
-        return Quantity(self.dimension, ANY if self.most is None else Bounds(ge=-self.most, le=self.most))
-
-    def _example(self) -> str:
-        si = units.DIMENSIONS[self.dimension][1]
-        letters = ["w", "x", "y", "z"] if self.size == 4 else ["x", "y", "z"][: self.size]
-        return f"[{', '.join(letters)}]" + (f" in {si}, or strings with units" if si else "")
-
-    def json_schema(self) -> dict[str, Any]:
-        items = self._item().json_schema()
-        return {"type": "array", "items": items, "minItems": self.size, "maxItems": self.size}
-
-
-@dataclass(frozen=True)
-class Direction(Vector):
-    """Three numbers, not all zero, kept as written (the arrays of the model hold unit vectors)."""
-
-    example: str = "[0.0, 0.0, 1.0]"
-
-    def check(self, value: Any) -> tuple[float, ...]:
-        vector = super().check(value)
-        if norm(vector) == 0:
-            raise refuse("a direction must not be zero", f"write for example {self.example}")
-        return vector
-
-
-@dataclass(frozen=True)
-class Quaternion(Vector):
-    """A unit quaternion, w first; kept as written (the arrays of the model hold it normalised)."""
-
-    size: int = 4
-
-    def check(self, value: Any) -> tuple[float, ...]:
-        q = super().check(value)
-        length = norm(q)
-        if abs(length - 1) > 1e-6:
-            unit = ", ".join(f"{x:.9g}" for x in scaled(q)) if length > 0 else "1.0, 0.0, 0.0, 0.0"
-            raise refuse(f"a unit quaternion has length 1, found {length:.9g}", f"write [{unit}]")
-        return q
-
-
-@dataclass(frozen=True)
 class Version(Checked):
     """The version of the format."""
 
@@ -242,28 +180,6 @@ class Integer(Checked):
 
     def json_schema(self) -> dict[str, Any]:
         return {"type": "integer", **self.bounds.schema()}
-
-
-@dataclass(frozen=True)
-class Integers(Checked):
-    """`size` whole numbers, as a tuple."""
-
-    size: int
-    bounds: Bounds = ANY
-
-    def check(self, value: Any) -> tuple[int, ...]:
-        tolist = getattr(value, "tolist", None)
-        if callable(tolist):
-            value = tolist()
-        if not isinstance(value, list | tuple) or len(value) != self.size:
-            raise refuse(
-                f"expected a list of {self.size} whole numbers, found {quoted(value)}", "write such a list"
-            )
-        return tuple(Integer(self.bounds).check(x) for x in value)
-
-    def json_schema(self) -> dict[str, Any]:
-        items = Integer(self.bounds).json_schema()
-        return {"type": "array", "items": items, "minItems": self.size, "maxItems": self.size}
 
 
 @dataclass(frozen=True)
@@ -325,12 +241,15 @@ class Text(Checked):
 
 @dataclass(frozen=True)
 class Pair(Checked):
-    """Two names of materials, order without meaning."""
+    """Two names."""
+
+    what: str = "material"
+    example: str = '["ball", "cloth"]'
 
     def check(self, value: Any) -> tuple[str, str]:
         if not isinstance(value, list | tuple) or len(value) != 2:
             found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
-            raise refuse(f"expected two material names, found {found}", 'write between = ["ball", "cloth"]')
+            raise refuse(f"expected two {self.what} names, found {found}", f"write between = {self.example}")
         name = Text(1)
         return name.check(value[0]), name.check(value[1])
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from carom.errors import Problem, ScenarioError
+from carom.errors import Problem, ScenarioError, nearest
+from carom.scenario import parameters
 from carom.scenario.checks import SECTIONS, Parts, check
 from carom.scenario.model import REPEATED, SINGLE, Scenario
 from carom.scenario.options import Run, RunBase
@@ -21,9 +23,24 @@ MOST_BYTES = 1 << 29
 """Largest scenario file that is read, 512 MiB."""
 
 
-def read(path: str | Path) -> tuple[Scenario, Source]:
-    """The scenario of a file. Raises `ScenarioError` for anything that is wrong with the file or in it."""
-    return parse(read_text(path), str(path))
+def read(
+    path: str | Path, case: str | None = None, given: Mapping[str, Any] | None = None
+) -> tuple[Scenario, Source]:
+    """The scenario of a file. Raises `ScenarioError` for anything that is wrong with the file or in it.
+
+    `case` and `given` (values by name) choose among its variants, see `carom.scenario.parameters`.
+    """
+    return parse(read_text(path), str(path), case, given)
+
+
+def variants(path: str | Path) -> tuple[list[str], list[str]]:
+    """Names of the parameters and of the cases of a file, which may be wrong in other ways."""
+    return parameters.names(_toml(read_text(path), str(path)))
+
+
+def cases(path: str | Path) -> list[str]:
+    """Names of the cases of a file: one of them is what `Scene.from_toml(path, case=...)` takes."""
+    return variants(path)[1]
 
 
 def read_text(path: str | Path) -> str:
@@ -67,16 +84,44 @@ def _files_beside(path: Path) -> str:
     return f"did you mean {path.parent / best[0]}?" if best else "check the path"
 
 
-def parse(text: str, name: str = "scenario text") -> tuple[Scenario, Source]:
-    """The scenario written in `text`; `name` is what messages call it."""
+def parse(
+    text: str,
+    name: str = "scenario text",
+    case: str | None = None,
+    given: Mapping[str, Any] | None = None,
+) -> tuple[Scenario, Source]:
+    """The scenario written in `text`; `name` is what messages call it. `case`, `given`: as in `read`."""
     raw = _toml(text, name)
-    source = Source(name, text, raw)
+    source = Source(name, text, dict(raw))  # with the tables that go now, for messages about them
+    variant, formulas = parameters.substitute(raw, case, given)
+    found, tree = formulas.found, None
     try:
-        return Scenario.model_validate(raw), source
+        tree = Scenario.model_validate(raw)
     except ValidationError as e:
-        found = findings(e, Scenario, raw, {**SINGLE, **REPEATED})
-        found += _beyond(raw, found)
-        raise ScenarioError(source.problem(f) for f in found) from None
+        invalid = [_hinted(f) for f in findings(e, Scenario, raw, {**SINGLE, **REPEATED})]
+        invalid += _beyond(raw, invalid)
+        found += [f for f in invalid if f.path not in formulas.damaged]
+    if tree is None or found:
+        raise ScenarioError(_problem(f, source) for f in found) from None
+    source.case, source.parameters = variant.case, variant.values
+    return tree, source
+
+
+def _problem(finding: Finding, source: Source) -> Problem:
+    """A mistake with its place, be it in the file or in what the caller gave besides."""
+    if finding.path[:1] == (parameters.GIVEN,):
+        return Problem(source.name, " ".join(map(str, finding.path[1:])), finding.cause, finding.cure)
+    return source.problem(finding)
+
+
+def _hinted(finding: Finding) -> Finding:
+    """The tables of `carom.scenario.parameters` are no keys of the scenario that it validates."""
+    if len(finding.path) == 1 and finding.cause == "unknown key":
+        best = nearest(str(finding.path[0]), parameters.SECTIONS)
+        if best:
+            header = "[parameters]" if best == "parameters" else "[[case]]"
+            return replace(finding, cure=f"did you mean {header}?")
+    return finding
 
 
 def _toml(text: str, name: str) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ from pydantic import ValidationError
 from carom.errors import Problem, ScenarioError, did_you_mean, quoted
 from carom.scenario.fields import OURS, exactly_one
 from carom.scenario.lines import LineMap, Path
+from carom.scenario.literal import literal
 from carom.scenario.table import Table
 
 ALTERNATIVES = (("mass", "density"), ("balls", "rows"))
@@ -31,10 +31,15 @@ class Finding:
 
 
 class Source:
-    """A scenario text and how messages call it; lines are looked up only when something is wrong."""
+    """A scenario text and how messages call it; lines are looked up only when something is wrong.
+
+    `case` and `parameters` say which of its variants was read.
+    """
 
     def __init__(self, name: str, text: str, raw: Mapping[str, Any]) -> None:
         self.name, self.text, self.raw = name, text, raw
+        self.case: str | None = None
+        self.parameters: Mapping[str, float] = {}
         self._map: LineMap | None = None
 
     @property
@@ -63,9 +68,10 @@ def call(path: Path, raw: Mapping[str, Any]) -> str:
     section, index = str(path[0]), path[1]
     entries = raw.get(section)
     entry = entries[index] if isinstance(entries, list) and index < len(entries) else None
-    name = entry.get("name") if isinstance(entry, Mapping) else None
-    between = entry.get("between") if isinstance(entry, Mapping) else None
-    if isinstance(name, str) and name:
+    known = entry if isinstance(entry, Mapping) else {}
+    name = next((known[key] for key in ("name", "on", "body") if isinstance(known.get(key), str)), None)
+    between = known.get("between")
+    if name:
         title = quoted(name)
     elif isinstance(between, list | tuple) and len(between) == 2:
         title = "-".join(map(quoted, between))
@@ -156,7 +162,7 @@ def _how_to_write(key: str, owner: type[Table]) -> str:
 
 def _example(owner: type[Table], key: str) -> str:
     field = owner.model_fields[key]
-    return json.dumps(field.examples[0]) if field.examples else "..."
+    return literal(field.examples[0]) if field.examples else "..."
 
 
 def _unknown(key: str, owner: type[Table], tables: Mapping[str, type[Table]]) -> str:

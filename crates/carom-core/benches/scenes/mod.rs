@@ -36,6 +36,7 @@ fn base(positions: Vec<[f64; 3]>, velocities: Vec<[f64; 3]>, spins: Vec<[f64; 3]
             (0, 1, [0.2, 0.0, 0.0, 0.0, 0.0]),
             (0, 2, [0.0, 0.85, 0.0, 0.0, 0.0]),
         ],
+        ..ModelInput::default()
     }
 }
 

@@ -1,12 +1,16 @@
 //! Applied loads: `f(q, v, t)` of eq. 1a.
 //!
-//! Gravity is part of every model. Other loads implement [`Load`] and are kept in [`Model::loads`]; they may depend on
-//! positions and velocities of all spheres, and `level/smooth.rs` iterates on them. The terms f^p and f^v of eqs. 3 and 4,
-//! which matter only where a contact correction changes such a load, join the contact levels together with the first
-//! load that needs them.
+//! Gravity is part of every model. Other loads implement [`Load`] and are kept in [`crate::Model::loads`]. One that
+//! depends on the motion couples its bodies: it has tangents, enters the Newton matrix of the smooth sub-problem
+//! (`level/smooth.rs`), and at the two correction levels its change is f^p and f^v (eqs. 3, 4; `level/coupling.rs`).
 
+pub mod applied;
+pub mod drag;
+pub mod spring;
+
+use crate::joint::{Block6, Pose, Twist};
 use crate::model::Model;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 /// What a load may depend on. One entry per sphere in each array.
 #[derive(Clone, Copy, Debug)]
@@ -15,21 +19,102 @@ pub struct Motion<'a> {
     pub time: f64,
     /// Centres, m.
     pub position: &'a [DVec3],
+    pub orientation: &'a [DQuat],
     /// m/s.
     pub velocity: &'a [DVec3],
     /// Spatial, rad/s.
     pub angular_velocity: &'a [DVec3],
 }
 
+impl Motion<'_> {
+    pub fn pose(&self, i: usize) -> Pose {
+        Pose {
+            position: self.position[i],
+            orientation: self.orientation[i],
+        }
+    }
+
+    pub fn twist(&self, i: usize) -> Twist {
+        Twist {
+            velocity: self.velocity[i],
+            angular_velocity: self.angular_velocity[i],
+        }
+    }
+}
+
+/// Derivatives of force and moment on body `of` over placement and velocity of body `over`.
+#[derive(Clone, Copy, Debug)]
+pub struct Tangent {
+    pub of: u32,
+    pub over: u32,
+    /// `df/dq` (translation, spatial rotation vector) and `df/dv`.
+    pub position: Block6,
+    pub velocity: Block6,
+}
+
+impl Tangent {
+    pub fn new(of: u32, over: u32) -> Self {
+        Tangent {
+            of,
+            over,
+            position: Block6::default(),
+            velocity: Block6::default(),
+        }
+    }
+}
+
+/// How a load hangs on the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dependence {
+    /// On time only.
+    Time,
+    /// On placement and velocity of one sphere or two: it has tangents.
+    Motion(u32, Option<u32>),
+    /// On anything, without tangents: iterated in the smooth sub-problem, unchanged by contact corrections.
+    Opaque,
+}
+
 /// A load on the spheres of a model.
 pub trait Load: std::fmt::Debug + Send + Sync {
+    fn dependence(&self) -> Dependence;
+
+    /// The spheres it acts on; none named: any.
+    fn bodies(&self) -> [Option<u32>; 2];
+
+    /// Refuses unusable numbers: quantity and what is wrong with it.
+    fn check(&self) -> Result<(), (&'static str, String)>;
+
     /// Adds force (N) and moment (N m, spatial) on each sphere to `wrench (N)`.
-    fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]);
+    fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError>;
+
+    /// Adds its derivatives; nothing for loads that do not depend on the motion or are opaque.
+    fn tangent(&self, _at: &Motion, _out: &mut Vec<Tangent>) {}
 
     /// Potential energy, J; 0 for loads without one.
-    fn potential(&self, _position: &[DVec3]) -> f64 {
+    fn potential(&self, _at: &Motion) -> f64 {
         0.0
     }
+
+    /// Power of the part that has no potential, W.
+    fn power(&self, at: &Motion) -> f64;
+}
+
+/// A load could not be evaluated (a function of the user raised).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LoadError(pub String);
+
+/// Refuses a coefficient that is not finite or negative.
+pub(crate) fn coefficient(name: &'static str, value: f64) -> Result<(), (&'static str, String)> {
+    if value >= 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    let text = format!("is {value}; it must be finite and not negative");
+    Err((name, text))
+}
+
+/// Power of a wrench on one sphere.
+pub(crate) fn wrench_power(wrench: &[DVec3; 2], twist: &Twist) -> f64 {
+    wrench[0].dot(twist.velocity) + wrench[1].dot(twist.angular_velocity)
 }
 
 /// Weight of sphere `i`, N.
@@ -42,4 +127,82 @@ pub fn weight(model: &Model, i: usize) -> DVec3 {
 #[inline]
 pub fn weight_potential(model: &Model, i: usize, x: DVec3) -> f64 {
     -weight(model, i).dot(x)
+}
+
+#[cfg(test)]
+pub(crate) mod check {
+    use super::*;
+    use crate::rotation;
+
+    /// A load's tangents against central differences at a motion of two spheres.
+    pub fn tangents_match_differences(load: &dyn Load, base: [(Pose, Twist); 2]) {
+        let wrench = |s: &[(Pose, Twist); 2]| {
+            let motion = arrays(s);
+            let mut out = [[DVec3::ZERO; 2]; 2];
+            load.add(&as_motion(&motion), &mut out).expect("a load");
+            out
+        };
+        let motion = arrays(&base);
+        let mut tangents = Vec::new();
+        load.tangent(&as_motion(&motion), &mut tangents);
+        let step = 1e-6;
+        for over in 0..2 {
+            for k in 0..12 {
+                let at = |sign: f64| {
+                    let mut delta = [0.0; 12];
+                    delta[k] = sign * step;
+                    let vec = |i: usize| DVec3::new(delta[i], delta[i + 1], delta[i + 2]);
+                    let mut s = base;
+                    let (pose, twist) = &mut s[over];
+                    pose.position += vec(0);
+                    pose.orientation = rotation::advance(vec(3), pose.orientation);
+                    twist.velocity += vec(6);
+                    twist.angular_velocity += vec(9);
+                    wrench(&s)
+                };
+                let (plus, minus) = (at(1.0), at(-1.0));
+                for of in 0..2 {
+                    for i in 0..6 {
+                        let fd = (plus[of][i / 3][i % 3] - minus[of][i / 3][i % 3]) / (2.0 * step);
+                        let found: f64 = tangents
+                            .iter()
+                            .filter(|t| t.of == of as u32 && t.over == over as u32)
+                            .map(|t| {
+                                if k < 6 {
+                                    t.position[i][k]
+                                } else {
+                                    t.velocity[i][k - 6]
+                                }
+                            })
+                            .sum();
+                        assert!(
+                            (fd - found).abs() < 1e-6 * (1.0 + fd.abs()),
+                            "of {of} over {over} row {i} column {k}: {fd} {found}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    type Arrays = (Vec<DVec3>, Vec<DQuat>, Vec<DVec3>, Vec<DVec3>);
+
+    fn arrays(s: &[(Pose, Twist); 2]) -> Arrays {
+        (
+            s.iter().map(|x| x.0.position).collect(),
+            s.iter().map(|x| x.0.orientation).collect(),
+            s.iter().map(|x| x.1.velocity).collect(),
+            s.iter().map(|x| x.1.angular_velocity).collect(),
+        )
+    }
+
+    fn as_motion(a: &Arrays) -> Motion<'_> {
+        Motion {
+            time: 0.3,
+            position: &a.0,
+            orientation: &a.1,
+            velocity: &a.2,
+            angular_velocity: &a.3,
+        }
+    }
 }

@@ -1,14 +1,16 @@
 //! Impact laws: strategies over velocity sub-problems of one island (section 3.2; rules R2 to R4).
 //!
-//! `problem.rs` states and solves one impact problem over chosen contacts, `safeguard.rs` keeps it from gaining energy,
-//! `sequence.rs` orders them.
+//! `problem.rs` states and solves one impact problem over chosen contacts, `coupled.rs` adds joints and loads to it,
+//! `safeguard.rs` keeps it from gaining energy, `sequence.rs` orders them.
 
+mod coupled;
 mod problem;
 mod safeguard;
 mod sequence;
 
 pub use problem::ImpactScratch;
 
+use crate::islands::Island;
 use crate::model::Model;
 use crate::options::Impact;
 use crate::report::StepReport;
@@ -40,18 +42,24 @@ pub fn solve_island(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    members: &[u32],
-    h: f64,
+    island: Island,
+    span: (f64, f64),
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
     let mut work = std::mem::take(&mut scratch.impact);
-    work.begin(model, state, scratch, members, accept_unconverged);
-    let solved = match model.options.impact {
-        Impact::Sequence => sequence::with_load_offset(model, state, scratch, &mut work, h, report),
-        Impact::SequencePaper => sequence::as_printed(model, scratch, &mut work, report),
-        Impact::OneShot => sequence::one_shot(model, scratch, &mut work, report),
-    };
+    work.begin(model, state, scratch, island, span, accept_unconverged);
+    let h = span.1 - span.0;
+    let settled = island.is_free() || work.settle(model, state, scratch, report);
+    let solved = settled
+        && (island.contacts.is_empty()
+            || match model.options.impact {
+                Impact::Sequence => {
+                    sequence::with_load_offset(model, state, scratch, &mut work, h, report)
+                }
+                Impact::SequencePaper => sequence::as_printed(model, scratch, &mut work, report),
+                Impact::OneShot => sequence::one_shot(model, scratch, &mut work, report),
+            });
     if solved {
         work.finish(model, scratch, report);
     }

@@ -1,6 +1,8 @@
 //! One impact problem: chosen contacts of an island, fixed impulses of earlier problems, Newton's law (eqs. 16, 24).
 
+use super::coupled::Velocities;
 use crate::contact::{Contact, Rows};
+use crate::islands::Island;
 use crate::level::position::along;
 use crate::level::velocity::Speeds;
 use crate::level::{keep_failed, newton_options};
@@ -10,6 +12,9 @@ use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::State;
 use carom_solve::rows::{Linear, RowSystem, NODE_DOF};
 use carom_solve::Status;
+
+/// Speed over r/h below which the multipliers of joints at rest are rounding.
+const AT_REST: f64 = 1e-3;
 
 /// Restitution terms of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,9 +30,20 @@ pub enum Law {
 /// An island at velocity level, in local nodes and rows.
 #[derive(Default)]
 pub struct ImpactScratch {
-    /// All closed contacts of the island.
+    /// All closed contacts of the island, then its joints.
     pub full: RowSystem,
     pub members: Vec<u32>,
+    pub joints: Vec<u32>,
+    pub loads: Vec<u32>,
+    /// t_n and t_{n+1}.
+    pub span: (f64, f64),
+    /// `c'(t_{n+1})` of the joint rows, in the order of `full`.
+    pub(super) rates: Vec<f64>,
+    /// Jump of stage J; wrench of the loads it is counted from, and impulse of their change since (6 per node).
+    pub(super) settled: Vec<f64>,
+    pub(super) settled_joint: Vec<f64>,
+    pub(super) load_base: Vec<f64>,
+    pub(super) load_impulse: Vec<f64>,
     /// Smooth and old velocities, total jump, jump of the fixed impulses, jump of stage 0, `V_minus` (6 per node).
     pub v_check: Vec<f64>,
     pub v_old: Vec<f64>,
@@ -56,23 +72,27 @@ pub struct ImpactScratch {
 }
 
 impl ImpactScratch {
+    /// First row of the joints in `full`.
+    pub(super) fn first_joint_row(&self) -> usize {
+        let joints = self.full.contacts.get(self.members.len());
+        joints.map_or(self.full.rows(), |c| c.row as usize)
+    }
+
     /// Collects the island: rows with the normal of n+1, velocities per node, speeds and the closing tolerance.
     pub fn begin(
         &mut self,
         model: &Model,
         state: &State,
         scratch: &mut Scratch,
-        members: &[u32],
+        island: Island,
+        span: (f64, f64),
         accept_unconverged: bool,
     ) {
         let Scratch {
-            contacts,
-            solve,
-            linear,
-            angular,
-            ..
+            contacts, solve, ..
         } = scratch;
-        solve.begin(model, contacts, members);
+        let members = island.contacts;
+        solve.begin(model, contacts, island);
         std::mem::swap(&mut self.full, &mut solve.system);
         self.members.clear();
         self.members.extend_from_slice(members);
@@ -81,7 +101,7 @@ impl ImpactScratch {
             let c = &contacts[m as usize];
             let dim = c.rows(model, c.n1, &mut rows);
             let (a, b) = (solve.node(model, c.a), solve.node(model, c.b));
-            let bounds = c.law(model).bounds;
+            let bounds = c.bounds;
             self.full.push_contact(
                 a,
                 b,
@@ -92,6 +112,14 @@ impl ImpactScratch {
                 &[0.0; 6][..dim],
             );
         }
+        self.span = span;
+        self.begin_coupling(model, state, scratch, island);
+        let Scratch {
+            solve,
+            linear,
+            angular,
+            ..
+        } = scratch;
         self.v_check.clear();
         self.v_old.clear();
         self.speeds = Speeds::default();
@@ -107,7 +135,12 @@ impl ImpactScratch {
         }
         self.tol = self.speeds.closing_tolerance(&model.options, members.len());
         let dofs = self.v_check.len();
-        for v in [&mut self.jump, &mut self.fixed] {
+        for v in [
+            &mut self.jump,
+            &mut self.fixed,
+            &mut self.settled,
+            &mut self.load_impulse,
+        ] {
             v.clear();
             v.resize(dofs, 0.0);
         }
@@ -155,15 +188,22 @@ impl ImpactScratch {
     /// Recomputes the jump from all impulses: momentum balance to rounding, whatever path led here.
     fn update_jump(&mut self) {
         self.full.impulses(&self.impulse, &mut self.force);
+        for (f, b) in self.force.iter_mut().zip(&self.load_impulse) {
+            *f += b;
+        }
         self.full.apply_inverse_mass(&self.force, &mut self.jump);
     }
 
-    /// Forgets the impulses of the chosen contacts (stage 1 solves them anew); the kept ones' work is restated.
-    pub fn drop_chosen(&mut self, model: &Model, contacts: &[Contact]) {
+    /// Forgets the impulses of the chosen contacts, and those of joints and loads that answered them (stage 1 solves them
+    /// anew); the kept ones' work is restated.
+    pub fn drop_chosen(&mut self, contacts: &[Contact]) {
         for &slot in &self.chosen {
             let c = &self.full.contacts[slot];
             self.impulse[c.row as usize..(c.row + c.dim) as usize].fill(0.0);
         }
+        let joint_rows = self.first_joint_row();
+        self.impulse[joint_rows..].fill(0.0);
+        self.load_impulse.fill(0.0);
         self.update_jump();
         for slot in 0..self.members.len() {
             let c = self.full.contacts[slot];
@@ -172,7 +212,7 @@ impl ImpactScratch {
                 let row = c.row as usize + r;
                 let before = self.full.row_velocity(&c, row, &self.v_check);
                 let after = before + self.full.row_velocity(&c, row, &self.jump);
-                let kind = contacts[self.members[slot] as usize].row_kind(model, r);
+                let kind = contacts[self.members[slot] as usize].row_kind(r);
                 self.work[slot][kind] += 0.5 * self.impulse[row] * (before + after);
             }
         }
@@ -210,14 +250,17 @@ impl ImpactScratch {
                 return false;
             }
         }
-        self.commit(model, &scratch.contacts);
-        self.record(model, scratch, index);
+        self.commit(&scratch.contacts);
+        self.record(scratch, index);
         true
     }
 
     /// Whether the last problem gave no impulse at all: the next ones would be the same.
     pub fn stands_still(&self) -> bool {
-        self.lambda.iter().all(|&l| l == 0.0)
+        let contacts = self.sub.contacts.iter().filter(|c| !c.bilateral);
+        contacts
+            .flat_map(|c| &self.lambda[c.row as usize..(c.row + c.dim) as usize])
+            .all(|&l| l == 0.0)
     }
 
     /// Rows of the chosen contacts with their free measures `z0`.
@@ -263,7 +306,7 @@ impl ImpactScratch {
                 )
             };
             sub.z0[row] += scale * e_n * approach;
-            if tangential && contact.law(model).bounds.sliding > 0.0 {
+            if tangential && contact.bounds.sliding > 0.0 {
                 for r in 1..3 {
                     let slip = self
                         .full
@@ -272,6 +315,7 @@ impl ImpactScratch {
                 }
             }
         }
+        self.add_joints(&mut sub);
         self.sub = sub;
     }
 
@@ -301,27 +345,42 @@ impl ImpactScratch {
         self.lambda.clear();
         self.lambda.resize(self.sub.rows(), 0.0);
         if let Some(start) = warm {
-            self.lambda.copy_from_slice(start);
+            self.lambda[..start.len()].copy_from_slice(start);
         }
         self.sub.impulses(&self.lambda, &mut self.force);
         self.sub.apply_inverse_mass(&self.force, &mut self.u);
         let nodes = self.sub.nodes() as f64;
         let mass = self.sub.inv_mass.iter().map(|im| 1.0 / im).sum::<f64>() / nodes;
-        let speed = self.speeds.speed.max(self.speeds.load);
+        let mut speed = self.speeds.speed.max(self.speeds.load);
+        if !self.joints.is_empty() {
+            // Joints are solved at rest too, where every speed is 0.
+            speed = speed.max(AT_REST * self.sub.node_length[0] / (self.span.1 - self.span.0));
+        }
         let floor = model.options.tolerance_floor * mass * speed;
-        let mut options = newton_options(&model.options, self.chosen.len(), floor, false);
+        let groups = self.sub.contacts.len();
+        let mut options = newton_options(&model.options, groups, floor, false);
         // The closing tolerance must stand clear of what the solver leaves (rule R3).
-        if self.speeds.speed > 0.0 {
+        if self.speeds.speed > 0.0 && !self.chosen.is_empty() {
             options.tolerance = options.tolerance.min(self.tol / (10.0 * self.speeds.speed));
         }
-        let newton = &mut scratch.solve.newton;
-        let result = newton.solve(
-            &mut self.sub,
-            &mut Linear,
-            &options,
-            &mut self.lambda,
-            &mut self.u,
-        );
+        let (newton, node_of) = (&mut scratch.solve.newton, &scratch.solve.node_of);
+        let (sub, lambda, u) = (&mut self.sub, &mut self.lambda, &mut self.u);
+        let result = if self.loads.is_empty() {
+            newton.solve(sub, &mut Linear, &options, lambda, u)
+        } else {
+            let mut problem = Velocities {
+                model,
+                loads: &self.loads,
+                bodies: &scratch.solve.bodies,
+                node_of,
+                trial: &mut scratch.trial,
+                span: self.span,
+                before: &self.velocity,
+                base: &self.load_base,
+                known: &self.load_impulse,
+            };
+            newton.solve(sub, &mut problem, &options, lambda, u)
+        };
         report.add_velocity(&result);
         let history = &mut scratch.history[2];
         if newton.history.len() > history.values.len() {
@@ -347,7 +406,7 @@ impl ImpactScratch {
     }
 
     /// Adds the new impulses and their work to the totals.
-    fn commit(&mut self, model: &Model, contacts: &[Contact]) {
+    fn commit(&mut self, contacts: &[Contact]) {
         for (position, &slot) in self.chosen.iter().enumerate() {
             let (c, s) = (self.full.contacts[slot], self.sub.contacts[position]);
             for r in 0..c.dim as usize {
@@ -356,13 +415,22 @@ impl ImpactScratch {
                 self.impulse[row] += value;
                 let before = self.full.row_velocity(&c, row, &self.velocity);
                 let after = before + self.full.row_velocity(&c, row, &self.u);
-                let kind = contacts[self.members[slot] as usize].row_kind(model, r);
+                let kind = contacts[self.members[slot] as usize].row_kind(r);
                 self.work[slot][kind] += 0.5 * value * (before + after);
             }
             if self.lambda[s.row as usize] > 0.0 {
                 let xi_slip = self.is_slipping(position);
                 self.status[slot] = if xi_slip { Status::Slip } else { Status::Stick };
             }
+        }
+        let joints = self.full.contacts[self.members.len()..].iter();
+        for (c, s) in joints.zip(&self.sub.contacts[self.chosen.len()..]) {
+            for r in 0..c.dim as usize {
+                self.impulse[c.row as usize + r] += self.lambda[s.row as usize + r];
+            }
+        }
+        for (sum, b) in self.load_impulse.iter_mut().zip(&self.sub.load) {
+            *sum += b;
         }
         self.update_jump();
     }
@@ -380,7 +448,7 @@ impl ImpactScratch {
 
     /// Keeps the problem in the table of impacts. Stage 0, and a first problem in which only loads act (laws without
     /// stage 0 solve rest as an impact), enter it only if an impact follows in this island.
-    fn record(&mut self, model: &Model, scratch: &mut Scratch, index: Option<u32>) {
+    fn record(&mut self, scratch: &mut Scratch, index: Option<u32>) {
         let loads_only = |slot: &usize| self.old_normal_velocity(*slot) >= -self.tol;
         let quiet = index.is_none() || (index == Some(1) && self.chosen.iter().all(loads_only));
         let mut rows = std::mem::take(&mut self.resting);
@@ -393,7 +461,7 @@ impl ImpactScratch {
             let contact = scratch.contacts[self.members[slot] as usize];
             let mut packed = [0.0; 6];
             packed[..s.dim as usize].copy_from_slice(&self.lambda[row..row + s.dim as usize]);
-            let world = contact.to_world(model, contact.n1, &packed);
+            let world = contact.to_world(contact.n1, &packed);
             let approach = self.sub.row_velocity(s, row, &self.velocity);
             rows.push(ImpactRecord {
                 problem: index.unwrap_or(0),
@@ -418,12 +486,14 @@ impl ImpactScratch {
     pub fn finish(&mut self, model: &Model, scratch: &mut Scratch, report: &mut StepReport) {
         report.impact_problems = report.impact_problems.max(self.problems);
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
-            let j = &self.jump[NODE_DOF * node..NODE_DOF * (node + 1)];
+            let at = NODE_DOF * node..NODE_DOF * (node + 1);
+            let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
             scratch.jump[body as usize] = [
-                glam::DVec3::new(j[0], j[1], j[2]),
-                glam::DVec3::new(j[3], j[4], j[5]),
+                glam::DVec3::new(j[0] + s[0], j[1] + s[1], j[2] + s[2]),
+                glam::DVec3::new(j[3] + s[3], j[4] + s[4], j[5] + s[5]),
             ];
         }
+        self.finish_joints(model, scratch);
         for (slot, &m) in self.members.iter().enumerate() {
             let c = &self.full.contacts[slot];
             let contact = &mut scratch.contacts[m as usize];

@@ -28,14 +28,17 @@ impl ImpactScratch {
                 if group == u32::MAX || done.contains(&group) {
                     continue;
                 }
-                let inside: Vec<usize> = (0..self.chosen.len())
-                    .filter(|&p| groups[p] == group)
-                    .collect();
-                if !self.gains(&inside) {
+                // Joints of the group stand behind its contacts.
+                let inside: Vec<usize> =
+                    (0..groups.len()).filter(|&p| groups[p] == group).collect();
+                if !self.gains(model, &inside) {
                     continue;
                 }
                 done.push(group);
-                let base: Vec<f64> = inside.iter().map(|&p| self.scale[p]).collect();
+                let base: Vec<f64> = inside
+                    .iter()
+                    .filter_map(|&p| self.scale.get(p).copied())
+                    .collect();
                 let mut solve = |this: &mut Self, s: f64, report: &mut StepReport| {
                     for (&p, start) in inside.iter().zip(&base) {
                         this.scale[p] = s * start;
@@ -47,7 +50,7 @@ impl ImpactScratch {
                 let scale = bisect_scale(|s| {
                     let mut own = StepReport::default();
                     let solved = solve(self, s, &mut own) && own.unconverged == 0;
-                    solved && !self.gains(&inside)
+                    solved && !self.gains(model, &inside)
                 });
                 if !solve(self, scale, report) {
                     return false;
@@ -66,7 +69,8 @@ impl ImpactScratch {
     fn group_by_impulse(&mut self) {
         let contacts = &self.sub.contacts;
         let mut node_group: Vec<u32> = (0..self.sub.nodes() as u32).collect();
-        let loaded = |c: &carom_solve::rows::RowContact| self.lambda[c.row as usize] > 0.0;
+        let loaded =
+            |c: &carom_solve::rows::RowContact| c.bilateral || self.lambda[c.row as usize] > 0.0;
         // Small islands: repeat the sweep until nothing changes.
         loop {
             let mut changed = false;
@@ -96,13 +100,22 @@ impl ImpactScratch {
         }));
     }
 
-    /// Whether the work of the given contacts of the problem exceeds the tolerance of rule R4.
-    fn gains(&self, inside: &[usize]) -> bool {
+    /// Whether the work of the given contacts and joints of the problem exceeds the tolerance of rule R4. Rows that
+    /// prescribe a motion do work legitimately.
+    fn gains(&self, model: &Model, inside: &[usize]) -> bool {
         let mut work = 0.0;
         let mut nodes: Vec<u32> = Vec::new();
         for &position in inside {
             let c = &self.sub.contacts[position];
+            let joint = position.checked_sub(self.chosen.len());
             for row in c.row as usize..(c.row + c.dim) as usize {
+                let prescribes = joint.is_some_and(|k| {
+                    let joint = &model.joints[self.joints[k] as usize];
+                    joint.prescribes(row - c.row as usize)
+                });
+                if prescribes {
+                    continue;
+                }
                 let before = self.sub.row_velocity(c, row, &self.velocity);
                 let after = before + self.sub.row_velocity(c, row, &self.u);
                 work += 0.5 * self.lambda[row] * (before + after);

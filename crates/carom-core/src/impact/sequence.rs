@@ -29,7 +29,7 @@ pub fn with_load_offset(
     if loaded.contains(&true) {
         work.chosen.clear();
         work.chosen.extend((0..slots).filter(|&s| resting[s]));
-        let start = warm_start(model, state, scratch, work, h);
+        let start = warm_start(state, scratch, work, h);
         if !work.solve_chosen(model, scratch, Law::Plastic, None, Some(&start), report) {
             return false;
         }
@@ -38,7 +38,7 @@ pub fn with_load_offset(
     // Stage 1: contacts that close now, together with the resting ones that the load closes.
     work.choose_closing();
     if work.chosen.is_empty() {
-        keep_warm(model, scratch, work);
+        keep_warm(scratch, work);
         return true;
     }
     let mut closing = vec![false; slots];
@@ -46,7 +46,7 @@ pub fn with_load_offset(
     work.chosen.clear();
     work.chosen
         .extend((0..slots).filter(|&s| closing[s] || loaded[s]));
-    work.drop_chosen(model, &scratch.contacts);
+    work.drop_chosen(&scratch.contacts);
     work.v_minus.clone_from(&work.v_old);
     if !work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report) {
         return false;
@@ -133,13 +133,7 @@ fn truncate(
 }
 
 /// Impulses of the last step for the chosen contacts, scaled to this step's size (rule R8).
-fn warm_start(
-    model: &Model,
-    state: &State,
-    scratch: &Scratch,
-    work: &ImpactScratch,
-    h: f64,
-) -> Vec<f64> {
+fn warm_start(state: &State, scratch: &Scratch, work: &ImpactScratch, h: f64) -> Vec<f64> {
     let mut start = Vec::with_capacity(work.full.rows());
     let scale = h / state.warm_step;
     for &slot in &work.chosen {
@@ -155,7 +149,7 @@ fn warm_start(
                 impulse: scale * warm.impulse,
                 moment: scale * warm.moment,
             };
-            contact.to_rows(model, &world, &mut packed);
+            contact.to_rows(&world, &mut packed);
         }
         start.extend_from_slice(&packed[..dim]);
     }
@@ -163,7 +157,7 @@ fn warm_start(
 }
 
 /// Keeps the impulses of an island that had no impact in this step.
-fn keep_warm(model: &Model, scratch: &mut Scratch, work: &ImpactScratch) {
+fn keep_warm(scratch: &mut Scratch, work: &ImpactScratch) {
     for (slot, &m) in work.members.iter().enumerate() {
         let c = &work.full.contacts[slot];
         let row = c.row as usize;
@@ -173,7 +167,7 @@ fn keep_warm(model: &Model, scratch: &mut Scratch, work: &ImpactScratch) {
         let mut packed = [0.0; 6];
         packed[..c.dim as usize].copy_from_slice(&work.impulse[row..row + c.dim as usize]);
         let contact = &scratch.contacts[m as usize];
-        let world = contact.to_world(model, contact.n1, &packed);
+        let world = contact.to_world(contact.n1, &packed);
         scratch.warm.push(Warm {
             key: (contact.a, contact.b),
             impulse: world.impulse,

@@ -1,8 +1,10 @@
 //! The three sub-problems of a step: smooth (eqs. 1a-b), position (1c-e) and velocity (1f-h).
 
+pub mod coupling;
 pub mod position;
 pub mod single;
 pub mod smooth;
+pub mod smooth_newton;
 pub mod velocity;
 
 use crate::contact::Contact;
@@ -51,7 +53,7 @@ pub(crate) fn newton_options(
 
 /// Whether a lone contact goes to the closed form.
 pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
-    let bounds = contact.law(model).bounds;
+    let bounds = contact.bounds;
     let i = contact.a as usize;
     model.options.solver == Solver::Auto
         && contact.is_plane(model)
@@ -93,9 +95,19 @@ pub(crate) fn keep_failed(
             Vec::new()
         },
         free: system.z0.clone(),
-        bodies: members
+        // Joints stand after the contacts; the ground counts as the joined sphere itself.
+        bodies: system
+            .contacts
             .iter()
-            .map(|&m| (contacts[m as usize].a, contacts[m as usize].b))
+            .enumerate()
+            .map(|(slot, c)| match members.get(slot) {
+                Some(&m) => (contacts[m as usize].a, contacts[m as usize].b),
+                None => {
+                    let body = |node: u32| scratch.bodies.get(node as usize).copied();
+                    let a = body(c.node_a).unwrap_or(0);
+                    (a, body(c.node_b).unwrap_or(a))
+                }
+            })
             .collect(),
         first_row: system.contacts.iter().map(|c| c.row).collect(),
         rows: system.contacts.iter().map(|c| c.dim).collect(),

@@ -1,15 +1,21 @@
 //! Position sub-problem (eqs. 1c-e, 14, 21): removes penetration and the slip that friction does not allow.
 //!
 //! `M U = G^T lambda` with the normal row at the current iterate (its derivative, eq. 42, is in the Hessian) and all
-//! other rows in the frame of t_n, acting on the increments over the whole step (eq. 37).
+//! other rows in the frame of t_n, acting on the increments over the whole step (eq. 37). Joints stand beside the
+//! contacts, and loads that depend on positions act through their change, `(h^2/2) f_p` (eq. 3).
 
+use super::coupling::{position_rows, Trial};
 use super::{closed_form, keep_failed, newton_options, single};
 use crate::contact::{Contact, Rows};
+use crate::islands::Island;
 use crate::model::Model;
 use crate::report::StepReport;
+use crate::rotation;
 use crate::scratch::{Scratch, SolveScratch};
+use crate::state::State;
+use crate::stepper::generalized_alpha::Prediction;
 use carom_geom::{sphere_plane, sphere_sphere, Proximity};
-use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
+use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::{SolveReport, Status};
 use glam::DVec3;
 
@@ -32,6 +38,90 @@ struct Positions<'a> {
     members: &'a [u32],
     /// Centres after the smooth step, per node.
     centres: &'a [DVec3],
+    coupled: Option<Coupled<'a>>,
+}
+
+/// Joints and loads of an island.
+struct Coupled<'a> {
+    island: Island<'a>,
+    state: &'a State,
+    /// Rotation increments after the smooth step, per sphere.
+    angular: &'a [Prediction],
+    bodies: &'a [u32],
+    node_of: &'a [u32],
+    trial: &'a mut Trial,
+    /// t_n and t_{n+1}.
+    span: (f64, f64),
+    /// Loads at `q_check`, 6 per node.
+    base: Vec<f64>,
+}
+
+impl Coupled<'_> {
+    /// Puts the island at the correction `u`.
+    fn move_to(&mut self, centres: &[DVec3], u: &[f64]) {
+        for (node, &body) in self.bodies.iter().enumerate() {
+            let (i, k) = (body as usize, NODE_DOF * node);
+            self.trial.position[i] = centres[node] + DVec3::new(u[k], u[k + 1], u[k + 2]);
+            let psi = self.increment(body, u);
+            self.trial.orientation[i] = rotation::advance(psi, self.state.orientation[i]);
+        }
+    }
+
+    /// `psi = psi_check + U_rot` of a sphere; zero for the ground.
+    fn increment(&self, body: u32, u: &[f64]) -> DVec3 {
+        let Some(prediction) = self.angular.get(body as usize) else {
+            return DVec3::ZERO;
+        };
+        let k = NODE_DOF * self.node_of[body as usize] as usize;
+        prediction.displacement + DVec3::new(u[k + 3], u[k + 4], u[k + 5])
+    }
+
+    fn evaluate(
+        &mut self,
+        model: &Model,
+        first: usize,
+        system: &mut RowSystem,
+        u: &[f64],
+        z: &mut [f64],
+    ) {
+        let mut rows: Rows = Default::default();
+        for (slot, &index) in self.island.joints.iter().enumerate() {
+            let joint = &model.joints[index as usize];
+            let rc = system.contacts[first + slot];
+            let range = rc.row as usize..(rc.row + rc.dim) as usize;
+            let psi = [self.increment(joint.a, u), self.increment(joint.b, u)];
+            let poses = self.trial.poses(joint);
+            let dim = position_rows(
+                joint,
+                poses,
+                psi,
+                self.span,
+                &mut rows,
+                &mut z[range.clone()],
+            );
+            system.jac[range].copy_from_slice(&rows[..dim]);
+        }
+        if system.has_load() {
+            let half = 0.5 * (self.span.1 - self.span.0).powi(2);
+            let (loads, end) = (self.island.loads, self.span.1);
+            let mut load = std::mem::take(&mut system.load);
+            self.trial
+                .wrenches(model, loads, self.bodies, end, &mut load);
+            for (b, base) in load.iter_mut().zip(&self.base) {
+                *b = half * (*b - base);
+            }
+            self.trial.stiffness(
+                model,
+                loads,
+                self.node_of,
+                load.len(),
+                end,
+                (half, 0.0),
+                &mut system.load_tangent,
+            );
+            system.load = load;
+        }
+    }
 }
 
 impl Subproblem for Positions<'_> {
@@ -61,25 +151,30 @@ impl Subproblem for Positions<'_> {
                 z[r] = system.z0[r] + system.row_velocity(&rc, r, u);
             }
         }
+        if let Some(coupled) = &mut self.coupled {
+            coupled.move_to(self.centres, u);
+            coupled.evaluate(self.model, self.members.len(), system, u, z);
+        }
     }
 }
 
 /// Solves one island; writes `shift` of its bodies and `nu` of its contacts. False: not converged.
 pub fn solve_island(
     model: &Model,
+    state: &State,
     scratch: &mut Scratch,
-    members: &[u32],
+    island: Island,
+    span: (f64, f64),
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
-    // Nothing overlaps: U = 0 satisfies every condition.
-    if members
-        .iter()
-        .all(|&m| scratch.contacts[m as usize].gap_check >= 0.0)
-    {
+    // Nothing overlaps and nothing is held: U = 0 satisfies every condition.
+    let apart = |&m: &u32| scratch.contacts[m as usize].gap_check >= 0.0;
+    if island.joints.is_empty() && island.contacts.iter().all(apart) {
         return true;
     }
-    if let [m] = *members {
+    if let ([m], true) = (island.contacts, island.is_free()) {
+        let m = *m;
         // By reference: a contact is hundreds of bytes, and this is the whole of a rolling ball's step.
         let c = &scratch.contacts[m as usize];
         if closed_form(model, c) {
@@ -91,20 +186,30 @@ pub fn solve_island(
             let mut z = single::motion(c, model.radius[i], linear, angular);
             z.normal = c.gap_check;
             let s = single::problem(model, c, &z).solve();
-            let nu = single::pack(model, c, &s);
+            let nu = single::pack(c, &s);
             scratch.shift[i] = single::correction(model, c, &s);
             scratch.contacts[m as usize].nu = nu;
             report.add_position(&SolveReport::CLOSED_FORM);
             return true;
         }
     }
-    solve_by_newton(model, scratch, members, report, accept_unconverged)
+    solve_by_newton(
+        model,
+        state,
+        scratch,
+        island,
+        span,
+        report,
+        accept_unconverged,
+    )
 }
 
 fn solve_by_newton(
     model: &Model,
+    state: &State,
     scratch: &mut Scratch,
-    members: &[u32],
+    island: Island,
+    span: (f64, f64),
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
@@ -117,9 +222,11 @@ fn solve_by_newton(
         shift,
         history,
         failed,
+        trial,
         ..
     } = scratch;
-    solve.begin(model, contacts, members);
+    let members = island.contacts;
+    solve.begin(model, contacts, island);
     let mut rows: Rows = Default::default();
     for &m in members {
         let c = &contacts[m as usize];
@@ -141,7 +248,7 @@ fn solve_by_newton(
             }
         }
         z0[0] = c.gap_check;
-        let bounds = c.law(model).bounds;
+        let bounds = c.bounds;
         solve.system.push_contact(
             ja,
             jb,
@@ -156,10 +263,51 @@ fn solve_by_newton(
         newton,
         system,
         bodies,
+        node_of,
         lambda,
         u,
-        ..
     } = solve;
+    let node = |body: u32| node_of.get(body as usize).copied().unwrap_or(WORLD);
+    let mut coupled = None;
+    if !island.is_free() {
+        for &body in bodies.iter() {
+            let i = body as usize;
+            // Velocities stay those of the smooth step at this level (eq. 3).
+            trial.velocity[i] = linear[i].velocity;
+            trial.angular_velocity[i] = angular[i].velocity;
+            trial.position[i] = position[i];
+            trial.orientation[i] = rotation::advance(angular[i].displacement, state.orientation[i]);
+        }
+        for &index in island.joints {
+            let joint = &model.joints[index as usize];
+            // Nominal rows for D_cc; the measures come with the first evaluation.
+            let dim = joint.gradient_at(&trial.poses(joint), &mut rows);
+            let nodes = (node(joint.a), node(joint.b));
+            let zeros = [0.0; 6];
+            system.push_joint(
+                nodes,
+                joint.translational,
+                joint.length,
+                &rows[..dim],
+                &zeros[..dim],
+            );
+        }
+        let mut base = vec![0.0; NODE_DOF * bodies.len()];
+        if !island.loads.is_empty() {
+            system.open_load();
+            trial.wrenches(model, island.loads, bodies, span.1, &mut base);
+        }
+        coupled = Some(Coupled {
+            island,
+            state,
+            angular,
+            bodies,
+            node_of,
+            trial,
+            span,
+            base,
+        });
+    }
     lambda.clear();
     lambda.resize(system.rows(), 0.0);
     u.clear();
@@ -177,13 +325,15 @@ fn solve_by_newton(
     let floor = mean(&|i| {
         model.mass[i] * (model.options.tolerance_floor * model.radius[i]).max(4.0 * rounding)
     });
-    let mut options = newton_options(&model.options, members.len(), floor, true);
+    let groups = members.len() + island.joints.len();
+    let mut options = newton_options(&model.options, groups, floor, true);
     options.gap_floor = 16.0 * rounding;
     let mut problem = Positions {
         model,
         contacts,
         members,
         centres: &centres,
+        coupled,
     };
     let result = newton.solve(system, &mut problem, &options, lambda, u);
     report.add_position(&result);

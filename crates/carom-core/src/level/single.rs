@@ -31,7 +31,7 @@ pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> Motion
 pub fn problem(model: &Model, c: &Contact, z: &Motion) -> SingleContact {
     let i = c.a as usize;
     let (r, im, ii) = (model.radius[i], model.inv_mass[i], model.inv_inertia[i]);
-    let bounds = c.law(model).bounds;
+    let bounds = c.bounds;
     SingleContact {
         z_normal: z.normal,
         z_sliding: z.slip,
@@ -49,8 +49,8 @@ pub fn problem(model: &Model, c: &Contact, z: &Motion) -> SingleContact {
 
 /// Packs a solution into the contact's rows.
 #[inline]
-pub fn pack(model: &Model, c: &Contact, s: &SingleSolution) -> [f64; 6] {
-    let bounds = c.law(model).bounds;
+pub fn pack(c: &Contact, s: &SingleSolution) -> [f64; 6] {
+    let bounds = c.bounds;
     let mut out = [s.normal, 0.0, 0.0, 0.0, 0.0, 0.0];
     let mut k = 1;
     if bounds.sliding > 0.0 {

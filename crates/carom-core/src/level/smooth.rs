@@ -1,18 +1,23 @@
 //! Smooth sub-problem (eqs. 1a-b; Algorithm 1, lines 5-20): the motion without contacts.
 //!
-//! Residual `r = M v-dot-check - f(q-check, v-check, t_{n+1})`. Weight alone is constant: one iteration. Other loads are
-//! iterated with the mass part of the tangent (eq. 11 without C_t and K_t), which contracts by the share of the load's
-//! own time scale in the step, of the order of `h^2 k/m` for a spring.
+//! Residuals `M v-dot-check - f(q-check, v-check, t_{n+1}) - G^T lambda` and `G v-check - c'`. Weight alone is constant: one
+//! iteration, in closed form. Joints and other loads go to Newton's method (`smooth_newton.rs`).
 
-use crate::force::{self, Motion};
+use super::smooth_newton::{place, Weights};
+use crate::force;
 use crate::model::Model;
-use crate::report::StepReport;
+use crate::report::{Level, StepReport};
 use crate::scratch::Scratch;
 use crate::state::State;
+use crate::step::Failure;
 use crate::stepper::Coefficients;
-use glam::DVec3;
 
-/// Predicts every sphere and solves for the smooth accelerations; false: not converged.
+pub use super::smooth_newton::SmoothScratch;
+
+/// The smooth sub-problem is solved at least this well, relative to its terms.
+const TOLERANCE: f64 = 1e-10;
+
+/// Predicts every sphere and solves for the smooth accelerations and reactions of joints.
 pub fn solve(
     model: &Model,
     state: &State,
@@ -20,7 +25,7 @@ pub fn solve(
     coefficients: &Coefficients,
     time: f64,
     report: &mut StepReport,
-) -> bool {
+) -> Result<(), Failure> {
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
     for i in 0..model.spheres() {
         let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
@@ -33,10 +38,13 @@ pub fn solve(
         scratch.angular[i] = angular;
     }
     report.iterations_smooth = 1;
-    model.loads.is_empty() || iterate(model, state, scratch, coefficients, time, report)
+    if model.is_free() {
+        return Ok(());
+    }
+    iterate(model, state, scratch, coefficients, time, report)
 }
 
-/// Iterates on loads beyond the weight, from the motion under the weight.
+/// Newton's method from the motion under the weight.
 fn iterate(
     model: &Model,
     state: &State,
@@ -44,63 +52,62 @@ fn iterate(
     coefficients: &Coefficients,
     time: f64,
     report: &mut StepReport,
-) -> bool {
-    let n = model.spheres();
-    let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
-    let mut wrench = vec![[DVec3::ZERO; 2]; n];
-    for _ in 0..model.options.max_iterations {
-        let velocity: Vec<DVec3> = scratch.linear.iter().map(|p| p.velocity).collect();
-        let angular_velocity: Vec<DVec3> = scratch.angular.iter().map(|p| p.velocity).collect();
-        let at = Motion {
-            time: time + coefficients.h,
-            position: &scratch.position,
-            velocity: &velocity,
-            angular_velocity: &angular_velocity,
+) -> Result<(), Failure> {
+    let weights = Weights {
+        acceleration: coefficients.acceleration_per_velocity(),
+        displacement: coefficients.displacement_per_velocity(),
+        velocity: 1.0,
+        time: time + coefficients.h,
+    };
+    let tolerance = model.options.tolerance.min(TOLERANCE);
+    let Scratch {
+        smooth,
+        trial,
+        linear,
+        angular,
+        position,
+        history,
+        load_error,
+        ..
+    } = scratch;
+    smooth.lambda.fill(0.0);
+    for iteration in 0..=model.options.max_iterations {
+        place(state, linear, angular, trial);
+        let acceleration = |i: usize| [linear[i].acceleration, angular[i].acceleration];
+        let small = match smooth.evaluate(model, trial, acceleration, weights.time) {
+            Ok(small) => small,
+            Err(error) => {
+                *load_error = Some(error.0);
+                return Err(Failure::Load);
+            }
         };
-        for (i, w) in wrench.iter_mut().enumerate() {
-            *w = [force::weight(model, i), DVec3::ZERO];
-        }
-        model
-            .loads
-            .iter()
-            .for_each(|load| load.add(&at, &mut wrench));
-        let (mut residual, mut terms) = (0.0f64, 0.0f64);
-        for i in 0..n {
-            let inertia = model.mass[i] * scratch.linear[i].acceleration;
-            let turn = model.inertia[i] * scratch.angular[i].acceleration;
-            let r = [wrench[i][0] - inertia, wrench[i][1] - turn];
-            let arm = 1.0 / model.radius[i];
-            residual += r[0].length_squared() + arm * arm * r[1].length_squared();
-            terms += wrench[i][0].length_squared() + inertia.length_squared();
-            terms += arm * arm * (wrench[i][1].length_squared() + turn.length_squared());
-            wrench[i] = r;
-        }
-        if !residual.is_finite() {
-            return false;
-        }
-        let relative = residual.sqrt() / terms.sqrt().max(f64::MIN_POSITIVE);
-        scratch.history[0].values.push(relative);
+        let relative = small.balance.max(small.constraint);
+        history[0].values.push(relative);
         report.residual_smooth = relative;
-        if relative <= model.options.tolerance.min(1e-10) {
-            return true;
+        if relative <= tolerance {
+            for (x, p) in position.iter_mut().zip(&trial.position) {
+                *x = *p;
+            }
+            return Ok(());
         }
-        for i in 0..n {
-            let [f, moment] = wrench[i];
-            coefficients.correct(&mut scratch.linear[i], per_velocity * model.inv_mass[i] * f);
-            coefficients.correct(
-                &mut scratch.angular[i],
-                per_velocity * model.inv_inertia[i] * moment,
-            );
-            scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
+        if !relative.is_finite() || iteration == model.options.max_iterations {
+            break;
         }
-        report.iterations_smooth += 1;
+        let solved = smooth.correct(model, trial, weights, |i, [dv, dw]| {
+            coefficients.correct(&mut linear[i], dv);
+            coefficients.correct(&mut angular[i], dw);
+        });
+        if !solved {
+            break;
+        }
+        report.iterations_smooth = report.iterations_smooth.max(iteration + 1);
     }
-    false
+    Err(Failure::NotConverged(Level::Smooth))
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::force::{Load, Motion};
+    use crate::force::{Dependence, Load, LoadError, Motion};
     use crate::{Model, ModelInput, Options, Recording, Simulation};
     use glam::DVec3;
     use std::sync::Arc;
@@ -113,17 +120,26 @@ mod tests {
         c: f64,
     }
 
+    /// Without tangents, as a function of the user comes.
     impl Load for Anchor {
-        fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) {
+        fn dependence(&self) -> Dependence {
+            Dependence::Opaque
+        }
+        fn bodies(&self) -> [Option<u32>; 2] {
+            [None; 2]
+        }
+        fn check(&self) -> Result<(), (&'static str, String)> {
+            Ok(())
+        }
+        fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
             for (i, w) in wrench.iter_mut().enumerate() {
                 w[0] -= self.k * at.position[i] + self.c * at.velocity[i];
             }
+            Ok(())
         }
-        fn potential(&self, position: &[DVec3]) -> f64 {
-            position
-                .iter()
-                .map(|x| 0.5 * self.k * x.length_squared())
-                .sum()
+        fn power(&self, at: &Motion) -> f64 {
+            let v = at.velocity[0];
+            -(self.k * at.position[0] + self.c * v).dot(v)
         }
     }
 
@@ -139,14 +155,14 @@ mod tests {
             orientation: vec![[1.0, 0.0, 0.0, 0.0]],
             velocity: vec![[0.0; 3]],
             angular_velocity: vec![[0.0; 3]],
+            loads: vec![Arc::new(Anchor { k, c })],
             ..ModelInput::default()
         };
         let options = Options {
             step: h,
             ..Options::default()
         };
-        let (mut model, initial) = Model::new(&input, options).expect("valid");
-        model.loads.push(Arc::new(Anchor { k, c }));
+        let (model, initial) = Model::new(&input, options).expect("valid");
         let mut s = Simulation::new(model, initial);
         let steps = (1.0 / h).round() as u64;
         let outcome = s.advance(

@@ -3,6 +3,7 @@
 use super::{closed_form, single};
 use crate::contact::Contact;
 use crate::impact;
+use crate::islands::Island;
 use crate::model::Model;
 use crate::options::{Impact, Options};
 use crate::report::StepReport;
@@ -56,12 +57,13 @@ pub fn solve_island(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    members: &[u32],
-    h: f64,
+    island: Island,
+    span: (f64, f64),
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
-    if let [m] = *members {
+    if let ([m], true) = (island.contacts, island.is_free()) {
+        let m = *m;
         let c = &scratch.contacts[m as usize];
         // As printed, restitution is not clipped: a contact that was separating may need a second problem.
         let printed = model.options.impact == Impact::SequencePaper;
@@ -75,8 +77,8 @@ pub fn solve_island(
         model,
         state,
         scratch,
-        members,
-        h,
+        island,
+        span,
         report,
         accept_unconverged,
     )
@@ -169,10 +171,10 @@ fn solve_single(
     report.add_velocity(&SolveReport::CLOSED_FORM);
     report.impact_problems = report.impact_problems.max(1);
     scratch.jump[i] = jump;
-    let packed = single::pack(model, c, &s);
+    let packed = single::pack(c, &s);
     let status = if s.slip { Status::Slip } else { Status::Stick };
     if !resting && gamma_n < -tol {
-        let world = c.to_world(model, c.n1, &packed);
+        let world = c.to_world(c.n1, &packed);
         scratch.impacts.push(ImpactRecord {
             problem: 1,
             a: c.a,

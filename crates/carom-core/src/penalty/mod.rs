@@ -15,13 +15,18 @@ pub use pair::Touch;
 pub use step::step;
 pub use workspace::Workspace;
 
+use crate::joint::Joint;
 use crate::model::{ContactLaw, ModelError};
 use crate::options::{Method, Options, PenaltyFriction};
 
-/// Refuses contact laws that the method cannot honour. Other methods take all.
-pub fn check_laws(options: &Options, laws: &[ContactLaw]) -> Result<(), ModelError> {
+/// Refuses joints and contact laws that the method cannot honour. Other methods take all.
+pub fn check(options: &Options, laws: &[ContactLaw], joints: &[Joint]) -> Result<(), ModelError> {
     if options.method != Method::Penalty {
         return Ok(());
+    }
+    if !joints.is_empty() {
+        let text = "penalty knows no joints; choose nsga, or leave the joints out".to_owned();
+        return Err(ModelError::option("method", text));
     }
     for (index, law) in laws.iter().enumerate() {
         let e = law.tangential_restitution;

@@ -66,6 +66,8 @@ pub struct PairLaw {
     /// chi.
     pub damping: f64,
     pub bounds: Bounds,
+    /// Whether there is sliding friction, as a number or as a law of the slip speed.
+    pub slides: bool,
     /// Of the tangential spring, share of critical.
     pub damping_ratio: f64,
 }
@@ -76,6 +78,7 @@ impl PairLaw {
         let law = |l: &crate::model::ContactLaw| PairLaw {
             damping: laws::damping(o.penalty_law, l.restitution, o.penalty_least_restitution),
             bounds: l.bounds,
+            slides: l.bounds.sliding > 0.0 || l.friction_law.is_some(),
             damping_ratio: damping_ratio(l.tangential_restitution),
         };
         model.laws.iter().map(law).collect()
@@ -109,6 +112,8 @@ pub struct Pair {
     /// In this step, while it is (or was last) closed, and before.
     now: Sum,
     pub step: Sum,
+    /// mu of the last sweep, and whether the contact slipped in it.
+    friction: f64,
     slips: bool,
     /// Whether its force pushes in this half of the substep.
     active: bool,
@@ -156,6 +161,7 @@ impl Pair {
             }),
             now: Sum::default(),
             step: Sum::default(),
+            friction: 0.0,
             slips: false,
             active: false,
         };
@@ -324,7 +330,7 @@ impl Pair {
     }
 
     fn status(&self) -> Status {
-        if self.slips || self.values.bounds.sliding <= 0.0 {
+        if self.slips || !self.values.slides {
             Status::Slip
         } else {
             Status::Stick
@@ -402,7 +408,7 @@ impl Pair {
     pub fn dissipate_before(
         &mut self,
         bodies: &mut Bodies,
-        o: &Options,
+        model: &Model,
         elastic: &Elastic,
         tau: f64,
     ) {
@@ -413,8 +419,8 @@ impl Pair {
             self.touch.spring = DVec3::ZERO;
         } else {
             let normal = self.elastic * tau + self.damp(bodies, s, tau);
-            self.rub(bodies, o, elastic, self.values.bounds.sliding * normal, tau);
-            self.resist_turning(bodies, o, normal);
+            self.rub(bodies, model, elastic, normal, tau);
+            self.resist_turning(bodies, &model.options, normal);
         }
     }
 
@@ -439,7 +445,7 @@ impl Pair {
     pub fn dissipate_after(
         &mut self,
         bodies: &mut Bodies,
-        o: &Options,
+        model: &Model,
         elastic: &Elastic,
         tau: f64,
     ) {
@@ -449,8 +455,8 @@ impl Pair {
             self.touch.spring = DVec3::ZERO;
         } else {
             let normal = self.elastic * tau + self.damp(bodies, s, tau);
-            self.resist_turning(bodies, o, normal);
-            self.rub(bodies, o, elastic, self.values.bounds.sliding * normal, tau);
+            self.resist_turning(bodies, &model.options, normal);
+            self.rub(bodies, model, elastic, normal, tau);
         }
     }
 
@@ -477,13 +483,26 @@ impl Pair {
         self.now.work[0] += impulse * (0.5 * impulse * self.inv_mass - closing);
     }
 
-    /// Sliding friction of at most `bound` (N s).
-    fn rub(&mut self, bodies: &mut Bodies, o: &Options, elastic: &Elastic, bound: f64, tau: f64) {
+    /// Sliding friction under the normal impulse `normal`, with mu at the slip of this substep.
+    fn rub(
+        &mut self,
+        bodies: &mut Bodies,
+        model: &Model,
+        elastic: &Elastic,
+        normal: f64,
+        tau: f64,
+    ) {
+        let (true, Some(law)) = (self.values.slides, self.law) else {
+            return;
+        };
+        let slip = self.slip(bodies);
+        self.friction = model.laws[law as usize].friction(slip.length());
+        let bound = self.friction * normal;
         if bound <= 0.0 {
             self.touch.spring = DVec3::ZERO;
             return;
         }
-        let slip = self.slip(bodies);
+        let o = &model.options;
         let impulse = match o.penalty_friction {
             PenaltyFriction::Regularised => {
                 let speed = slip.length();
@@ -565,7 +584,7 @@ impl Pair {
     }
 
     /// The step's impulses as a contact of the step, in the frame of their mean normal.
-    pub fn contact(&self, model: &Model, law: u32) -> crate::contact::Contact {
+    pub fn contact(&self, law: u32) -> crate::contact::Contact {
         let n = self.step.normal_impulse.normalize_or(self.normal);
         let (t1, t2) = carom_geom::tangent_frame(n);
         let mut contact = crate::contact::Contact {
@@ -578,6 +597,15 @@ impl Pair {
             n1: n,
             gap_start: self.gap,
             gap_check: self.gap,
+            bounds: Bounds {
+                // The rows are there although the law may give 0 just now.
+                sliding: if self.values.slides {
+                    self.friction.max(f64::MIN_POSITIVE)
+                } else {
+                    0.0
+                },
+                ..self.values.bounds
+            },
             gap: self.gap,
             length: self.length,
             nu: [0.0; 6],
@@ -591,7 +619,7 @@ impl Pair {
             moment: self.step.moment,
         };
         let mut packed = [0.0; 6];
-        contact.to_rows(model, &world, &mut packed);
+        contact.to_rows(&world, &mut packed);
         contact.lambda = packed;
         contact
     }

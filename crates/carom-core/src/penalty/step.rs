@@ -14,7 +14,7 @@
 
 use super::elastic::Elastic;
 use super::workspace::Workspace;
-use crate::force;
+use crate::force::{self, LoadError};
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::rotation;
@@ -69,7 +69,8 @@ fn advance(
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let h = attempt.coefficients.h;
-    work.begin(model, state, elastic, attempt.time);
+    let begun = work.begin(model, state, elastic, attempt.time);
+    evaluated(scratch, begun)?;
     work.need.fill(0.0);
     refresh(model, work, elastic, &mut scratch.neighbours)?;
     work.take_pairs(model, elastic, scratch.neighbours.pairs());
@@ -90,6 +91,7 @@ fn advance(
             report.substep_min.min(dt)
         };
         left = if last { 0.0 } else { left - dt };
+        let power = work.power;
         substep(
             model,
             scratch,
@@ -99,6 +101,7 @@ fn advance(
             attempt.time + (h - left),
             dt,
         )?;
+        report.energy_work += 0.5 * dt * (power + work.power);
         observe(work, report);
         if last {
             break;
@@ -162,6 +165,14 @@ fn refresh(
     Ok(rebuilt)
 }
 
+/// Keeps what a load said that could not be evaluated.
+fn evaluated(scratch: &mut Scratch, loads: Result<(), LoadError>) -> Result<(), Failure> {
+    loads.map_err(|error| {
+        scratch.load_error = Some(error.0);
+        Failure::Load
+    })
+}
+
 fn check_laws(work: &Workspace) -> Result<(), Failure> {
     match work.pairs.iter().find(|p| p.closed && p.law.is_none()) {
         Some(pair) => Err(Failure::MissingLaw(pair.a, pair.b)),
@@ -178,13 +189,13 @@ fn substep(
     end: f64,
     dt: f64,
 ) -> Result<(), Failure> {
-    let (tau, o) = (0.5 * dt, &model.options);
+    let tau = 0.5 * dt;
     let loaded = !model.loads.is_empty();
     for pair in work.pairs.iter_mut().filter(|p| p.closed) {
-        pair.dissipate_before(&mut work.bodies, o, elastic, tau);
+        pair.dissipate_before(&mut work.bodies, model, elastic, tau);
     }
     if loaded {
-        work.load(model, end - dt, 0.0);
+        evaluated(scratch, work.load(model, end - dt, 0.0))?;
     }
     // The elastic and the loads' half of a kick commute; their mirrored order gives each its exact work.
     for pair in work.pairs.iter_mut().filter(|p| p.closed) {
@@ -216,16 +227,16 @@ fn substep(
 
     if loaded {
         // The second half is the mirror of the first: loads at the velocities after it, by two rounds of iteration.
-        work.load(model, end, 0.0);
+        evaluated(scratch, work.load(model, end, 0.0))?;
         work.accelerate();
-        work.load(model, end, tau);
+        evaluated(scratch, work.load(model, end, tau))?;
     }
     accelerate(model, work, tau);
     for pair in work.pairs.iter_mut().filter(|p| p.closed) {
         pair.push_after(&mut work.bodies, tau);
     }
     for pair in work.pairs.iter_mut().rev().filter(|p| p.closed) {
-        pair.dissipate_after(&mut work.bodies, o, elastic, tau);
+        pair.dissipate_after(&mut work.bodies, model, elastic, tau);
     }
     timers.mark(Phase::Velocity);
     Ok(())
@@ -266,28 +277,26 @@ fn finish(
             return Err(Failure::NotFinite(i as u32));
         }
     }
-    for load in &model.loads {
-        potential += load.potential(&work.bodies.position);
-    }
+    potential += work.potential;
     scratch.contacts.clear();
     for pair in &mut work.pairs {
         pair.end_step();
         potential += pair.energy(elastic);
         report.candidates += u32::from(pair.gap < CANDIDATE_MARGIN * pair.length);
         if let (true, Some(law)) = (pair.has_record(), pair.law) {
-            scratch.contacts.push(pair.contact(model, law));
+            scratch.contacts.push(pair.contact(law));
         }
     }
     report.energy_kinetic = kinetic;
     report.energy_potential = potential;
     report.contacts = scratch.contacts.len() as u32;
     let islands = &mut scratch.islands;
-    islands.build(model.spheres(), &scratch.contacts, |_| true);
+    islands.build(model.spheres(), &scratch.contacts, &[], |_| true);
     report.islands = islands.len() as u32;
     for island in 0..islands.len() {
         report.largest_island = report
             .largest_island
-            .max(islands.members(island).len() as u32);
+            .max(islands.island(island).contacts.len() as u32);
     }
     Ok(())
 }

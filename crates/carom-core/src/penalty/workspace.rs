@@ -2,7 +2,7 @@
 
 use super::elastic::Elastic;
 use super::pair::{Pair, PairLaw, Touch};
-use crate::force::Motion;
+use crate::force::{LoadError, Motion};
 use crate::model::Model;
 use crate::options::Method;
 use crate::state::State;
@@ -38,6 +38,11 @@ pub struct Workspace {
     pub need: Vec<f64>,
     wrench: Vec<[DVec3; 2]>,
     speed: Vec<f64>,
+    /// Velocities and angular velocities at which loads are evaluated.
+    ahead: [Vec<DVec3>; 2],
+    /// Of the loads at their last evaluation: power of those without potential, W, and potential, J.
+    pub power: f64,
+    pub potential: f64,
 }
 
 impl Workspace {
@@ -69,7 +74,13 @@ impl Workspace {
     }
 
     /// Takes over the state at the start of a step, with the contacts that are closed.
-    pub fn begin(&mut self, model: &Model, state: &State, elastic: &Elastic, time: f64) {
+    pub fn begin(
+        &mut self,
+        model: &Model,
+        state: &State,
+        elastic: &Elastic,
+        time: f64,
+    ) -> Result<(), LoadError> {
         let b = &mut self.bodies;
         b.position.clone_from(&state.position);
         b.orientation.clone_from(&state.orientation);
@@ -82,38 +93,43 @@ impl Workspace {
             let pair = Pair::new(model, elastic, &self.laws, b, touch.key, Some(*touch));
             self.pairs.push(pair);
         }
-        self.load(model, time, 0.0);
+        self.load(model, time, 0.0)
     }
 
     /// Accelerations by gravity and loads at the present positions and at the velocities that `ahead` (s) of the present
     /// accelerations would add.
-    pub fn load(&mut self, model: &Model, time: f64, ahead: f64) {
+    pub fn load(&mut self, model: &Model, time: f64, ahead: f64) -> Result<(), LoadError> {
         let n = model.spheres();
         let b = &mut self.bodies;
         if model.loads.is_empty() {
             b.smooth[..n].fill([model.gravity, DVec3::ZERO]);
-            return;
+            return Ok(());
         }
-        let turning = |i: usize| b.motion[i][1] + ahead * b.smooth[i][1];
-        let angular_velocity: Vec<DVec3> = (0..n).map(turning).collect();
-        let moving = |i: usize| b.motion[i][0] + ahead * b.acceleration[i];
-        let velocity: Vec<DVec3> = (0..n).map(moving).collect();
+        let [velocity, angular_velocity] = &mut self.ahead;
+        velocity.clear();
+        velocity.extend((0..n).map(|i| b.motion[i][0] + ahead * b.acceleration[i]));
+        angular_velocity.clear();
+        angular_velocity.extend((0..n).map(|i| b.motion[i][1] + ahead * b.smooth[i][1]));
         let at = Motion {
             time,
             position: &b.position,
-            velocity: &velocity,
-            angular_velocity: &angular_velocity,
+            orientation: &b.orientation,
+            velocity,
+            angular_velocity,
         };
         self.wrench.fill([DVec3::ZERO; 2]);
         for load in &model.loads {
-            load.add(&at, &mut self.wrench);
+            load.add(&at, &mut self.wrench)?;
         }
+        self.power = model.loads.iter().map(|load| load.power(&at)).sum();
+        self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
         for (i, [force, moment]) in self.wrench.iter().enumerate() {
             b.smooth[i] = [
                 model.gravity + b.inv_mass[i] * *force,
                 b.inv_inertia[i] * *moment,
             ];
         }
+        Ok(())
     }
 
     /// Accelerations of the centres from loads and elastic forces.

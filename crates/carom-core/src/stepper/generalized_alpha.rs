@@ -79,6 +79,12 @@ impl Coefficients {
         self.acceleration_per_velocity
     }
 
+    /// d(q-check)/d(v-check) of a smooth Newton correction.
+    #[inline]
+    pub fn displacement_per_velocity(&self) -> f64 {
+        self.displacement_per_velocity
+    }
+
     /// Lines 16-18: applies a velocity correction.
     #[inline]
     pub fn correct(&self, p: &mut Prediction, dv: DVec3) {

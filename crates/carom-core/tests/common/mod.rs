@@ -26,7 +26,7 @@ pub fn balls(position: &[[f64; 3]], planes: &[([f64; 3], [f64; 3])]) -> ModelInp
         plane_point: planes.iter().map(|p| p.0).collect(),
         plane_normal: planes.iter().map(|p| p.1).collect(),
         plane_material: vec![1; planes.len()],
-        laws: Vec::new(),
+        ..ModelInput::default()
     }
 }
 

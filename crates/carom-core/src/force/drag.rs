@@ -1,0 +1,79 @@
+//! Viscous drag on one sphere: `f = -c v`, `m = -c_r w`.
+
+use super::{coefficient, wrench_power, Dependence, Load, LoadError, Motion, Tangent};
+use crate::joint::Twist;
+use glam::DVec3;
+
+/// Coefficients in N s/m and N m s.
+#[derive(Clone, Copy, Debug)]
+pub struct Drag {
+    pub body: u32,
+    pub translation: f64,
+    pub rotation: f64,
+}
+
+impl Drag {
+    fn wrench(&self, twist: &Twist) -> [DVec3; 2] {
+        [
+            -self.translation * twist.velocity,
+            -self.rotation * twist.angular_velocity,
+        ]
+    }
+}
+
+impl Load for Drag {
+    fn dependence(&self) -> Dependence {
+        Dependence::Motion(self.body, None)
+    }
+
+    fn bodies(&self) -> [Option<u32>; 2] {
+        [Some(self.body), None]
+    }
+
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        coefficient("translation", self.translation)?;
+        coefficient("rotation", self.rotation)
+    }
+
+    fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
+        let [f, m] = self.wrench(&at.twist(self.body as usize));
+        let w = &mut wrench[self.body as usize];
+        w[0] += f;
+        w[1] += m;
+        Ok(())
+    }
+
+    fn tangent(&self, _at: &Motion, out: &mut Vec<Tangent>) {
+        let mut t = Tangent::new(self.body, self.body);
+        for k in 0..3 {
+            t.velocity[k][k] = -self.translation;
+            t.velocity[k + 3][k + 3] = -self.rotation;
+        }
+        out.push(t);
+    }
+
+    fn power(&self, at: &Motion) -> f64 {
+        let twist = at.twist(self.body as usize);
+        wrench_power(&self.wrench(&twist), &twist)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::joint::Pose;
+
+    #[test]
+    fn tangents_match_differences() {
+        let drag = Drag {
+            body: 1,
+            translation: 0.7,
+            rotation: 0.02,
+        };
+        let twist = Twist {
+            velocity: DVec3::new(1.0, -2.0, 0.5),
+            angular_velocity: DVec3::new(3.0, 0.1, -4.0),
+        };
+        crate::force::check::tangents_match_differences(&drag, [(Pose::GROUND, twist); 2]);
+    }
+}

@@ -1,0 +1,181 @@
+//! Linear spring and damper between two attachment points: `F = k (l - l_0) + c l'` along the line that joins them.
+
+use super::{coefficient, Dependence, Load, LoadError, Motion, Tangent};
+use crate::joint::{add_block, lever_blocks, outer, skew, Pose, Twist, GROUND};
+use glam::{DMat3, DVec3};
+
+/// Between sphere `a` and sphere `b` or the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct Spring {
+    pub a: u32,
+    pub b: u32,
+    /// Attachment points in the bodies' axes, from their centres; of the ground: the fixed point.
+    pub arm_a: DVec3,
+    pub arm_b: DVec3,
+    /// N/m, N s/m, m.
+    pub stiffness: f64,
+    pub damping: f64,
+    pub rest_length: f64,
+}
+
+/// A spring at a motion.
+struct Placed {
+    arm_a: DVec3,
+    arm_b: DVec3,
+    /// Velocity of point A relative to point B.
+    rate: DVec3,
+    length: f64,
+    /// From B to A; zero where the points coincide: then the spring has no direction and pulls nothing.
+    direction: DVec3,
+}
+
+impl Spring {
+    fn place(&self, at: &Motion) -> Placed {
+        let point = |body: u32, arm: DVec3| {
+            if body == GROUND {
+                return (DVec3::ZERO, arm, DVec3::ZERO);
+            }
+            let (pose, twist): (Pose, Twist) = (at.pose(body as usize), at.twist(body as usize));
+            let s = pose.orientation * arm;
+            let velocity = twist.velocity + twist.angular_velocity.cross(s);
+            (s, pose.position + s, velocity)
+        };
+        let (arm_a, pa, va) = point(self.a, self.arm_a);
+        let (arm_b, pb, vb) = point(self.b, self.arm_b);
+        let between = pa - pb;
+        Placed {
+            arm_a,
+            arm_b,
+            rate: va - vb,
+            length: between.length(),
+            direction: between.normalize_or_zero(),
+        }
+    }
+
+    fn ends(&self) -> [Option<u32>; 2] {
+        [Some(self.a), (self.b != GROUND).then_some(self.b)]
+    }
+
+    /// Pull of spring and of damper, N.
+    fn pulls(&self, p: &Placed) -> (f64, f64) {
+        (
+            self.stiffness * (p.length - self.rest_length),
+            self.damping * p.rate.dot(p.direction),
+        )
+    }
+}
+
+impl Load for Spring {
+    fn dependence(&self) -> Dependence {
+        let [a, b] = self.ends();
+        Dependence::Motion(a.unwrap_or(self.a), b)
+    }
+
+    fn bodies(&self) -> [Option<u32>; 2] {
+        self.ends()
+    }
+
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        coefficient("stiffness", self.stiffness)?;
+        coefficient("damping", self.damping)?;
+        coefficient("rest_length", self.rest_length)?;
+        if self.a == self.b {
+            return Err(("between", "joins a sphere with itself".to_owned()));
+        }
+        if !(self.arm_a.is_finite() && self.arm_b.is_finite()) {
+            return Err(("points", "must be finite".to_owned()));
+        }
+        Ok(())
+    }
+
+    fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
+        let p = self.place(at);
+        let (elastic, viscous) = self.pulls(&p);
+        let f = -(elastic + viscous) * p.direction;
+        let a = &mut wrench[self.a as usize];
+        a[0] += f;
+        a[1] += p.arm_a.cross(f);
+        if self.b != GROUND {
+            let b = &mut wrench[self.b as usize];
+            b[0] -= f;
+            b[1] -= p.arm_b.cross(f);
+        }
+        Ok(())
+    }
+
+    fn tangent(&self, at: &Motion, out: &mut Vec<Tangent>) {
+        let p = self.place(at);
+        if p.length == 0.0 {
+            return;
+        }
+        let (elastic, viscous) = self.pulls(&p);
+        let pull = elastic + viscous;
+        let d = p.direction;
+        let dd = outer(d, d);
+        let across = DMat3::IDENTITY - dd;
+        let along = d.dot(p.rate);
+        // l' = d . rate changes with d too: d(l') = across rate / l . dp.
+        let turning = (p.rate - along * d) / p.length;
+        let k = self.stiffness * dd + (pull / p.length) * across + self.damping * outer(d, turning);
+        let c = self.damping * dd;
+        let sides = [(self.a, p.arm_a, 1.0), (self.b, p.arm_b, -1.0)];
+        let twist = |body: u32| at.twist(body as usize).angular_velocity;
+        for &(of, si, sign_i) in sides.iter().filter(|s| s.0 != GROUND) {
+            for &(over, sj, sign_j) in sides.iter().filter(|s| s.0 != GROUND) {
+                let mut t = Tangent::new(of, over);
+                let sign = -sign_i * sign_j;
+                lever_blocks(&mut t.position, k, si, sj, sign);
+                lever_blocks(&mut t.velocity, c, si, sj, sign);
+                // The lever of `over` turns: d(w x s) = w x (dtheta x s) = -w~ s~ dtheta adds to the rate.
+                let swing = c * skew(twist(over)) * skew(sj);
+                add_block(&mut t.position, 0, 1, swing, -sign);
+                add_block(&mut t.position, 1, 1, skew(si) * swing, -sign);
+                if of == over && sign_i == sign_j {
+                    // The lever of `of` turns: d(s x f) = (dtheta x s) x f = f~ s~ dtheta.
+                    let f = -sign_i * pull * d;
+                    add_block(&mut t.position, 1, 1, skew(f) * skew(si), 1.0);
+                }
+                out.push(t);
+            }
+        }
+    }
+
+    fn potential(&self, at: &Motion) -> f64 {
+        let stretch = self.place(at).length - self.rest_length;
+        0.5 * self.stiffness * stretch * stretch
+    }
+
+    fn power(&self, at: &Motion) -> f64 {
+        let p = self.place(at);
+        let rate = p.rate.dot(p.direction);
+        -self.damping * rate * rate
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-1.0f64..1.0).prop_map(DVec3::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        #[test]
+        fn tangents_match_central_differences(x in prop::array::uniform8(vector()), arms in prop::array::uniform2(vector()),
+                                              ground in any::<bool>()) {
+            let spring = Spring { a: 0, b: if ground { GROUND } else { 1 }, arm_a: arms[0], arm_b: arms[1],
+                                  stiffness: 3.0, damping: 0.8, rest_length: 1.1 };
+            let state = |k: usize, shift: DVec3| (
+                Pose { position: x[k] + shift, orientation: DQuat::from_scaled_axis(x[k + 1]) },
+                Twist { velocity: x[k + 2], angular_velocity: x[k + 3] },
+            );
+            let base = [state(0, DVec3::X * 4.0), state(4, DVec3::ZERO)];
+            crate::force::check::tangents_match_differences(&spring, base);
+        }
+    }
+}

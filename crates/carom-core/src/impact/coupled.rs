@@ -1,0 +1,201 @@
+//! Joints and loads in the impact problems of an island (`docs/theory/algorithm.md`, section 7): every problem holds all
+//! joint rows, and loads act through the change of `h f` with the velocities of the problem (eq. 4).
+
+use super::problem::{ImpactScratch, Law};
+use crate::contact::Rows;
+use crate::islands::Island;
+use crate::level::coupling::Trial;
+use crate::level::velocity::Speeds;
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::rotation;
+use crate::scratch::Scratch;
+use crate::state::State;
+use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
+use glam::DVec3;
+
+/// Velocity measures, linear in `u`, beside loads that are not.
+pub struct Velocities<'a> {
+    pub model: &'a Model,
+    pub loads: &'a [u32],
+    pub bodies: &'a [u32],
+    pub node_of: &'a [u32],
+    /// Placements at q_{n+1}.
+    pub trial: &'a mut Trial,
+    pub span: (f64, f64),
+    /// Velocities at `u = 0`, 6 per node.
+    pub before: &'a [f64],
+    /// Wrench that the change is counted from, and the part of its impulse that is known already.
+    pub base: &'a [f64],
+    pub known: &'a [f64],
+}
+
+impl Subproblem for Velocities<'_> {
+    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
+        system.linear_measures(u, z);
+        let h = self.span.1 - self.span.0;
+        for (node, &body) in self.bodies.iter().enumerate() {
+            let at = |k: usize| self.before[NODE_DOF * node + k] + u[NODE_DOF * node + k];
+            self.trial.velocity[body as usize] = DVec3::new(at(0), at(1), at(2));
+            self.trial.angular_velocity[body as usize] = DVec3::new(at(3), at(4), at(5));
+        }
+        let mut load = std::mem::take(&mut system.load);
+        self.trial
+            .wrenches(self.model, self.loads, self.bodies, self.span.1, &mut load);
+        for (b, (base, known)) in load.iter_mut().zip(self.base.iter().zip(self.known)) {
+            *b = h * (*b - base) - known;
+        }
+        self.trial.stiffness(
+            self.model,
+            self.loads,
+            self.node_of,
+            load.len(),
+            self.span.1,
+            (0.0, h),
+            &mut system.load_tangent,
+        );
+        system.load = load;
+    }
+}
+
+impl ImpactScratch {
+    /// Joint rows at q_{n+1}, their rates, and the loads at `(q_check, v_check)`.
+    pub(super) fn begin_coupling(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &mut Scratch,
+        island: Island,
+    ) {
+        self.joints.clear();
+        self.joints.extend_from_slice(island.joints);
+        self.loads.clear();
+        self.loads.extend_from_slice(island.loads);
+        self.rates.clear();
+        self.load_base.clear();
+        if island.is_free() {
+            return;
+        }
+        let Scratch {
+            solve,
+            linear,
+            angular,
+            shift,
+            position,
+            trial,
+            ..
+        } = scratch;
+        let orientation = |i: usize, turn: DVec3| rotation::advance(turn, state.orientation[i]);
+        for &body in &solve.bodies {
+            let i = body as usize;
+            trial.position[i] = state.position[i] + linear[i].displacement;
+            trial.orientation[i] = orientation(i, angular[i].displacement);
+            trial.velocity[i] = linear[i].velocity;
+            trial.angular_velocity[i] = angular[i].velocity;
+        }
+        let end = self.span.1;
+        if !self.loads.is_empty() {
+            self.load_base.resize(NODE_DOF * solve.bodies.len(), 0.0);
+            trial.wrenches(model, &self.loads, &solve.bodies, end, &mut self.load_base);
+        }
+        for &body in &solve.bodies {
+            let i = body as usize;
+            trial.position[i] = position[i];
+            trial.orientation[i] = orientation(i, angular[i].displacement + shift[i][1]);
+        }
+        let mut rows = Rows::default();
+        for &index in &self.joints {
+            let joint = &model.joints[index as usize];
+            let dim = joint.gradient_at(&trial.poses(joint), &mut rows);
+            let node = |body: u32| solve.node_of.get(body as usize).copied().unwrap_or(WORLD);
+            let mut rates = [0.0; 6];
+            joint.rates(end, &mut rates);
+            self.rates.extend_from_slice(&rates[..dim]);
+            let nodes = (node(joint.a), node(joint.b));
+            let zeros = [0.0; 6];
+            self.full.push_joint(
+                nodes,
+                joint.translational,
+                joint.length,
+                &rows[..dim],
+                &zeros[..dim],
+            );
+        }
+    }
+
+    /// Rows of the joints, and room for the loads, behind the contacts of a problem.
+    pub(super) fn add_joints(&self, sub: &mut RowSystem) {
+        let first = self.first_joint_row();
+        for c in &self.full.contacts[self.members.len()..] {
+            let rows = c.row as usize..(c.row + c.dim) as usize;
+            let row = sub.jac.len() as u32;
+            sub.jac.extend_from_slice(&self.full.jac[rows.clone()]);
+            sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
+            sub.z0.extend(
+                rows.map(|r| self.full.row_velocity(c, r, &self.velocity) - self.rates[r - first]),
+            );
+            sub.contacts
+                .push(carom_solve::rows::RowContact { row, ..*c });
+        }
+        if !self.loads.is_empty() {
+            sub.open_load();
+        }
+    }
+
+    /// Stage J: joints and the change of loads alone, from `v_check`; what follows starts from its result.
+    pub(super) fn settle(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &mut Scratch,
+        report: &mut StepReport,
+    ) -> bool {
+        self.chosen.clear();
+        self.scale.clear();
+        self.velocity.clone_from(&self.v_check);
+        self.build(model, &scratch.contacts, Law::Plastic);
+        if !self.solve_built(model, scratch, 0, None, report) {
+            return false;
+        }
+        let first = self.first_joint_row();
+        self.impulse[first..].copy_from_slice(&self.lambda);
+        self.settled.clone_from(&self.u);
+        for (v, u) in self.v_check.iter_mut().zip(&self.u) {
+            *v += u;
+        }
+        self.speeds = Speeds::default();
+        for (node, &body) in scratch.solve.bodies.iter().enumerate() {
+            let v = &self.v_check[NODE_DOF * node..];
+            let velocity = DVec3::new(v[0], v[1], v[2]);
+            self.speeds.add(model, state, velocity, body as usize);
+            scratch.trial.velocity[body as usize] = velocity;
+            scratch.trial.angular_velocity[body as usize] = DVec3::new(v[3], v[4], v[5]);
+        }
+        self.tol = self
+            .speeds
+            .closing_tolerance(&model.options, self.members.len());
+        // From here on loads count from the settled motion, and joints from zero.
+        self.settled_joint = self.impulse[first..].to_vec();
+        self.impulse[first..].fill(0.0);
+        if !self.loads.is_empty() {
+            let (loads, bodies) = (&self.loads, &scratch.solve.bodies);
+            scratch
+                .trial
+                .wrenches(model, loads, bodies, self.span.1, &mut self.load_base);
+        }
+        true
+    }
+
+    /// Writes the joints' total impulses of the step into the scratch.
+    pub(super) fn finish_joints(&self, model: &Model, scratch: &mut Scratch) {
+        let first = self.first_joint_row();
+        let mut row = 0;
+        for &index in &self.joints {
+            let at = scratch.smooth.first_row[index as usize] as usize;
+            for r in 0..model.joints[index as usize].rows.len() {
+                scratch.joint_impulse[at + r] = self.settled_joint[row] + self.impulse[first + row];
+                row += 1;
+            }
+        }
+    }
+}

@@ -1,0 +1,385 @@
+//! Bilateral constraints (set `U-bar` of eqs. 1-13): points held, guided or shared, rods, locked axes, prescribed motion.
+//!
+//! A joint is a group of up to six rows between sphere A and sphere B or the ground, of three kinds. `docs/theory/algorithm.md`
+//! section 7 has their measures; gradients are over spatial velocities `(v_A, w_A, v_B, w_B)`.
+
+use crate::contact::Rows;
+use crate::rotation;
+use crate::scalar::Scalar;
+use glam::{DMat3, DQuat, DVec3};
+
+/// Body B of a joint with the ground.
+pub const GROUND: u32 = u32::MAX;
+
+/// What a row holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RowKind {
+    /// `d . (p_A - p_B) = c(t)`, `d` in fixed axes.
+    Point,
+    /// `|p_A - p_B| = c(t)`.
+    Distance,
+    /// Rotation of A relative to B about the fixed axis `d` follows `c(t)`.
+    Rotation,
+}
+
+#[derive(Clone, Debug)]
+pub struct JointRow {
+    pub kind: RowKind,
+    /// Unit vector, fixed axes.
+    pub direction: DVec3,
+    /// Attachment points in the bodies' axes, from their centres; of the ground: the fixed point.
+    pub arm_a: DVec3,
+    pub arm_b: DVec3,
+    /// `c(t)`, m or rad.
+    pub law: Scalar,
+}
+
+#[derive(Clone, Debug)]
+pub struct Joint {
+    /// Sphere A.
+    pub a: u32,
+    /// Sphere B or [`GROUND`].
+    pub b: u32,
+    /// Points and distances first.
+    pub rows: Vec<JointRow>,
+    /// Number of these.
+    pub translational: usize,
+    /// Radius of A, m: makes rotational rows comparable.
+    pub length: f64,
+}
+
+/// Placement of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose {
+    pub position: DVec3,
+    pub orientation: DQuat,
+}
+
+impl Pose {
+    /// The ground: arms are fixed points.
+    pub const GROUND: Pose = Pose {
+        position: DVec3::ZERO,
+        orientation: DQuat::IDENTITY,
+    };
+}
+
+/// Velocity of a body.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Twist {
+    pub velocity: DVec3,
+    pub angular_velocity: DVec3,
+}
+
+/// A row at a placement.
+struct Placed {
+    direction: DVec3,
+    /// World arms.
+    arm_a: DVec3,
+    arm_b: DVec3,
+    /// `p_A - p_B`.
+    between: DVec3,
+}
+
+impl Joint {
+    pub fn grounded(&self) -> bool {
+        self.b == GROUND
+    }
+
+    fn place(&self, row: &JointRow, a: &Pose, b: &Pose) -> Placed {
+        let arm_a = a.orientation * row.arm_a;
+        // A point of the ground has no arm that turns.
+        let (arm_b, point_b) = if self.grounded() {
+            (DVec3::ZERO, row.arm_b)
+        } else {
+            let arm = b.orientation * row.arm_b;
+            (arm, b.position + arm)
+        };
+        let between = a.position + arm_a - point_b;
+        let direction = if row.kind == RowKind::Distance {
+            between.normalize_or_zero()
+        } else {
+            row.direction
+        };
+        Placed {
+            direction,
+            arm_a,
+            arm_b,
+            between,
+        }
+    }
+
+    /// Gradient of every row; returns their number.
+    pub fn gradient(&self, a: &Pose, b: &Pose, out: &mut Rows) -> usize {
+        for (row, g) in self.rows.iter().zip(out.iter_mut()) {
+            let p = self.place(row, a, b);
+            let d = p.direction;
+            let (va, wa, wb) = if row.kind == RowKind::Rotation {
+                (DVec3::ZERO, d, d)
+            } else {
+                (d, p.arm_a.cross(d), p.arm_b.cross(d))
+            };
+            let (vb, wb) = if self.grounded() {
+                (DVec3::ZERO, DVec3::ZERO)
+            } else {
+                (-va, -wb)
+            };
+            *g = [join(va, wa), join(vb, wb)];
+        }
+        self.rows.len()
+    }
+
+    /// [`Joint::gradient`] at a pair of placements.
+    pub fn gradient_at(&self, [a, b]: &[Pose; 2], out: &mut Rows) -> usize {
+        self.gradient(a, b, out)
+    }
+
+    /// Measures of points and distances, `g - c(t)`; rotations are left alone.
+    pub fn position_measures(&self, a: &Pose, b: &Pose, time: f64, out: &mut [f64]) {
+        for (row, z) in self.rows.iter().zip(out).take(self.translational) {
+            let p = self.place(row, a, b);
+            let value = if row.kind == RowKind::Distance {
+                p.between.length()
+            } else {
+                p.direction.dot(p.between)
+            };
+            *z = value - row.law.value(time);
+        }
+    }
+
+    /// Measures of rotations over a step: `e . (psi_A - psi_B) - (c(t1) - c(t0))`.
+    pub fn rotation_measures(&self, psi_a: DVec3, psi_b: DVec3, span: (f64, f64), out: &mut [f64]) {
+        for (row, z) in self.rows.iter().zip(out).skip(self.translational) {
+            let turned = row.direction.dot(psi_a - psi_b);
+            *z = turned - (row.law.value(span.1) - row.law.value(span.0));
+        }
+    }
+
+    /// `c'(t)` of every row.
+    pub fn rates(&self, time: f64, out: &mut [f64]) {
+        for (row, rate) in self.rows.iter().zip(out) {
+            *rate = row.law.slope(time);
+        }
+    }
+
+    /// Whether the row prescribes a motion, so that it may do work.
+    pub fn prescribes(&self, row: usize) -> bool {
+        !self.rows[row].law.is_constant()
+    }
+
+    /// `d(G v)/dq` of every row at fixed velocities, over the placements of A and B (`G^s` of eq. 11).
+    pub fn gradient_rate(&self, a: (&Pose, &Twist), b: (&Pose, &Twist), out: &mut Rows) {
+        for (row, g) in self.rows.iter().zip(out.iter_mut()) {
+            *g = [[0.0; 6]; 2];
+            if row.kind == RowKind::Rotation {
+                continue;
+            }
+            let p = self.place(row, a.0, b.0);
+            let d = p.direction;
+            // d . (w x (dtheta x s)) = dtheta . (s x (d x w)).
+            let turn = |arm: DVec3, w: DVec3| arm.cross(d.cross(w));
+            let (mut xa, mut ta) = (DVec3::ZERO, turn(p.arm_a, a.1.angular_velocity));
+            let mut tb = -turn(p.arm_b, b.1.angular_velocity);
+            let mut xb = DVec3::ZERO;
+            if row.kind == RowKind::Distance {
+                let length = p.between.length();
+                let rate = a.1.velocity + a.1.angular_velocity.cross(p.arm_a)
+                    - b.1.velocity
+                    - b.1.angular_velocity.cross(p.arm_b);
+                let across = (rate - d * d.dot(rate)) / length;
+                xa += across;
+                ta += p.arm_a.cross(across);
+                xb -= across;
+                tb -= p.arm_b.cross(across);
+            }
+            if self.grounded() {
+                (xb, tb) = (DVec3::ZERO, DVec3::ZERO);
+            }
+            *g = [join(xa, ta), join(xb, tb)];
+        }
+    }
+
+    /// `d(G^T lambda)/dq` over the placements: blocks (AA, AB, BA, BB), added to `out`.
+    pub fn gradient_stiffness(
+        &self,
+        a: &Pose,
+        b: &Pose,
+        lambda: &[f64],
+        out: &mut [[Block6; 2]; 2],
+    ) {
+        for (row, &l) in self.rows.iter().zip(lambda) {
+            if row.kind == RowKind::Rotation || l == 0.0 {
+                continue;
+            }
+            let p = self.place(row, a, b);
+            let f = l * p.direction;
+            // Moment s x f on each side with s turning: d(s x f) = (dtheta x s) x f = -f x (dtheta x s).
+            add_block(&mut out[0][0], 1, 1, skew(f) * skew(p.arm_a), 1.0);
+            if !self.grounded() {
+                add_block(&mut out[1][1], 1, 1, skew(f) * skew(p.arm_b), -1.0);
+            }
+            if row.kind == RowKind::Distance {
+                let length = p.between.length();
+                let d = p.direction;
+                let across = (l / length) * (DMat3::IDENTITY - outer(d, d));
+                // df = across (dx_A + dtheta_A x s_A - dx_B - dtheta_B x s_B), moments s x df.
+                let sides = [(p.arm_a, 1.0), (p.arm_b, -1.0)];
+                let count = if self.grounded() { 1 } else { 2 };
+                for (i, &(si, sign_i)) in sides.iter().enumerate().take(count) {
+                    for (j, &(sj, sign_j)) in sides.iter().enumerate().take(count) {
+                        lever_blocks(&mut out[i][j], across, si, sj, sign_i * sign_j);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A dense 6 x 6 block over (translation, rotation) of two bodies.
+pub type Block6 = [[f64; 6]; 6];
+
+/// Adds `factor * m` at the 3 x 3 place (row, col) of a block.
+pub fn add_block(out: &mut Block6, row: usize, col: usize, m: DMat3, factor: f64) {
+    for i in 0..3 {
+        for j in 0..3 {
+            out[3 * row + i][3 * col + j] += factor * m.col(j)[i];
+        }
+    }
+}
+
+/// Adds a stiffness `k` between points at the end of levers `si`, `sj`: force and moment over translation and rotation.
+pub fn lever_blocks(out: &mut Block6, k: DMat3, si: DVec3, sj: DVec3, factor: f64) {
+    add_block(out, 0, 0, k, factor);
+    add_block(out, 0, 1, k * skew(sj), -factor);
+    add_block(out, 1, 0, skew(si) * k, factor);
+    add_block(out, 1, 1, skew(si) * k * skew(sj), -factor);
+}
+
+/// `a x` as a matrix.
+pub fn skew(a: DVec3) -> DMat3 {
+    DMat3::from_cols(
+        DVec3::new(0.0, a.z, -a.y),
+        DVec3::new(-a.z, 0.0, a.x),
+        DVec3::new(a.y, -a.x, 0.0),
+    )
+}
+
+/// `a b^T`.
+pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+#[inline]
+fn join(v: DVec3, w: DVec3) -> [f64; 6] {
+    [v.x, v.y, v.z, w.x, w.y, w.z]
+}
+
+/// Turns the rotational part of gradient rows from the rotation to the increment `psi` (`T(psi)^T` of section 7).
+pub fn over_increment(rows: &mut [[[f64; 6]; 2]], psi_a: DVec3, psi_b: DVec3) {
+    for row in rows {
+        for (side, psi) in row.iter_mut().zip([psi_a, psi_b]) {
+            let w = rotation::transposed_left_jacobian(psi, DVec3::new(side[3], side[4], side[5]));
+            side[3..6].copy_from_slice(&w.to_array());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-1.0f64..1.0).prop_map(DVec3::from)
+    }
+
+    fn joint(b: u32, arms: (DVec3, DVec3), direction: DVec3) -> Joint {
+        let row = |kind| JointRow {
+            kind,
+            direction: direction.normalize(),
+            arm_a: arms.0,
+            arm_b: arms.1,
+            law: Scalar::Polynomial(vec![0.3, -0.2, 0.1]),
+        };
+        Joint {
+            a: 0,
+            b,
+            rows: vec![
+                row(RowKind::Point),
+                row(RowKind::Distance),
+                row(RowKind::Rotation),
+            ],
+            translational: 2,
+            length: 1.0,
+        }
+    }
+
+    fn moved(p: &Pose, side: &[f64]) -> Pose {
+        Pose {
+            position: p.position + DVec3::new(side[0], side[1], side[2]),
+            orientation: rotation::advance(DVec3::new(side[3], side[4], side[5]), p.orientation),
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        /// Gradient, G^s and geometric stiffness against central differences; ground and two bodies.
+        #[test]
+        fn derivatives_match_differences(x in prop::array::uniform2(vector()), arms in prop::array::uniform2(vector()),
+                                         d in vector(), psi in prop::array::uniform2(vector()),
+                                         v in prop::array::uniform4(vector()), ground in any::<bool>(),
+                                         lambda in prop::array::uniform3(-1.0f64..1.0)) {
+            prop_assume!(d.length() > 0.1);
+            let j = joint(if ground { GROUND } else { 1 }, (arms[0], arms[1]), d);
+            let poses = [
+                Pose { position: x[0] + DVec3::X * 4.0, orientation: DQuat::from_scaled_axis(psi[0]) },
+                Pose { position: x[1], orientation: DQuat::from_scaled_axis(psi[1]) },
+            ];
+            let twist = [Twist { velocity: v[0], angular_velocity: v[1] },
+                         Twist { velocity: v[2], angular_velocity: v[3] }];
+            let twist = if ground { [twist[0], Twist::default()] } else { twist };
+            let mut g: Rows = Default::default();
+            j.gradient(&poses[0], &poses[1], &mut g);
+            let mut rate: Rows = Default::default();
+            j.gradient_rate((&poses[0], &twist[0]), (&poses[1], &twist[1]), &mut rate);
+            let mut stiffness = [[[[0.0; 6]; 6]; 2]; 2];
+            j.gradient_stiffness(&poses[0], &poses[1], &lambda, &mut stiffness);
+            let step = 1e-6;
+            for side in 0..2 {
+                for k in 0..6 {
+                    let at = |sign: f64| {
+                        let mut delta = [0.0; 6];
+                        delta[k] = sign * step;
+                        let mut p = poses;
+                        p[side] = moved(&p[side], &delta);
+                        let (mut z, mut g): ([f64; 3], Rows) = ([0.0; 3], Default::default());
+                        j.position_measures(&p[0], &p[1], 0.7, &mut z);
+                        j.gradient(&p[0], &p[1], &mut g);
+                        (z, g)
+                    };
+                    let ((zp, gp), (zm, gm)) = (at(1.0), at(-1.0));
+                    for r in 0..2 {
+                        let fd = (zp[r] - zm[r]) / (2.0 * step);
+                        prop_assert!((fd - g[r][side][k]).abs() < 1e-8, "gradient {r} {side} {k}: {fd}");
+                    }
+                    let speed = |g: &Rows, r: usize| (0..2).map(|s| {
+                        let t = [twist[s].velocity.to_array(), twist[s].angular_velocity.to_array()].concat();
+                        g[r][s].iter().zip(&t).map(|(a, b)| a * b).sum::<f64>()
+                    }).sum::<f64>();
+                    for r in 0..3 {
+                        let fd = (speed(&gp, r) - speed(&gm, r)) / (2.0 * step);
+                        prop_assert!((fd - rate[r][side][k]).abs() < 1e-7, "rate {r} {side} {k}: {fd} {}", rate[r][side][k]);
+                    }
+                    for of in 0..2 {
+                        for i in 0..6 {
+                            let force = |g: &Rows| (0..3).map(|r| lambda[r] * g[r][of][i]).sum::<f64>();
+                            let fd = (force(&gp) - force(&gm)) / (2.0 * step);
+                            prop_assert!((fd - stiffness[of][side][i][k]).abs() < 1e-7,
+                                         "stiffness {of}{side} {i}{k}: {fd} {}", stiffness[of][side][i][k]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,487 @@
+//! Newton's method for the smooth sub-problem with joints and loads (eqs. 1a-b, 10, 11).
+//!
+//! Spheres joined by joints or by loads that depend on the motion form groups, fixed for a model; each group has its own matrix
+//! `[s M + C + (h beta/gamma)(K - d(G^T lambda)/dq), -G^T; G + (h beta/gamma) d(G v)/dq, delta]`. A small `delta` keeps redundant joints
+//! factorable (rule R10); it is in the matrix only, so the limit is that of eq. 1. All other spheres have the matrix `s M`.
+
+use super::coupling::Trial;
+use crate::contact::Rows;
+use crate::force::{self, LoadError};
+use crate::joint::Block6;
+use crate::model::{LinkKind, Model};
+use crate::state::State;
+use crate::stepper::generalized_alpha::Prediction;
+use carom_solve::direct::dense::{lu_factor, lu_solve};
+use carom_solve::direct::SparseLu;
+use carom_solve::rows::NODE_DOF;
+use glam::DVec3;
+
+/// Unknowns of a group up to which its matrix is dense.
+const DENSE: usize = 72;
+/// `delta` over the diagonal of `G S^-1 G^T`.
+const SHIFT: f64 = 1e-9;
+
+/// Spheres that move together in the smooth sub-problem.
+#[derive(Default)]
+struct Group {
+    bodies: Vec<u32>,
+    joints: Vec<u32>,
+    loads: Vec<u32>,
+}
+
+/// Factors of `dv` in the corrections of acceleration and position, and the time of the sub-problem.
+#[derive(Clone, Copy, Debug)]
+pub struct Weights {
+    /// s.
+    pub acceleration: f64,
+    /// h beta/gamma; 0 at the start of a run, where placements are given.
+    pub displacement: f64,
+    /// Of velocities; 0 at the start of a run.
+    pub velocity: f64,
+    pub time: f64,
+}
+
+/// Smallness of the residual: of the balance over its terms, of the constraints over the speeds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Smallness {
+    pub balance: f64,
+    pub constraint: f64,
+}
+
+#[derive(Default)]
+pub struct SmoothScratch {
+    groups: Vec<Group>,
+    grouped: Vec<bool>,
+    /// Local index of a sphere in its group.
+    local: Vec<u32>,
+    /// First row of each joint among all joint rows.
+    pub first_row: Vec<u32>,
+    /// Smooth reactions lambda of all joint rows, N or N m.
+    pub lambda: Vec<f64>,
+    gradients: Vec<Rows>,
+    constraint: Vec<f64>,
+    residual: Vec<[DVec3; 2]>,
+    rhs: Vec<f64>,
+    dense: Vec<f64>,
+    pivots: Vec<u32>,
+    /// (column, row, value).
+    entries: Vec<(u32, u32, f64)>,
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+    values: Vec<f64>,
+    sparse: SparseLu,
+    solution: Vec<f64>,
+}
+
+impl SmoothScratch {
+    pub fn new(model: &Model) -> SmoothScratch {
+        let mut first_row = Vec::with_capacity(model.joints.len());
+        let mut rows = 0;
+        for joint in &model.joints {
+            first_row.push(rows);
+            rows += joint.rows.len() as u32;
+        }
+        let n = if model.is_free() { 0 } else { model.spheres() };
+        let mut scratch = SmoothScratch {
+            grouped: vec![false; n],
+            local: vec![0; n],
+            first_row,
+            lambda: vec![0.0; rows as usize],
+            gradients: vec![Rows::default(); model.joints.len()],
+            constraint: vec![0.0; rows as usize],
+            residual: vec![[DVec3::ZERO; 2]; n],
+            ..SmoothScratch::default()
+        };
+        scratch.build_groups(model);
+        scratch
+    }
+
+    fn build_groups(&mut self, model: &Model) {
+        let mut parent: Vec<u32> = (0..self.grouped.len() as u32).collect();
+        fn root(parent: &[u32], mut i: u32) -> u32 {
+            while parent[i as usize] != i {
+                i = parent[i as usize];
+            }
+            i
+        }
+        for link in &model.links {
+            let (a, b) = (root(&parent, link.a), root(&parent, link.b));
+            parent[a.max(b) as usize] = a.min(b);
+            self.grouped[link.a as usize] = true;
+            self.grouped[link.b as usize] = true;
+        }
+        let mut slot = vec![u32::MAX; parent.len()];
+        for body in 0..parent.len() as u32 {
+            if !self.grouped[body as usize] {
+                continue;
+            }
+            let top = root(&parent, body);
+            if top == body {
+                slot[body as usize] = self.groups.len() as u32;
+                self.groups.push(Group::default());
+            }
+            // Roots are the smallest of their group: they come first.
+            let group = &mut self.groups[slot[top as usize] as usize];
+            self.local[body as usize] = group.bodies.len() as u32;
+            group.bodies.push(body);
+        }
+        for link in &model.links {
+            let group = &mut self.groups[slot[root(&parent, link.a) as usize] as usize];
+            match link.kind {
+                LinkKind::Joint(index) => group.joints.push(index),
+                LinkKind::Load(index) => group.loads.push(index),
+            }
+        }
+    }
+
+    /// Whether a sphere belongs to a group; the others are explicit.
+    fn is_grouped(&self, i: usize) -> bool {
+        self.grouped[i]
+    }
+
+    /// Residuals `f + G^T lambda - M a` per sphere and `G v - c'` (or `target`) per joint row, at the motion in `trial`.
+    pub fn evaluate(
+        &mut self,
+        model: &Model,
+        trial: &mut Trial,
+        acceleration: impl Fn(usize) -> [DVec3; 2],
+        time: f64,
+    ) -> Result<Smallness, LoadError> {
+        let n = model.spheres();
+        for (i, w) in trial.wrench.iter_mut().enumerate() {
+            *w = [force::weight(model, i), DVec3::ZERO];
+        }
+        let mut wrench = std::mem::take(&mut trial.wrench);
+        let mut failed = None;
+        for load in &model.loads {
+            if let Err(error) = load.add(&trial.motion(time), &mut wrench) {
+                failed = Some(error);
+                break;
+            }
+        }
+        trial.wrench = wrench;
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let (mut constraint, mut speed) = (0.0f64, 0.0f64);
+        for (index, joint) in model.joints.iter().enumerate() {
+            let rows = &mut self.gradients[index];
+            let dim = joint.gradient_at(&trial.poses(joint), rows);
+            let first = self.first_row[index] as usize;
+            let mut rates = [0.0; 6];
+            joint.rates(time, &mut rates);
+            let twists = trial.twists(joint);
+            for (r, row) in rows.iter().enumerate().take(dim) {
+                let mut value = -rates[r];
+                for (side, twist) in row.iter().zip(&twists) {
+                    let (v, w) = (twist.velocity, twist.angular_velocity);
+                    value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
+                    value += side[3] * w.x + side[4] * w.y + side[5] * w.z;
+                    speed = speed.max(v.length()).max(joint.length * w.length());
+                }
+                self.constraint[first + r] = value;
+                let turn = if r < joint.translational {
+                    1.0
+                } else {
+                    joint.length
+                };
+                constraint = constraint.max(turn * value.abs());
+                let l = self.lambda[first + r];
+                let bodies = [joint.a, joint.b];
+                for (side, &body) in row.iter().zip(&bodies) {
+                    if let Some(w) = trial.wrench.get_mut(body as usize) {
+                        w[0] += l * DVec3::new(side[0], side[1], side[2]);
+                        w[1] += l * DVec3::new(side[3], side[4], side[5]);
+                    }
+                }
+            }
+        }
+        let (mut residual, mut terms) = (0.0f64, 0.0f64);
+        for i in 0..n {
+            let [a, alpha] = acceleration(i);
+            let [f, m] = trial.wrench[i];
+            let (inertia, turn) = (model.mass[i] * a, model.inertia[i] * alpha);
+            let r = [f - inertia, m - turn];
+            let arm = 1.0 / model.radius[i];
+            residual += r[0].length_squared() + arm * arm * r[1].length_squared();
+            terms += f.length_squared() + inertia.length_squared();
+            terms += arm * arm * (m.length_squared() + turn.length_squared());
+            self.residual[i] = r;
+        }
+        Ok(Smallness {
+            balance: residual.sqrt() / terms.sqrt().max(f64::MIN_POSITIVE),
+            constraint: constraint / speed.max(f64::MIN_POSITIVE),
+        })
+    }
+
+    /// Replaces the velocity residual of joint rows by the acceleration one: `-(dG/dt v) + c''` (start of a run).
+    pub fn constrain_accelerations(&mut self, model: &Model, trial: &Trial, time: f64) {
+        // Only the first pseudo acceleration depends on this difference.
+        const STEP: f64 = 1e-6;
+        for (index, joint) in model.joints.iter().enumerate() {
+            let ([pa, pb], [ta, tb]) = (trial.poses(joint), trial.twists(joint));
+            let mut rates = Rows::default();
+            joint.gradient_rate((&pa, &ta), (&pb, &tb), &mut rates);
+            let (mut now, mut later) = ([0.0; 6], [0.0; 6]);
+            joint.rates(time, &mut now);
+            joint.rates(time + STEP, &mut later);
+            let first = self.first_row[index] as usize;
+            for (r, row) in rates.iter().enumerate().take(joint.rows.len()) {
+                let mut value = -(later[r] - now[r]) / STEP;
+                for (side, twist) in row.iter().zip([ta, tb]) {
+                    let (v, w) = (twist.velocity, twist.angular_velocity);
+                    value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
+                    value += side[3] * w.x + side[4] * w.y + side[5] * w.z;
+                }
+                self.constraint[first + r] = value;
+            }
+        }
+    }
+
+    /// Solves for the velocity corrections of all spheres and adds those of the reactions; false: not factorable.
+    pub fn correct(
+        &mut self,
+        model: &Model,
+        trial: &mut Trial,
+        weights: Weights,
+        mut apply: impl FnMut(usize, [DVec3; 2]),
+    ) -> bool {
+        let inverse = 1.0 / weights.acceleration;
+        for i in 0..model.spheres() {
+            if !self.is_grouped(i) {
+                let [f, m] = self.residual[i];
+                let scale = (inverse * model.inv_mass[i], inverse * model.inv_inertia[i]);
+                apply(i, [scale.0 * f, scale.1 * m]);
+            }
+        }
+        let groups = std::mem::take(&mut self.groups);
+        let solved = groups.iter().all(|group| {
+            let solved = self.solve_group(model, trial, group, weights);
+            if solved {
+                for (k, &body) in group.bodies.iter().enumerate() {
+                    let x = &self.solution[NODE_DOF * k..NODE_DOF * (k + 1)];
+                    let parts = [DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5])];
+                    apply(body as usize, parts);
+                }
+                let mut at = NODE_DOF * group.bodies.len();
+                for &index in &group.joints {
+                    let first = self.first_row[index as usize] as usize;
+                    for r in 0..model.joints[index as usize].rows.len() {
+                        self.lambda[first + r] += self.solution[at];
+                        at += 1;
+                    }
+                }
+            }
+            solved
+        });
+        self.groups = groups;
+        solved
+    }
+
+    fn solve_group(&mut self, model: &Model, trial: &mut Trial, group: &Group, w: Weights) -> bool {
+        self.assemble(model, trial, group, w);
+        let n = self.rhs.len();
+        self.solution.clear();
+        self.solution.extend_from_slice(&self.rhs);
+        if n <= DENSE {
+            self.dense.clear();
+            self.dense.resize(n * n, 0.0);
+            for &(col, row, value) in &self.entries {
+                self.dense[row as usize * n + col as usize] += value;
+            }
+            self.pivots.resize(n, 0);
+            if lu_factor(&mut self.dense, n, &mut self.pivots).is_err() {
+                return false;
+            }
+            lu_solve(&self.dense, n, &self.pivots, &mut self.solution);
+            return true;
+        }
+        self.compress(n);
+        let (lu, x) = (&mut self.sparse, &mut self.solution);
+        lu.refactor(n, &self.col_ptr, &self.row_idx, &self.values)
+            .and_then(|()| lu.solve(&self.rhs, x))
+            .is_ok()
+    }
+
+    fn assemble(&mut self, model: &Model, trial: &mut Trial, group: &Group, w: Weights) {
+        self.entries.clear();
+        self.rhs.clear();
+        for (k, &body) in group.bodies.iter().enumerate() {
+            let i = body as usize;
+            let [f, m] = self.residual[i];
+            self.rhs.extend(f.to_array());
+            self.rhs.extend(m.to_array());
+            for c in 0..NODE_DOF {
+                let mass = if c < 3 {
+                    model.mass[i]
+                } else {
+                    model.inertia[i]
+                };
+                let at = (NODE_DOF * k + c) as u32;
+                self.entries.push((at, at, w.acceleration * mass));
+            }
+        }
+        let mut tangents = std::mem::take(&mut trial.tangents);
+        tangents.clear();
+        for &load in &group.loads {
+            model.loads[load as usize].tangent(&trial.motion(w.time), &mut tangents);
+        }
+        for t in &tangents {
+            let (of, over) = (self.local[t.of as usize], self.local[t.over as usize]);
+            self.add_block(of, over, &t.position, -w.displacement);
+            self.add_block(of, over, &t.velocity, -w.velocity);
+        }
+        trial.tangents = tangents;
+        let mut row = (NODE_DOF * group.bodies.len()) as u32;
+        for &index in &group.joints {
+            let joint = &model.joints[index as usize];
+            let first = self.first_row[index as usize] as usize;
+            let sides = [Some(joint.a), (!joint.grounded()).then_some(joint.b)];
+            let nodes = sides.map(|s| s.map(|body| self.local[body as usize]));
+            let ([pa, pb], [ta, tb]) = (trial.poses(joint), trial.twists(joint));
+            let mut rates = Rows::default();
+            joint.gradient_rate((&pa, &ta), (&pb, &tb), &mut rates);
+            let mut geometric = [[Block6::default(); 2]; 2];
+            let dim = joint.rows.len();
+            let lambda = &self.lambda[first..first + dim];
+            joint.gradient_stiffness(&pa, &pb, lambda, &mut geometric);
+            for (i, of) in nodes.iter().enumerate() {
+                for (j, over) in nodes.iter().enumerate() {
+                    if let (Some(of), Some(over)) = (of, over) {
+                        self.add_block(*of, *over, &geometric[i][j], -w.displacement);
+                    }
+                }
+            }
+            for (r, rate) in rates.iter().enumerate().take(dim) {
+                let mut compliance = 0.0;
+                for (side, node) in nodes.iter().enumerate() {
+                    let (Some(node), g) = (node, &self.gradients[index as usize][r][side]) else {
+                        continue;
+                    };
+                    let body = if side == 0 { joint.a } else { joint.b } as usize;
+                    for c in 0..NODE_DOF {
+                        let at = NODE_DOF as u32 * node + c as u32;
+                        let inverse = if c < 3 {
+                            model.inv_mass[body]
+                        } else {
+                            model.inv_inertia[body]
+                        };
+                        compliance += g[c] * g[c] * inverse;
+                        self.entries.push((row, at, -g[c]));
+                        let value = g[c] + w.displacement * rate[side][c];
+                        self.entries.push((at, row, value));
+                    }
+                }
+                self.entries
+                    .push((row, row, SHIFT * compliance / w.acceleration));
+                self.rhs.push(-self.constraint[first + r]);
+                row += 1;
+            }
+        }
+    }
+
+    fn add_block(&mut self, of: u32, over: u32, block: &Block6, factor: f64) {
+        for (r, values) in block.iter().enumerate() {
+            for (c, value) in values.iter().enumerate() {
+                let (row, col) = (
+                    NODE_DOF as u32 * of + r as u32,
+                    NODE_DOF as u32 * over + c as u32,
+                );
+                self.entries.push((col, row, factor * value));
+            }
+        }
+    }
+
+    /// Column-compressed form of the entries; equal places are summed.
+    fn compress(&mut self, n: usize) {
+        self.entries
+            .sort_by_key(|&(col, row, _)| (u64::from(col) << 32) | u64::from(row));
+        self.col_ptr.clear();
+        self.col_ptr.resize(n + 1, 0);
+        self.row_idx.clear();
+        self.values.clear();
+        let mut last = None;
+        for &(col, row, value) in &self.entries {
+            if last == Some((col, row)) {
+                if let Some(sum) = self.values.last_mut() {
+                    *sum += value;
+                }
+                continue;
+            }
+            last = Some((col, row));
+            self.row_idx.push(row as usize);
+            self.values.push(value);
+            self.col_ptr[col as usize + 1] += 1;
+        }
+        for col in 0..n {
+            self.col_ptr[col + 1] += self.col_ptr[col];
+        }
+    }
+}
+
+/// Consistent `v-dot_0` (Algorithm 1, line 2): loads and joints at the start, without contacts.
+pub fn initial_accelerations(model: &Model, state: &State) -> Vec<[DVec3; 2]> {
+    let mut accelerations = vec![[DVec3::ZERO; 2]; model.spheres()];
+    let mut trial = Trial::new(model);
+    trial.position.copy_from_slice(&state.position);
+    trial.orientation.copy_from_slice(&state.orientation);
+    trial.velocity.copy_from_slice(&state.velocity);
+    trial
+        .angular_velocity
+        .copy_from_slice(&state.angular_velocity);
+    let mut scratch = SmoothScratch::new(model);
+    let weights = Weights {
+        acceleration: 1.0,
+        displacement: 0.0,
+        velocity: 0.0,
+        time: 0.0,
+    };
+    // Linear in the accelerations: the second round only takes out rounding and the shift. A load that fails here fails
+    // in the first step, which reports it.
+    for _ in 0..3 {
+        if scratch
+            .evaluate(model, &mut trial, |i| accelerations[i], 0.0)
+            .is_err()
+        {
+            return accelerations;
+        }
+        scratch.constrain_accelerations(model, &trial, 0.0);
+        scratch.add_acceleration(model, &accelerations);
+        let solved = scratch.correct(model, &mut trial, weights, |i, [a, alpha]| {
+            accelerations[i][0] += a;
+            accelerations[i][1] += alpha;
+        });
+        if !solved {
+            return accelerations;
+        }
+    }
+    accelerations
+}
+
+impl SmoothScratch {
+    /// Adds `G a` to the acceleration residual of joint rows.
+    fn add_acceleration(&mut self, model: &Model, accelerations: &[[DVec3; 2]]) {
+        for (index, joint) in model.joints.iter().enumerate() {
+            let first = self.first_row[index] as usize;
+            for r in 0..joint.rows.len() {
+                for (side, body) in self.gradients[index][r].iter().zip([joint.a, joint.b]) {
+                    if let Some([a, alpha]) = accelerations.get(body as usize) {
+                        self.constraint[first + r] += side[0] * a.x + side[1] * a.y + side[2] * a.z;
+                        self.constraint[first + r] +=
+                            side[3] * alpha.x + side[4] * alpha.y + side[5] * alpha.z;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Puts the predicted motion into `trial`.
+pub fn place(state: &State, linear: &[Prediction], angular: &[Prediction], trial: &mut Trial) {
+    for (i, (l, a)) in linear.iter().zip(angular).enumerate() {
+        trial.position[i] = state.position[i] + l.displacement;
+        trial.orientation[i] = crate::rotation::advance(a.displacement, state.orientation[i]);
+        trial.velocity[i] = l.velocity;
+        trial.angular_velocity[i] = a.velocity;
+    }
+}

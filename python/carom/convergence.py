@@ -1,0 +1,75 @@
+"""Order of convergence in the step h: the error measure of eq. 45, and the slope of log error over log h.
+
+(The module is not called `converge`: importing it would hide the function of that name in the package.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carom.errors import CaromError
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Order:
+    """Observed order: `value` is the slope of log error over log h by least squares over all steps.
+
+    `uncertainty` is the standard error of that slope, NaN for fewer than three steps. `pairwise` are the
+    slopes between neighbouring steps, coarse to fine. `factor` is C of the fitted `error = C h^value`.
+    """
+
+    value: float
+    uncertainty: float
+    pairwise: tuple[float, ...]
+    factor: float
+
+    def __float__(self) -> float:
+        return self.value
+
+    def at(self, h: float) -> float:
+        """The error that the fit has at step `h` (s)."""
+        return float(self.factor * h**self.value)
+
+
+def error_of(found: ArrayLike, reference: ArrayLike, norm: Literal[1, 2] = 1) -> float:
+    """Eq. 45: `sum |f - f_ref| / sum |f_ref|` over all times (and bodies), |.| over the last axis, (..., components).
+
+    `norm = 1` is the paper's; 2 is the length of a vector, which does not depend on the directions of the axes.
+    Where the reference vanishes everywhere the sum of the differences itself is given, in their unit.
+    """
+    found, reference = np.asarray(found, dtype=np.float64), np.asarray(reference, dtype=np.float64)
+    off = float(np.sum(np.linalg.norm(found - reference, ord=norm, axis=-1)))
+    size = float(np.sum(np.linalg.norm(reference, ord=norm, axis=-1)))
+    return off / size if size > 0 else off
+
+
+def order_of(steps: Sequence[float], errors: Sequence[float]) -> Order:
+    """The order of convergence that `errors` at the step sizes `steps` (s, any order, at least two) show.
+
+    An error of 0 has no logarithm, and one at the level of rounding no order: leave such steps out.
+    """
+    h, e = np.asarray(steps, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    if h.ndim != 1 or h.shape != e.shape or len(h) < 2:
+        raise CaromError("an order needs one error per step and at least two steps")
+    if not (np.all(h > 0) and np.all(np.isfinite(h)) and len(np.unique(h)) == len(h)):
+        raise CaromError("the steps of an order must be positive and all different")
+    if not (np.all(e > 0) and np.all(np.isfinite(e))):
+        raise CaromError("an order needs errors above 0; leave out the steps where the error vanishes")
+    coarse_first = np.argsort(-h)
+    x, y = np.log(h[coarse_first]), np.log(e[coarse_first])
+    dx = x - x.mean()
+    spread = float(dx @ dx)
+    slope = float(dx @ (y - y.mean())) / spread
+    rest = y - y.mean() - slope * dx
+    free = len(x) - 2
+    uncertainty = math.sqrt(float(rest @ rest) / free / spread) if free else math.nan
+    pairs = np.diff(y) / np.diff(x)
+    return Order(slope, uncertainty, tuple(map(float, pairs)), math.exp(float(y.mean() - slope * x.mean())))

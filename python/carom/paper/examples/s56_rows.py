@@ -1,0 +1,239 @@
+"""Section 5.6: rows until the break, just after it, of the cue ball, and at rest."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom import demo
+from carom.paper import study
+from carom.paper.analytic.approach import Approach
+from carom.paper.analytic.break_shot import impact_of
+from carom.paper.document import Row
+from carom.paper.examples import s56_study as order
+from carom.paper.examples.s56_figures import BALLS
+from carom.paper.examples.s56_study import BRAKED, FREE, NAMES, Point, scene
+from carom.paper.memory import Trace
+
+F64 = NDArray[np.float64]
+
+ID = "5.6"
+row = partial(study.row, ID)
+H = 1e-3  # s, the paper's
+ROLLING = 1e-9  # m/s: a ball with less slip rolls
+AIR = 1e-9  # m: a ball with a wider gap to the bed flies
+
+
+def contact_of(run: Trace, case: str) -> study.Contact:
+    way = Approach.of(scene(case).to_model())
+    return study.first_contact(run, *BALLS[:2], 2 * way.radius, way.slowing)
+
+
+def slip_of(run: Trace) -> F64:
+    """Speed of the lowest point of each ball along the bed, (T, 4), m/s; 0 in the air."""
+    radius = Approach.of(scene(FREE).to_model()).radius
+    lowest = run.velocity + np.cross(run.angular_velocity, [0.0, 0.0, -radius])
+    on_bed = run.position[:, :, 2] - radius < AIR
+    return np.asarray(np.linalg.norm(lowest[:, :, :2], axis=2) * on_bed)
+
+
+def until_contact(run: Trace, case: str) -> list[Row]:
+    """Constant friction is integrated exactly: time, speed and spin at the contact."""
+    way, contact, name = Approach.of(scene(case).to_model()), contact_of(run, case), NAMES[case]
+    before = contact.step - 1
+    spin, exact_spin = float(run.angular_velocity[before, 0, 1]), way.spin(float(run.time[before]))
+    note = f"the paper gives the end of the step before; here the impact is that of step {contact.step}"
+    why = "rounding: friction is constant"
+    return [
+        row(
+            f"{name}: balls 2 and 3 meet",
+            "s",
+            contact.time,
+            H,
+            "the paper gives times on its grid: h",
+            exact=way.contact_time,
+            paper=demo.PAPER_CONTACT_TIME,
+            against="paper",
+            note=note,
+        ),
+        row(f"{name}: the same, closed form", "s", contact.time, 1e-12, why, exact=way.contact_time),
+        row(
+            f"{name}: speed of ball 2 there",
+            "m/s",
+            contact.speed,
+            1e-10,
+            why,
+            exact=way.contact_speed,
+            paper="below 10.729",
+        ),
+        row(f"{name}: its angular velocity in the step before", "rad/s", spin, 1e-9, why, exact=exact_spin),
+    ]
+
+
+#: Component, ball and axis of what is compared after the impact; admitted error at the paper's h over h, m/s^2; the paper.
+AFTER = (
+    ("v_x of ball 2", 0, 0, 110.0, "back"),
+    ("v_z of ball 2", 0, 2, 20.0, "jumps"),
+    ("v_x of ball 3", 1, 0, 2.0, "forward, slow"),
+    ("v_x of ball 4", 2, 0, 60.0, None),
+    ("v_y of ball 4", 2, 1, 90.0, None),
+)
+
+
+def after(run: Trace, step: int) -> list[Row]:
+    exact = impact_of(scene(FREE).to_model())[-1].velocity
+    late = step * H - Approach.of(scene(FREE).to_model()).contact_time
+    why = f"first order: the impact is solved {1e3 * late:.2f} ms late"
+    return [
+        row(
+            f"{name} after the impact",
+            "m/s",
+            run.velocity[step, ball, axis],
+            slope * H,
+            f"{why}; {slope:g} h",
+            exact=float(exact[ball, axis]),
+            paper=told,
+        )
+        for name, ball, axis, slope, told in AFTER
+    ]
+
+
+def limits(found: list[Point]) -> list[Row]:
+    exact = impact_of(scene(FREE).to_model())[-1].velocity
+    mine = order.of("sequence", found)
+    steps, why = [p.h for p in mine], "second order in the two finest steps"
+    return [
+        row(
+            f"{name} after the impact, h -> 0",
+            "m/s",
+            study.limit(steps, [float(p.velocity[ball, axis]) for p in mine]),
+            2e-4,
+            why,
+            exact=float(exact[ball, axis]),
+        )
+        for name, ball, axis, _, _ in AFTER
+    ]
+
+
+def cue_ball(run: Trace, step: int) -> list[Row]:
+    """Figure 25: the cue ball jumps, spins unchanged, slides and rolls."""
+    way, last = Approach.of(scene(FREE).to_model()), impact_of(scene(FREE).to_model())[-1]
+    height = run.position[:, 0, 2] - way.radius
+    lands = step + int(np.flatnonzero(height[step:] < AIR)[0])
+    spin = run.angular_velocity[step : lands - 1, 0, 1]
+    rolls = lands + int(np.flatnonzero(slip_of(run)[lands:, 0] < ROLLING)[0])
+    up = float(last.velocity[0, 2])
+    # Friction on the bed, and at the landing, changes v + kappa r w by nothing.
+    v, w = run.velocity[step, 0, 0], run.angular_velocity[step, 0, 1]
+    rolling = float(v + way.kappa * way.radius * w) / (1 + way.kappa)
+    in_air = f"in the air from {run.time[step]:.3f} to {run.time[lands]:.3f} s"
+    return [
+        row(
+            "height of the jump of ball 2",
+            "m",
+            height[step:lands].max(),
+            0.5 * H,
+            "first order, 0.5 h",
+            exact=up**2 / (2 * way.gravity),
+            paper="jumps",
+        ),
+        row(
+            "change of its angular velocity in the air",
+            "rad/s",
+            np.ptp(spin),
+            1e-12,
+            "rounding",
+            exact=0.0,
+            paper="constant",
+            note=in_air,
+        ),
+        row(
+            "its velocity when it rolls",
+            "m/s",
+            run.velocity[rolls, 0, 0],
+            1e-9,
+            "solver: (v + kappa r w)/(1 + kappa) after the impact",
+            exact=rolling,
+            paper="pure rolling",
+            note=f"at {run.time[rolls]:.3f} s; at the limit h -> 0 of the impact "
+            f"{(last.velocity[0, 0] + way.kappa * way.radius * last.spin[0, 1]) / (1 + way.kappa):.4f} m/s",
+        ),
+    ]
+
+
+def rest(run: Trace) -> list[Row]:
+    """With rolling resistance: the deceleration of a rolling ball, and when each ball rests."""
+    way = Approach.of(scene(BRAKED).to_model())
+    speed = np.linalg.norm(run.velocity, axis=2)
+    rows = []
+    for ball in range(4):
+        rests = int(np.flatnonzero(speed[:, ball] > demo.REST_SPEED)[-1]) + 1
+        # It rolls without a hit for the last 20 ms: what the closed form then predicts.
+        start = rests - round(0.02 / H)
+        predicted = float(run.time[start] + speed[start, ball] / way.rolling_slowing)
+        spins = abs(float(run.angular_velocity[-1, ball, 2]))
+        rows.append(
+            row(
+                f"rolling resistance: ball {ball + 2} at rest",
+                "s",
+                run.time[rests],
+                H,
+                "h; v/a after the state 20 ms before, a = rho g/(r (1 + kappa))",
+                exact=predicted,
+                paper="at rest",
+                note=f"spins on at {spins:.1f} rad/s about the vertical" if spins > 1e-6 else "",
+            )
+        )
+    middle = rests - round(0.01 / H)
+    slowing = float(speed[middle, 3] - speed[middle + 1, 3]) / H
+    return [
+        row(
+            "rolling resistance: deceleration of a rolling ball",
+            "m/s^2",
+            slowing,
+            1e-6,
+            "solver",
+            exact=way.rolling_slowing,
+        ),
+        *rows,
+    ]
+
+
+def longest(run: Trace, step: int, level: study.Level) -> F64:
+    """Residuals of the problem of a step that took most iterations."""
+    return max(run.histories(step, level), key=len)
+
+
+def newton(history: F64) -> Row:
+    """Fig. 26: order of convergence from the last three residuals of the position level."""
+    a, b, c = (math.log(x) for x in history[-3:])
+    note = "residuals " + ", ".join(f"{x:.1e}" for x in history)
+    return row(
+        "order of Newton's method in the step of the break",
+        "1",
+        (c - b) / (b - a),
+        0.4,
+        "three residuals",
+        exact=2.0,
+        paper="quadratic",
+        note=note,
+    )
+
+
+def mirror(run: Trace) -> Row:
+    """The scene is symmetric: ball 4 and the mirror image of ball 5 at the end, largest coordinate of the difference."""
+    axis = float(run.position[0, 0, 1])
+    image = run.position[-1, 3] * [1, -1, 1] + [0, 2 * axis, 0]
+    off = float(np.abs(run.position[-1, 2] - image).max())
+    return row(
+        "balls 4 and 5 mirror images at 3 s", "m", off, 1e-9, "rounding, enlarged by later hits", exact=0.0
+    )
+
+
+def at_the_end(run: Trace) -> Row:
+    """Without rolling resistance all balls roll in the end."""
+    slip = float(slip_of(run)[-1].max())
+    return row("greatest slip on the bed at 3 s", "m/s", slip, ROLLING, "solver", exact=0.0, paper="rolling")

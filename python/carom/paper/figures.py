@@ -1,0 +1,128 @@
+"""Draws a `Figure` of the paper in the style of Carom's own figures, and writes its numbers beside it."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from carom.paper.document import Curve, Figure
+from carom.plot import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FORMATS = ("png", "svg", "pdf")
+#: One column of a page, in.
+SIZE = (4.6, 3.1)
+#: About as many letters of a legend stand beside each other above the axes; the sample of a line takes as much as six.
+LETTERS, SAMPLE = 72, 6
+#: A curve of points with more than this many shows every n-th, so that markers stay apart.
+MOST_MARKERS = 45
+MARKERS = "osD^vPX*"
+
+
+def draw(figure: Figure, directory: Path, formats: Sequence[str]) -> list[str]:
+    """Write `<name>.<format>` and `<name>.csv` into `directory`; the same figure gives the same bytes."""
+    from matplotlib.figure import Figure as Canvas
+
+    with style.styled():
+        canvas = Canvas(figsize=SIZE, layout="constrained")
+        axes = canvas.subplots()
+        colours = _colours(figure.curves)
+        for k, (curve, colour) in enumerate(zip(figure.curves, colours, strict=True)):
+            axes.plot(curve.x, curve.y, label=curve.label, **_look(curve, colour, k, figure))
+        axes.set(xscale=figure.xscale, yscale=figure.yscale, xlabel=figure.xlabel, ylabel=figure.ylabel)
+        left, right, bottom, top = figure.limits
+        axes.set_xlim(left, right)
+        axes.set_ylim(bottom, top)
+        if figure.equal:
+            axes.set_aspect("equal", adjustable="datalim")
+        _slopes(axes, figure)
+        labels = [curve.label for curve in figure.curves] + [_named(s) for s in figure.slopes]
+        style.legend(canvas, axes, columns=_columns(labels))
+    files = style.save(style.Chart(canvas, _numbers(figure)), directory, figure.name, formats)
+    return [file.name for file in files]
+
+
+def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
+    """A line under a dashed one of the same body, a closed form, is broad and pale: both are seen where they coincide."""
+    if curve.kind == "line":
+        under = any(c.kind == "dashed" and c.body == curve.body for c in figure.curves)
+        return (
+            {"color": colour, "linewidth": 3.0, "alpha": 0.45}
+            if under
+            else {"color": colour, "linewidth": 1.5}
+        )
+    if curve.kind == "dashed":
+        return {"color": _darker(colour), "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 3}
+    apart = max(1, -(-len(curve.x) // MOST_MARKERS))
+    marker = MARKERS[k % len(MARKERS)]
+    return {
+        "color": colour,
+        "linestyle": "none",
+        "marker": marker,
+        "markersize": 4.5,
+        "markevery": apart,
+        "markerfacecolor": "none",
+        "zorder": 4,
+    }
+
+
+def _colours(curves: Sequence[Curve]) -> list[str]:
+    """The colour of a body is its own in all figures; curves of none take what is left, in order."""
+    taken = {curve.body for curve in curves}
+    free = [c for k, c in enumerate(style.COLOURS) if k not in taken] or list(style.COLOURS)
+    colours = []
+    for curve in curves:
+        if curve.body is None:
+            colours.append(free[0])
+            free = [*free[1:], free[0]]
+        else:
+            colours.append(style.COLOURS[curve.body % len(style.COLOURS)])
+    return colours
+
+
+def _darker(colour: str) -> str:
+    from matplotlib.colors import to_hex, to_rgb
+
+    hue, lightness, saturation = colorsys.rgb_to_hls(*to_rgb(colour))
+    return str(to_hex(colorsys.hls_to_rgb(hue, 0.45 * lightness, saturation)))
+
+
+def _named(slope: float) -> str:
+    return f"slope {slope:g}"
+
+
+def _slopes(axes: Axes, figure: Figure) -> None:
+    """Straight lines that end under the last point of the lowest curve; only their direction means something."""
+    if not figure.slopes:
+        return
+    x = np.concatenate([curve.x for curve in figure.curves])
+    lowest = min(float(curve.y[np.argmax(curve.x)]) for curve in figure.curves)
+    ends = np.array([x.min(), x.max()])
+    for k, slope in enumerate(figure.slopes):
+        heights = 0.4 * lowest * (ends / ends[1]) ** slope
+        dashes = ((0, (1, 1.5)), (0, (6, 2, 1, 2)), "-")[k % 3]
+        axes.plot(ends, heights, color=style.GREY, linestyle=dashes, linewidth=1.0, label=_named(slope))
+
+
+def _columns(labels: Sequence[str]) -> int:
+    """Columns of the legend that fit the width. Formulas between $ are shorter than they are written."""
+    widest = max(len(label.replace("$", "").replace("\\", "")) for label in labels)
+    return max(1, min(len(labels), LETTERS // (widest + SAMPLE)))
+
+
+def _numbers(figure: Figure) -> dict[str, Any]:
+    """One row per point: name of the curve, x, y."""
+    names = [curve.label for curve in figure.curves for _ in curve.x]
+    # Where both axes have one label, the columns need two names.
+    heads = (figure.xlabel, figure.ylabel) if figure.xlabel != figure.ylabel else ("x", "y")
+    return {
+        "curve": np.array(names, dtype=object),
+        heads[0]: np.concatenate([curve.x for curve in figure.curves]),
+        heads[1]: np.concatenate([curve.y for curve in figure.curves]),
+    }

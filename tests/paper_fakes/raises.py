@@ -1,0 +1,9 @@
+"""An example that cannot be computed, in the way that its name says."""
+
+from __future__ import annotations
+
+from carom.paper.document import Context, Example
+
+
+def reproduce(context: Context) -> Example:
+    raise ZeroDivisionError("no <b>way</b>\nout")
