@@ -83,7 +83,9 @@ OPTIONS: dict[str, Option] = {
     "penalty_law": Option(
         "damping of the contact force of method penalty; exact has the restitution e_N, the others their own"
     ),
-    "penalty_young_modulus": Option("Young's modulus of every body under method penalty", POSITIVE, "pressure"),
+    "penalty_young_modulus": Option(
+        "Young's modulus of every body under method penalty", POSITIVE, "pressure"
+    ),
     "penalty_poisson_ratio": Option(
         "Poisson's ratio of every body under method penalty", Bounds(gt=-1, le=0.5)
     ),
@@ -94,7 +96,9 @@ OPTIONS: dict[str, Option] = {
     "penalty_least_restitution": Option(
         "restitution as which laws without a finite damping at e_N = 0 read smaller ones", _FRACTION
     ),
-    "penalty_friction": Option("sliding friction of method penalty; spring is a tangential spring that slips"),
+    "penalty_friction": Option(
+        "sliding friction of method penalty; spring is a tangential spring that slips"
+    ),
     "penalty_slip_speed": Option(
         "slip speed of regularised friction; over the radius that of rolling and spinning", POSITIVE, "speed"
     ),

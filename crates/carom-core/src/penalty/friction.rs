@@ -8,7 +8,7 @@
 //! ```
 //!
 //! It never reverses the slip and never creates energy, however large the exponent: explicit steps would chatter, since a
-//! billiard impact stops a slip of v_s within 1e-8 s.
+//! billiard impact stops a slip of v_s within some 1e-8 s.
 
 use glam::DVec3;
 

@@ -1,18 +1,21 @@
 //! Continuous contact forces: the comparison of section 5.6 with a penalty method.
 //!
 //! Bodies overlap a little and push each other apart with `F = K d^n (1 + chi d'/v_in)`. [`laws`] has the published
-//! dampings chi, [`elastic`] Hertz's K and times, [`friction`] the exact flows of dry friction, [`pair`] what happens
-//! to one pair, [`step`](step()) the substeps. `docs/theory/penalty.md` states all of it.
+//! dampings chi, [`elastic`] Hertz's K and times, [`friction`] the exact flows of dry friction; [`pair`] follows one pair
+//! (`forces.rs`: its forces, `limit.rs`: the substep it admits), [`step`](step()) makes the substeps. `docs/theory/penalty.md` states all of it.
 
 pub mod elastic;
+mod forces;
 pub mod friction;
 pub mod laws;
+mod limit;
 pub mod pair;
 mod step;
+pub mod touch;
 pub mod workspace;
 
-pub use pair::Touch;
 pub use step::step;
+pub use touch::Touch;
 pub use workspace::Workspace;
 
 use crate::joint::Joint;

@@ -1,7 +1,8 @@
 //! Memory of a step: bodies, pairs, and the pairs' place in the neighbour list.
 
 use super::elastic::Elastic;
-use super::pair::{Pair, PairLaw, Touch};
+use super::pair::Pair;
+use super::touch::{PairLaw, Touch};
 use crate::force::{LoadError, Motion};
 use crate::model::Model;
 use crate::options::Method;
