@@ -6,8 +6,12 @@ from typing import Any
 import numpy as np
 from carom import _core
 from carom.reference import Reference, judge_step
-from carom.reference.conditions import rotation_increment, split_impulse
-from carom.reference.contact import Impulse
+from carom.reference.conditions import split_impulse
+from carom.reference.contact import Impulse, gap_and_normal
+from carom.reference.joint import JointsAt, rates, read_joints
+from carom.reference.model import Model, State
+from carom.reference.pose import Pose, rotation_increment, rotation_matrices
+from joint_scenes import drag, held, locked, polynomial, push, rod, spring
 
 LAWS = ("sequence", "sequence", "sequence-paper", "one-shot")
 
@@ -73,8 +77,173 @@ def random_scene(seed: int, most: int = 6) -> dict[str, Any]:
     }
 
 
+# ---------------------------------------------------------------------------------------------- joints and loads
+
+
+def unit(rng: np.random.Generator) -> np.ndarray:
+    d = rng.normal(size=3)
+    return d / np.linalg.norm(d)
+
+
+def some_law(rng: np.random.Generator, size: float) -> tuple[str, Any]:
+    """A law of t that is 0 at 0, with a rate of about `size` per second."""
+    a, b = rng.normal(size=2) * size
+    kind = rng.integers(3)
+    if kind == 0:
+        return polynomial(0.0, a, 10.0 * b)
+    if kind == 1:  # the knots lie beside the steps
+        return ("table", [[-1.0, -a], [0.00225, 0.00225 * a], [1.0, 0.00225 * a + b]])
+    return ("expression", f"{a:.17g}*sin(20*t)/20 + {b:.17g}*t^2")
+
+
+def some_joint(
+    rng: np.random.Generator, x: np.ndarray, radius: np.ndarray, free: list[int]
+) -> dict[str, Any]:
+    """Any type; joints to the ground take a body of `free`."""
+    n = len(x)
+    pairs = n > 1 and rng.random() < 0.6
+    kind = str(
+        rng.choice(
+            ["ball", "rod", "lock"]
+            if pairs or not free
+            else ["fix", "line", "plane", "motion", "spin", "rod", "lock"]
+        )
+    )
+    if pairs or not free:
+        a, b = (int(i) for i in rng.choice(n, 2, replace=False)) if n > 1 else (0, -1)
+    else:
+        a, b = int(rng.choice(free)), -1
+
+    def on(body: int) -> np.ndarray:
+        return x[body] + unit(rng) * radius[body] * rng.choice([0.0, 0.5, 1.0, 3.0])
+
+    if kind == "rod":
+        return rod(x, a, b, on(a), on(b) if b >= 0 else x[a] + unit(rng) * rng.uniform(0.05, 0.2) + 0.2)
+    if kind == "lock":
+        return locked(a, b, np.linalg.qr(rng.normal(size=(3, 3)))[0][: rng.integers(1, 4)])
+    if kind == "spin":
+        return locked(a, b, [unit(rng)], some_law(rng, 5.0))
+    if kind == "motion":
+        return held(x, a, b, on(a), [unit(rng)], some_law(rng, 0.5))
+    count = {"fix": 3, "ball": 3, "line": 2, "plane": 1}[kind]
+    return held(x, a, b, on(a), np.linalg.qr(rng.normal(size=(3, 3)))[0][:count])
+
+
+def some_load(rng: np.random.Generator, scene: Mapping[str, Any]) -> dict[str, Any]:
+    x, mass, radius = scene["position"], scene["mass"], scene["radius"]
+    n = len(x)
+    a, m, omega = int(rng.integers(n)), float(mass.mean()), rng.choice([10.0, 100.0])
+    kind = rng.integers(5)
+    if kind <= 1:
+        b = int(rng.choice([i for i in range(n) if i != a])) if n > 1 and kind == 0 else -1
+        points = [x[i] + unit(rng) * radius[i] * rng.choice([0.0, 1.0]) for i in (a, b)]
+        if b < 0:
+            points[1] = x[a] + unit(rng) * rng.uniform(0.1, 0.3)
+        rest = np.linalg.norm(points[0] - points[1]) * rng.uniform(0.7, 1.3)
+        k, c = m * omega**2 * (rng.random() < 0.9), m * omega * rng.choice([0.0, 0.2])
+        return spring(x, a, b, *points, k=k + (c == 0.0), c=c, rest=rest)
+    if kind == 2:
+        return drag(a, m * rng.uniform(0, 20), m * radius[a] ** 2 * rng.uniform(0, 20))
+    if kind == 3:
+        laws = [some_law(rng, 100.0 * m) for _ in range(6)]
+        return push(a, laws[:3], [(kind, _scaled(data, radius[a])) for kind, data in laws[3:]])
+    wind = rng.normal(size=(3, 6)) * m * np.repeat([10.0, 10.0 * radius[a]], 3)
+
+    def blow(t: float, x: Any, v: Any, w: Any) -> Any:
+        return np.sin(3.0 * x) @ wind + np.tanh(v + 10.0 * t) @ wind
+
+    return {"kind": "callable", "function": blow}
+
+
+def _scaled(data: Any, factor: float) -> Any:
+    if isinstance(data, str):
+        return f"{factor:.17g}*({data})"
+    return (np.array(data) * ([1.0, factor] if np.ndim(data) == 2 else factor)).tolist()
+
+
+def independent(model: dict[str, Any], touching: float = 1e-6) -> bool:
+    """Whether the rows of the joints and the normals of the contacts of the start are linearly independent, clearly."""
+    reference = Model.from_dict(model)
+    x = reference.position
+    rows = list(at_start(reference).gradient)
+    for pair in reference.pairs:
+        gap, normal, _ = gap_and_normal(reference, pair, x)
+        if gap < touching:
+            row = np.zeros(6 * reference.bodies)
+            row[6 * pair.a : 6 * pair.a + 3] = normal
+            if pair.plane < 0:
+                row[6 * pair.b : 6 * pair.b + 3] = -normal
+            rows.append(row)
+    matrix = np.array(rows).reshape(-1, 6 * reference.bodies) / np.sqrt(reference.mass_diagonal)
+    if not len(matrix):
+        return True
+    matrix = matrix / np.linalg.norm(matrix, axis=1, keepdims=True)
+    if len(matrix) > matrix.shape[1]:
+        return False
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1]) > 0.05
+
+
+def at_start(model: Model) -> JointsAt:
+    x = model.position
+    return JointsAt(model.joints, Pose(x, np.zeros_like(x), rotation_matrices(model.orientation)))
+
+
+def random_linked_scene(seed: int) -> dict[str, Any]:
+    """`random_scene` with joints, loads and friction laws by chance; its velocities fit the joints."""
+    rng = np.random.default_rng([seed, 7])
+    model = random_scene(seed, 5)
+    x, radius, floor = model["position"], model["radius"], len(model["plane_point"])
+    model |= {"joints": [], "loads": [], "friction_law": [None] * len(model["law_a"])}
+    # what lies on a plane is not nailed down as well: its contact would have nothing to say
+    free = [i for i in range(len(x)) if not floor or x[i, 2] > radius[i] + 1e-3]
+    for _ in range(rng.integers(1, 4)):
+        joint = some_joint(rng, x, radius, free)
+        a, b = joint["a"], joint["b"]
+        # two balls that touch and hang in one point: friction has more rows than the pair has freedom
+        touch = b >= 0 and np.linalg.norm(x[a] - x[b]) < radius[a] + radius[b] + 1e-3
+        if touch and len(joint["rows"]) == 3 and joint["rows"][0][0] == "point":
+            continue
+        model["joints"].append(joint)
+        if not independent(model):
+            model["joints"].pop()
+        elif rng.random() < 0.1:
+            model["joints"].append(joint)  # said twice: multipliers are not unique, the motion is
+    model["loads"] = [some_load(rng, model) for _ in range(rng.integers(0, 4))]
+    for i in range(len(model["friction_law"])):
+        if rng.random() < 0.3:
+            a, b = rng.uniform(0, 0.4, 2)
+            laws = [
+                polynomial(a, 0.1 * b),
+                ("table", [[0.0, a + b], [1.0, a]]),
+                ("expression", f"{a} + {b}*exp(-2*v)"),
+            ]
+            model["friction_law"][i] = laws[rng.integers(3)]
+            model["friction"][i] = 0.0
+    free_motion = np.concatenate([model["velocity"], model["angular_velocity"]], axis=1).reshape(-1)
+    while True:
+        reference = Model.from_dict(model)
+        joints, root = at_start(reference), 1.0 / np.sqrt(reference.mass_diagonal)
+        miss = rates(joints.rows, 0.0) - joints.gradient @ free_motion
+        u = free_motion + root * np.linalg.lstsq(joints.gradient * root, miss, rcond=1e-10)[0]
+        model["velocity"], model["angular_velocity"] = (
+            u.reshape(-1, 6)[:, :3].copy(),
+            u.reshape(-1, 6)[:, 3:].copy(),
+        )
+        spin = radius * np.linalg.norm(model["angular_velocity"], axis=1)
+        # a short lever near its dead point would have to turn too fast: without the last joint
+        if not model["joints"] or float(np.max(spin)) < 4.0:
+            return model
+        model["joints"].pop()
+
+
+# ---------------------------------------------------------------------------------------------- comparison
+
+
 def nullity(core: _core.Simulation, model: Mapping[str, Any], block: Mapping[str, Any]) -> int:
-    """Rows of the step's loaded contacts minus their rank (normal, sliding, rolling and spinning rows of t_{n+1})."""
+    """Rows of the step's loaded contacts (normal, sliding, rolling, spinning; of t_{n+1}) minus their rank.
+
+    With joints the rank is that of what the joints leave free: friction on a pinned body may have several answers.
+    """
     n, rows = len(model["radius"]), []
     for (a, b), normal in zip(block["contacts"]["body"], block["contacts"]["normal"], strict=True):
         law = int(b >= n)
@@ -92,14 +261,33 @@ def nullity(core: _core.Simulation, model: Mapping[str, Any], block: Mapping[str
 
         zero, r = np.zeros(3), model["radius"][a]
         rows.append(row(normal, zero, zero))
-        if model["friction"][law] > 0:
+        if model["friction"][law] > 0 or model.get("friction_law", [None, None])[law] is not None:
             rows += [row(t1, -r * t2, zero), row(t2, r * t1, zero)]
         if model["rolling_radius"][law] > 0:
             rows += [row(zero, zero, t1), row(zero, zero, t2)]
         if model["spinning_radius"][law] > 0:
             rows.append(row(zero, zero, normal))
     matrix = np.array(rows).reshape(-1, 6 * n)
+    joints = joints_of(model, core.frame())
+    if len(joints):
+        matrix = matrix - matrix @ np.linalg.pinv(joints, rcond=1e-10) @ joints
     return len(rows) - (int(np.linalg.matrix_rank(matrix, tol=1e-6 * 0.03)) if rows else 0)
+
+
+def joints_of(model: Mapping[str, Any], frame: Mapping[str, Any]) -> np.ndarray:
+    """Gradients of the joints (m, 6N) in a frame of the core."""
+    x = frame["position"]
+    return JointsAt(
+        read_joints(model), Pose(x, np.zeros_like(x), rotation_matrices(frame["orientation"]))
+    ).gradient
+
+
+def core_state(core: _core.Simulation) -> State:
+    """The state of the core as the oracle holds it: a step of the one can start where the other stands."""
+    s = core.state()
+    u = np.concatenate([s["velocity"], s["angular_velocity"]], axis=1).reshape(-1)
+    a, acc = (s[name].reshape(-1).copy() for name in ("pseudo", "acceleration"))
+    return State(s["position"].copy(), s["orientation"].copy(), u, a, acc, int(s["step"][0]))
 
 
 def judge_core_step(oracle: Reference, core: _core.Simulation, block: Mapping[str, Any]) -> Any:

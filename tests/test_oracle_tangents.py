@@ -116,6 +116,11 @@ def test_derivatives_of_loads(seed: int) -> None:
     assert worst(at(q, u).by_position, derivative(lambda q: at(q, u).force, q)) < CLOSE
     assert worst(at(q, u).by_velocity, derivative(lambda u: at(q, u).force, u)) < CLOSE
     assert worst(at(q, u).stiffness, -at(q, u).by_position) == 0.0
+    # at given positions springs, dampers and drag are linear in the velocity
+    own = [load for load in loads if load.joins()]
+    pose = Pose(q.reshape(-1, 6)[:, :3], q.reshape(-1, 6)[:, 3:], turn)
+    here, there = applied_force(own, pose, u, 0.7), applied_force(own, pose, 3.0 * u, 0.7)
+    assert there.force - here.force == pytest.approx(here.by_velocity @ (2.0 * u), abs=1e-12)
     # inner forces push neither the whole nor turn it: springs between spheres alone
     x = rng.normal(size=(2, 3))
     own = [spring(x, 0, 1, rng.normal(size=3), rng.normal(size=3), k=2.0, c=0.4, rest=0.1)]
@@ -161,16 +166,12 @@ def test_the_hessians_with_joints_and_loads(level: str, seed: int) -> None:
             model, layout, state.x + free.d_check.reshape(-1, 6)[:, :3], free.d_check, free
         )
     else:
-        joints = SmoothProblem(model, state).at(np.zeros(d))[2]
+        start = Pose(state.x, np.zeros_like(state.x), free.turn)
+        joints = JointsAt(model.joints, start)
         gradient = np.concatenate([rng.normal(size=(layout.contact_rows, d)), joints.gradient])
-        pose = Pose(state.x, np.zeros_like(state.x), free.turn)
-
-        def change(jump: Any) -> Any:
-            now = applied_force(model.loads, pose, free.u_check + jump, free.time)
-            return 0.05 * (now.force - free.load.force), 0.05 * now.by_velocity
-
         offset, fixed = rng.normal(size=m), rng.normal(size=d)
-        problem = VelocityProblem(layout, gradient, free.u_check, offset, fixed, 0.0, change)
+        damping = -0.05 * applied_force(model.following, start, free.u_check, free.time).damping
+        problem = VelocityProblem(layout, gradient, free.u_check, offset, fixed, 0.0, damping)
     # far from every border: contacts open or pushing, without friction
     y = np.concatenate([0.1 * rng.normal(size=d), 20.0 + rng.normal(size=m)])
 

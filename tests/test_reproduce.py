@@ -20,8 +20,8 @@ import pytest
 from carom.cli import main
 from carom.paper import runner
 from carom.paper.document import Context, Curve, Example, Figure, Row, to_json
-from carom.paper.figures import draw
-from carom.paper.page import anchor, number, table
+from carom.paper.figures import _look, draw
+from carom.paper.page import MARKS, anchor, number, table
 from paper_fakes import good
 
 ROOT = Path(__file__).parent.parent
@@ -111,6 +111,22 @@ def test_numbers_show_the_digits_that_the_tolerance_makes_worth_reading() -> Non
     assert number("slightly lower") == "slightly lower"
 
 
+def test_lines_that_coincide_and_closed_forms_on_top_are_both_seen() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    left, right, exact = (
+        Curve("4", x, x, body=2),
+        Curve("5", x, x + 1e-9, body=3),
+        Curve("e", x, x, "dashed", 3),
+    )
+    for curves, dashed, pale in (((left, right), [False, True], [False] * 2), ((left, exact), [False, True], [False] * 2),
+                                 ((left, right, exact), [False, False, True], [False, True, False])):  # fmt: skip
+        looks = [
+            _look(c, "#0072B2", k, Figure("1", "5.1", "", "x", "y", curves, "")) for k, c in enumerate(curves)
+        ]
+        assert [look.get("linestyle", "-") != "-" for look in looks] == dashed
+        assert ["alpha" in look for look in looks] == pale
+
+
 def test_links_are_those_of_github_and_of_the_documentation() -> None:
     assert anchor("5.1 Two spheres, one above the other") == "51-two-spheres-one-above-the-other"
     assert anchor("Appendix C Impact (e = 1)") == "appendix-c-impact-e--1"
@@ -140,17 +156,16 @@ def test_page_report_and_figures(fakes: Any, tmp_path: Path) -> None:
     assert present == document["files"] == json.loads((out / "report.json").read_text())["files"]
     for name in ("5.1_figure_3a", "5.1_figure_4"):
         assert {f"figures/{name}.{end}" for end in ("png", "svg", "pdf", "csv")} <= set(present)
-    markdown = (out / "report.md").read_text(encoding="utf-8")
+    markdown = (out / "report.md").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "| spin after t_lim (rad/s) ¹ | -0.00691 | **-18.7305** | -18.7304 | 5e-05 | 0.001 (c) | ✎ paper in error |"
         in markdown
     )
     assert f"1. {good.ERRATUM}" in markdown
-    markdown = markdown.replace("\N{NO-BREAK SPACE}", " ")
     assert "6 / 1.04 (paper 7 / 2)" in markdown
     assert "0 / 0 (paper 9 / –)" in markdown
-    assert "All runs: `step = 0.001`." in markdown
-    assert "| 5.1 as printed | `tolerance = 1e-05` |" in markdown
+    assert "| 5.1 as printed | `step = 0.001`, `tolerance = 1e-05` |" in markdown
+    assert "What a run does not set has its default: " in markdown
 
 
 def test_the_quick_form_has_the_same_rows_and_no_figures(fakes: Any, tmp_path: Path) -> None:
@@ -350,7 +365,7 @@ def test_the_page_is_whole_by_itself_and_says_in_words_what_it_shows(fakes: Any,
     assert len(page.images) == 2
     assert all(image["alt"] and (out / str(image["src"])).is_file() for image in page.images)
     assert page.images[0]["alt"].startswith(
-        "Figure 3a, Angular velocities. angular velocity in rad/s over time in s"
+        "Figure 3a: Angular velocities. angular velocity in rad/s over time in s"
     )
     assert page.scopes
     assert set(page.scopes) == {"col", "row"}
@@ -399,3 +414,43 @@ def test_json_has_plain_values_only() -> None:
     plain = to_json(good.reproduce(_alone(quick=False)))
     assert json.loads(json.dumps(plain, allow_nan=False))["rows"][0]["verdict"] == "ok"
     assert to_json({"x": float("nan"), "path": Path("a")}) == {"x": None, "path": "a"}
+
+
+# --- the paper ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The report of all examples in their quick form."""
+    return json.loads(cli("--quick", "-o", tmp_path_factory.mktemp("paper") / "r", "--json")[0])
+
+
+def test_every_example_of_the_paper_is_reproduced(paper: Any) -> None:
+    assert [example["id"] for example in paper["examples"]] == list(runner.MODULES)
+    assert not [row for row in paper["rows"] if row["verdict"] == "short"]
+    assert {row["example"] for row in paper["rows"]} == set(runner.MODULES)
+    assert paper["verdicts"]["paper in error"] > 0
+
+
+def test_the_documentation_shows_these_rows(paper: Any) -> None:
+    """`make reproduce` writes docs/validation/paper.md; a row that came, went or changed its verdict calls for it."""
+    text = (ROOT / "docs/validation/paper.md").read_text(encoding="utf-8")
+    shown = [
+        (re.sub(r"\s[⁰¹²³⁴⁵⁶⁷⁸⁹]+$", "", cells[0]).replace("\\|", "|"), cells[-1][2:])
+        for line in text.splitlines()
+        if len(cells := re.split(r"(?<!\\) \| ", line.strip("| "))) == 7 and cells[-1] in MARKS.values()
+    ]
+    told = [
+        (r["quantity"] + (f" ({r['unit']})" if r["unit"] not in ("", "1") else ""), r["verdict"])
+        for r in paper["rows"]
+    ]
+    assert shown == told
+
+
+@pytest.mark.long
+def test_the_quick_form_has_the_rows_and_tolerances_of_the_whole(paper: Any, tmp_path: Path) -> None:
+    whole = json.loads(cli("--no-figures", "-o", tmp_path / "r", "--json")[0])
+    keys = ("example", "quantity", "unit", "paper", "analytic", "tolerance", "against", "verdict")
+    assert [{k: r[k] for k in keys} for r in paper["rows"]] == [
+        {k: r[k] for k in keys} for r in whole["rows"]
+    ]

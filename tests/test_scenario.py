@@ -225,13 +225,17 @@ def test_reference_page_is_that_of_the_model() -> None:
 def test_examples_of_the_reference_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = reference.PAGE.read_text(encoding="utf-8")
     toml, *tables = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    variants, code = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     scene = Scene.from_toml(toml)
     assert scene.validate() == []
     for table in tables:  # the others are parts to add to the first
         assert Scene.from_toml(f"{toml}\n{table}").validate() == []
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"carom": carom}
+    (parameters,) = (table for table in tables if table.startswith("[parameters]"))
+    Path("slope.toml").write_text(f"{toml}\n{parameters}", encoding="utf-8")
+    exec(variants, names)
+    assert (names["result"].case, names["result"].parameters["m"]) == ("steep", 0.2)
     exec(code, names)
     built, read = names["scene"].to_model(), scene.to_model()
     assert built.pop("options") == read.pop("options")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -91,23 +91,6 @@ def run(
     joined = {key: np.concatenate(columns) for key, columns in impacts.items()}
     states = {n: at[n] for n in steps}
     return Run(h, [at[n] for n in wanted], simulation.monitors(), joined, height, outcome, states)
-
-
-def grid_steps(unit: float, event: float, near: Iterable[float], place: float) -> list[float]:
-    """Steps h = unit / M, near those of `near`, that put `event` at the fraction `place` of its step.
-
-    In a scheme that finds an event at the end of its step, the delay is then the same share of every h, and
-    the error is a smooth function of h: the order can be read from it. Steps taken blindly delay the event by
-    anything between 0 and h, and their errors scatter by as much.
-    """
-    found: set[float] = set()
-    for h in near:
-        # Coarse steps leave few candidates, so the search is wide; the smallest miss of the wanted place wins.
-        candidates = np.arange(math.floor(unit / h / 1.33), math.ceil(unit / h * 1.33) + 1)
-        candidates = candidates[candidates > 0]
-        miss = np.abs((event / unit * candidates) % 1.0 - place)
-        found.add(unit / int(candidates[np.argmin(miss)]))
-    return sorted(found, reverse=True)
 
 
 @dataclass(frozen=True)

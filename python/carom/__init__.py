@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
+    from carom.comparison import Comparison as Comparison
+    from carom.comparison import compare as compare
     from carom.errors import CaromError as CaromError
     from carom.errors import ScenarioError as ScenarioError
     from carom.result import Result as Result
@@ -19,10 +21,16 @@ if TYPE_CHECKING:
     from carom.run import resume as resume
     from carom.run import simulate as simulate
     from carom.scene import Scene as Scene
+    from carom.study import Convergence as Convergence
+    from carom.study import converge as converge
 
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
     "CaromError": "carom.errors",
+    "Comparison": "carom.comparison",
+    "compare": "carom.comparison",
+    "Convergence": "carom.study",
+    "converge": "carom.study",
     "ScenarioError": "carom.errors",
     "Result": "carom.result",
     "load": "carom.result",
@@ -34,11 +42,15 @@ _HOMES = {
 
 __all__ = [
     "CaromError",
+    "Comparison",
+    "Convergence",
     "Result",
     "RunFailed",
     "ScenarioError",
     "Scene",
     "__version__",
+    "compare",
+    "converge",
     "load",
     "resume",
     "simulate",

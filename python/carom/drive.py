@@ -208,6 +208,8 @@ def identify(model: Mapping[str, Any]) -> str:
         if isinstance(value, Mapping):
             for key in sorted(value):
                 feed(f"{name}/{key}", value[key])
+        elif isinstance(value, list):  # joints, loads, laws: numbers and texts; functions show their names
+            digest.update(f"{name} {value!r}".encode())
         elif name != "/options/threads":
             array = np.asarray(value)
             digest.update(f"{name} {array.dtype.kind} {array.shape}".encode())
@@ -223,13 +225,15 @@ def empty_block(simulation: Simulation, plan: Plan) -> dict[str, Any]:
 
 
 def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) -> dict[str, Any]:
-    """`block` (without rows) with one frame: the state as it stands, no contacts."""
+    """`block` (without rows) with one frame: the state as it stands, no impulses of contacts and joints."""
     columns = dict(block["frames"])
     for name, values in columns.items():
         if name == "step":
             columns[name] = np.array([step], dtype=np.uint64)
         elif name == "contact_end":
             columns[name] = np.zeros(1, dtype=np.uint64)
+        elif name == "joint_impulse":
+            columns[name] = np.zeros((1, *values.shape[1:]), values.dtype)
         else:
             columns[name] = np.asarray(frame[name])[np.newaxis].astype(values.dtype)
     return {**block, "frames": columns}

@@ -99,6 +99,13 @@ class Result:
         """Angular velocities in the world frame, (T, N, 3), rad/s."""
         return self._segments.column("frames", "angular_velocity")
 
+    @property
+    def joint_impulse(self) -> Column:
+        """Impulse at each joint and moment on its first body since the last frame, (T, J, 6), N s and N m s, in the world
+        frame; over the time between frames it is the mean reaction. Runs without joints have none.
+        """
+        return self._segments.column("frames", "joint_impulse")
+
     # What the run is about.
 
     @cached_property
@@ -130,6 +137,17 @@ class Result:
     def title(self) -> str:
         """Title of the scenario."""
         return str(self._about.get("scenario", {}).get("title") or "")
+
+    @property
+    def case(self) -> str | None:
+        """Name of the case of the scenario file that was run, if it was one."""
+        found = self._about.get("scenario", {}).get("case")
+        return None if found is None else str(found)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the parameters of the scenario file, SI."""
+        return dict(self._about.get("scenario", {}).get("parameters", {}))
 
     @property
     def scenario(self) -> str:

@@ -9,7 +9,7 @@ import signal
 import tempfile
 import warnings
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from carom.scene import Scene
 
 OnProgress = Callable[[Progress], None]
+LoadFunctions = Callable[..., Any] | Sequence[Callable[..., Any]]
+"""One Python function that gives loads, or several."""
 
 
 class CaromWarning(UserWarning):
@@ -64,7 +66,7 @@ def simulate(
     Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
     so far).
     """
-    scene = _scene(scene)
+    scene = scene_of(scene)
     scene = scene.with_options(**options) if options else scene
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
@@ -78,7 +80,8 @@ def simulate(
     return _judged(result, stop, kept=out is not None)
 
 
-def _scene(given: object) -> Scene:
+def scene_of(given: object, caller: str = "simulate") -> Scene:
+    """The scene, or that of the scenario file whose path is given; `caller` is what a message calls the function."""
     from carom.scene import Scene
 
     if isinstance(given, (str, Path)):
@@ -86,7 +89,7 @@ def _scene(given: object) -> Scene:
     if not isinstance(given, Scene):
         found = "nothing" if given is None else f"{type(given).__name__}"
         raise CaromError(
-            f"simulate takes a Scene or the path of a scenario file, found {found}; make one with carom.Scene(...)"
+            f"{caller} takes a Scene or the path of a scenario file, found {found}; make one with carom.Scene(...)"
         )
     return given
 
@@ -96,6 +99,7 @@ def resume(
     *,
     until: float | str | None = None,
     progress: OnProgress | None = None,
+    load_functions: LoadFunctions = (),
     **options: Any,
 ) -> Result:
     """Continue a run that was interrupted or killed, bit for bit as if nothing had happened; `until` (s)
@@ -103,13 +107,16 @@ def resume(
 
     A run that failed goes on from its last good state with other numerical `options`, as `tolerance=1e-7`; what
     describes the physics, and the step, cannot change within a run. A run that has reached its end already is
-    returned as it is.
+    returned as it is. A run whose scene has Python functions (`Scene.load_function`) needs them again:
+    `load_functions`, in the order in which they were added.
     """
     stop = Interrupt()
     if until is not None:
         options["until"] = until
     with stop.listening(signal.SIGINT):
-        result = relaunch(RunDir.open(run), options, stop=stop, progress=progress)
+        result = relaunch(
+            RunDir.open(run), options, stop=stop, progress=progress, load_functions=load_functions
+        )
     return _judged(result, stop)
 
 
@@ -136,7 +143,12 @@ def launch(
         "format": 1,
         "status": "running",
         "outcome": None,
-        "scenario": {"title": scene.title, "file": source and Path(source).name, "identity": identify(model)},
+        "scenario": {
+            "title": scene.title,
+            "file": source and Path(source).name,
+            **({"case": scene.case, "parameters": scene.parameters} if scene.parameters else {}),
+            "identity": identify(model),
+        },
         "seed": getattr(scene, "seed", None),
         "versions": summary.versions(),
         "created": now(),
@@ -163,6 +175,7 @@ def relaunch(
     places: Mapping[str, str] | None = None,
     stop: Interrupt,
     progress: OnProgress | None = None,
+    load_functions: LoadFunctions = (),
 ) -> Result:
     """Continue the run in `directory` from its newest whole checkpoint, or from the start if there is none.
 
@@ -173,6 +186,7 @@ def relaunch(
     options = dict(options or {})
     changes.refuse_other_physics(options, places or {})
     old = Scene.from_toml(directory.scenario)
+    changes.restore_functions(directory, old, load_functions)
     scene = old
     if options:
         scene = old.overridden(options, places) if places else old.with_options(**options)

@@ -47,6 +47,7 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
     found: dict[str, Any] = {
         "scenario": about["scenario"]["file"] or about["scenario"]["title"],
         "title": scene.title,
+        **{key: about["scenario"][key] for key in ("case", "parameters") if key in about["scenario"]},
         "method": scene.run.method,
         "step": plan.step,
         "steps": simulation.step,

@@ -1,7 +1,8 @@
 """Section 5.6: the measurements of order.py, as data.
 
-Every run steps the compiled core from the scenario file; the closed form until the impact is exact.py, the
-reference after it a run with a step of about 1e-6 s that ends on the impact.
+Every run steps the compiled core from the scenario file; the closed form until the impact is that of
+`carom reproduce` (`carom.paper.analytic.approach`), the reference after it a run with a step of about 1e-6 s that
+ends on the impact.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from typing import Any
 
 import numpy as np
 from carom.convergence import error_of, order_of
-from common import F64, Run, grid_steps, model_of, run
-from exact import Slide
+from carom.paper.analytic.approach import Approach
+from carom.paper.study import grid_steps
+from common import F64, Run, model_of, run
 
 LAWS = ("sequence", "sequence-paper")
 SCENARIO = "5.6_break"
@@ -67,7 +69,7 @@ def at_impact(h: float, contact: float, law: str) -> tuple[Run, int]:
 
 
 def study(
-    law: str, slide: Slide, families: dict[str, Sequence[float]], reference_h: float
+    law: str, slide: Approach, families: dict[str, Sequence[float]], reference_h: float
 ) -> dict[str, list[Point]]:
     """The errors of all steps under one law."""
     contact = slide.contact_time
@@ -91,7 +93,7 @@ def study(
     return found
 
 
-def before(slide: Slide, steps: Sequence[float]) -> float:
+def before(slide: Approach, steps: Sequence[float]) -> float:
     """Greatest relative departure from the closed form at BEFORE, over velocities, spins and positions."""
     worst = 0.0
     for h in steps:
@@ -109,7 +111,7 @@ def before(slide: Slide, steps: Sequence[float]) -> float:
     return worst
 
 
-def whole(h: float, law: str, slide: Slide) -> dict[str, Any]:
+def whole(h: float, law: str, slide: Approach) -> dict[str, Any]:
     """A run of 3 s: convergence, conservation, symmetry, the jump of the cue ball, its state at the end."""
     step = math.ceil(slide.contact_time / h)
     this = run(SCENARIO, h, [LATE], steps=[step - 1, step], heights_until=FIRST_FLIGHT, impact=law)
@@ -143,7 +145,7 @@ def whole(h: float, law: str, slide: Slide) -> dict[str, Any]:
 
 def measure(quick: bool) -> dict[str, Any]:
     """Everything the command prints."""
-    slide = Slide.of(model_of(SCENARIO))
+    slide = Approach.of(model_of(SCENARIO))
     near = [1e-3 * 10 ** (-k / 4) for k in range(7 if quick else 9)]
     families: dict[str, Sequence[float]] = {
         "round": [h for h in ROUND if not quick or h > 3e-5],

@@ -2,7 +2,7 @@
 
     python validation/5.6/order.py [--quick] [--json] [--figure FOLDER]
 
-Before the impact (t = 0.11 s) the velocities are exact at any h (exact.py). After it (t = 0.13 s) their error
+Before the impact (t = 0.11 s) the velocities are exact at any h. After it (t = 0.13 s) their error
 is of first order: the scheme finds the impact at the end of the step in which it happens, up to h too late,
 and friction and the turned normals act for that long. So two kinds of steps are run: round ones, as a person
 would choose them, whose impact is delayed by anything between 0 and h; and steps that all have the impact in

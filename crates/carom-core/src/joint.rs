@@ -6,6 +6,7 @@
 use crate::contact::Rows;
 use crate::rotation;
 use crate::scalar::Scalar;
+use crate::stepper::Span;
 use glam::{DMat3, DQuat, DVec3};
 
 /// Body B of a joint with the ground.
@@ -147,10 +148,10 @@ impl Joint {
     }
 
     /// Measures of rotations over a step: `e . (psi_A - psi_B) - (c(t1) - c(t0))`.
-    pub fn rotation_measures(&self, psi_a: DVec3, psi_b: DVec3, span: (f64, f64), out: &mut [f64]) {
+    pub fn rotation_measures(&self, psi_a: DVec3, psi_b: DVec3, span: Span, out: &mut [f64]) {
         for (row, z) in self.rows.iter().zip(out).skip(self.translational) {
             let turned = row.direction.dot(psi_a - psi_b);
-            *z = turned - (row.law.value(span.1) - row.law.value(span.0));
+            *z = turned - (row.law.value(span.end) - row.law.value(span.start));
         }
     }
 
@@ -232,6 +233,23 @@ impl Joint {
             }
         }
     }
+}
+
+/// Adds what row `r` of a joint gives sphere A with multiplier `lambda`: force at the joint, or moment.
+pub fn add_reaction(
+    joint: &Joint,
+    r: usize,
+    row: &[[f64; 6]; 2],
+    lambda: f64,
+    out: &mut [DVec3; 2],
+) {
+    let (part, first) = if r < joint.translational {
+        (0, 0)
+    } else {
+        (1, 3)
+    };
+    let side = &row[0];
+    out[part] += lambda * DVec3::new(side[first], side[first + 1], side[first + 2]);
 }
 
 /// A dense 6 x 6 block over (translation, rotation) of two bodies.

@@ -90,6 +90,8 @@ named_choice! {
     Method {
         /// Nonsmooth generalized-alpha (Algorithm 1).
         Nsga = "nsga",
+        /// Moreau-Jean: velocity level only, contacts by the predicted gap.
+        MoreauJean = "moreau",
         /// Continuous contact forces, explicit substeps ([`crate::penalty`]).
         Penalty = "penalty",
     }
@@ -191,6 +193,10 @@ options! {
     method: Method = Method::Nsga,
     /// rho_inf of eq. 7, in [0, 1).
     spectral_radius: f64 = 0.8,
+    /// Weight of the new values in the theta rule of `moreau`, in (0, 1].
+    theta: f64 = 0.5,
+    /// Whether `moreau` removes penetration after each step by the position sub-problem.
+    position_projection: bool = false,
     /// tol_r of eq. 44 in islands of up to `dense_contacts` contacts.
     tolerance: f64 = 1e-8,
     /// tol_r in larger islands, where rounding sits nearer; never below `tolerance`.
@@ -284,6 +290,10 @@ impl Options {
         if !(0.0..1.0).contains(&self.spectral_radius) {
             let text = format!("is {}; it must lie in [0, 1)", self.spectral_radius);
             return Err(ModelError::option("spectral_radius", text));
+        }
+        if !(self.theta > 0.0 && self.theta <= 1.0) {
+            let text = format!("is {}; it must lie in (0, 1]", self.theta);
+            return Err(ModelError::option("theta", text));
         }
         if self.penalty_scale >= 2.0 {
             let text = format!(

@@ -1,6 +1,7 @@
 //! What is kept of a run, in memory, until the border takes it: frames, contacts, impacts, steps, residuals.
 
 use crate::contact::Contact;
+use crate::model::Model;
 use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::{ContactKey, State};
@@ -51,6 +52,8 @@ pub struct Block {
     pub orientation: Vec<f64>,
     pub velocity: Vec<f64>,
     pub angular_velocity: Vec<f64>,
+    /// Impulse and moment of every joint since the last frame, 6 per joint and frame.
+    pub joints: Vec<f64>,
     pub contact_end: Vec<u64>,
     pub contacts: Vec<ContactRecord>,
     pub impacts: Vec<TimedImpact>,
@@ -64,10 +67,19 @@ pub struct Recorder {
     pub block: Block,
     /// Sorted by key; empty unless contacts are recorded. Part of what a checkpoint keeps.
     pub open: Vec<ContactRecord>,
+    /// Of the joints, since the last frame; part of what a checkpoint keeps.
+    pub open_joints: Vec<[DVec3; 2]>,
     merged: Vec<ContactRecord>,
 }
 
 impl Recorder {
+    pub fn new(model: &Model) -> Recorder {
+        Recorder {
+            open_joints: vec![[DVec3::ZERO; 2]; model.joints.len()],
+            ..Recorder::default()
+        }
+    }
+
     /// Takes the events of a (sub-)step that was made.
     pub fn add_step(&mut self, scratch: &Scratch, step: u64, time: f64, contacts: bool) {
         for &impact in &scratch.impacts {
@@ -83,6 +95,10 @@ impl Recorder {
                     values: history.values.clone(),
                 });
             }
+        }
+        for (sum, reaction) in self.open_joints.iter_mut().zip(&scratch.joint_reaction) {
+            sum[0] += reaction[0];
+            sum[1] += reaction[1];
         }
         if contacts {
             self.accumulate(&scratch.contacts);
@@ -155,6 +171,12 @@ impl Recorder {
         }
         for w in &state.angular_velocity {
             b.angular_velocity.extend(w.to_array());
+        }
+        for sum in &mut self.open_joints {
+            for v in sum {
+                b.joints.extend(v.to_array());
+                *v = DVec3::ZERO;
+            }
         }
         b.contacts.append(&mut self.open);
         b.contact_end.push(b.contacts.len() as u64);

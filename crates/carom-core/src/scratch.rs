@@ -72,6 +72,8 @@ pub struct Scratch {
     pub neighbours: NeighbourList,
     /// Candidate contacts, sorted by (a, b).
     pub contacts: Vec<Contact>,
+    /// Pairs that overlap at the end of a step of `moreau`.
+    pub overlaps: Vec<Contact>,
     pub islands: Islands,
     pub solve: SolveScratch,
     pub smooth: SmoothScratch,
@@ -90,6 +92,8 @@ pub struct Scratch {
     pub load_error: Option<String>,
     /// Increments Lambda of all joint rows at the velocity level, N s or N m s.
     pub joint_impulse: Vec<f64>,
+    /// Impulse at the joint and moment on sphere A of every joint in the step: both levels, N s and N m s.
+    pub joint_reaction: Vec<[DVec3; 2]>,
     /// Power at t_n of loads without potential, W.
     pub power: f64,
 }
@@ -118,6 +122,7 @@ impl Scratch {
             need: vec![0.0; n],
             neighbours: NeighbourList::new(),
             contacts: Vec::new(),
+            overlaps: Vec::new(),
             islands: Islands::default(),
             impact: ImpactScratch::default(),
             smooth: SmoothScratch::new(model),
@@ -133,6 +138,7 @@ impl Scratch {
             penalty: Workspace::new(model),
             load_error: None,
             joint_impulse: vec![0.0; model.joints.iter().map(|j| j.rows.len()).sum()],
+            joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
             power: 0.0,
         }
     }

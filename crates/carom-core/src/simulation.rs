@@ -8,8 +8,8 @@ use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
 use crate::state::State;
-use crate::step::{self, motion_of, Attempt, Failure};
-use crate::stepper::Coefficients;
+use crate::step::{motion_of, step, Attempt, Failure};
+use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
 use std::time::{Duration, Instant};
 
@@ -43,7 +43,12 @@ impl Simulation {
         let state = State::new(&model, initial);
         let o = &model.options;
         let coefficients = (0..=o.max_halvings)
-            .map(|depth| Coefficients::new(o.spectral_radius, o.step / f64::from(1u32 << depth)))
+            .map(|depth| o.step / f64::from(1u32 << depth))
+            .map(|h| match o.method {
+                // The substeps of contact forces need h alone.
+                Method::Nsga | Method::Penalty => Coefficients::new(o.spectral_radius, h),
+                Method::MoreauJean => Coefficients::theta_rule(o.theta, h),
+            })
             .collect();
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
         for i in 0..model.spheres() {
@@ -58,7 +63,7 @@ impl Simulation {
         Simulation {
             scratch: Scratch::new(&model),
             monitors: Monitors::new(kinetic, potential, static_scale),
-            recorder: Recorder::default(),
+            recorder: Recorder::new(&model),
             timers: Timers::default(),
             failed: None,
             coefficients,
@@ -157,11 +162,12 @@ impl Simulation {
         };
         let mut local = StepReport::new(report.step, report.time);
         let (number, time) = (report.step, report.time);
-        let step = match self.model.options.method {
-            Method::Nsga => step::step,
+        let method = match self.model.options.method {
+            Method::Nsga => step,
+            Method::MoreauJean => moreau::step,
             Method::Penalty => penalty::step,
         };
-        let made = step(
+        let made = method(
             &self.model,
             &mut self.state,
             &mut self.scratch,

@@ -12,15 +12,16 @@ use crate::rotation;
 use crate::scratch::{History, Scratch};
 use crate::state::State;
 use crate::stepper::Coefficients;
+use crate::stepper::Span;
 use crate::timers::{Phase, Timers};
 use carom_geom::tangent_frame;
 use carom_solve::{Bounds, Status};
 use glam::DVec3;
 
 /// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
-const CANDIDATE_MARGIN: f64 = 1e-2;
+pub(crate) const CANDIDATE_MARGIN: f64 = 1e-2;
 /// Rounds of listing new overlaps after the position solve.
-const MAX_RELIST: u32 = 20;
+pub(crate) const MAX_RELIST: u32 = 20;
 
 /// Why a step could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +68,7 @@ pub fn step(
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
-    let span = (*time, *time + coefficients.h);
+    let span = Span::new(*time, coefficients.h);
     correct_positions(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Position);
     correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
@@ -78,7 +79,7 @@ pub fn step(
 }
 
 /// Lines 5-20 for every sphere, and a clean slate for what the step collects.
-fn predict_and_smooth(
+pub(crate) fn predict_and_smooth(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
@@ -95,6 +96,7 @@ fn predict_and_smooth(
     }
     scratch.failed = None;
     scratch.joint_impulse.fill(0.0);
+    scratch.joint_reaction.fill([DVec3::ZERO; 2]);
     if !model.loads.is_empty() {
         scratch.power = power(model, &motion_of(state, time));
     }
@@ -117,7 +119,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
 }
 
 /// A list that reached its limit has lost pairs: nothing may be concluded from it.
-fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> {
+pub(crate) fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> {
     if list.is_truncated() {
         return Err(Failure::TooManyPairs);
     }
@@ -141,7 +143,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
 
 /// Adds the contact of a pair if its gap at `position` is below `margin r_c`; false: it is not.
 #[inline]
-fn push_candidate(
+pub(crate) fn push_candidate(
     model: &Model,
     state: &State,
     position: &[DVec3],
@@ -254,26 +256,12 @@ fn correct_positions(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
     for round in 0..=MAX_RELIST {
-        let mut islands = std::mem::take(&mut scratch.islands);
-        islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
-        let mut converged = true;
-        for island in 0..islands.len() {
-            let island = islands.island(island);
-            converged &=
-                position::solve_island(model, state, scratch, island, span, report, accept);
-            if !converged {
-                break;
-            }
-        }
-        scratch.islands = islands;
-        if !converged {
-            return Err(Failure::NotConverged(Level::Position));
-        }
+        solve_positions(model, state, scratch, span, report, accept)?;
         place(model, state, scratch);
         if !relist(model, state, scratch)? {
             break;
@@ -285,6 +273,33 @@ fn correct_positions(
     }
     report.candidates = scratch.contacts.len() as u32;
     Ok(())
+}
+
+/// One round of position solves, island by island of candidates.
+pub(crate) fn solve_positions(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    span: Span,
+    report: &mut StepReport,
+    accept: bool,
+) -> Result<(), Failure> {
+    let mut islands = std::mem::take(&mut scratch.islands);
+    islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
+    let mut converged = true;
+    for island in 0..islands.len() {
+        let island = islands.island(island);
+        converged &= position::solve_island(model, state, scratch, island, span, report, accept);
+        if !converged {
+            break;
+        }
+    }
+    scratch.islands = islands;
+    if converged {
+        Ok(())
+    } else {
+        Err(Failure::NotConverged(Level::Position))
+    }
 }
 
 /// Corrected positions, gaps, normals and the closed set A.
@@ -370,11 +385,11 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
 }
 
 /// Step 3: velocity corrections by the impact law, island by island of closed contacts.
-fn correct_velocities(
+pub(crate) fn correct_velocities(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
@@ -403,12 +418,12 @@ fn correct_velocities(
 }
 
 /// Line 41 and the new state, energies and penetration.
-fn finish(
+pub(crate) fn finish(
     model: &Model,
     state: &mut State,
     scratch: &mut Scratch,
     coefficients: &Coefficients,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let (mut kinetic, mut potential) = (0.0, 0.0);
@@ -438,10 +453,16 @@ fn finish(
         ];
     }
     if !model.is_free() {
-        let at = motion_of(state, span.1);
+        let at = motion_of(state, span.end);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         let mean = 0.5 * (scratch.power + power(model, &at));
-        report.energy_work = (span.1 - span.0) * mean + joint_work(model, scratch, span);
+        let Scratch {
+            smooth,
+            joint_reaction,
+            ..
+        } = &mut *scratch;
+        smooth.add_reactions(model, coefficients.h, joint_reaction);
+        report.energy_work = span.h * mean + joint_work(model, scratch, span);
     }
     std::mem::swap(&mut state.warm, &mut scratch.warm);
     state.warm.sort_unstable_by_key(|w| w.key);
@@ -472,14 +493,14 @@ fn power(model: &Model, at: &Motion) -> f64 {
 }
 
 /// Work of joints with a prescribed motion: reactions of the smooth and the velocity level times its rate.
-fn joint_work(model: &Model, scratch: &Scratch, span: (f64, f64)) -> f64 {
+fn joint_work(model: &Model, scratch: &Scratch, span: Span) -> f64 {
     let mut work = 0.0;
     for (index, joint) in model.joints.iter().enumerate() {
         let first = scratch.smooth.first_row[index] as usize;
         let mut rates = [0.0; 6];
-        joint.rates(span.1, &mut rates);
+        joint.rates(span.end, &mut rates);
         for (r, rate) in rates.iter().enumerate().take(joint.rows.len()) {
-            let smooth = (span.1 - span.0) * scratch.smooth.lambda[first + r];
+            let smooth = span.h * scratch.smooth.lambda[first + r];
             work += rate * (smooth + scratch.joint_impulse[first + r]);
         }
     }

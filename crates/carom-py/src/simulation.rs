@@ -2,8 +2,8 @@
 
 use crate::convert::{self, flat, put};
 use crate::state::{
-    monitor_arrays, monitors_from, open_values, put_kinematics, read_open, read_state, six,
-    touch_values,
+    monitor_arrays, monitors_from, open_values, put_kinematics, read_open, read_pairs, read_state,
+    six, touch_values,
 };
 use crate::tables::{outcome_dict, put_block};
 use crate::ModelError;
@@ -79,7 +79,8 @@ impl Simulation {
             (outcome, inner.take_block())
         });
         let out = PyDict::new(py);
-        put_block(&out, block, self.inner.model.spheres())?;
+        let model = &self.inner.model;
+        put_block(&out, block, model.spheres(), model.joints.len())?;
         match outcome {
             Some(o) => out.set_item("outcome", outcome_dict(py, &o)?)?,
             None => out.set_item("outcome", py.None())?,
@@ -133,6 +134,9 @@ impl Simulation {
             flat(open.iter().map(open_values)),
             &[open.len(), 20],
         )?;
+        let joints = &self.inner.recorder.open_joints;
+        let values = flat(joints.iter().map(|[a, b]| six(*a, *b)));
+        put(&out, "open_joint", values, &[joints.len(), 6])?;
         let (integers, floats) = monitor_arrays(&self.inner.monitors);
         put(&out, "monitor_int", integers, &[1])?;
         put(&out, "monitor_float", floats, &[1])?;
@@ -166,6 +170,15 @@ impl Simulation {
                 "state: the monitors are of another version",
             ));
         };
+        let joints = read_pairs(state, "open_joint")?;
+        if joints.len() != self.inner.model.joints.len() {
+            return Err(ModelError::new_err(format!(
+                "state: open_joint is for {} joints, the model has {}",
+                joints.len(),
+                self.inner.model.joints.len()
+            )));
+        }
+        self.inner.recorder.open_joints = joints;
         self.inner.state = loaded;
         self.inner.recorder.open = open;
         self.inner.monitors = monitors;

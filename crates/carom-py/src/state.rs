@@ -135,17 +135,19 @@ pub fn read_open(state: &Bound<'_, PyDict>) -> PyResult<Vec<ContactRecord>> {
         .collect())
 }
 
+/// Pairs of vectors, 6 numbers each.
+pub fn read_pairs(state: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<[DVec3; 2]>> {
+    Ok(convert::rows::<6>(state, name)?
+        .into_iter()
+        .map(|v| [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])])
+        .collect())
+}
+
 pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
     let vectors = |name: &str| -> PyResult<Vec<DVec3>> {
         Ok(convert::rows::<3>(state, name)?
             .into_iter()
             .map(DVec3::from)
-            .collect())
-    };
-    let pairs = |name: &str| -> PyResult<Vec<[DVec3; 2]>> {
-        Ok(convert::rows::<6>(state, name)?
-            .into_iter()
-            .map(|v| [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])])
             .collect())
     };
     let one = |name: &str| -> PyResult<f64> {
@@ -207,8 +209,8 @@ pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
             .collect(),
         velocity: vectors("velocity")?,
         angular_velocity: vectors("angular_velocity")?,
-        pseudo: pairs("pseudo")?,
-        acceleration: pairs("acceleration")?,
+        pseudo: read_pairs(state, "pseudo")?,
+        acceleration: read_pairs(state, "acceleration")?,
         warm,
         warm_step,
         touches: read_touches(state, bodies)?,

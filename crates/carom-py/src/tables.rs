@@ -55,7 +55,7 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
     Ok(out)
 }
 
-pub fn put_block(out: &Bound<'_, PyDict>, b: Block, n: usize) -> PyResult<()> {
+pub fn put_block(out: &Bound<'_, PyDict>, b: Block, n: usize, joints: usize) -> PyResult<()> {
     let py = out.py();
     let bodies = |a: u32, b: u32| {
         let (a, b) = (i64::from(a), i64::from(b));
@@ -69,6 +69,9 @@ pub fn put_block(out: &Bound<'_, PyDict>, b: Block, n: usize) -> PyResult<()> {
     put(&frames, "orientation", b.orientation, &[f, n, 4])?;
     put(&frames, "velocity", b.velocity, &[f, n, 3])?;
     put(&frames, "angular_velocity", b.angular_velocity, &[f, n, 3])?;
+    if joints > 0 {
+        put(&frames, "joint_impulse", b.joints, &[f, joints, 6])?;
+    }
     put(&frames, "contact_end", b.contact_end, &[f])?;
     out.set_item("frames", frames)?;
 

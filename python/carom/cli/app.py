@@ -8,6 +8,8 @@ import typer
 
 from carom.cli.check import check
 from carom.cli.cite import cite
+from carom.cli.compare import compare
+from carom.cli.converge import converge
 from carom.cli.demo import demo
 from carom.cli.doctor import doctor
 from carom.cli.examples import examples
@@ -51,6 +53,20 @@ def carom(
     """
 
 
-for _command in (demo, run, resume, check, plot, view, reproduce, info, schema, doctor, cite):
+for _command in (
+    demo,
+    run,
+    resume,
+    check,
+    compare,
+    converge,
+    plot,
+    view,
+    reproduce,
+    info,
+    schema,
+    doctor,
+    cite,
+):
     app.command(no_args_is_help=False)(_command)
 app.add_typer(examples, name="examples")

@@ -24,6 +24,7 @@ def info(run: Run, as_json: Json = False) -> None:
     facts: dict[str, Any] = {
         "directory": str(result.path),
         "title": result.title,
+        **({"case": result.case, "parameters": result.parameters} if result.parameters else {}),
         "status": result.status,
         "being_written": result.is_being_written,
         "outcome": str(result.outcome),
@@ -48,6 +49,8 @@ def info(run: Run, as_json: Json = False) -> None:
         )
         del facts["outcome"]  # there is none yet
     facts["bytes"] = f"{facts['bytes'] / 1e6:.2f} MB"
+    if result.parameters:
+        facts["parameters"] = ", ".join(f"{name} = {x:.10g}" for name, x in result.parameters.items())
     facts["segments"] = ", ".join(facts["segments"])
     facts["versions"] = ", ".join(f"{k} {v}" for k, v in facts["versions"].items())
     del facts["being_written"]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from carom.scene import Scene
 
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on standard output and nothing else.")
@@ -19,15 +22,38 @@ Scenario = Annotated[
 ]
 
 
+Case = Annotated[
+    str | None,
+    typer.Option(
+        "--case", metavar="NAME", help="The variant of the file that [[case]] defines by this name."
+    ),
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a parameter of the file, or a key of [run] or [record]; may be repeated.",
+    ),
+]
+
+
 def settings(pairs: list[str]) -> dict[str, Any]:
     """`KEY=VALUE` options as keywords of `carom.simulate`; values are TOML, and what is not TOML is a string."""
+    return {
+        key.removeprefix("run.").removeprefix("record."): value for key, value in _assignments(pairs).items()
+    }
+
+
+def _assignments(pairs: list[str]) -> dict[str, Any]:
+    """Values by their keys as they are written, with or without the section before a point."""
     import tomllib
 
     found: dict[str, Any] = {}
     for pair in pairs:
         key, equals, text = pair.partition("=")
-        key = key.strip().removeprefix("run.").removeprefix("record.")
-        if not equals or not key:
+        key = key.strip()
+        if not equals or not key.rpartition(".")[2]:
             raise typer.BadParameter(f"{pair!r} is not KEY=VALUE; write for example --set step=1e-4")
         try:
             found[key] = tomllib.loads(f"value = {text.strip()}")["value"]
@@ -44,6 +70,49 @@ def overrides(set_: list[str] | None, until: str | None) -> tuple[dict[str, Any]
         options["until"] = number(until)
         places["until"] = "--until"
     return options, places
+
+
+def scene(scenario: Path, case: str | None, set_: list[str] | None, until: str | None = None) -> Scene:
+    """The scene of a file, in the variant and with the settings given on the command line."""
+    from carom.scene import Scene
+
+    parameters = _parameters(scenario, set_ or [])
+    rest = [pair for pair in set_ or [] if pair.partition("=")[0].strip() not in parameters]
+    options, places = overrides(rest, until)
+    given = {key.removeprefix(_PARAMETERS): value for key, value in parameters.items()}
+    found = Scene.from_toml(scenario, case=case, set=given)
+    return found.overridden(options, places) if options else found
+
+
+_PARAMETERS = "parameters."
+
+
+def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
+    """Those settings that concern parameters of the file, by their keys as they are written."""
+    assigned = _assignments(pairs)
+    if not assigned:
+        return {}
+    from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
+    from carom.scenario import load
+    from carom.scenario.model import SINGLE
+
+    known, _ = load.variants(scenario)
+    options = {key: name for name in ("run", "record") for key in SINGLE[name].model_fields}
+    found = {}
+    for key, value in assigned.items():
+        if key.startswith(_PARAMETERS) or key in known:
+            if key in options:
+                raise CaromError(
+                    f"--set {key}: both a parameter of the file and a key of [{options[key]}] are called so;"
+                    f" write --set {_PARAMETERS}{key}=... or --set {options[key]}.{key}=..."
+                )
+            # A parameter is a number, so text can only be an expression.
+            bare = isinstance(value, str) and not value.startswith("=")
+            found[key] = f"= {value}" if bare else value
+        elif known and key.rpartition(".")[2] not in options:
+            cause = "is neither a parameter of the file nor a key of [run] or [record]"
+            raise ScenarioError([Problem(f"--set {key}", "", cause, did_you_mean(key, [*known, *options]))])
+    return found
 
 
 def number(text: str | None) -> Any:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from carom.cli.options import Json, Quiet, Scenario, overrides
+from carom.cli.options import Case, Json, Quiet, Scenario, Set, scene
 from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 
@@ -21,18 +22,19 @@ def run(
     scenario: Scenario,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Run directory; default runs/SCENARIO-<n>."),
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="DIR",
+            help="Run directory; default runs/SCENARIO-<n> or runs/SCENARIO-CASE-<n>.",
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the run in DIR.")] = False,
     until: Annotated[
         str | None, typer.Option("--until", metavar="TIME", help="Simulated time, s or with a unit.")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Override a key of [run] or [record]; may be repeated."
-        ),
-    ] = None,
+    case: Case = None,
+    set_: Set = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
@@ -41,26 +43,31 @@ def run(
     Ctrl-C writes a checkpoint and leaves with 130; `carom resume` then continues bit for bit.
 
     Example: carom run break.toml -o runs/fine --set step=1e-4
+
+    Example: carom run cut.toml --case "f=0.25" --set v=2.0
     """
     from carom.drive import Interrupt
     from carom.run import launch
     from carom.rundir import RunDir
-    from carom.scene import Scene
 
-    options, places = overrides(set_, until)
-    scene = Scene.from_toml(scenario)
-    if options:
-        scene = scene.overridden(options, places)
-    for advice in scene.validate():
+    described = scene(scenario, case, set_, until)
+    for advice in described.validate():
         note(f"warning: {advice}")
 
     def create() -> RunDir:
-        return RunDir.create(out, force=force) if out is not None else RunDir.next(scenario.stem)
+        return RunDir.create(out, force=force) if out is not None else RunDir.next(run_name(scenario, case))
 
     stop = Interrupt()
     with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
-        result = launch(scene, create, stop=stop, progress=bar, source=str(scenario))
+        result = launch(described, create, stop=stop, progress=bar, source=str(scenario))
     return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
+
+
+def run_name(scenario: Path, case: str | None) -> str:
+    """What the run directory is called: after the file, and the case with letters that every file system takes."""
+    if case is None:
+        return scenario.stem
+    return f"{scenario.stem}-" + re.sub(r"[^\w.=+-]+", "_", case, flags=re.ASCII)[:80]
 
 
 def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None = None) -> int:

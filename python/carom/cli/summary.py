@@ -40,6 +40,8 @@ def text(summary: Mapping[str, Any], result: Result) -> str:
 
 def _head(summary: Mapping[str, Any]) -> str:
     title = summary.get("title") or summary["scenario"]
+    if summary.get("case"):
+        title += f" [{summary['case']}]"
     return (
         f"{title}\n"
         f"{str(summary['outcome']).replace('_', ' ')}: {counted(summary['steps'], 'step')} of {summary['step']:g} s,"

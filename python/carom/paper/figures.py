@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 FORMATS = ("png", "svg", "pdf")
 #: One column of a page, in.
 SIZE = (4.6, 3.1)
-#: About as many letters of a legend stand beside each other above the axes; the sample of a line takes as much as six.
-LETTERS, SAMPLE = 72, 6
+#: Height of a row of the legend, in, and the most columns.
+ROW, MOST_COLUMNS = 0.17, 5
 #: A curve of points with more than this many shows every n-th, so that markers stay apart.
 MOST_MARKERS = 45
 MARKERS = "osD^vPX*"
@@ -35,15 +35,15 @@ def draw(figure: Figure, directory: Path, formats: Sequence[str]) -> list[str]:
         colours = _colours(figure.curves)
         for k, (curve, colour) in enumerate(zip(figure.curves, colours, strict=True)):
             axes.plot(curve.x, curve.y, label=curve.label, **_look(curve, colour, k, figure))
+        _slopes(axes, figure)
         axes.set(xscale=figure.xscale, yscale=figure.yscale, xlabel=figure.xlabel, ylabel=figure.ylabel)
         left, right, bottom, top = figure.limits
         axes.set_xlim(left, right)
         axes.set_ylim(bottom, top)
         if figure.equal:
-            axes.set_aspect("equal", adjustable="datalim")
-        _slopes(axes, figure)
-        labels = [curve.label for curve in figure.curves] + [_named(s) for s in figure.slopes]
-        style.legend(canvas, axes, columns=_columns(labels))
+            axes.set_aspect("equal")
+        _ticks(axes, figure)
+        _legend(canvas, axes)
     files = style.save(style.Chart(canvas, _numbers(figure)), directory, figure.name, formats)
     return [file.name for file in files]
 
@@ -51,12 +51,10 @@ def draw(figure: Figure, directory: Path, formats: Sequence[str]) -> list[str]:
 def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
     """A line under a dashed one of the same body, a closed form, is broad and pale: both are seen where they coincide."""
     if curve.kind == "line":
-        under = any(c.kind == "dashed" and c.body == curve.body for c in figure.curves)
-        return (
-            {"color": colour, "linewidth": 3.0, "alpha": 0.45}
-            if under
-            else {"color": colour, "linewidth": 1.5}
-        )
+        if any(c.kind == "dashed" and c.body == curve.body is not None for c in figure.curves):
+            return {"color": colour, "linewidth": 3.0, "alpha": 0.45}
+        hidden = any(_coincide(curve, other) for other in figure.curves[:k] if other.kind == "line")
+        return {"color": colour, "linewidth": 1.5, "linestyle": (0, (3, 3)) if hidden else "-"}
     if curve.kind == "dashed":
         return {"color": _darker(colour), "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 3}
     apart = max(1, -(-len(curve.x) // MOST_MARKERS))
@@ -70,6 +68,13 @@ def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
         "markerfacecolor": "none",
         "zorder": 4,
     }
+
+
+def _coincide(one: Curve, other: Curve) -> bool:
+    """Whether two curves cannot be told apart, as those of mirror images: less than a line's width everywhere."""
+    if one.x.shape != other.x.shape or not np.array_equal(one.x, other.x):
+        return False
+    return bool(np.abs(one.y - other.y).max() <= 2e-3 * max(np.ptp(one.y), np.ptp(other.y)))
 
 
 def _colours(curves: Sequence[Curve]) -> list[str]:
@@ -110,10 +115,37 @@ def _slopes(axes: Axes, figure: Figure) -> None:
         axes.plot(ends, heights, color=style.GREY, linestyle=dashes, linewidth=1.0, label=_named(slope))
 
 
-def _columns(labels: Sequence[str]) -> int:
-    """Columns of the legend that fit the width. Formulas between $ are shorter than they are written."""
-    widest = max(len(label.replace("$", "").replace("\\", "")) for label in labels)
-    return max(1, min(len(labels), LETTERS // (widest + SAMPLE)))
+def _ticks(axes: Axes, figure: Figure) -> None:
+    """Numbers that can be read: whole ones for iterations; 1, 2, 5 where a logarithmic axis spans little."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, NullFormatter
+
+    for axis, scale, values in (
+        (axes.xaxis, figure.xscale, np.concatenate([curve.x for curve in figure.curves])),
+        (axes.yaxis, figure.yscale, np.concatenate([curve.y for curve in figure.curves])),
+    ):
+        if scale == "linear":
+            if np.all(values == np.round(values)) and np.ptp(values) < 2 * MOST_MARKERS:
+                axis.set_major_locator(MaxNLocator(integer=True))
+            continue
+        axis.set_minor_formatter(NullFormatter())
+        low, high = axis.get_view_interval()
+        decades = np.floor(np.log10(high)) - np.ceil(np.log10(low)) + 1
+        if decades < 2:
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
+
+
+def _legend(canvas: Any, axes: Axes) -> None:
+    """The legend above the axes, in as many columns as there is room for; its rows do not make the axes smaller."""
+    labels = axes.get_legend_handles_labels()[1]
+    for columns in range(min(len(labels), MOST_COLUMNS), 0, -1):
+        style.legend(canvas, axes, columns=columns)
+        legend = canvas.legends[-1]
+        if columns == 1 or legend.get_window_extent().width < 0.98 * canvas.bbox.width:
+            break
+        legend.remove()
+    rows = -(-len(labels) // columns)
+    canvas.set_size_inches(SIZE[0], SIZE[1] + ROW * (rows - 1))
 
 
 def _numbers(figure: Figure) -> dict[str, Any]:

@@ -133,7 +133,7 @@ def write(report: Report, directory: Path, command: str) -> dict[str, Any]:
 def write_docs(report: Report, directory: Path, figures: Path, command: str) -> list[Path]:
     """`paper.md` for the documentation, with its figures as SVG beside it.
 
-    It holds no date, no time and no machine: made again from the same build it is the same file.
+    It holds no date and no machine: a difference to the page of an earlier build is one of Carom.
     """
     from carom import __version__
 

@@ -15,6 +15,8 @@ TITLE = "The examples of the paper, reproduced"
 MARKS: Mapping[Verdict, str] = {"ok": "✓ ok", "paper in error": "✎ paper in error", "short": "✗ short"}
 #: Significant digits of a number: enough to see its tolerance, at least and at most these.
 FEWEST, MOST = 2, 10
+#: Rows of an erratum whose values stand in the list of errata; the table of the example has all.
+MOST_VALUES = 2
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A space at which no line ends.
 _HARD = "\N{NO-BREAK SPACE}"
@@ -34,7 +36,7 @@ def markdown(report: Report, folder: str, facts: Mapping[str, str]) -> str:
 
 def heading(example: Example) -> str:
     """The heading of an example."""
-    return f"{label(example.id)} {example.title}"
+    return f"{label(example.id)}{':' if example.id.isalpha() else ''} {example.title}"
 
 
 def label(name: str) -> str:
@@ -59,10 +61,10 @@ def number(value: float | str | None, tolerance: float | None = None) -> str:
     """A number with the digits that its tolerance makes worth reading; what is none is a dash."""
     if value is None:
         return "–"
-    if isinstance(value, str):
-        return value
+    if isinstance(value, str) or value == 0:
+        return value if isinstance(value, str) else "0"  # not -0
     digits = 7
-    if tolerance and value:
+    if tolerance:
         digits = math.floor(math.log10(abs(value) / tolerance)) + 2
     return format(value, f".{min(MOST, max(FEWEST, digits))}g") if value != int(value) else f"{value:.10g}"
 
@@ -129,18 +131,24 @@ def _errata(report: Report) -> list[str]:
         grouped.setdefault((label(example.id), heading(example), row.note), []).append(row)
     told = []
     for (place, title, note), rows in grouped.items():
-        values = "; ".join(
+        values = [
             f"{row.quantity}: paper {_quantity(row.paper, row)}, corrected {_quantity(row.analytic, row)},"
             f" Carom {_quantity(row.carom, row)}"
-            for row in rows
-        )
-        told.append(f"1. [{place}](#{anchor(title)}): {note} ({values})")
+            for row in rows[:MOST_VALUES]
+        ]
+        more = [f"{len(rows) - MOST_VALUES} more there"] if len(rows) > MOST_VALUES else []
+        told.append(f"1. [{place}](#{anchor(title)}): {note} ({'; '.join(values + more)})")
     return [f"## {_ERRATA}", "\n".join(told)]
 
 
 def _quantity(value: float | str | None, row: Row) -> str:
-    unit = f" {row.unit}" if row.unit and not isinstance(value, str) else ""
-    return number(value, row.tolerance) + unit
+    return number(value, row.tolerance) + (
+        f" {row.unit}" if _has_unit(row) and not isinstance(value, str) else ""
+    )
+
+
+def _has_unit(row: Row) -> bool:
+    return row.unit not in ("", "1")
 
 
 def _section(example: Example, files: Mapping[str, Sequence[str]], folder: str) -> list[str]:
@@ -163,17 +171,21 @@ def _rows(rows: Sequence[Row]) -> list[str]:
     origins = list(dict.fromkeys(row.origin for row in rows))
     lines = []
     for row in rows:
-        mark = f" {str(notes.index(row.note) + 1).translate(SUPERSCRIPTS)}" if row.note else ""
-        values = {"paper": number(row.paper), "analytic": number(row.analytic, row.tolerance)}
+        mark = f"{_HARD}{str(notes.index(row.note) + 1).translate(SUPERSCRIPTS)}" if row.note else ""
+        # What the paper prints stands there with all its digits.
+        values = {
+            "paper": number(_nothing(row.paper, row.tolerance)),
+            "analytic": number(_nothing(row.analytic, row.tolerance), row.tolerance),
+        }
         values[row.against] = f"**{values[row.against]}**"
         lines.append(
             (
-                row.quantity + (f" ({row.unit})" if row.unit else "") + mark,
+                row.quantity + (f" ({row.unit})" if _has_unit(row) else "") + mark,
                 values["paper"],
                 values["analytic"],
                 number(row.carom, row.tolerance),
-                f"{row.difference:.2g}",
-                f"{row.tolerance:.2g} ({_letter(origins.index(row.origin))})",
+                f"{row.difference + 0.0:.2g}",
+                f"{row.tolerance:.2g}{_HARD}({_letter(origins.index(row.origin))})",
                 MARKS[row.verdict],
             )
         )
@@ -184,6 +196,11 @@ def _rows(rows: Sequence[Row]) -> list[str]:
     if notes:
         blocks.append("\n".join(f"{k}. {note}" for k, note in enumerate(notes, 1)))
     return blocks
+
+
+def _nothing(value: float | str | None, tolerance: float) -> float | str | None:
+    """Zero for what a formula gives by rounding where it means nothing, as sin(pi)."""
+    return 0.0 if isinstance(value, float) and abs(value) < 1e-6 * tolerance else value
 
 
 def _letter(k: int) -> str:
@@ -226,8 +243,11 @@ def _figure(figure: Figure, files: Sequence[str], folder: str) -> list[str]:
     others = [file for file in files if file != shown]
     links = ", ".join(f"[{_kind(file)}]({folder}/{file})" for file in others)
     curves = ", ".join(curve.label for curve in figure.curves)
-    alt = f"Figure {figure.number}, {figure.title}. {figure.ylabel} over {figure.xlabel}: {curves}"
-    caption = f"**Figure {figure.number}.** {figure.title}. {figure.caption}"
+    # A figure without a number is not in the paper; "17b-detail" is of the paper's figure 17b.
+    numbered = figure.number[0].isdigit()
+    name = f"Figure {figure.number.replace('-', ', ')}" if numbered else "Not in the paper"
+    alt = f"{name}: {figure.title}. {figure.ylabel} over {figure.xlabel}: {curves}"
+    caption = f"**{name}.** {figure.title}. {figure.caption}"
     return [f"![{escaped(alt)}]({folder}/{shown})", caption + (f" ({links})" if links else "")]
 
 
@@ -242,24 +262,18 @@ def _kind(file: str) -> str:
 
 
 def _options(examples: Sequence[Example]) -> list[str]:
-    """The options that all runs share once, and what each has of its own."""
-    runs = [(example.id, name, dict(run)) for example in examples for name, run in example.options.items()]
-    if not runs:
-        return []
-    first = runs[0][2]
-    common = {
-        key: value
-        for key, value in first.items()
-        if all(key in run and run[key] == value for _, _, run in runs)
-    }
-    lines = []
-    for example, name, run in runs:
-        own = {key: value for key, value in run.items() if key not in common}
-        lines.append((f"{example} {name}", assigned(own) or "–"))
+    """What the runs set, and the defaults of everything else."""
+    from carom import _core
+
+    lines = [
+        (f"{example.id} {name}", assigned(run))
+        for example in examples
+        for name, run in example.options.items()
+    ]
     return [
         "## Options",
-        f"All runs: {assigned(common)}." if common else "The runs share no option.",
-        table(("run", "of its own"), lines),
+        table(("runs", "set"), lines),
+        f"What a run does not set has its default: {assigned(_core.defaults())}.",
     ]
 
 
@@ -271,8 +285,10 @@ def assigned(options: Mapping[str, Any]) -> str:
 def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
     return (
-        f'"{value}"' if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)
+        f'"{value}"' if isinstance(value, str) else f"{value:.4g}" if isinstance(value, float) else str(value)
     )
 
 

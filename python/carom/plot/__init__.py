@@ -66,7 +66,7 @@ class Plots:
         }
         if what not in drawn:
             raise CaromError(f"no plot is called {what!r}; {did_you_mean(what, KINDS)}")
-        _require_matplotlib()
+        require_matplotlib()
         return drawn[what]()
 
     def save(
@@ -94,7 +94,7 @@ class Plots:
         return f"<figures of {self._result.path}: {', '.join(k.replace('-', '_') for k in KINDS)}>"
 
 
-def _require_matplotlib() -> None:
+def require_matplotlib() -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:

@@ -53,6 +53,10 @@ MEANINGS: dict[str, Meaning] = {
     "frames/orientation": Meaning("1", "(frame, body, wxyz) unit quaternions, scalar part first"),
     "frames/velocity": Meaning("m/s", "(frame, body, xyz) velocities of the centres"),
     "frames/angular_velocity": Meaning("rad/s", "(frame, body, xyz) angular velocities in the world frame"),
+    "frames/joint_impulse": Meaning(
+        "N s, N m s",
+        "(frame, joint, 6) impulse at the joint and moment on its first body since the last frame, world frame",
+    ),
     "frames/contact_end": Meaning("1", "rows of /contacts up to and including this frame"),
     "contacts/body": Meaning(
         "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
@@ -108,7 +112,8 @@ MEANINGS: dict[str, Meaning] = {
     "steps/residual_position": Meaning("1", "relative residual of the position sub-problem, eq. 44"),
     "steps/residual_velocity": Meaning("1", "relative residual of the velocity sub-problem, eq. 44"),
     "steps/energy_kinetic": Meaning("J", "kinetic energy, translation and rotation"),
-    "steps/energy_potential": Meaning("J", "potential energy of gravity"),
+    "steps/energy_potential": Meaning("J", "potential energy of gravity and springs"),
+    "steps/energy_work": Meaning("J", "work of loads without a potential and of prescribed motion in the step"),
     "steps/penetration": Meaning("m", "deepest penetration after the step, 0 if there is none"),
     "steps/penetration_relative": Meaning("1", "the same over the radius of the body"),
     "steps/fallbacks": Meaning("1", "times a rescue method of the solver was used"),

@@ -1,6 +1,6 @@
 """Islands: bodies that contacts, joints and loads between bodies join; and the velocity level of one of them."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,9 +48,7 @@ class Group:
 
 def islands(model: Model, elements: list[Element]) -> list[Group]:
     """Groups with at least a contact or a joint; planes and the ground join nothing."""
-    n = model.bodies
-    loads = [load.joins(n) for load in model.loads]
-    links = [row.bodies for row in model.joints] + [joined for joined in loads if joined]
+    links = [row.bodies for row in model.joints] + [load.joins() for load in model.following]
     sets = [e.pair.bodies for e in elements] + links
     result = []
     for members in connected(sets):
@@ -72,8 +70,10 @@ class Bonds:
     """G of the joints (m, 6N) at q_{n+1}."""
     rates: F64
     """c'(t_{n+1}) (m,)."""
-    change: Callable[[F64], tuple[F64, F64]]
-    """h f_v of eq. 4 (6N,) and its derivative (6N, 6N), as a function of v_{n+1} (6N,)."""
+    change: F64
+    """h f_v of eq. 4 (6N,) at v_check: what the correction of the positions alone changes."""
+    damping: F64
+    """-h C (6N, 6N): at given positions springs, dampers and drag are linear in the velocity."""
     parts: F64
     """Absolute sizes (6N,) of the forces that f_v is a difference of."""
 
@@ -82,14 +82,11 @@ class Bonds:
         """Those of a group in the pose of t_{n+1}; None where contacts alone act."""
         if not group.links:
             return None
-        h = model.options.step
-
-        def change(u: F64) -> tuple[F64, F64]:
-            now = applied_force(model.loads, pose, u, free.time)
-            return h * (now.force - free.load.force), h * now.by_velocity
-
+        h, before = model.options.step, free.following
+        now = applied_force(model.following, pose, free.u_check, free.time)
+        change, damping = h * (now.force - before.force), h * now.by_velocity
         gradient = JointsAt(group.joints, pose).gradient
-        return Bonds(group, gradient, rates(group.joints, free.time), change, free.load.parts)
+        return Bonds(group, gradient, rates(group.joints, free.time), change, damping, before.parts)
 
 
 class Island:
@@ -107,7 +104,7 @@ class Island:
         self.model, self.elements, self.bonds = model, elements, bonds
         joints = bonds.group.joints if bonds else []
         self.layout = lay = Layout(model, elements, joints, bonds.group.bodies if bonds else ())
-        self.u_n, self.u_check, self._u_all = u_n[lay.dofs], u_check[lay.dofs], u_check
+        self.u_n, self.u_check = u_n[lay.dofs], u_check[lay.dofs]
         self.gradient_n = lay.frozen_gradient()
         self.gradient = self.gradient_n.copy()
         for e, row, columns in zip(elements, lay.start, lay.columns, strict=True):
@@ -147,20 +144,6 @@ class Island:
         gradient = self.gradient_n if frozen else self.gradient
         return np.asarray(gradient[self.normal_rows] @ u, dtype=np.float64)
 
-    def change(self) -> Callable[[F64], tuple[F64, F64]] | None:
-        """h f_v (d,) and its derivative (d, d) as a function of the jump W (d,) of the island's bodies."""
-        bonds, dofs = self.bonds, self.layout.dofs
-        if bonds is None:
-            return None
-
-        def change(jump: F64) -> tuple[F64, F64]:
-            u = self._u_all.copy()
-            u[dofs] += jump
-            force, tangent = bonds.change(u)
-            return force[dofs], tangent[np.ix_(dofs, dofs)]
-
-        return change
-
     def problem(
         self, members: list[int], offset: F64, fixed: F64
     ) -> tuple[VelocityProblem, NDArray[np.intp], NDArray[np.intp]]:
@@ -174,9 +157,12 @@ class Island:
         bodies = lay.bodies if self.bonds else ()
         part = Layout(self.model, [self.elements[i] for i in members], lay.joints, bodies)
         columns = np.flatnonzero(np.isin(lay.dofs, part.dofs))
-        force, gradient = (self.gradient.T @ fixed)[columns], self.gradient[np.ix_(rows, columns)]
-        free = self.u_check[columns]
-        found = VelocityProblem(part, gradient, free, offset[rows], force, self.floor, self.change())
+        force, damping = self.gradient.T @ fixed, None
+        if self.bonds:
+            force = force + self.bonds.change[lay.dofs]
+            damping = self.bonds.damping[np.ix_(lay.dofs, lay.dofs)]
+        gradient, free = self.gradient[np.ix_(rows, columns)], self.u_check[columns]
+        found = VelocityProblem(part, gradient, free, offset[rows], force[columns], self.floor, damping)
         return found, columns, rows
 
     def respond(self, multipliers: F64) -> tuple[F64, F64]:

@@ -34,8 +34,8 @@ class Applied:
 class Load(Protocol):
     """Something that pushes; `u` (6N,) generalised velocity."""
 
-    def joins(self, count: int) -> tuple[int, ...]:
-        """Spheres of `count` whose motion enters the load."""
+    def joins(self) -> tuple[int, ...]:
+        """Spheres that it couples; a load that couples any follows their motion within f_p and f_v (eqs. 3, 4)."""
         ...
 
     def add(self, total: Applied, pose: Pose, u: F64, time: float) -> None:
@@ -50,7 +50,7 @@ class Weight:
     mass: F64
     gravity: F64
 
-    def joins(self, count: int) -> tuple[int, ...]:
+    def joins(self) -> tuple[int, ...]:
         """None."""
         return ()
 
@@ -68,7 +68,7 @@ class TimeLoad:
     body: int
     laws: tuple[ScalarLaw, ...]
 
-    def joins(self, count: int) -> tuple[int, ...]:
+    def joins(self) -> tuple[int, ...]:
         """None: no motion enters."""
         return ()
 
@@ -88,7 +88,7 @@ class Spring:
     damping: float
     rest_length: float
 
-    def joins(self, count: int) -> tuple[int, ...]:
+    def joins(self) -> tuple[int, ...]:
         """Its spheres."""
         return self.ends.bodies
 
@@ -123,7 +123,7 @@ class Drag:
     translation: float
     rotation: float
 
-    def joins(self, count: int) -> tuple[int, ...]:
+    def joins(self) -> tuple[int, ...]:
         """Its sphere."""
         return (self.body,)
 
@@ -138,13 +138,16 @@ class Drag:
 
 @dataclass(frozen=True)
 class UserLoad:
-    """A function of time, positions, velocities and angular velocities (N,3) that gives (N,6)."""
+    """A function of time, positions, velocities and angular velocities (N,3) that gives (N,6).
+
+    It acts in the smooth motion; the corrections of contacts do not call it again.
+    """
 
     function: Callable[[float, F64, F64, F64], Any]
 
-    def joins(self, count: int) -> tuple[int, ...]:
-        """All: it may let any sphere push any other."""
-        return tuple(range(count))
+    def joins(self) -> tuple[int, ...]:
+        """None: corrections leave it as it is."""
+        return ()
 
     def _force(self, x: F64, u: F64, time: float) -> F64:
         v = u.reshape(-1, 6)

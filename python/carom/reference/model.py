@@ -132,6 +132,11 @@ class Model:
     """The weight of the spheres and whatever else pushes them."""
 
     @property
+    def following(self) -> list[Load]:
+        """The loads that change with the corrections of a step: springs, dampers, drag."""
+        return [load for load in self.loads if load.joins()]
+
+    @property
     def bodies(self) -> int:
         """Number of spheres N."""
         return len(self.radius)

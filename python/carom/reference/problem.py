@@ -10,7 +10,6 @@ which is the whole saddle system of the paper: no multiplier and no velocity is 
 one whose projection is the identity, phi = xi, so that its r_l = -p z demands z = 0.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,14 +143,14 @@ class PositionProblem(ContactProblem):
         floor = 4.0 * EPS * layout.inertness * size
         if free is not None:
             # f_p is a difference of forces
-            floor += 2.0 * EPS * model.options.step**2 * layout.size_of(free.load.parts)
+            floor += 2.0 * EPS * model.options.step**2 * layout.size_of(free.following.parts)
         super().__init__(layout, np.zeros(len(layout.dofs)), floor)
         self.model, self.x_check, self.d_check, self.free = model, x_check, d_check[layout.dofs], free
         self.rounding = 16.0 * EPS * size
         self._frozen = layout.frozen_gradient()
         self._d_all = d_check
         self._last: tuple[F64, JointsAt] | None = None
-        moving = {body for load in model.loads for body in load.joins(model.bodies)}
+        moving = {body for load in model.following for body in load.joins()}
         self._follows = free is not None and not moving.isdisjoint(layout.bodies)
 
     def _contacts(self) -> "zip[tuple[Element, np.intp, NDArray[np.intp]]]":
@@ -193,8 +192,8 @@ class PositionProblem(ContactProblem):
         if self.free is None or not self._follows:
             return self.fixed, None
         free, dofs, h = self.free, self.layout.dofs, self.model.options.step
-        now = applied_force(self.model.loads, self._pose(u, free), free.u_check, free.time)
-        change = 0.5 * h * h * (now.force - free.load.force)
+        now = applied_force(self.model.following, self._pose(u, free), free.u_check, free.time)
+        change = 0.5 * h * h * (now.force - free.following.force)
         return change[dofs], 0.5 * h * h * now.by_position[np.ix_(dofs, dofs)]
 
     def curvature(self, u: F64, phi: F64) -> F64 | None:
@@ -225,7 +224,7 @@ class VelocityProblem(ContactProblem):
     """Eqs. 1f-h, 29: velocity jump W with `z = G (u_check + W) + offset`; G (m, d) constant, offset (m,).
 
     `u_check` (d,) velocity before any impulse of the step, `fixed` (d,) impulses of earlier problems: the P
-    of eq. 28. `change` gives h f_v (d,) and its derivative (d, d) for a jump W (d,).
+    of eq. 28, and h f_v at W = 0; `damping` (d, d) is its derivative -h C.
     """
 
     def __init__(
@@ -236,20 +235,19 @@ class VelocityProblem(ContactProblem):
         offset: F64,
         fixed: F64,
         floor: float,
-        change: Callable[[F64], tuple[F64, F64]] | None = None,
+        damping: F64 | None = None,
     ) -> None:
         super().__init__(layout, fixed, floor)
         self.gradient, self.free = gradient, gradient @ u_check + offset
-        self._change = change
+        self._damping = damping
 
     def kinematics(self, u: F64) -> tuple[F64, F64]:
         return self.free + self.gradient @ u, self.gradient
 
     def forces(self, u: F64) -> tuple[F64, F64 | None]:
-        if self._change is None:
+        if self._damping is None:
             return self.fixed, None
-        force, tangent = self._change(u)
-        return self.fixed + force, tangent
+        return self.fixed + self._damping @ u, self._damping
 
     def curvature(self, u: F64, phi: F64) -> F64 | None:
         return None

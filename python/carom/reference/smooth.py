@@ -30,10 +30,12 @@ class FreeMotion:
     u_check: F64
     d_check: F64
     """Velocity, and displacement (x, psi) of the step."""
-    load: Applied
-    """f(q_check, v_check, t_{n+1})."""
+    following: Applied
+    """f(q_check, v_check, t_{n+1}) of the loads that follow the motion."""
     reactions: F64
     """lambda of the joints (m,) [N, N m]."""
+    gradient: F64
+    """G of the joints (m, 6N) at q_check, along which the reactions act."""
     iterations: int
 
 
@@ -98,16 +100,20 @@ class SmoothProblem:
         turns = [row.kind == "rotation" for row in model.joints]
         self.weight_rate = self.slope * self.p / np.where(turns, lever, 1.0)
 
-    def at(self, du: F64) -> tuple[F64, F64, JointsAt, Applied]:
-        """v_check and d_check (6N,), joints and loads there."""
+    def moved(self, du: F64) -> tuple[F64, F64, Pose]:
+        """v_check and d_check (6N,), and the pose there."""
         u, d = self.u_start + du, self.d_start + self.share * du
         step = d.reshape(-1, 6)
-        pose = Pose(self.state.x + step[:, :3], step[:, 3:], self.turn)
-        return u, d, JointsAt(self.model.joints, pose), applied_force(self.model.loads, pose, u, self.time)
+        return u, d, Pose(self.state.x + step[:, :3], step[:, 3:], self.turn)
+
+    def at(self, du: F64) -> tuple[F64, JointsAt, Applied]:
+        """v_check (6N,), joints and loads."""
+        u, _, pose = self.moved(du)
+        return u, JointsAt(self.model.joints, pose), applied_force(self.model.loads, pose, u, self.time)
 
     def residual(self, du: F64, reactions: F64) -> tuple[F64, float, float]:
         """Residual (6N + m,) [N, N m, m/s, rad/s], its weighted norm [N] and the sum of those of its terms."""
-        u, _, joints, load = self.at(du)
+        u, joints, load = self.at(du)
         inertia, carried = self.model.mass_diagonal * self.slope * du, joints.gradient.T @ reactions
         balance, miss = inertia - load.force - carried, joints.gradient @ u - self.wanted
         norm = np.hypot(np.linalg.norm(balance * self.weight), np.linalg.norm(miss * self.weight_rate))
@@ -119,7 +125,7 @@ class SmoothProblem:
 
     def matrix(self, du: F64, reactions: F64) -> F64:
         """S_t of eq. 11, (6N + m, 6N + m): the derivative of the residual."""
-        u, _, joints, load = self.at(du)
+        u, joints, load = self.at(du)
         n, m = len(du), len(reactions)
         result = np.zeros((n + m, n + m))
         result[:n, :n] = self.slope * np.diag(self.model.mass_diagonal) + load.damping
@@ -139,10 +145,11 @@ def free_motion(model: Model, state: State) -> FreeMotion:
     for iteration in range(model.options.max_iterations + 1):
         residual, norm, scale = problem.residual(du, reactions)
         if norm <= model.options.tolerance * scale:
-            u, d, _, load = problem.at(du)
+            u, d, pose = problem.moved(du)
+            following = applied_force(model.following, pose, u, problem.time)
             return FreeMotion(
-                problem.time_n, problem.time, problem.turn, problem.a_new, slope * du, u, d, load,
-                reactions, iteration,
+                problem.time_n, problem.time, problem.turn, problem.a_new, slope * du, u, d, following,
+                reactions, problem.at(du)[1].gradient, iteration,
             )  # fmt: skip
         matrix = problem.matrix(du, reactions) * left * left[:, None]
         # reactions of redundant joints are not unique: the shortest

@@ -7,6 +7,7 @@ import numpy as np
 from .contact import Element, Impulse, element, gap_and_normal, to_world
 from .impact import ImpactProblem, IslandResult, solve_island
 from .island import Bonds, Island, islands
+from .joint import JointRow
 from .model import F64, TOUCH, Model, Pair, State
 from .newton import Solution, solve
 from .pose import Pose, rotate
@@ -36,6 +37,8 @@ class StepReport:
     """Times the position level was solved again because an unlisted pair overlapped."""
     reactions: F64 = field(default_factory=lambda: np.zeros(0))
     """Impulses of the joints in the step, row by row of the model (m,) [N s, N m s]: Lambda + h lambda."""
+    joint_impulses: F64 = field(default_factory=lambda: np.zeros((0, 6)))
+    """What each joint gave its sphere A (J,6): force of points and distances [N s], moment of rotations [N m s]."""
 
     @property
     def scale(self) -> float:
@@ -128,19 +131,30 @@ def velocity(model: Model, corrected: Corrected, u_n: F64, free: FreeMotion, rep
         for e, rows in zip(island.elements, island.layout.slices, strict=True):
             if result.multipliers[rows.start] > 0.0:
                 report.velocity_impulses[e.pair.key] = to_world(e, result.multipliers[rows])
-        for row, impulse in zip(group.joints, result.multipliers[island.layout.joint_rows], strict=True):
-            report.reactions[row.number] = impulse
+        if bonds:
+            impulses = result.multipliers[island.layout.joint_rows]
+            _record(report, group.joints, impulses, bonds.gradient)
     return u
+
+
+def _record(report: StepReport, rows: list[JointRow], impulses: F64, gradient: F64) -> None:
+    """Add impulses (m,) of joint rows, which act along their gradients (m, 6N)."""
+    for row, impulse, along in zip(rows, impulses, gradient, strict=True):
+        report.reactions[row.number] += impulse
+        part = slice(3, 6) if row.kind == "rotation" else slice(0, 3)
+        given = along[6 * row.ends.a : 6 * row.ends.a + 6]
+        report.joint_impulses[row.joint, part] += impulse * given[part]
 
 
 def advance(model: Model, state: State) -> tuple[State, StepReport]:
     """One step of size h; `state` is left as it is."""
-    report = StepReport(reactions=np.zeros(len(model.joints)))
+    joints = 1 + max((row.joint for row in model.joints), default=-1)
+    report = StepReport(reactions=np.zeros(len(model.joints)), joint_impulses=np.zeros((joints, 6)))
     free = free_motion(model, state)
     report.smooth_iterations = free.iterations
     corrected = position(model, state, free, report)
     u = velocity(model, corrected, state.u, free, report)
-    report.reactions += model.options.step * free.reactions
+    _record(report, model.joints, model.options.step * free.reactions, free.gradient)
     c = model.coefficients
     a_new = free.a_new + (1.0 - c.alpha_f) / (1.0 - c.alpha_m) * free.acc_new
     rot_incr_world = corrected.displacement.reshape(-1, 6)[:, 3:]

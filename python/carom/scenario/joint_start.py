@@ -29,10 +29,15 @@ REFUSED, ADVISED = 1e-3, 1e-6
 rounded to a few digits, and the first step mends that without harm."""
 AT_ZERO = 1e-6
 """Displacement (in radii) and angle (rad) at t = 0 that counts as zero."""
+UNNOTICED = 1e-9
+"""Travel in a step (in radii) or turn in a step (rad) that nobody notices: what counts as touching."""
 DEPENDENT = 1e-8
 """Part of a unit row that the rows before it do not explain, below which it counts as dependent."""
 MOST_ROWS = 600
 """Rows of bodies joined together up to which their velocities are fitted together; beyond, joint by joint."""
+
+MOST_FITTED = 3
+"""Bodies whose fitting velocities one message gives."""
 
 
 def check_start(parts: Parts) -> Iterator[Finding]:
@@ -129,14 +134,18 @@ class Group:
     doubt: F64  # (R,) error of the rate, where it is a difference
     scale: F64  # (R,) sum of the sizes of the terms
     mass: F64  # (6 B,) kg and kg m^2
+    size: F64  # (R,) radius of body a, m, of rotations 1
 
 
 def _mismatches(parts: Parts) -> Iterator[Mismatch]:
     bodies = parts.bodies()
+    step = parts.run.step if parts.run is not None else 0.0  # without it nothing is known of laws either
     for group in _groups(parts, MOST_ROWS):
         excess = group.gradient @ group.velocity - group.rate
-        # what the difference quotient leaves open is given to the author of the law
+        # what the difference quotient leaves open is given to the author of the law, and so is rounding of nothing:
+        # a velocity computed as w x r is 1e-17 rather than 0 where the two are parallel
         beyond = np.maximum(0.0, np.abs(excess) - 10.0 * group.doubt)
+        beyond[beyond * step < UNNOTICED * group.size] = 0.0
         relative = np.divide(beyond, group.scale, out=np.zeros_like(beyond), where=group.scale > 0)
         if relative.max(initial=0.0) <= ADVISED:
             continue
@@ -159,12 +168,10 @@ def _fitted(group: Group, excess: F64) -> F64 | None:
     root = np.sqrt(group.mass)
     scaled = group.gradient / root
     change = np.linalg.lstsq(scaled, -excess, rcond=None)[0] / root
-    left = group.gradient @ change + excess
-    return (
-        group.velocity + change
-        if np.all(np.abs(left) <= ADVISED * group.scale + 10.0 * group.doubt)
-        else None
-    )
+    fitted: F64 = group.velocity + change
+    left = np.abs(group.gradient @ change + excess) - 10.0 * group.doubt
+    size = group.scale + np.abs(group.gradient) @ np.abs(fitted)
+    return fitted if left.max() <= ADVISED * size.max() else None
 
 
 def _measure(of: Rows, k: int, bodies: Bodies) -> str:
@@ -181,20 +188,26 @@ def _measure(of: Rows, k: int, bodies: Bodies) -> str:
 
 
 def _cure(group: Group, of: Rows, fitting: F64 | None, bodies: Bodies) -> str:
+    """Velocities that fit all joints of the group at once, those of the joint's own bodies first."""
     if fitting is None:
         return "no velocities fit all joints of these bodies: they contradict each other, compare their laws"
-    written = []
-    for body in (of.a, of.b):
-        if body == GROUND_INDEX:
-            continue
+    own = [body for body in (of.a, of.b) if body != GROUND_INDEX]
+    noise = 1e-12 * max(np.abs(fitting).max(), np.abs(group.velocity).max())
+    written: list[str] = []
+    changed = 0
+    for body in (*own, *(body for body in group.bodies if body not in own)):
         at = 6 * group.bodies.index(body)
+        found = []
         for key, part in (("velocity", slice(at, at + 3)), ("angular_velocity", slice(at + 3, at + 6))):
             new, old = fitting[part], group.velocity[part]
-            size = max(np.abs(new).max(), np.abs(old).max())
-            if np.abs(new - old).max() > 1e-3 * ADVISED * size:
-                listed = ", ".join(f"{0.0 if abs(x) < 1e-12 * size else x:.9g}" for x in new)
-                written.append(f"{key} = [{listed}] of {quoted(bodies.names[body])}")
-    return " and ".join(written) + " would fit"
+            if np.abs(new - old).max() > noise:
+                listed = ", ".join(f"{0.0 if abs(x) < noise else x:.9g}" for x in new)
+                found.append(f"{key} = [{listed}] of {quoted(bodies.names[body])}")
+        changed += bool(found)
+        if changed <= MOST_FITTED:
+            written += found
+    more = f" (and others of {changed - MOST_FITTED} more)" if changed > MOST_FITTED else ""
+    return " and ".join(written) + f"{more} would fit"
 
 
 # --- redundancy -------------------------------------------------------------------------------------------------------
@@ -285,4 +298,6 @@ def _system(joints: list[tuple[int, Rows]], bodies: Bodies, h: float) -> Group:
             k += 1
     both = [(bodies.velocity[m], bodies.angular_velocity[m]) for m in members]
     mass = np.array([[bodies.mass[m]] * 3 + [bodies.inertia[m]] * 3 for m in members]).ravel()
-    return Group(joints, members, gradient, np.array(both).ravel(), rate, doubt, scale, mass)
+    kinds = [(row.kind, bodies.radius[of.a]) for _, of in joints for row in of.rows]
+    size = np.array([1.0 if kind == "rotation" else radius for kind, radius in kinds])
+    return Group(joints, members, gradient, np.array(both).ravel(), rate, doubt, scale, mass, size)

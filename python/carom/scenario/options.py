@@ -46,9 +46,14 @@ _COUNT_OR_NONE = Bounds(ge=0, le=1_000_000)
 OPTIONS: dict[str, Option] = {
     "step": Option("time step h", POSITIVE, "time"),
     "method": Option(
-        "method in time; nsga is the nonsmooth generalized-alpha scheme, penalty continuous contact forces"
+        "method in time; nsga is the nonsmooth generalized-alpha scheme, moreau Moreau-Jean time stepping,"
+        " penalty continuous contact forces"
     ),
     "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
+    "theta": Option(
+        "moreau only: weight of the new velocity in the step of the position", Bounds(gt=0, le=1)
+    ),
+    "position_projection": Option("moreau only: remove penetration after each step; velocities stay"),
     "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
     "pile_tolerance": Option("tol_r in islands of more than dense_contacts contacts", _FRACTION),
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
@@ -81,28 +86,25 @@ OPTIONS: dict[str, Option] = {
         "halvings of a step that could not be solved, before the run stops", Bounds(ge=0, le=20)
     ),
     "penalty_law": Option(
-        "damping of the contact force of method penalty; exact has the restitution e_N, the others their own"
+        "penalty only: damping of the contact force; exact has the restitution e_N, the others their own"
     ),
-    "penalty_young_modulus": Option(
-        "Young's modulus of every body under method penalty", POSITIVE, "pressure"
-    ),
-    "penalty_poisson_ratio": Option(
-        "Poisson's ratio of every body under method penalty", Bounds(gt=-1, le=0.5)
-    ),
+    "penalty_young_modulus": Option("penalty only: Young's modulus of every body", POSITIVE, "pressure"),
+    "penalty_poisson_ratio": Option("penalty only: Poisson's ratio of every body", Bounds(gt=-1, le=0.5)),
     "penalty_stiffness": Option(
-        "K (N/m^n) of every contact of method penalty in place of Hertz's; 0 is Hertz's", NOT_NEGATIVE
+        "penalty only: K of every contact (N/m^n) in place of Hertz's; 0 is Hertz's", NOT_NEGATIVE
     ),
-    "penalty_exponent": Option("n of the elastic force K d^n of method penalty", Bounds(ge=1, le=4)),
+    "penalty_exponent": Option("penalty only: n of the elastic force K d^n", Bounds(ge=1, le=4)),
     "penalty_least_restitution": Option(
-        "restitution as which laws without a finite damping at e_N = 0 read smaller ones", _FRACTION
+        "penalty only: restitution as which laws without a finite damping at e_N = 0 read smaller ones",
+        _FRACTION,
     ),
-    "penalty_friction": Option(
-        "sliding friction of method penalty; spring is a tangential spring that slips"
-    ),
+    "penalty_friction": Option("penalty only: sliding friction; spring is a tangential spring that slips"),
     "penalty_slip_speed": Option(
-        "slip speed of regularised friction; over the radius that of rolling and spinning", POSITIVE, "speed"
+        "penalty only: slip speed of regularised friction; over the radius that of rolling and spinning",
+        POSITIVE,
+        "speed",
     ),
-    "penalty_resolution": Option("substeps of method penalty per contact time", Bounds(ge=4, le=100_000)),
+    "penalty_resolution": Option("penalty only: substeps per contact time", Bounds(ge=4, le=100_000)),
     "on_nonconvergence": Option("what to do with a step that could not be solved; warn goes on"),
 }
 

@@ -76,10 +76,11 @@ def substitute(
             kind = _kind(owner, key)
             if kind is not None:
                 table[key] = _replaced(value, kind, (*path, key), values, formulas)
-    for name in tables.parameters:
-        if name not in formulas.used:
-            cause = "is not used anywhere"
-            formulas.refuse(("parameters", name), cause, f'use it, as "= 2*{name}", or leave it out')
+    if not formulas.found:  # else what uses a parameter may be what could not be read
+        for name in tables.order:
+            if name not in formulas.used:
+                cure = f'use it, as "= 2*{name}", or leave it out'
+                formulas.refuse(("parameters", name), "is not used anywhere", cure)
     return Variant(case, {name: x for name, x in values.items() if x is not None}), formulas
 
 

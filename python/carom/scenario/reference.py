@@ -17,7 +17,7 @@ from carom.scenario.table import Table
 from carom.units import DIMENSIONS, UNITS
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "scenario.md"
-_BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_BLOCK = re.compile(r"(<!-- table (\w+) -->\n?).*?(<!-- end -->)", re.DOTALL)
 
 
 def filled(page: str) -> str:
@@ -26,7 +26,9 @@ def filled(page: str) -> str:
 
 
 def block(name: str) -> str:
-    """The table of a section, of the keys at the top (`top`) or of the units (`units`)."""
+    """The table of a section, of the keys at the top (`top`) or of the units (`units`); the names of the `functions`."""
+    if name == "functions":
+        return ", ".join(f"`{function}`" for function in _core.Expression.functions())
     if name == "units":
         return _units()
     if name == "top":

@@ -95,8 +95,21 @@ pub trait Load: std::fmt::Debug + Send + Sync {
         0.0
     }
 
+    /// Size of the parts that its force is a difference of, N, and the rounding of that force, N: what "small" means where
+    /// the resultant is small, as for a mass that hangs at rest.
+    fn magnitude(&self, _at: &Motion) -> Magnitude {
+        Magnitude::default()
+    }
+
     /// Power of the part that has no potential, W.
     fn power(&self, at: &Motion) -> f64;
+}
+
+/// See [`Load::magnitude`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Magnitude {
+    pub parts: f64,
+    pub rounding: f64,
 }
 
 /// A load could not be evaluated (a function of the user raised).

@@ -1,6 +1,6 @@
 //! Linear spring and damper between two attachment points: `F = k (l - l_0) + c l'` along the line that joins them.
 
-use super::{coefficient, Dependence, Load, LoadError, Motion, Tangent};
+use super::{coefficient, Dependence, Load, LoadError, Magnitude, Motion, Tangent};
 use crate::joint::{add_block, lever_blocks, outer, skew, Pose, Twist, GROUND};
 use glam::{DMat3, DVec3};
 
@@ -143,6 +143,21 @@ impl Load for Spring {
     fn potential(&self, at: &Motion) -> f64 {
         let stretch = self.place(at).length - self.rest_length;
         0.5 * self.stiffness * stretch * stretch
+    }
+
+    fn magnitude(&self, at: &Motion) -> Magnitude {
+        let p = self.place(at);
+        let (elastic, viscous) = self.pulls(&p);
+        // The length is a difference of coordinates, its rate one of velocities.
+        let far = at.position[self.a as usize].abs().max_element() + p.length;
+        let fast = at.velocity[self.a as usize].length() + p.rate.length();
+        let lever = 1.0 + (p.arm_a.length() + p.arm_b.length()) / p.length.max(f64::MIN_POSITIVE);
+        Magnitude {
+            parts: elastic.abs() + viscous.abs(),
+            rounding: f64::EPSILON
+                * lever.min(1e3)
+                * (self.stiffness * (far + self.rest_length) + self.damping * fast),
+        }
     }
 
     fn power(&self, at: &Motion) -> f64 {

@@ -4,6 +4,7 @@
 use super::problem::{ImpactScratch, Law};
 use crate::contact::Rows;
 use crate::islands::Island;
+use crate::joint::add_reaction;
 use crate::level::coupling::Trial;
 use crate::level::velocity::Speeds;
 use crate::model::Model;
@@ -11,6 +12,7 @@ use crate::report::StepReport;
 use crate::rotation;
 use crate::scratch::Scratch;
 use crate::state::State;
+use crate::stepper::Span;
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use glam::DVec3;
 
@@ -22,7 +24,7 @@ pub struct Velocities<'a> {
     pub node_of: &'a [u32],
     /// Placements at q_{n+1}.
     pub trial: &'a mut Trial,
-    pub span: (f64, f64),
+    pub span: Span,
     /// Velocities at `u = 0`, 6 per node.
     pub before: &'a [f64],
     /// Wrench that the change is counted from, and the part of its impulse that is known already.
@@ -33,15 +35,20 @@ pub struct Velocities<'a> {
 impl Subproblem for Velocities<'_> {
     fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
         system.linear_measures(u, z);
-        let h = self.span.1 - self.span.0;
+        let h = self.span.h;
         for (node, &body) in self.bodies.iter().enumerate() {
             let at = |k: usize| self.before[NODE_DOF * node + k] + u[NODE_DOF * node + k];
             self.trial.velocity[body as usize] = DVec3::new(at(0), at(1), at(2));
             self.trial.angular_velocity[body as usize] = DVec3::new(at(3), at(4), at(5));
         }
         let mut load = std::mem::take(&mut system.load);
-        self.trial
-            .wrenches(self.model, self.loads, self.bodies, self.span.1, &mut load);
+        self.trial.wrenches(
+            self.model,
+            self.loads,
+            self.bodies,
+            self.span.end,
+            &mut load,
+        );
         for (b, (base, known)) in load.iter_mut().zip(self.base.iter().zip(self.known)) {
             *b = h * (*b - base) - known;
         }
@@ -50,7 +57,7 @@ impl Subproblem for Velocities<'_> {
             self.loads,
             self.node_of,
             load.len(),
-            self.span.1,
+            self.span.end,
             (0.0, h),
             &mut system.load_tangent,
         );
@@ -93,7 +100,7 @@ impl ImpactScratch {
             trial.velocity[i] = linear[i].velocity;
             trial.angular_velocity[i] = angular[i].velocity;
         }
-        let end = self.span.1;
+        let end = self.span.end;
         if !self.loads.is_empty() {
             self.load_base.resize(NODE_DOF * solve.bodies.len(), 0.0);
             trial.wrenches(model, &self.loads, &solve.bodies, end, &mut self.load_base);
@@ -181,7 +188,7 @@ impl ImpactScratch {
             let (loads, bodies) = (&self.loads, &scratch.solve.bodies);
             scratch
                 .trial
-                .wrenches(model, loads, bodies, self.span.1, &mut self.load_base);
+                .wrenches(model, loads, bodies, self.span.end, &mut self.load_base);
         }
         true
     }
@@ -191,9 +198,19 @@ impl ImpactScratch {
         let first = self.first_joint_row();
         let mut row = 0;
         for &index in &self.joints {
-            let at = scratch.smooth.first_row[index as usize] as usize;
-            for r in 0..model.joints[index as usize].rows.len() {
-                scratch.joint_impulse[at + r] = self.settled_joint[row] + self.impulse[first + row];
+            let (index, joint) = (index as usize, &model.joints[index as usize]);
+            let at = scratch.smooth.first_row[index] as usize;
+            for r in 0..joint.rows.len() {
+                let lambda = self.settled_joint[row] + self.impulse[first + row];
+                scratch.joint_impulse[at + r] = lambda;
+                let gradient = &self.full.jac[first + row];
+                add_reaction(
+                    joint,
+                    r,
+                    gradient,
+                    lambda,
+                    &mut scratch.joint_reaction[index],
+                );
                 row += 1;
             }
         }

@@ -16,6 +16,7 @@ use crate::options::Impact;
 use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
+use crate::stepper::Span;
 
 /// An impact problem gains energy if its work exceeds this share of the island's kinetic energy (rule R4).
 pub const GAIN_TOLERANCE: f64 = 1e-10;
@@ -43,13 +44,13 @@ pub fn solve_island(
     state: &State,
     scratch: &mut Scratch,
     island: Island,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
     let mut work = std::mem::take(&mut scratch.impact);
     work.begin(model, state, scratch, island, span, accept_unconverged);
-    let h = span.1 - span.0;
+    let h = span.h;
     let settled = island.is_free() || work.settle(model, state, scratch, report);
     let solved = settled
         && (island.contacts.is_empty()

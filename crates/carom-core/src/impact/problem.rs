@@ -10,6 +10,7 @@ use crate::model::Model;
 use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::State;
+use crate::stepper::Span;
 use carom_solve::rows::{Linear, RowSystem, NODE_DOF};
 use carom_solve::Status;
 
@@ -36,7 +37,7 @@ pub struct ImpactScratch {
     pub joints: Vec<u32>,
     pub loads: Vec<u32>,
     /// t_n and t_{n+1}.
-    pub span: (f64, f64),
+    pub span: Span,
     /// `c'(t_{n+1})` of the joint rows, in the order of `full`.
     pub(super) rates: Vec<f64>,
     /// Jump of stage J; wrench of the loads it is counted from, and impulse of their change since (6 per node).
@@ -85,7 +86,7 @@ impl ImpactScratch {
         state: &State,
         scratch: &mut Scratch,
         island: Island,
-        span: (f64, f64),
+        span: Span,
         accept_unconverged: bool,
     ) {
         let Scratch {
@@ -354,7 +355,7 @@ impl ImpactScratch {
         let mut speed = self.speeds.speed.max(self.speeds.load);
         if !self.joints.is_empty() {
             // Joints are solved at rest too, where every speed is 0.
-            speed = speed.max(AT_REST * self.sub.node_length[0] / (self.span.1 - self.span.0));
+            speed = speed.max(AT_REST * self.sub.node_length[0] / self.span.h);
         }
         let floor = model.options.tolerance_floor * mass * speed;
         let groups = self.sub.contacts.len();

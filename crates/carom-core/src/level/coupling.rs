@@ -5,6 +5,7 @@ use crate::contact::Rows;
 use crate::force::{Motion, Tangent};
 use crate::joint::{over_increment, Joint, Pose, Twist};
 use crate::model::Model;
+use crate::stepper::Span;
 use carom_solve::rows::NODE_DOF;
 use glam::{DQuat, DVec3};
 
@@ -132,14 +133,14 @@ pub fn position_rows(
     joint: &Joint,
     [a, b]: [Pose; 2],
     [psi_a, psi_b]: [DVec3; 2],
-    span: (f64, f64),
+    span: Span,
     rows: &mut Rows,
     z: &mut [f64],
 ) -> usize {
     let dim = joint.gradient(&a, &b, rows);
     // A rotation row acts on psi itself.
     over_increment(&mut rows[..joint.translational], psi_a, psi_b);
-    joint.position_measures(&a, &b, span.1, z);
+    joint.position_measures(&a, &b, span.end, z);
     joint.rotation_measures(psi_a, psi_b, span, z);
     dim
 }

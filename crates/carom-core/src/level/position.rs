@@ -14,6 +14,7 @@ use crate::rotation;
 use crate::scratch::{Scratch, SolveScratch};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
+use crate::stepper::Span;
 use carom_geom::{sphere_plane, sphere_sphere, Proximity};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::{SolveReport, Status};
@@ -51,7 +52,7 @@ struct Coupled<'a> {
     node_of: &'a [u32],
     trial: &'a mut Trial,
     /// t_n and t_{n+1}.
-    span: (f64, f64),
+    span: Span,
     /// Loads at `q_check`, 6 per node.
     base: Vec<f64>,
 }
@@ -102,8 +103,8 @@ impl Coupled<'_> {
             system.jac[range].copy_from_slice(&rows[..dim]);
         }
         if system.has_load() {
-            let half = 0.5 * (self.span.1 - self.span.0).powi(2);
-            let (loads, end) = (self.island.loads, self.span.1);
+            let half = 0.5 * self.span.h.powi(2);
+            let (loads, end) = (self.island.loads, self.span.end);
             let mut load = std::mem::take(&mut system.load);
             self.trial
                 .wrenches(model, loads, self.bodies, end, &mut load);
@@ -164,7 +165,7 @@ pub fn solve_island(
     state: &State,
     scratch: &mut Scratch,
     island: Island,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
@@ -209,7 +210,7 @@ fn solve_by_newton(
     state: &State,
     scratch: &mut Scratch,
     island: Island,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
@@ -295,7 +296,7 @@ fn solve_by_newton(
         let mut base = vec![0.0; NODE_DOF * bodies.len()];
         if !island.loads.is_empty() {
             system.open_load();
-            trial.wrenches(model, island.loads, bodies, span.1, &mut base);
+            trial.wrenches(model, island.loads, bodies, span.end, &mut base);
         }
         coupled = Some(Coupled {
             island,

@@ -7,7 +7,7 @@
 use super::coupling::Trial;
 use crate::contact::Rows;
 use crate::force::{self, LoadError};
-use crate::joint::Block6;
+use crate::joint::{add_reaction, Block6};
 use crate::model::{LinkKind, Model};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
@@ -19,7 +19,9 @@ use glam::DVec3;
 /// Unknowns of a group up to which its matrix is dense.
 const DENSE: usize = 72;
 /// `delta` over the diagonal of `G S^-1 G^T`.
-const SHIFT: f64 = 1e-9;
+const SHIFT: f64 = 1e-12;
+/// Roundings of the loads that a residual may hold.
+const ROUNDING: f64 = 16.0;
 
 /// Spheres that move together in the smooth sub-problem.
 #[derive(Default)]
@@ -197,6 +199,12 @@ impl SmoothScratch {
             }
         }
         let (mut residual, mut terms) = (0.0f64, 0.0f64);
+        let (mut parts, mut rounding) = (0.0, 0.0);
+        for load in &model.loads {
+            let m = load.magnitude(&trial.motion(time));
+            parts += m.parts;
+            rounding += m.rounding;
+        }
         for i in 0..n {
             let [a, alpha] = acceleration(i);
             let [f, m] = trial.wrench[i];
@@ -209,7 +217,9 @@ impl SmoothScratch {
             self.residual[i] = r;
         }
         Ok(Smallness {
-            balance: residual.sqrt() / terms.sqrt().max(f64::MIN_POSITIVE),
+            // What rounding leaves counts as nothing.
+            balance: (residual.sqrt() - ROUNDING * rounding).max(0.0)
+                / (terms.sqrt() + parts).max(f64::MIN_POSITIVE),
             constraint: constraint / speed.max(f64::MIN_POSITIVE),
         })
     }
@@ -234,6 +244,23 @@ impl SmoothScratch {
                     value += side[3] * w.x + side[4] * w.y + side[5] * w.z;
                 }
                 self.constraint[first + r] = value;
+            }
+        }
+    }
+
+    /// Adds the impulses of the smooth reactions in a step of size `h` to the joints' totals.
+    pub fn add_reactions(&self, model: &Model, h: f64, out: &mut [[DVec3; 2]]) {
+        for (index, joint) in model.joints.iter().enumerate() {
+            let first = self.first_row[index] as usize;
+            for r in 0..joint.rows.len() {
+                let impulse = h * self.lambda[first + r];
+                add_reaction(
+                    joint,
+                    r,
+                    &self.gradients[index][r],
+                    impulse,
+                    &mut out[index],
+                );
             }
         }
     }

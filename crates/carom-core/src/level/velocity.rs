@@ -9,6 +9,7 @@ use crate::options::{Impact, Options};
 use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::State;
+use crate::stepper::Span;
 use carom_solve::{SolveReport, Status};
 
 /// Closing speeds below this share of the island's speed are rounding.
@@ -58,7 +59,7 @@ pub fn solve_island(
     state: &State,
     scratch: &mut Scratch,
     island: Island,
-    span: (f64, f64),
+    span: Span,
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {

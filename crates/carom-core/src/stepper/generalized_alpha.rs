@@ -11,18 +11,18 @@ use glam::DVec3;
 pub struct Coefficients {
     pub h: f64,
     /// a_{n+1} = `from_acceleration` v-dot_n - `from_pseudo` a_n (line 7).
-    from_acceleration: f64,
-    from_pseudo: f64,
+    pub(super) from_acceleration: f64,
+    pub(super) from_pseudo: f64,
     /// h (1 - gamma), h gamma; h^2 (1/2 - beta), h^2 beta (lines 8 and 9).
-    velocity_old: f64,
-    velocity_new: f64,
-    displacement_old: f64,
-    displacement_new: f64,
+    pub(super) velocity_old: f64,
+    pub(super) velocity_new: f64,
+    pub(super) displacement_old: f64,
+    pub(super) displacement_new: f64,
     /// s, and h beta/gamma (lines 17 and 18).
-    acceleration_per_velocity: f64,
-    displacement_per_velocity: f64,
+    pub(super) acceleration_per_velocity: f64,
+    pub(super) displacement_per_velocity: f64,
     /// (1 - alpha_f)/(1 - alpha_m) (line 41).
-    finish: f64,
+    pub(super) finish: f64,
 }
 
 /// Prediction of one body: translation or rotation.

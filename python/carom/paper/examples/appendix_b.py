@@ -44,8 +44,8 @@ def reproduce(context: Context) -> Example:
         figures=(_figure_28(phi, by_angle), _figure_29(ratios, by_ratio)),
         texts=(
             "The core's own contact element is placed as in fig. 27 and asked for its increment of slip (eq. 37), which"
-            " takes normal and tangents of the start of the step. Multiplied out, eq. 61 is `sin(theta_B) - theta_B`: an error"
-            " of third order, the smaller the larger the sphere that is rolled on.",
+            " takes normal and tangents of the start of the step. Multiplied out, eq. 61 is `sin(theta_B) - theta_B`, an"
+            " error of third order, the smaller the larger the sphere that is rolled on.",
             f"Here r_B/r_A is {', '.join(f'{r:g}' for r in RATIOS)} in fig. 28 and phi_A is"
             f" {', '.join(f'{a:g}' for a in ANGLES)} rad in fig. 29; the text of the paper does not say which it used.",
         ),
@@ -128,7 +128,7 @@ def _figure_28(phi: F64, found: dict[float, F64]) -> Figure:
         theory = np.abs(exact.slip_error(exact.contact_angle(phi, ratio)))
         curves += [
             Curve(f"r_B/r_A = {ratio:g}, eq. 61", phi, theory, "line", body),
-            Curve(f"r_B/r_A = {ratio:g}, Carom's element", phi, np.abs(values), "points", body),
+            Curve(f"r_B/r_A = {ratio:g}, Carom", phi, np.abs(values), "points", body),
         ]
     return Figure(
         "28",
@@ -151,7 +151,7 @@ def _figure_29(ratios: F64, found: dict[float, F64]) -> Figure:
         theory = np.abs(exact.slip_error(exact.contact_angle(angle, ratios)))
         curves += [
             Curve(f"phi_A = {angle:g} rad, eq. 61", ratios, theory, "line", body),
-            Curve(f"phi_A = {angle:g} rad, Carom's element", ratios, np.abs(values), "points", body),
+            Curve(f"phi_A = {angle:g} rad, Carom", ratios, np.abs(values), "points", body),
         ]
     return Figure(
         "29",

@@ -62,6 +62,7 @@ def reproduce(context: Context) -> Example:
         *_force_rows(pair, force),
         *_angle_rows(pair, run),
         *_place_rows(run),
+        *_energy_rows(pair, run),
         *_order_rows(on_grid, between),
         study.unconverged(ID, study.PAPER_TOLERANCE, [loose]),
         study.unconverged(ID, tolerance, [run]),
@@ -100,7 +101,7 @@ def angle(run: Trace, body: str) -> F64:
 
 
 def contact_forces(tolerance: float) -> F64:
-    """Time (s), normal and friction force (N) in every step at the paper's h, (steps, 3): impulses over h."""
+    """Middle of every step (s), normal and friction force in it (N), (steps, 3): impulses over h, at the paper's h."""
     spheres = scene().with_options(tolerance=tolerance, step=H)
     simulation = _core.Simulation(spheres.to_model())
     block: dict[str, Any] = dict(simulation.advance(round(UNTIL / H), 1, True, math.inf))
@@ -111,7 +112,7 @@ def contact_forces(tolerance: float) -> F64:
     impulse, normal = contacts["impulse"], contacts["normal"]
     along = np.einsum("ci,ci->c", impulse, normal)
     across = np.linalg.norm(impulse - along[:, np.newaxis] * normal, axis=1)
-    return np.column_stack([frames["time"][owner], along / H, across / H])
+    return np.column_stack([frames["time"][owner] - H / 2, along / H, across / H])
 
 
 def _point(h: float, tolerance: float) -> Point:
@@ -214,6 +215,23 @@ def _place_rows(run: Trace) -> list[Row]:
             "gap tolerance, 1e-10 r", "analytic",
         ),
         study.penetration(ID, [run]),
+    ]  # fmt: skip
+
+
+def _energy_rows(pair: SpherePair, run: Trace) -> list[Row]:
+    """Work of the torque, less the energy that is there at the end, is the heat of friction."""
+    energy = run.monitors["energy"]
+    heat = float(energy["initial"] + energy["work"] - energy["final"])
+    # Friction works on the slip, which is the difference of the angles: there is none while the contact sticks.
+    end, force = float(run.time[-1]), pair.greatest_friction_force * pair.radius
+    slip = float(-pair.angle_b(end) - pair.angle_a(end))
+    return [
+        Row(
+            ID, "energy that friction turns into heat in 1 s", "J", None, force * slip, heat,
+            2 * force * pair.rate / pair.inertia * H**2, "second order: friction moment times the bounds of the angles",
+            "analytic",
+        ),
+        study.energy_rise(ID, "greatest rise of energy in a step, work of the torque taken off", [run]),
     ]  # fmt: skip
 
 

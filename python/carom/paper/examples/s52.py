@@ -22,8 +22,6 @@ PAPER_COUNTS: study.Printed = {"smooth": (1, 1), "position": (4, 1), "velocity":
 PAPER_LINE_SEARCH: study.Printed = {**PAPER_COUNTS, "line_search": (0, 3)}
 #: Required of the deflections, deg.
 DEFLECTION = 0.05
-#: Differences below this are rounding (m, m/s, s).
-SMALLEST = 1e-9
 
 PARTS = {"paths": runs.paths, "loose": runs.loose, "points": runs.points}
 
@@ -32,7 +30,7 @@ NO_CLOTH = (
     " turns the slip"
 )
 LOCKED = f"{NO_CLOTH}; the locked axis turns it too"
-STICKS = f"eq. 63 assumes that the slip outlasts the hit; with this much friction it does not. {LOCKED}"
+STICKS = "eq. 63 assumes that the slip outlasts the hit; with this much friction it does not, whatever cloth and lock add"
 
 
 def reproduce(context: Context) -> Example:
@@ -52,6 +50,7 @@ def reproduce(context: Context) -> Example:
         *(row for path in paths for row in _path_rows(path)),
         *_energy_rows(energy),
         *_order_rows(points),
+        *two_balls.newton_rows(ID, energy.run),
         *_rise_rows(rises, paths[0].cloth, rule[0.5].h),
         study.energy_rise(ID, "greatest rise of energy in a step, default law", every),
         study.penetration(ID, every),
@@ -100,25 +99,6 @@ def _deflection_row(fraction: float, run: Trace) -> Row:
     )  # fmt: skip
 
 
-def _extrapolated(
-    quantity: str,
-    unit: str,
-    printed: float | str | None,
-    closed: float,
-    at_h: float,
-    at_half: float,
-    note: str,
-) -> Row:
-    """A value of first order in h; it is an error of the paper where the printed formula lies outside the tolerance."""
-    tolerance = 3 * abs(at_h - at_half) + SMALLEST
-    wrong = isinstance(printed, float) and abs(printed - closed) > tolerance
-    return Row(
-        ID, quantity, unit, printed, closed, at_h, tolerance,
-        "first order: 1.5 times the error that the runs with h and h/2 predict", "analytic",
-        note if wrong else "", paper_in_error=wrong,
-    )  # fmt: skip
-
-
 def _hit_rows(path: runs.Path) -> list[Row]:
     """Velocity of the cue ball after the hit: eq. 63, the impact law, Carom."""
     note = NO_CLOTH if not path.locked else LOCKED if path.hit.keeps_slipping else STICKS
@@ -126,8 +106,8 @@ def _hit_rows(path: runs.Path) -> list[Row]:
     for axis, name in enumerate("xy"):
         found = [float(run.velocity[path.start(run), 0, axis]) for run in (path.run, path.fine)]
         rows.append(
-            _extrapolated(
-                f"v_{name} of the cue ball after the hit, {path.label}", "m/s", float(path.printed.velocity[axis]),
+            two_balls.extrapolated(
+                ID, f"v_{name} of the cue ball after the hit, {path.label}", "m/s", float(path.printed.velocity[axis]),
                 float(path.law.velocity[0, axis]), found[0], found[1], note,
             )
         )  # fmt: skip
@@ -142,23 +122,23 @@ def _path_rows(path: runs.Path) -> list[Row]:
     )
     for axis, name in enumerate("xy"):
         rows.append(
-            _extrapolated(
-                f"v_{name} of the rolling cue ball, {path.label}", "m/s", float(path.printed.final_velocity[axis]),
+            two_balls.extrapolated(
+                ID, f"v_{name} of the rolling cue ball, {path.label}", "m/s", float(path.printed.final_velocity[axis]),
                 float(end.final_velocity[axis]), float(path.run.velocity[-1, 0, axis]),
-                float(path.fine.velocity[-1, 0, axis]), "eq. 66 with the velocities of eq. 63",
+                float(path.fine.velocity[-1, 0, axis]), "eq. 66 is right, but not the velocities of eq. 63 that go into it",
             )
         )  # fmt: skip
     if path.hit.friction == 0:
         rows.append(
-            _extrapolated(
-                f"time from the hit to rolling, {path.label}", "s", path.printed.printed_t_roll, end.t_roll,
+            two_balls.extrapolated(
+                ID, f"time from the hit to rolling, {path.label}", "s", path.printed.printed_t_roll, end.t_roll,
                 path.sliding_time(path.run), path.sliding_time(path.fine),
                 "eq. 64 has v_y - R w_x where v_y + R w_x is right: as printed, a rolling ball would slip at 2 v",
             )
         )  # fmt: skip
     rows.append(
-        _extrapolated(
-            f"greatest distance from the exact path, {path.label}", "m", None, 0.0,
+        two_balls.extrapolated(
+            ID, f"greatest distance from the exact path, {path.label}", "m", None, 0.0,
             path.farthest(path.run), path.farthest(path.fine), "",
         )
     )  # fmt: skip
@@ -181,11 +161,11 @@ def _energy_rows(path: runs.Path) -> list[Row]:
 
     height = float(law.velocity[0, 2]) ** 2 / (2 * path.cloth.gravity)
     return [
-        _extrapolated(
-            "energy lost in the hit of figure 7", "J", None, before - after, lost(path.run), lost(path.fine), ""
+        two_balls.extrapolated(
+            ID, "energy lost in the hit of figure 7", "J", None, before - after, lost(path.run), lost(path.fine), ""
         ),
-        _extrapolated(
-            "height of the cue ball's jump, figure 7", "m", "separates from ground", height,
+        two_balls.extrapolated(
+            ID, "height of the cue ball's jump, figure 7", "m", "separates from ground", height,
             jump(path.run), jump(path.fine), "",
         ),
     ]  # fmt: skip

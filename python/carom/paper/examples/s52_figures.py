@@ -48,7 +48,7 @@ def paths(found: Sequence[runs.Path], number: str, *, locked: bool) -> Figure:
         places = path.run.position[n::250, 0]
         curves += [
             Curve(f"{label}, exact", line[:, 0], line[:, 1], "line", body),
-            Curve(f"{label}, eqs. 49, 63-67", printed[:, 0], printed[:, 1], "dashed", body),
+            Curve(f"{label}, eqs. 63-67", printed[:, 0], printed[:, 1], "dashed", body),
             Curve(f"{label}, Carom", places[:, 0], places[:, 1], "points", body),
         ]
     return Figure(
@@ -65,7 +65,6 @@ def paths(found: Sequence[runs.Path], number: str, *, locked: bool) -> Figure:
             if locked
             else "The paper departs slightly from Appendix C."
         ),
-        equal=True,
     )
 
 
@@ -74,7 +73,7 @@ def energies(path: runs.Path) -> tuple[Figure, ...]:
     run = path.run
     event, end = path.after(run), float(run.time[-1])
     windows = (
-        ("7a", "Energies in time", 0.0, end, 40, "The cue ball slides, rolls, hits; both balls slide and roll."),
+        ("7a", "Energies in time", 0.0, end, 30, "The cue ball slides, rolls, hits; both balls slide and roll."),
         ("7b", "Energies around the hit", event - 0.005, event + 0.02, 1,
          "The cue ball, thrown up by friction, separates from the cloth: potential energy."),
         ("7c", "Energies after the hit", event + runs.H, end, 20, "Sliding costs energy, rolling none."),

@@ -55,7 +55,7 @@ def motion(free: Trace, rough: Trace) -> list[Figure]:
             rough,
             rough.velocity[:, :, 0],
             "Ball 1 bounces back (negative), ball 2 slides after it, and they strike each other again and again.",
-            (0.32, 0.56, -0.06, 0.2),
+            (0.32, 0.42, -0.03, 0.06),
         ),
         _figure(
             "17c",

@@ -1,0 +1,172 @@
+"""`carom converge`: the order of the error in the step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from carom.cli.options import Json, Quiet, Scenario, number, overrides
+from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded
+from carom.cli.tables import show_table
+
+if TYPE_CHECKING:
+    from carom.study import Convergence
+
+
+@guarded
+def converge(
+    scenario: Scenario,
+    steps: Annotated[
+        str,
+        typer.Option("--steps", metavar="H,H,...", help="Step sizes, s.", show_default=False),
+    ],
+    reference: Annotated[
+        str,
+        typer.Option(
+            "--reference",
+            metavar="REF",
+            help="What counts as exact: a finer step (s), a run directory, or a TOML file with formulas of t.",
+            show_default=False,
+        ),
+    ],
+    quantities: Annotated[
+        str | None,
+        typer.Option(
+            "--quantities",
+            metavar="Q,Q,...",
+            help="position, velocity, angular_velocity, orientation; of one sphere velocity:cue, one component"
+            " velocity:cue:x. Default the first three.",
+        ),
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option("--until", metavar="TIME", help="Simulated time, s or with a unit.")
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="TIME",
+            help="Take the error at this time (s) alone; several with commas. Default all steps.",
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key of [run]; may be repeated."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE", help="Draw it too: .png, .svg or .pdf; numbers beside it as CSV."
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", min=1, metavar="N", help="Runs at once; default all processors."),
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> int:
+    """Run a scenario with several steps and find the order with which its error vanishes (eq. 45).
+
+    Example: carom converge break.toml --steps 1e-3,5e-4,2.5e-4 --reference 1e-5 --at 0.13
+    """
+    from carom.scene import Scene
+    from carom.study import converge as study_of
+
+    options, places = overrides(set_, None)
+    scene = Scene.from_toml(scenario)
+    if until is not None:
+        options["until"], places["until"] = number(until), "--until"
+    if options:
+        scene = scene.overridden(options, places)
+    if plot is not None:
+        _refuse_format(plot)
+    fine = number(reference)
+    found = study_of(
+        scene,
+        numbers("--steps", [steps]),
+        fine if isinstance(fine, float) else Path(reference),
+        [q for q in quantities.split(",") if q.strip()] if quantities else None,
+        until=scene.run.until if until is not None else None,
+        at=numbers("--at", at or []),
+        threads=threads,
+    )
+    files = [str(file) for file in _draw(found, plot)] if plot is not None else []
+    if as_json:
+        emit({"scenario": str(scenario), **found.to_dict(), "files": files})
+    elif not quiet:
+        _show(found)
+        print("\n".join(files))
+    failed = [run for run in found.runs if not run.ok]
+    for run in failed:
+        why = (
+            run.outcome.replace("_", " ") if run.outcome != "done" else f"{run.unconverged} problems unsolved"
+        )
+        fail(f"h = {run.h:g} s: {why} at t = {run.steps * run.h:g} s", NOT_CONVERGED)
+    return NOT_CONVERGED if failed else DONE
+
+
+def numbers(option: str, given: list[str]) -> list[float]:
+    """The numbers of an option that takes several with commas."""
+    try:
+        return [float(part) for text in given for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise typer.BadParameter(
+            f"{','.join(given)!r} holds what is no number; write for example {option} 1e-2,5e-3"
+        ) from None
+
+
+def _show(found: Convergence) -> None:
+    names = list(found.errors)
+    rows = []
+    for i, h in enumerate(found.steps):
+        cells = [f"{h:.4g}"]
+        for name in names:
+            cells += [f"{found.errors[name][i]:.3e}", _between(found, name, i)]
+        rows.append(cells)
+    fits: list[str] = []
+    for name in names:
+        order = found.orders[name]
+        fits += ["" if order is None else _fitted(order), ""]
+    rows += [["least squares", *fits]]
+    where = (
+        f"at t = {', '.join(f'{t:g}' for t in found.at)} s" if found.at else f"over 0 to {found.until:g} s"
+    )
+    head = ["h (s)", *(cell for name in names for cell in (name, "order"))]
+    show_table(
+        head, rows, f"{found.title or 'convergence'}: error by eq. 45 {where} against {found.reference}"
+    )
+
+
+def _fitted(order: Any) -> str:
+    spread = f" +- {order.uncertainty:.3f}" if order.uncertainty == order.uncertainty else ""
+    return f"{order.value:.3f}{spread}"
+
+
+def _between(found: Convergence, name: str, i: int) -> str:
+    """The order between a step and the one before it, where both errors stand clear of rounding."""
+    from carom.study import pairwise_order
+
+    if i == 0:
+        return ""
+    order = pairwise_order(found.steps[i - 1 : i + 1], found.errors[name][i - 1 : i + 1])
+    return "-" if order is None else f"{order:.2f}"
+
+
+def _refuse_format(plot: Path) -> None:
+    from carom.plot import FORMATS
+
+    if plot.suffix.removeprefix(".") not in FORMATS:
+        raise typer.BadParameter(f"--plot {plot}: give a name that ends in .{', .'.join(FORMATS)}")
+
+
+def _draw(found: Convergence, plot: Path) -> list[Path]:
+    from carom.plot import require_matplotlib
+
+    require_matplotlib()
+    from carom.plot.convergence import convergence
+    from carom.plot.style import save
+
+    return save(convergence(found), plot.parent, plot.stem, [plot.suffix.removeprefix(".")])

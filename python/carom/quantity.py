@@ -1,0 +1,71 @@
+"""What a convergence study looks at: `velocity`, `velocity:cue`, `velocity:cue:x`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+
+F64 = NDArray[np.float64]
+#: States by quantity, each (T, N, components).
+States = Mapping[str, F64]
+
+#: Quantities of a sphere: their components, and their unit.
+QUANTITIES = {
+    "position": ("xyz", "m"),
+    "velocity": ("xyz", "m/s"),
+    "angular_velocity": ("xyz", "rad/s"),
+    "orientation": ("wxyz", "1"),
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of all spheres (`body` None), of one, or one component of it. `text` is how it was written."""
+
+    text: str
+    key: str
+    body: str | None = None
+    axis: str | None = None
+
+    @classmethod
+    def of(cls, text: str, bodies: Sequence[str]) -> Quantity:
+        """The quantity that `text` means in a scene with these spheres."""
+        key, *rest = text.strip().split(":")
+        if key not in QUANTITIES:
+            raise CaromError(f"no quantity is called {key!r}; {did_you_mean(key, list(QUANTITIES))}")
+        letters, _ = QUANTITIES[key]
+        axis = rest.pop() if len(rest) > 1 and len(rest[-1]) == 1 and rest[-1] in letters else None
+        if not rest:
+            return cls(text.strip(), key)
+        name = ":".join(rest)  # a name may hold colons
+        if name not in bodies:
+            raise CaromError(f"{text}: no sphere is called {name!r}; {did_you_mean(name, bodies[:20])}")
+        return cls(text.strip(), key, name, axis)
+
+    @property
+    def unit(self) -> str:
+        """Its unit, SI."""
+        return QUANTITIES[self.key][1]
+
+    @property
+    def components(self) -> int:
+        """Components of one sphere."""
+        return 1 if self.axis else len(QUANTITIES[self.key][0])
+
+    def of_states(self, states: States, bodies: Sequence[str]) -> F64:
+        """Its values, (T, spheres, components)."""
+        values = states[self.key]
+        if self.body is not None:
+            values = values[:, [list(bodies).index(self.body)]]
+        return values if self.axis is None else values[:, :, [QUANTITIES[self.key][0].index(self.axis)]]
+
+    def aligned(self, found: F64, reference: F64) -> F64:
+        """`found` with the signs of quaternions chosen so that they are nearest: q and -q are one orientation."""
+        if self.key != "orientation" or self.axis is not None:
+            return found
+        return np.where(np.sum(found * reference, axis=-1, keepdims=True) < 0, -found, found)

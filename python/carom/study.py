@@ -1,0 +1,298 @@
+"""`carom.converge`: how the error of a scene depends on the step h, and the order that this shows.
+
+Runs are made in memory, several at once in threads (the core releases the interpreter), and reported in the order
+of their steps: the result does not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time as clock
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom import summary
+from carom.convergence import Order, error_of, order_of
+from carom.errors import CaromError
+from carom.quantity import QUANTITIES, Quantity
+from carom.truth import Formulas, Frames, Function, Truth
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from carom.result import Result
+    from carom.scene import Scene
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+#: What a study looks at if nothing else is said.
+DEFAULT = ("position", "velocity", "angular_velocity")
+#: Errors by eq. 45 below this are rounding: no order is read from them.
+ROUNDING = 1e-12
+#: Instants of one run that enter eq. 45, and numbers of their states, at most.
+MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000
+#: Steps in one call of the core, and seconds after which it returns: reports are dropped before they fill memory.
+BLOCK, BLOCK_SECONDS = 10_000, 0.2
+
+
+@dataclass(frozen=True)
+class StepRun:
+    """One run of a study: its step (s), how it ended, and what it cost."""
+
+    h: float
+    steps: int
+    outcome: str
+    unconverged: int
+    penetration_max: float
+    core_s: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether it reached its end with every sub-problem solved to its tolerance."""
+        return self.outcome == "done" and self.unconverged == 0
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Errors of each quantity at each step, coarse to fine, and the orders they show.
+
+    `errors["velocity"]` has one number for each of `steps` (s), by eq. 45 over the instants of that run up to
+    `until` (s), or over the instants `at` alone; NaN where a run stopped. `orders["velocity"]` is None where fewer
+    than two errors stand clear of rounding. `runs` are those of `steps`, then that of the reference if it was one.
+    """
+
+    title: str
+    steps: tuple[float, ...]
+    reference: str
+    until: float
+    at: tuple[float, ...]
+    errors: Mapping[str, tuple[float, ...]]
+    orders: Mapping[str, Order | None]
+    runs: tuple[StepRun, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every run reached its end with every sub-problem solved."""
+        return all(run.ok for run in self.runs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values: the document of `carom converge --json`."""
+        quantities = {}
+        for name, errors in self.errors.items():
+            order = self.orders[name]
+            quantities[name] = {"errors": list(errors), "order": order and summary.plain(vars(order))}
+        return {
+            "title": self.title,
+            "steps": list(self.steps),
+            "reference": self.reference,
+            "until": self.until,
+            "at": list(self.at),
+            "quantities": quantities,
+            "runs": [vars(run) for run in self.runs],
+        }
+
+    def plot(self) -> Figure:
+        """Errors over steps with their fits, a figure of matplotlib."""
+        from carom.plot import require_matplotlib
+
+        require_matplotlib()
+        from carom.plot.convergence import convergence
+
+        return convergence(self).figure
+
+
+def converge(
+    scene: Scene | str | Path,
+    steps: Sequence[float],
+    reference: float | str | Path | Result | Function,
+    quantities: Sequence[str] | None = None,
+    *,
+    until: float | None = None,
+    at: Sequence[float] = (),
+    threads: int | None = None,
+    **options: Any,
+) -> Convergence:
+    """Simulate a scene, or a scenario file, with several steps (s) and fit the order of the error in h.
+
+    `reference` is a step finer than all others, which it must divide; or a run (`Result` or directory) whose frames
+    hold all instants; or a TOML file with formulas of t; or a function of the time (s) that returns values such as
+    `{"velocity:cue": (vx, vy, vz)}`. `quantities` are `position`, `velocity`, `angular_velocity` or `orientation`
+    of all spheres, or of one (`velocity:cue`), or one component (`velocity:cue:x`); by default the first three, or
+    what the formulas give. Errors are those of eq. 45 over the instants of each run up to `until` (s), or at the
+    times `at` (s) alone. `options` are keys of `[run]`, for all runs.
+    """
+    from carom.run import scene_of
+
+    scene = scene_of(scene, "converge")
+    scene = scene.with_options(**options) if options else scene
+    scene.validate()
+    chosen = sorted({_positive(h) for h in steps}, reverse=True)
+    if len(chosen) < 2:
+        raise CaromError("give at least two different steps: an order is a slope")
+    end = until if until is not None else max(at, default=scene.run.until or 0.0)
+    if not 0 < end < math.inf:
+        raise CaromError("the scenario does not say how long to simulate; give until")
+    if at and not all(0 <= t <= end for t in at):
+        raise CaromError(f"at: give times from 0 to the end of the runs, {end:g} s")
+    names = scene.names
+    instants = {h: _instants(h, end, at, len(names)) for h in chosen}
+    jobs = list(instants.items())
+    truth: Truth | None = None
+    if isinstance(reference, (int, float)):
+        jobs.append((float(reference), _shared(_positive(reference), instants)))
+    else:
+        truth = _truth(reference, names)
+    wanted = [Quantity.of(text, names) for text in quantities or (truth and truth.offered()) or DEFAULT]
+    for quantity in wanted:
+        if truth:  # before anything runs
+            truth.values(quantity, np.array([0.0 if not at else min(at)]))
+    found = _run_all(scene, jobs, threads)
+    if truth is None:
+        h = float(reference)  # type: ignore[arg-type]
+        truth = Frames(f"h = {h:g} s", names, _times(h, jobs[-1][1]), found[-1][0])
+    errors = {}
+    for quantity in wanted:
+        row = []
+        for (h, numbers), (states, _) in zip(instants.items(), found, strict=False):
+            true = truth.values(quantity, _times(h, numbers))
+            row.append(error_of(quantity.aligned(quantity.of_states(states, names), true), true))
+        errors[quantity.text] = tuple(row)
+    return Convergence(
+        title=scene.title,
+        steps=tuple(chosen),
+        reference=truth.told,
+        until=end,
+        at=tuple(sorted(at)),
+        errors=errors,
+        orders={name: _order(chosen, row) for name, row in errors.items()},
+        runs=tuple(run for _, run in found),
+    )
+
+
+def _times(h: float, numbers: I64) -> F64:
+    return np.asarray(h * numbers, dtype=np.float64)
+
+
+def _positive(h: float) -> float:
+    if not 0 < h < math.inf:
+        raise CaromError(f"a step of {h:g} s; steps must be above 0")
+    return float(h)
+
+
+def _instants(h: float, end: float, at: Sequence[float], spheres: int) -> I64:
+    """Numbers of the steps that enter eq. 45."""
+    if at:
+        numbers = np.unique(np.rint(np.asarray(at) / h).astype(np.int64))
+        off = [t for t in at if abs(round(t / h) * h - t) > 1e-9 * max(t, h)]
+        if off:
+            raise CaromError(
+                f"h = {h:g} s does not reach t = {off[0]:g} s in whole steps; give steps that do"
+            )
+        return numbers
+    last = math.floor(end / h * (1 + 1e-12) + 1e-9)
+    if last < 1:
+        raise CaromError(f"h = {h:g} s is longer than the whole simulation of {end:g} s")
+    each = sum(len(letters) for letters, _ in QUANTITIES.values()) * spheres
+    stride = -(-(last + 1) // max(1, min(MOST_INSTANTS, MOST_NUMBERS // each)))
+    return np.arange(0, last + 1, stride, dtype=np.int64)
+
+
+def _shared(h: float, instants: Mapping[float, I64]) -> I64:
+    """Steps of size `h` at which some run of the study has an instant."""
+    numbers = []
+    for coarse, own in instants.items():
+        ratio = round(coarse / h)
+        if ratio < 2 or abs(ratio * h - coarse) > 1e-9 * coarse:
+            raise CaromError(
+                f"the reference step {h:g} s must divide every step, and {coarse:g} s is not a multiple of it;"
+                " take steps and reference from one row, as 1e-2,5e-3,2e-3 and 1e-4"
+            )
+        numbers.append(own * ratio)
+    return np.unique(np.concatenate(numbers))
+
+
+def _truth(reference: object, names: Sequence[str]) -> Truth:
+    from carom.result import Result, load
+
+    if isinstance(reference, (str, Path)):
+        path = Path(reference)
+        if not path.is_dir() and path.suffix == ".toml":
+            return Formulas.read(path)
+        reference = load(path)
+    if isinstance(reference, Result):
+        return Frames.of(reference, names)
+    if callable(reference):
+        return Formulas("function", reference)
+    raise CaromError("reference must be a step, a run, a TOML file with formulas, or a function of the time")
+
+
+def _run_all(
+    scene: Scene, jobs: Sequence[tuple[float, I64]], threads: int | None
+) -> list[tuple[dict[str, F64], StepRun]]:
+    """All runs, in the order of the jobs. Those with most steps begin first, so that none is left alone at the end."""
+    models = {h: scene.with_options(step=h).to_model() for h, _ in jobs}
+    stop = threading.Event()
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(threads or usable) as pool:
+        begun = {
+            h: pool.submit(_run, models[h], h, numbers, stop)
+            for h, numbers in sorted(jobs, key=lambda job: job[1][-1], reverse=True)
+        }
+        try:
+            return [begun[h].result() for h, _ in jobs]
+        except BaseException:
+            stop.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _run(
+    model: Mapping[str, Any], h: float, numbers: I64, stop: threading.Event
+) -> tuple[dict[str, F64], StepRun]:
+    """States after the steps `numbers`, each (T, N, components); NaN for those that were not reached."""
+    from carom import _core
+
+    simulation = _core.Simulation(dict(model))
+    every = int(np.gcd.reduce(numbers))
+    first = simulation.frame()
+    states = {key: np.full((len(numbers), *np.shape(first[key])), np.nan) for key in QUANTITIES}
+    if numbers[0] == 0:
+        for key in QUANTITIES:
+            states[key][0] = first[key]
+    outcome, core_s = "done", 0.0
+    while outcome == "done" and simulation.step < numbers[-1] and not stop.is_set():
+        count = min(BLOCK, int(numbers[-1]) - simulation.step)
+        start = clock.perf_counter()
+        block = simulation.advance(count, every, False, BLOCK_SECONDS)
+        core_s += clock.perf_counter() - start
+        reached = np.asarray(block["frames"]["step"], dtype=np.int64)
+        kept = np.isin(reached, numbers)
+        rows = np.searchsorted(numbers, reached[kept])
+        for key in QUANTITIES:
+            states[key][rows] = np.asarray(block["frames"][key])[kept]
+        if block["outcome"] is not None:
+            outcome = str(block["outcome"]["kind"])
+    totals = simulation.monitors()
+    return states, StepRun(
+        h, simulation.step, outcome, int(totals["unconverged"]), float(totals["penetration_max"]), core_s
+    )
+
+
+def pairwise_order(steps: Sequence[float], errors: Sequence[float]) -> float | None:
+    """The order between two steps; None where an error is rounding or missing."""
+    order = _order(steps, errors)
+    return None if order is None else order.value
+
+
+def _order(steps: Sequence[float], errors: Sequence[float]) -> Order | None:
+    clear = [(h, e) for h, e in zip(steps, errors, strict=True) if e > ROUNDING]
+    return order_of(*zip(*clear, strict=True)) if len(clear) > 1 else None

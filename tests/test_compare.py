@@ -1,0 +1,167 @@
+"""carom.compare and `carom compare`: one scene by several methods, side by side."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import carom
+import numpy as np
+import pytest
+from carom.comparison import default_methods, method_options
+from carom.convergence import error_of
+from typer.testing import CliRunner
+
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
+THREE = SCENARIOS / "three_balls.toml"
+
+
+def command(*arguments: str) -> tuple[int, str, str]:
+    from carom.cli.app import app
+
+    done = CliRunner().invoke(app, ["compare", *arguments])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_methods_and_their_choices() -> None:
+    assert method_options("moreau+projection+one-shot") == {
+        "method": "moreau",
+        "position_projection": True,
+        "impact": "one-shot",
+    }
+    assert {"nsga", "moreau", "moreau+projection"} <= set(default_methods())
+    assert default_methods()[0] == "nsga"
+    for wrong, told in (
+        ("moro", "moreau"),
+        ("nsga+projection", "no choice of nsga"),
+        ("nsga+one", "one-shot"),
+    ):
+        with pytest.raises(carom.CaromError, match=told):
+            method_options(wrong)
+
+
+def test_differences_are_those_of_the_runs() -> None:
+    found = carom.compare(THREE, ("nsga", "moreau+one-shot"), at=[0.01])
+    nsga = carom.simulate(THREE, method="nsga", every=1)
+    moreau = carom.simulate(THREE, method="moreau", impact="one-shot", every=1)
+    assert found.times == pytest.approx((0.01, 0.02))
+    assert not found["nsga"].differences
+    for d in found["moreau+one-shot"].differences:
+        frame = round(d.time / found.step)
+        a, b = (np.asarray(getattr(r, d.quantity)[frame]) for r in (moreau, nsga))
+        assert d.greatest == np.max(np.linalg.norm(a - b, axis=1))
+        assert d.relative == error_of(a, b)
+        if d.greatest > 0:
+            assert d.body == found.bodies[int(np.argmax(np.linalg.norm(a - b, axis=1)))]
+    assert len(found["moreau+one-shot"].differences) == 2 * 3
+    last = next(
+        d for d in found["moreau+one-shot"].differences if d.time > 0.015 and d.quantity == "velocity"
+    )
+    # The sequence hands everything on, (0, 0, 2) m/s; one-shot leaves (-2/3, 4/3, 4/3).
+    assert last.greatest == pytest.approx(4 / 3)
+    assert last.relative == pytest.approx(4 / 3)
+    assert found["nsga"].numbers["impacts"] == len(nsga.impacts)
+    assert found.ok
+
+
+def test_runs_are_kept_where_asked(tmp_path: Path) -> None:
+    found = carom.compare(THREE, ("nsga", "moreau"), out=tmp_path)
+    for run in found:
+        assert run.directory == tmp_path / run.name
+        kept = carom.load(run.directory)
+        np.testing.assert_array_equal(kept.velocity[-1], run.states["velocity"][-1])
+    with pytest.raises(carom.CaromError, match="exists already"):
+        carom.compare(THREE, ("nsga",), out=tmp_path)
+    carom.compare(THREE, ("nsga",), out=tmp_path, force=True)
+
+
+def test_a_run_that_stops_is_an_outcome() -> None:
+    """A tolerance that no solver reaches: the first method stops at once and nothing can be compared."""
+    scene = carom.Scene.from_toml(SCENARIOS / "paper" / "5.6_break.toml")
+    found = carom.compare(
+        scene,
+        ("nsga", "moreau"),
+        until=0.13,
+        tolerance=1e-15,
+        max_iterations=1,
+        gauss_seidel_sweeps=0,
+        max_halvings=0,
+    )
+    assert not found.ok
+    assert "not converged" in found["nsga"].outcome
+    assert not found["moreau"].differences
+    assert np.isnan(found["nsga"].states["position"]).all()
+    assert json.dumps(found.to_dict())
+
+
+@pytest.mark.parametrize(
+    ("keywords", "told"),
+    [
+        ({"methods": ()}, "at least one"),
+        ({"methods": ("nsga", "nsga")}, "named twice"),
+        ({"at": [0.00015]}, "not among the steps"),
+        ({"at": [1.0]}, "not among the steps"),
+        ({"every": 2}, "every is set by the comparison"),
+        ({"method": "nsga"}, "method is set by the comparison"),
+    ],
+)
+def test_wrong_calls_are_explained(keywords: dict[str, object], told: str) -> None:
+    with pytest.raises(carom.CaromError, match=told):
+        carom.compare(THREE, **{"methods": ("nsga", "moreau"), **keywords})  # type: ignore[arg-type]
+
+
+def test_command_prints_one_document() -> None:
+    code, out, _ = command(str(THREE), "--methods", "nsga,moreau", "--at", "0.01,0.015", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document["reference"] == "nsga"
+    assert document["times"] == pytest.approx([0.01, 0.015, 0.02])
+    first, second = document["methods"]
+    assert (first["method"], second["method"]) == ("nsga", "moreau")
+    for key in (
+        "wall_s",
+        "core_s",
+        "steps",
+        "penetration_max",
+        "energy",
+        "impacts",
+        "unconverged",
+        "outcome",
+    ):
+        assert key in second
+    assert len(second["differences"]) == 9
+
+
+def test_command_prints_a_table_with_all_methods() -> None:
+    code, out, _ = command(str(THREE), "--set", "step=2e-4", "--until", "10 ms")
+    assert code == 0
+    for word in (
+        *default_methods(),
+        "wall time",
+        "penetration",
+        "velocity (m/s)",
+        "h = 0.0002 s to t = 0.01 s",
+    ):
+        assert word in out
+
+
+def test_command_refuses_what_it_does_not_know() -> None:
+    for arguments, told in (
+        (["--methods", "nsga,euler"], "no method is called 'euler'"),
+        (["--at", "soon"], "no time in s"),
+        (["--set", "stepp=1"], "write step="),
+    ):
+        code, out, err = command(str(THREE), *arguments)
+        assert (code, out) == (2, "")
+        assert told in err
+
+
+def test_command_says_that_a_method_stopped() -> None:
+    wrong = ["max_iterations=1", "gauss_seidel_sweeps=0", "max_halvings=0", "tolerance=1e-15", "until=0.13"]
+    options = [part for w in wrong for part in ("--set", w)]
+    code, out, err = command(
+        str(SCENARIOS / "paper" / "5.6_break.toml"), "--methods", "nsga,moreau", "--json", *options
+    )
+    assert code == 3
+    assert json.loads(out)["methods"][0]["outcome"].startswith("not converged")
+    assert "nsga: not converged" in err

@@ -1,0 +1,322 @@
+"""Order of convergence: the error measure of eq. 45, the fit, carom.converge and `carom converge`."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom.convergence import error_of, order_of
+from carom.quantity import Quantity
+from carom.scene import Scene
+from typer.testing import CliRunner
+
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
+GRAVITY, HEIGHT, RESTITUTION, RADIUS = 9.8, 0.1, 0.5, 0.02
+FALL = math.sqrt(2 * HEIGHT / GRAVITY)
+#: Steps that have the impact at the same place of their step: the error is a smooth function of h.
+STEPS = [FALL / (n + 0.3) for n in (100, 200, 400, 800)]
+
+
+def bouncing() -> Scene:
+    scene = Scene("bouncing ball", gravity=(0, 0, -GRAVITY), run={"until": 0.2})
+    scene.contact("ball", "floor", friction=0.0, restitution=RESTITUTION)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    scene.sphere("ball", radius=RADIUS, mass=0.1, material="ball", position=(0, 0, RADIUS + HEIGHT))
+    return scene
+
+
+def parabola(t: float) -> dict[str, Any]:
+    """Position and velocity of the ball up to its second impact."""
+    up = RESTITUTION * GRAVITY * FALL
+    late = t - FALL
+    z = HEIGHT - GRAVITY * t**2 / 2 if late < 0 else up * late - GRAVITY * late**2 / 2
+    v = -GRAVITY * t if late < 0 else up - GRAVITY * late
+    return {"position:ball": [0, 0, RADIUS + z], "velocity:ball": [0, 0, v]}
+
+
+FORMULAS = f"""
+[parameters]
+g = {GRAVITY}
+e = {RESTITUTION}
+h = {HEIGHT}
+fall = "= sqrt(2*h/g)"
+[sphere.ball]
+velocity = [0, 0, "= -g*t + max(sign(t - fall), 0)*(1 + e)*g*fall"]
+"""
+
+
+def command(*arguments: str) -> tuple[int, str, str]:
+    from carom.cli.app import app
+
+    done = CliRunner().invoke(app, ["converge", *arguments])
+    return done.exit_code, done.stdout, done.stderr
+
+
+# --- eq. 45 and the fit -----------------------------------------------------------------------------------------
+
+
+def test_the_error_is_that_of_equation_45() -> None:
+    found, reference = [[1.0, 2.0], [3.0, -4.0]], [[1.0, 1.0], [3.0, -1.0]]
+    assert error_of(found, reference) == pytest.approx((1 + 3) / (2 + 4))
+    assert error_of(found, reference, norm=2) == pytest.approx((1 + 3) / (math.sqrt(2) + math.sqrt(10)))
+    assert error_of([[1.0]], [[0.0]]) == 1.0  # nothing to divide by: the difference itself
+    assert math.isnan(error_of([[math.nan]], [[1.0]]))
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+def test_a_power_of_h_has_that_order(power: float) -> None:
+    steps = [1e-4, 1e-2, 1e-3]
+    order = order_of(steps, [3 * h**power for h in steps])
+    assert order.value == pytest.approx(power, abs=1e-13)
+    assert float(order) == order.value
+    assert order.factor == pytest.approx(3)
+    assert order.uncertainty < 1e-12
+    assert order.pairwise == pytest.approx((power, power))
+    assert order.at(5e-3) == pytest.approx(3 * 5e-3**power)
+
+
+def test_the_uncertainty_is_the_standard_error_of_the_slope() -> None:
+    rng = np.random.default_rng(3)
+    h = np.geomspace(1e-1, 1e-4, 12)
+    noise = rng.normal(0, 0.2, len(h))
+    order = order_of(list(h), list(h * np.exp(noise)))
+    # The covariance of numpy's fit, scaled by the residuals, is an independent way to it.
+    (slope, _), covariance = np.polyfit(np.log(h), np.log(h) + noise, 1, cov=True)
+    assert order.value == pytest.approx(slope, rel=1e-12)
+    assert order.uncertainty == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-9)
+    assert math.isnan(order_of([1e-2, 1e-3], [1.0, 0.1]).uncertainty)
+
+
+@pytest.mark.parametrize(
+    ("steps", "errors", "told"),
+    [
+        ([1e-2], [1.0], "at least two"),
+        ([1e-2, 1e-3], [1.0], "one error per step"),
+        ([1e-2, 1e-2], [1.0, 1.0], "all different"),
+        ([1e-2, -1e-3], [1.0, 1.0], "positive"),
+        ([1e-2, 1e-3], [1.0, 0.0], "above 0"),
+        ([1e-2, 1e-3], [1.0, math.nan], "above 0"),
+    ],
+)
+def test_what_has_no_order_is_refused(steps: list[float], errors: list[float], told: str) -> None:
+    with pytest.raises(carom.CaromError, match=told):
+        order_of(steps, errors)
+
+
+def test_quantities_are_read() -> None:
+    bodies = ["cue", "a:x", "x"]
+    assert Quantity.of("velocity", bodies) == Quantity("velocity", "velocity")
+    assert Quantity.of("velocity:cue:z", bodies) == Quantity("velocity:cue:z", "velocity", "cue", "z")
+    assert Quantity.of("position:x", bodies).body == "x"
+    assert Quantity.of("orientation:cue:w", bodies).axis == "w"
+    for wrong, told in (("speed", "no quantity"), ("velocity:qeu", "cue"), ("velocity:cue:w", "no sphere")):
+        with pytest.raises(carom.CaromError, match=told):
+            Quantity.of(wrong, bodies)
+
+
+# --- studies ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+def test_order_one_through_an_impact_against_a_function(method: str) -> None:
+    found = carom.converge(bouncing(), STEPS, parabola, method=method)
+    assert list(found.errors) == ["position:ball", "velocity:ball"]
+    for name in found.errors:
+        order = found.orders[name]
+        assert order is not None
+        assert order.value == pytest.approx(1, abs=0.1), name
+        assert all(p == pytest.approx(1, abs=0.2) for p in order.pairwise)
+    assert found.ok
+    assert found.reference == "function"
+
+
+def test_the_errors_are_those_of_the_runs_themselves() -> None:
+    found = carom.converge(bouncing(), STEPS[:2], parabola, ["velocity:ball:z"])
+    for h, error in zip(found.steps, found.errors["velocity:ball:z"], strict=True):
+        result = carom.simulate(bouncing(), step=h, until=math.floor(0.2 / h) * h, every=1)
+        velocity = np.asarray(result["ball"].velocity[:, 2:])
+        exact = np.array([parabola(float(t))["velocity:ball"][2:] for t in result.time])
+        assert error == pytest.approx(error_of(velocity, exact), rel=1e-12)
+
+
+def test_formulas_in_a_file_equal_the_function(tmp_path: Path) -> None:
+    file = tmp_path / "exact.toml"
+    file.write_text(FORMULAS)
+    by_file = carom.converge(bouncing(), STEPS[:2], file)
+    by_function = carom.converge(bouncing(), STEPS[:2], parabola, ["velocity:ball"])
+    assert by_file.errors["velocity:ball"] == pytest.approx(by_function.errors["velocity:ball"], rel=1e-12)
+    assert "exact.toml" in by_file.reference
+
+
+def test_a_fine_run_and_a_run_directory_are_one_reference(tmp_path: Path) -> None:
+    steps, fine = [4e-3, 2e-3, 1e-3], 1e-4
+    by_step = carom.converge(bouncing(), steps, fine)
+    carom.simulate(bouncing(), step=fine, every=1, out=tmp_path / "fine")
+    by_run = carom.converge(bouncing(), steps, tmp_path / "fine")
+    assert by_step.errors == by_run.errors
+    assert list(by_step.errors) == ["position", "velocity", "angular_velocity"]
+    assert set(by_step.errors["angular_velocity"]) == {0.0}
+    assert by_step.orders["angular_velocity"] is None
+    assert len(by_step.runs) == len(by_run.runs) + 1
+    carom.simulate(bouncing(), step=fine, every=3, out=tmp_path / "thin")
+    with pytest.raises(carom.CaromError, match="holds no state at t ="):
+        carom.converge(bouncing(), steps, tmp_path / "thin")
+
+
+def test_at_takes_the_error_at_these_times_alone() -> None:
+    scene = SCENARIOS / "paper" / "5.6_break.toml"
+    found = carom.converge(scene, [1e-3, 5e-4], 1e-4, ["velocity"], at=[0.13])
+    coarse, fine = (
+        carom.simulate(scene, step=h, until=0.13, every=round(0.13 / h)).velocity[-1] for h in (1e-3, 1e-4)
+    )
+    assert found.errors["velocity"][0] == pytest.approx(error_of(coarse, fine), rel=1e-12)
+    assert found.until == 0.13
+
+
+def test_the_number_of_threads_changes_nothing() -> None:
+    scene = SCENARIOS / "corner.toml"
+    one, four = (
+        carom.converge(scene, [2e-3, 1e-3], 5e-4, ["position", "orientation"], until=0.1, threads=n)
+        for n in (1, 4)
+    )
+    assert one.errors == four.errors
+    assert one.orders == four.orders
+
+
+def test_the_sign_of_a_quaternion_is_no_error() -> None:
+    q = np.array([[[0.6, 0.8, 0.0, 0.0]]])
+    quantity = Quantity.of("orientation", ["a"])
+    assert error_of(quantity.aligned(-q, q), q) == 0
+
+
+def test_a_run_that_stops_leaves_its_error_open() -> None:
+    scene = SCENARIOS / "paper" / "5.6_break.toml"
+    hard: dict[str, Any] = {
+        "max_iterations": 1,
+        "gauss_seidel_sweeps": 0,
+        "max_halvings": 0,
+        "tolerance": 1e-15,
+    }
+    found = carom.converge(scene, [1e-3, 5e-4], 1e-4, ["velocity"], until=0.13, **hard)
+    assert not found.ok
+    assert all(math.isnan(e) for e in found.errors["velocity"])
+    assert found.orders["velocity"] is None
+    assert {run.outcome for run in found.runs} == {"not_converged"}
+    assert json.dumps(found.to_dict())
+
+
+@pytest.mark.parametrize(
+    ("keywords", "told"),
+    [
+        ({"steps": [1e-3]}, "two different steps"),
+        ({"steps": [1e-3, 0.0]}, "above 0"),
+        ({"steps": [1e-3, 1.0]}, "longer than the whole"),
+        ({"reference": 3e-4}, "must divide every step"),
+        ({"reference": 1e-3}, "must divide every step"),
+        ({"reference": object()}, "reference must be"),
+        ({"reference": "absent"}, "no such run"),
+        ({"reference": "absent.toml"}, "absent.toml: No such file"),
+        (
+            {"reference": parabola, "quantities": ["angular_velocity:ball"]},
+            "does not give angular_velocity:ball",
+        ),
+        ({"quantities": ["speed"]}, "no quantity"),
+        ({"at": [0.1234567]}, "in whole steps"),
+        ({"at": [0.3], "until": 0.2}, "from 0 to the end"),
+        ({"stepp": 1}, "stepp"),
+    ],
+)
+def test_wrong_studies_are_explained(keywords: dict[str, Any], told: str) -> None:
+    given = {"steps": [2e-3, 1e-3], "reference": 1e-4, **keywords}
+    with pytest.raises(carom.CaromError, match=told):
+        carom.converge(bouncing(), **given)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("x = ", "not TOML"),
+        ("", "no formulas"),
+        ("[sphere.ball]\nspeed = [0, 0, 0]", "no such quantity"),
+        ("[sphere.ball]\nvelocity = [0, 0]", "list of 3"),
+        ('[sphere.ball]\nvelocity = [0, 0, "2*t"]', "a formula such as"),
+        ('[sphere.ball]\nvelocity = [0, 0, "= 2*s"]', "'s' is unknown"),
+        ('[sphere.ball]\nvelocity = [0, 0, "= 2*("]', "sphere.ball.velocity"),
+        ('[parameters]\na = "= t"\n[sphere.ball]\nvelocity = [0, 0, 0]', "'t' is unknown"),
+        ("sphere = 3", "must be a table"),
+    ],
+)
+def test_wrong_formulas_are_explained(tmp_path: Path, text: str, told: str) -> None:
+    file = tmp_path / "wrong.toml"
+    file.write_text(text)
+    with pytest.raises(carom.CaromError, match=told) as caught:
+        carom.converge(bouncing(), [2e-3, 1e-3], file)
+    assert "wrong.toml" in str(caught.value)
+
+
+# --- the command ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> str:
+    path = tmp_path / "bounce.toml"
+    bouncing().to_toml(path)
+    return str(path)
+
+
+def test_command_prints_one_document(scenario: str, tmp_path: Path) -> None:
+    (tmp_path / "exact.toml").write_text(FORMULAS)
+    steps = ",".join(map(repr, STEPS))
+    code, out, _ = command(scenario, "--steps", steps, "--reference", str(tmp_path / "exact.toml"), "--json")
+    assert code == 0
+    document = json.loads(out)
+    assert document["steps"] == STEPS
+    found = document["quantities"]["velocity:ball"]
+    assert found["order"]["value"] == pytest.approx(1, abs=0.1)
+    assert len(found["order"]["pairwise"]) == len(found["errors"]) - 1 == 3
+    assert [run["outcome"] for run in document["runs"]] == ["done"] * 4
+
+
+def test_command_prints_a_table_and_draws(scenario: str, tmp_path: Path) -> None:
+    figure = tmp_path / "order.svg"
+    code, out, _ = command(
+        scenario, "--steps", "4e-3,2e-3,1e-3", "--reference", "1e-4", "--quantities", "velocity", "--plot", str(figure)
+    )  # fmt: skip
+    assert code == 0
+    assert "least squares" in out
+    assert "against h = 0.0001 s" in out
+    assert "velocity: order" in figure.read_text(encoding="utf-8")
+    head, *rows = (tmp_path / "order.csv").read_text(encoding="utf-8").splitlines()
+    assert head == "h (s),error of velocity (1)"
+    assert len(rows) == 3
+
+
+def test_command_refuses_what_it_cannot_do(scenario: str) -> None:
+    for arguments, told in (
+        (["--steps", "1e-3,x", "--reference", "1e-4"], "no number"),
+        (["--steps", "1e-3,5e-4", "--reference", "1e-4", "--plot", "a.gif"], "ends in .png"),
+        (["--steps", "1e-3,5e-4", "--reference", "3e-4"], "must divide"),
+        (["--steps", "1e-3,5e-4"], "--reference"),
+    ):
+        code, out, err = command(scenario, *arguments)
+        assert code == 2, err
+        assert out == ""
+        if told != "--reference":  # typer's own words
+            assert told in err
+
+
+def test_command_says_which_run_stopped() -> None:
+    hard = ["max_iterations=1", "gauss_seidel_sweeps=0", "max_halvings=0", "tolerance=1e-15"]
+    options = [part for h in hard for part in ("--set", h)]
+    scene = str(SCENARIOS / "paper" / "5.6_break.toml")
+    code, out, err = command(
+        scene, "--steps", "1e-3,5e-4", "--reference", "1e-4", "--until", "0.13", "--json", *options
+    )
+    assert code == 3
+    assert "h = 0.001 s: not converged" in err
+    assert json.loads(out)["quantities"]["velocity"]["errors"] == [None, None]

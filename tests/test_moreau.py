@@ -1,0 +1,218 @@
+"""Moreau-Jean time stepping: what it does, its order, and what it lacks, by numbers."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom.convergence import error_of, order_of
+from carom.result import Result
+from carom.run import CaromWarning
+from carom.scene import Scene
+
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
+GRAVITY, RADIUS, MASS = 9.8, 0.02, 0.1
+
+
+def ball_above(height: float, *, restitution: float = 0.5, velocity: float = 0.0) -> Scene:
+    """One ball whose lowest point is `height` (m) above a plane, thrown upwards with `velocity` (m/s)."""
+    scene = Scene("bouncing ball", gravity=(0, 0, -GRAVITY))
+    scene.contact("ball", "floor", friction=0.2, restitution=restitution)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    place = (0, 0, RADIUS + height)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, material="ball", position=place, velocity=(0, 0, velocity))
+    return scene
+
+
+def run(scene: Scene | Path, **options: Any) -> Result:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CaromWarning)
+        return carom.simulate(scene, **{"method": "moreau", "every": 1, **options})
+
+
+@pytest.mark.parametrize("theta", [0.5, 0.75, 1.0])
+def test_free_flight_is_the_theta_rule(theta: float) -> None:
+    h, v0 = 1e-2, 3.0
+    result = run(ball_above(1.0, velocity=v0), until=0.5, step=h, theta=theta)
+    t = np.asarray(result.time)
+    exact = RADIUS + 1.0 + v0 * t - GRAVITY * t**2 / 2
+    late = -h * (theta - 0.5) * GRAVITY * t  # what the weights off the middle add: of first order in h
+    np.testing.assert_allclose(result["ball"].velocity[:, 2], v0 - GRAVITY * t, atol=1e-13)
+    np.testing.assert_allclose(result["ball"].position[:, 2], exact + late, atol=1e-13)
+
+
+def test_a_bounce_by_the_predicted_gap() -> None:
+    """The step of the impact is the first whose predicted midpoint lies in the floor; v_{n+1} = -e v_n there."""
+    h, height, e = 1e-3, 0.1, 0.5
+    result = run(ball_above(height, restitution=e), until=0.2, step=h)
+    n = 0
+    z, v = height, 0.0
+    while z + h / 2 * v > 0:
+        z, v, n = z + h * (v - h * GRAVITY / 2), v - h * GRAVITY, n + 1
+    velocity = result["ball"].velocity[:, 2]
+    assert velocity[n] == pytest.approx(v, rel=1e-12)
+    assert velocity[n + 1] == pytest.approx(-e * v, rel=1e-12)
+    after = z + h / 2 * (v - e * v)
+    assert result["ball"].position[n + 1, 2] - RADIUS == pytest.approx(after, abs=1e-12)
+    [step] = np.unique(result.impacts["step"])
+    assert step == n + 1
+
+
+def bounce_error(h: float, at: float, **options: Any) -> float:
+    """Eq. 45 of height and velocity at `at` s after one bounce with e = 0.5, against the exact parabola."""
+    height, e = 0.1, 0.5
+    fall = math.sqrt(2 * height / GRAVITY)
+    up = e * GRAVITY * fall
+    result = run(ball_above(height, restitution=e), until=at, step=h, **options)
+    last = float(result.time[-1]) - fall
+    exact = [up * last - GRAVITY * last**2 / 2, up - GRAVITY * last]
+    found = [float(result["ball"].position[-1, 2]) - RADIUS, float(result["ball"].velocity[-1, 2])]
+    return error_of([found], [exact])
+
+
+@pytest.mark.parametrize("options", [{}, {"theta": 1.0}, {"position_projection": True}])
+def test_order_one_through_an_impact(options: dict[str, Any]) -> None:
+    """Steps that have the impact at the same place of their step: the error is then a smooth function of h."""
+    fall = math.sqrt(2 * 0.1 / GRAVITY)
+    steps = [fall / (n + 0.3) for n in (100, 200, 400, 800)]
+    errors = [bounce_error(h, at=0.2, **options) for h in steps]
+    order = order_of(steps, errors)
+    assert 0.9 < order.value < 1.1, order
+
+
+def test_three_balls_hand_on_the_velocity() -> None:
+    result = run(SCENARIOS / "three_balls.toml")
+    np.testing.assert_allclose(result.velocity[-1][:, 0], [0, 0, 2], atol=1e-14)
+    assert result.summary["energy"]["max_rise"] <= 1e-15
+    one_shot = run(SCENARIOS / "three_balls.toml", impact="one-shot")
+    np.testing.assert_allclose(one_shot.velocity[-1][:, 0], [-2 / 3, 4 / 3, 4 / 3], atol=1e-12)
+
+
+@pytest.mark.parametrize("impact", ["sequence", "one-shot"])
+def test_a_column_stays_at_rest(impact: str) -> None:
+    result = run(SCENARIOS / "column.toml", impact=impact)
+    moved = np.asarray(result.position[-1]) - np.asarray(result.position[0])
+    assert np.max(np.abs(moved)) < 1e-12
+    assert np.max(np.abs(np.asarray(result.velocity[-1]))) < 1e-12
+    assert result.summary["unconverged"] == 0
+
+
+def test_penetration_stays_and_is_reported() -> None:
+    """An inelastic impact found in the middle of a step leaves the ball in the floor, for good."""
+    h, height = 1e-3, 0.1
+    scene = ball_above(height, restitution=0.0)
+    result = run(scene, until=0.3, step=h)
+    depth = RADIUS - float(result["ball"].position[-1, 2])
+    speed = math.sqrt(2 * GRAVITY * height)
+    assert 0 < depth < h * speed
+    assert result.summary["penetration_max"] == pytest.approx(depth, rel=1e-9)
+    assert float(result.steps["penetration"][-1]) == pytest.approx(depth, rel=1e-9)
+    assert np.all(np.asarray(result["ball"].velocity[-50:]) == 0)
+
+    projected = run(scene, until=0.3, step=h, position_projection=True)
+    assert projected.summary["penetration_max"] < 1e-12
+    assert float(projected["ball"].position[-1, 2]) == pytest.approx(RADIUS, abs=1e-14)
+    assert projected.summary["iterations"]["position"]["max"] >= 1
+    assert result.summary["iterations"]["position"]["max"] == 0
+
+
+def test_penetration_of_pairs_that_are_no_contact_is_seen() -> None:
+    """Two balls whose midpoints stay apart overlap at the end of the step: nothing acts on them yet."""
+    scene = Scene("approach", gravity=(0, 0, 0))
+    scene.contact("a", "a", friction=0.0, restitution=0.0)
+    scene.sphere("left", radius=0.1, mass=1.0, material="a", position=(0, 0, 0))
+    scene.sphere("right", radius=0.1, mass=1.0, material="a", position=(0.207, 0, 0), velocity=(-1, 0, 0))
+    result = run(scene, until=0.01, step=0.01)
+    assert len(result.impacts) == 0
+    assert result.summary["penetration_max"] == pytest.approx(0.003, rel=1e-12)
+    projected = run(scene, until=0.01, step=0.01, position_projection=True)
+    assert projected.summary["penetration_max"] < 1e-12
+    apart = np.asarray(projected.position[-1])
+    # By mass: both balls give way by half; their velocities stay.
+    np.testing.assert_allclose(apart[:, 0], [-0.0015, 0.1985], atol=1e-12)
+    np.testing.assert_array_equal(projected.velocity[-1], result.velocity[-1])
+
+
+def test_projection_pushes_balls_that_others_push() -> None:
+    """A row of balls at rest, the first of which overlaps: the projection reaches those beyond the candidates."""
+    scene = Scene("row", gravity=(0, 0, 0))
+    scene.contact("a", "a", friction=0.3, restitution=0.0)
+    r, gap = 0.1, 0.002
+    for i in range(4):
+        x = i * (2 * r + gap)
+        speed = -3.0 if i == 3 else 0.0
+        scene.sphere(f"b{i}", radius=r, mass=1.0, material="a", position=(x, 0, 0), velocity=(speed, 0, 0))
+    result = run(scene, until=0.02, step=0.02, position_projection=True)
+    x = np.asarray(result.position[-1])[:, 0]
+    assert np.all(np.diff(x) >= 2 * r * (1 - 1e-10))
+    assert result.summary["penetration_max"] < 1e-10 * r
+    free = np.arange(4) * (2 * r + gap) + np.array([0, 0, 0, -3.0 * 0.02])
+    assert np.mean(x) == pytest.approx(np.mean(free), abs=1e-14)  # the centre of mass is not moved
+
+
+def test_the_break_is_close_to_nsga() -> None:
+    """After the impact both schemes tend to the same velocities; they differ by the delay, of first order in h."""
+    h = 1e-4
+    scene = SCENARIOS / "paper" / "5.6_break.toml"
+    ours = run(scene, until=0.13, step=h)
+    theirs = run(scene, until=0.13, step=h, method="nsga")
+    assert error_of(ours.velocity[-1], theirs.velocity[-1]) < 0.02
+    assert ours["ball2"].velocity[-1, 0] == pytest.approx(theirs["ball2"].velocity[-1, 0], abs=0.02)
+    mirrored = np.asarray(ours["ball4"].velocity[-1]) * [1, -1, 1]
+    np.testing.assert_allclose(ours["ball5"].velocity[-1], mirrored, atol=1e-9)
+    assert ours.summary["energy"]["max_rise"] <= 1e-12 * ours.summary["energy"]["initial"]
+    assert ours.summary["unconverged"] == 0
+    assert float(ours.time[1100]) == pytest.approx(0.11)  # before the impact
+    np.testing.assert_allclose(ours["ball2"].velocity[1100], theirs["ball2"].velocity[1100], atol=1e-10)
+
+
+def overlap_over_the_hill(h: float, *, projected: bool) -> float:
+    """A ball that rolls down over a far heavier one: deepest overlap in 0.5 s, m."""
+    scene = Scene("over the hill", gravity=(0, 0, -GRAVITY))
+    scene.contact("a", "a", friction=0.5, restitution=0.0)
+    scene.contact("a", "floor", friction=0.5, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    scene.sphere("hill", radius=1.0, mass=1e6, material="a", position=(0, 0, 1))
+    tilt = 0.1
+    top = (1.1 * math.sin(tilt), 0, 1 + 1.1 * math.cos(tilt))
+    scene.sphere("ball", radius=0.1, mass=0.1, material="a", position=top)
+    result = run(scene, until=0.5, step=h, position_projection=projected)
+    apart = np.asarray(result["ball"].position) - np.asarray(result["hill"].position)
+    gap = np.linalg.norm(apart, axis=1) - 1.1
+    return -float(np.min(gap))
+
+
+def test_a_curved_contact_overlaps_by_h_squared_without_projection() -> None:
+    """The tangent leaves the sphere; the ball falls back upon it and is found inside."""
+    coarse, fine = (overlap_over_the_hill(h, projected=False) for h in (1e-3, 5e-4))
+    assert coarse > 1e-6
+    assert coarse / fine == pytest.approx(4, rel=0.05)
+    assert overlap_over_the_hill(1e-3, projected=True) < 1e-10 * 0.1
+
+
+@pytest.mark.parametrize("projected", [False, True])
+def test_a_run_continues_bit_for_bit(tmp_path: Path, projected: bool) -> None:
+    scene = Scene.from_toml(SCENARIOS / "corner.toml")
+    whole = run(scene, until=0.2, position_projection=projected)
+    run(scene, until=0.1, position_projection=projected, out=tmp_path / "half")
+    rest = carom.resume(tmp_path / "half", until=0.2)
+    for key in ("position", "orientation", "velocity", "angular_velocity"):
+        np.testing.assert_array_equal(getattr(rest, key)[-1], getattr(whole, key)[-1])
+
+
+def test_contacts_and_impacts_are_recorded() -> None:
+    result = run(ball_above(0.0, restitution=0.0), until=0.01, step=1e-3)
+    impulse = np.asarray(result.contacts["impulse"])
+    np.testing.assert_allclose(impulse[:, 2], MASS * GRAVITY * 1e-3, rtol=1e-9)
+    assert result.summary["method"] == "moreau"
+
+
+@pytest.mark.parametrize("theta", [0.0, 1.1, -0.5])
+def test_theta_out_of_range_is_refused(theta: float) -> None:
+    with pytest.raises(carom.ScenarioError, match="theta"):
+        ball_above(0.1).with_options(theta=theta)
