@@ -47,7 +47,7 @@ def defaults() -> dict[str, float | int | bool | str]:
     """Every option of `[run]` that is numerical, with its default: the one place where defaults are stated."""
 
 def choices() -> dict[str, list[str]]:
-    """Admitted values of the options that are names: method, impact, solver."""
+    """Admitted values of the options that are names: method, impact, solver and others."""
 
 class Simulation:
     """A model, its state and its scratch memory. The interpreter lock is released while it advances.

@@ -34,6 +34,7 @@ DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
     "stiffness": ((0, 1, -2, 0), "N/m", "N/m, N/mm"),
     "damping": ((0, 1, -1, 0), "N s/m", "N s/m, kg/s"),
     "rotational damping": ((2, 1, -1, 0), "N m s", "N m s, mN m s"),
+    "pressure": ((-1, 1, -2, 0), "Pa", "Pa, kPa, MPa, GPa"),
 }
 
 _Unit = tuple[Fraction, int, Dimension]  # rational factor, power of pi, exponents
@@ -71,6 +72,10 @@ UNITS: dict[str, _Unit] = {
     "N": _unit("1", (1, 1, -2, 0)),
     "mN": _unit("0.001", (1, 1, -2, 0)),
     "kN": _unit("1000", (1, 1, -2, 0)),
+    "Pa": _unit("1", (-1, 1, -2, 0)),
+    "kPa": _unit("1000", (-1, 1, -2, 0)),
+    "MPa": _unit("1e6", (-1, 1, -2, 0)),
+    "GPa": _unit("1e9", (-1, 1, -2, 0)),
 }
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?)\s*(.*?)\s*", re.DOTALL)

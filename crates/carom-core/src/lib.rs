@@ -11,6 +11,7 @@ pub mod joint;
 pub mod level;
 pub mod model;
 pub mod options;
+pub mod penalty;
 pub mod record;
 pub mod report;
 pub mod rotation;

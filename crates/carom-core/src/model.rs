@@ -3,6 +3,7 @@
 use crate::force::{Dependence, Load};
 use crate::joint::{Joint, RowKind, GROUND};
 use crate::options::Options;
+use crate::penalty;
 use crate::scalar::Scalar;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
@@ -51,6 +52,22 @@ pub struct ContactLaw {
     pub restitution: f64,
     /// Tangential restitution e_T in (-1, 1).
     pub tangential_restitution: f64,
+}
+
+impl ContactLaw {
+    /// mu at a slip speed, m/s. A law may dip below 0, or leave its domain: no friction then.
+    #[inline]
+    pub fn friction(&self, slip: f64) -> f64 {
+        let Some(law) = &self.friction_law else {
+            return self.bounds.sliding;
+        };
+        let mu = law.value(slip);
+        if mu.is_finite() {
+            mu.max(0.0)
+        } else {
+            0.0
+        }
+    }
 }
 
 /// What joins spheres beside contacts.
@@ -172,6 +189,7 @@ impl Model {
         finite("world", 0, "gravity", &input.gravity)?;
         let planes = compile_planes(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
+        penalty::check(&options, &laws, &input.joints)?;
         let links = compile_links(input)?;
         let model = Model {
             gravity: DVec3::from(input.gravity),

@@ -92,6 +92,8 @@ named_choice! {
         Nsga = "nsga",
         /// Moreau-Jean: velocity level only, contacts by the predicted gap.
         MoreauJean = "moreau",
+        /// Continuous contact forces, explicit substeps ([`crate::penalty`]).
+        Penalty = "penalty",
     }
 }
 
@@ -114,6 +116,32 @@ named_choice! {
         Auto = "auto",
         /// Newton for every island, also for one contact (to compare iteration counts with the paper's).
         Newton = "newton",
+    }
+}
+
+named_choice! {
+    /// Damping of the contact force of method `penalty`: chi of `F = K d^n (1 + chi d'/v_in)` from e_N.
+    PenaltyLaw {
+        HuntCrossley = "hunt-crossley",
+        HerbertMcWhannell = "herbert-mcwhannell",
+        LeeWang = "lee-wang",
+        LankaraniNikravesh = "lankarani-nikravesh",
+        Gonthier = "gonthier",
+        ZhiyingQishao = "zhiying-qishao",
+        Flores = "flores",
+        HuGuo = "hu-guo",
+        /// The chi with which a free collision has restitution e_N.
+        Exact = "exact",
+    }
+}
+
+named_choice! {
+    /// Sliding friction of method `penalty`.
+    PenaltyFriction {
+        /// `mu F tanh(u/v_s)`.
+        Regularised = "regularised",
+        /// A tangential spring and dashpot that slip at `mu F`.
+        Spring = "spring",
     }
 }
 
@@ -211,6 +239,23 @@ options! {
     max_halvings: u32 = 4,
     /// stop or warn.
     on_nonconvergence: OnNonconvergence = OnNonconvergence::Stop,
+    /// Method penalty: damping law.
+    penalty_law: PenaltyLaw = PenaltyLaw::Exact,
+    /// Young's modulus of every body, Pa, with Poisson's ratio the source of Hertz's stiffness.
+    penalty_young_modulus: f64 = 5.5e9,
+    penalty_poisson_ratio: f64 = 0.34,
+    /// K of every contact, N/m^n, in place of Hertz's; 0: Hertz's.
+    penalty_stiffness: f64 = 0.0,
+    /// n of the elastic force K d^n.
+    penalty_exponent: f64 = 1.5,
+    /// Restitution below which a law whose chi grows without bound is read as this one.
+    penalty_least_restitution: f64 = 1e-2,
+    /// Sliding friction.
+    penalty_friction: PenaltyFriction = PenaltyFriction::Regularised,
+    /// v_s: slip speed of the regularisation, m/s; over r_c that of rolling and spinning.
+    penalty_slip_speed: f64 = 1e-3,
+    /// Substeps per contact time.
+    penalty_resolution: u32 = 50,
     /// Worker threads (islands run on one thread for now; results never depend on this number).
     threads: u32 = 1,
 }
@@ -230,7 +275,11 @@ impl Options {
             ("penalty_scale", self.penalty_scale),
             ("proximal_shift", self.proximal_shift),
         ];
-        for (name, value) in positive {
+        let penalty = [
+            ("penalty_young_modulus", self.penalty_young_modulus),
+            ("penalty_slip_speed", self.penalty_slip_speed),
+        ];
+        for (name, value) in positive.into_iter().chain(penalty) {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(ModelError::option(
                     name,
@@ -268,6 +317,7 @@ impl Options {
                 return Err(ModelError::option(name, "must be at least 1".to_owned()));
             }
         }
+        self.validate_penalty()?;
         // Upper bounds: no input may make a step endless or fill the memory.
         for (name, value, most) in [
             ("max_halvings", self.max_halvings, 20),
@@ -283,6 +333,52 @@ impl Options {
                     format!("is {value}; it must be at most {most}"),
                 ));
             }
+        }
+        Ok(())
+    }
+
+    /// The same for method `penalty`.
+    fn validate_penalty(&self) -> Result<(), ModelError> {
+        let refuse = |name: &str, text: String| Err(ModelError::option(name, text));
+        let (nu, k, n) = (
+            self.penalty_poisson_ratio,
+            self.penalty_stiffness,
+            self.penalty_exponent,
+        );
+        if !(-1.0 < nu && nu <= 0.5) {
+            return refuse(
+                "penalty_poisson_ratio",
+                format!("is {nu}; it must lie in (-1, 0.5]"),
+            );
+        }
+        if !(k >= 0.0 && k.is_finite()) {
+            return refuse(
+                "penalty_stiffness",
+                format!("is {k}; it must be finite and not negative"),
+            );
+        }
+        if !(1.0..=4.0).contains(&n) {
+            return refuse("penalty_exponent", format!("is {n}; it must lie in [1, 4]"));
+        }
+        if n != 1.5 && k == 0.0 {
+            let text = format!("is {n}, but moduli give a stiffness for 1.5 alone; set penalty_stiffness (N/m^{n})");
+            return refuse("penalty_exponent", text);
+        }
+        let least = self.penalty_least_restitution;
+        if !(least > 0.0 && least < 1.0) {
+            return refuse(
+                "penalty_least_restitution",
+                format!("is {least}; it must lie in (0, 1)"),
+            );
+        }
+        if !(4..=100_000).contains(&self.penalty_resolution) {
+            return refuse(
+                "penalty_resolution",
+                format!(
+                    "is {}; it must lie between 4 and 100000",
+                    self.penalty_resolution
+                ),
+            );
         }
         Ok(())
     }

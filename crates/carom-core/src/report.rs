@@ -88,6 +88,9 @@ step_report! {
     relisted: u32,
     /// Smallest factor of the energy safeguard (1: never needed).
     restitution_scale: f64,
+    /// Substeps of method `penalty` and the smallest, s; 0 with other methods.
+    substeps: u32,
+    substep_min: f64,
 }
 
 impl StepReport {
@@ -137,6 +140,8 @@ impl StepReport {
         self.missed_impacts += earlier.missed_impacts;
         self.relisted += earlier.relisted;
         self.restitution_scale = self.restitution_scale.min(earlier.restitution_scale);
+        self.substeps += earlier.substeps;
+        self.substep_min = self.substep_min.min(earlier.substep_min);
     }
 }
 
@@ -189,6 +194,9 @@ pub struct Monitors {
     pub energy_rises: u64,
     /// Largest `|v| h / r` of any sphere after any step (rule R6).
     pub travel: f64,
+    /// Substeps of method `penalty` and the smallest, s; 0 if there were none.
+    pub substeps: u64,
+    pub substep_min: f64,
 }
 
 impl Monitors {
@@ -234,6 +242,15 @@ impl Monitors {
         self.energy_rises += u64::from(rise > 1e-12 * self.energy_scale + rounding);
         self.energy_final = energy;
         self.travel = self.travel.max(travel);
+        if r.substeps > 0 {
+            let first = self.substeps == 0;
+            self.substep_min = if first {
+                r.substep_min
+            } else {
+                self.substep_min.min(r.substep_min)
+            };
+            self.substeps += u64::from(r.substeps);
+        }
     }
 }
 
@@ -271,6 +288,8 @@ pub enum Outcome {
     NotFinite { step: u64, time: f64, body: u32 },
     /// More pairs may meet within a step than the neighbour list holds.
     TooManyPairs { step: u64, time: f64 },
+    /// Method `penalty` would need more substeps for a step than it may take.
+    TooManySubsteps { step: u64, time: f64 },
     /// Two bodies met whose materials have no law.
     MissingLaw {
         step: u64,
@@ -293,6 +312,7 @@ impl Outcome {
             Outcome::MissingLaw { .. } => "missing_law",
             Outcome::LoadFailed { .. } => "load_failed",
             Outcome::TooManyPairs { .. } => "too_many_pairs",
+            Outcome::TooManySubsteps { .. } => "too_many_substeps",
         }
     }
 
@@ -305,6 +325,9 @@ impl Outcome {
             Outcome::NotFinite { .. } => "look for extreme speeds, masses or radii; try a smaller step",
             Outcome::TooManyPairs { .. } => {
                 "the step is far too long for the speeds: spheres travel radii per step; take a smaller step"
+            }
+            Outcome::TooManySubsteps { .. } => {
+                "the contacts are far too stiff for the step; take a shorter step, a lower stiffness or resolution"
             }
             Outcome::LoadFailed { .. } => "mend the function, or the law, of the load",
             Outcome::MissingLaw { .. } => "add a [[contact]] entry for this pair of materials",

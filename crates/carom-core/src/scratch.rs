@@ -6,6 +6,7 @@ use crate::islands::{Island, Islands};
 use crate::level::coupling::Trial;
 use crate::level::smooth::SmoothScratch;
 use crate::model::Model;
+use crate::penalty::Workspace;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_geom::NeighbourList;
@@ -85,6 +86,8 @@ pub struct Scratch {
     /// Histories of the longest solve of each level in this step: smooth, position, velocity.
     pub history: [History; 3],
     pub failed: Option<FailedProblem>,
+    /// Memory of method `penalty`.
+    pub penalty: Workspace,
     /// What a load said that failed.
     pub load_error: Option<String>,
     /// Increments Lambda of all joint rows at the velocity level, N s or N m s.
@@ -132,6 +135,7 @@ impl Scratch {
             impacts: Vec::new(),
             history: Default::default(),
             failed: None,
+            penalty: Workspace::new(model),
             load_error: None,
             joint_impulse: vec![0.0; model.joints.iter().map(|j| j.rows.len()).sum()],
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],

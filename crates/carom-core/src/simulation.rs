@@ -3,6 +3,7 @@
 use crate::force;
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
+use crate::penalty;
 use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
@@ -44,7 +45,8 @@ impl Simulation {
         let coefficients = (0..=o.max_halvings)
             .map(|depth| o.step / f64::from(1u32 << depth))
             .map(|h| match o.method {
-                Method::Nsga => Coefficients::new(o.spectral_radius, h),
+                // The substeps of contact forces need h alone.
+                Method::Nsga | Method::Penalty => Coefficients::new(o.spectral_radius, h),
                 Method::MoreauJean => Coefficients::theta_rule(o.theta, h),
             })
             .collect();
@@ -85,7 +87,8 @@ impl Simulation {
     ) -> Option<Outcome> {
         let begin = Instant::now();
         let large = self.model.spheres() >= LARGE;
-        let check_every = if large {
+        // A step in hundreds of substeps takes as long as hundreds of others.
+        let check_every = if large || self.model.options.method == Method::Penalty {
             1
         } else {
             (LARGE / self.model.spheres()).max(1) as u64
@@ -162,6 +165,7 @@ impl Simulation {
         let method = match self.model.options.method {
             Method::Nsga => step,
             Method::MoreauJean => moreau::step,
+            Method::Penalty => penalty::step,
         };
         let made = method(
             &self.model,
@@ -174,7 +178,7 @@ impl Simulation {
         match made {
             Ok(()) => {
                 // The first sub-step that is made has nothing to merge with but the count of halvings.
-                if report.iterations_smooth == 0 {
+                if report.iterations_smooth == 0 && report.substeps == 0 {
                     local.halvings = report.halvings;
                     *report = local;
                 } else {
@@ -208,6 +212,7 @@ impl Simulation {
         let time = step as f64 * self.model.options.step;
         match failure {
             Failure::TooManyPairs => Outcome::TooManyPairs { step, time },
+            Failure::TooManySubsteps => Outcome::TooManySubsteps { step, time },
             Failure::NotFinite(body) => Outcome::NotFinite { step, time, body },
             Failure::MissingLaw(a, b) => Outcome::MissingLaw {
                 step,

@@ -2,6 +2,7 @@
 
 use crate::level::smooth_newton::initial_accelerations;
 use crate::model::{InitialState, Model};
+use crate::penalty::Touch;
 use glam::{DQuat, DVec3};
 
 /// Stable key of a contact: body indices, planes after spheres.
@@ -35,6 +36,8 @@ pub struct State {
     pub warm: Vec<Warm>,
     /// Step size with which `warm` was found, s.
     pub warm_step: f64,
+    /// Contacts that are closed under method `penalty`, sorted by key.
+    pub touches: Vec<Touch>,
 }
 
 impl State {
@@ -51,6 +54,7 @@ impl State {
             acceleration: start,
             warm: Vec::new(),
             warm_step: model.options.step,
+            touches: Vec::new(),
         };
         if !model.is_free() {
             state.acceleration = initial_accelerations(model, &state);

@@ -31,6 +31,8 @@ pub enum Failure {
     MissingLaw(u32, u32),
     /// More pairs may meet within the step than the list holds: the step is far too long for the speeds.
     TooManyPairs,
+    /// Method `penalty` would need more substeps than it may take.
+    TooManySubsteps,
     /// A load could not be evaluated.
     Load,
 }
@@ -191,9 +193,9 @@ pub(crate) fn push_candidate(
 #[inline]
 fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Bounds {
     let law = c.law(model);
-    let Some(friction) = &law.friction_law else {
+    if law.friction_law.is_none() {
         return law.bounds;
-    };
+    }
     let part = |body: u32, sign: f64| {
         let i = body as usize;
         let Some(&radius) = model.radius.get(i) else {
@@ -203,10 +205,8 @@ fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Bounds {
     };
     let slip = part(c.a, 1.0) + part(c.b, -1.0);
     let across = slip - c.n0 * c.n0.dot(slip);
-    // A law may dip below 0, or leave its domain: no friction then.
-    let mu = friction.value(across.length());
     Bounds {
-        sliding: if mu.is_finite() { mu.max(0.0) } else { 0.0 },
+        sliding: law.friction(across.length()),
         ..law.bounds
     }
 }

@@ -27,12 +27,16 @@ fn defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 /// Admitted values of the options that are names.
 #[pyfunction]
 fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-    use carom_core::options::{Impact, Method, OnNonconvergence, Solver};
+    use carom_core::options::{
+        Impact, Method, OnNonconvergence, PenaltyFriction, PenaltyLaw, Solver,
+    };
     let out = PyDict::new(py);
     out.set_item("method", Method::NAMES)?;
     out.set_item("impact", Impact::NAMES)?;
     out.set_item("solver", Solver::NAMES)?;
     out.set_item("on_nonconvergence", OnNonconvergence::NAMES)?;
+    out.set_item("penalty_law", PenaltyLaw::NAMES)?;
+    out.set_item("penalty_friction", PenaltyFriction::NAMES)?;
     Ok(out)
 }
 

@@ -3,10 +3,12 @@
 use crate::convert::{self, flat, put};
 use crate::state::{
     monitor_arrays, monitors_from, open_values, put_kinematics, read_open, read_pairs, read_state,
-    six,
+    six, touch_values,
 };
 use crate::tables::{outcome_dict, put_block};
 use crate::ModelError;
+use carom_core::options::Method;
+use carom_core::penalty::laws;
 use carom_core::report::Spread;
 use carom_core::{Model, Recording};
 use pyo3::prelude::*;
@@ -106,6 +108,14 @@ impl Simulation {
         put(&out, "warm_key", keys, &[s.warm.len(), 2])?;
         let values = flat(s.warm.iter().map(|w| six(w.impulse, w.moment)));
         put(&out, "warm_value", values, &[s.warm.len(), 6])?;
+        let keys: Vec<u64> = s
+            .touches
+            .iter()
+            .flat_map(|t| [u64::from(t.key.0), u64::from(t.key.1)])
+            .collect();
+        put(&out, "touch_key", keys, &[s.touches.len(), 2])?;
+        let values = flat(s.touches.iter().map(touch_values));
+        put(&out, "touch_value", values, &[s.touches.len(), 11])?;
         let open = &self.inner.recorder.open;
         let keys: Vec<u64> = open
             .iter()
@@ -136,7 +146,8 @@ impl Simulation {
     /// Takes a state back. Refuses one of another model size.
     fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let n = self.inner.model.spheres();
-        let loaded = read_state(state)?;
+        let bodies = n + self.inner.model.planes.len();
+        let loaded = read_state(state, bodies as u64)?;
         for (name, found) in [
             ("position", loaded.position.len()),
             ("orientation", loaded.orientation.len()),
@@ -220,6 +231,9 @@ impl Simulation {
         out.set_item("penetration_max", m.penetration)?;
         out.set_item("penetration_max_relative", m.penetration_relative)?;
         out.set_item("travel_max", m.travel)?;
+        if self.inner.model.options.method == Method::Penalty {
+            out.set_item("penalty", self.penalty(py)?)?;
+        }
         let energy = PyDict::new(py);
         energy.set_item("initial", m.energy_initial)?;
         energy.set_item("final", m.energy_final)?;
@@ -279,5 +293,27 @@ impl Simulation {
         }
         out.set_item("worst", f.worst)?;
         Ok(Some(out))
+    }
+}
+
+impl Simulation {
+    /// What method `penalty` chose: its substeps, and what each contact law came to.
+    fn penalty<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (m, model) = (&self.inner.monitors, &self.inner.model);
+        let o = &model.options;
+        let out = PyDict::new(py);
+        out.set_item("substeps", m.substeps)?;
+        out.set_item("substep_min", m.substep_min)?;
+        let mut found = Vec::new();
+        for law in &model.laws {
+            let chi = laws::damping(o.penalty_law, law.restitution, o.penalty_least_restitution);
+            let entry = PyDict::new(py);
+            entry.set_item("restitution", law.restitution)?;
+            entry.set_item("damping", chi)?;
+            entry.set_item("restitution_effective", laws::restitution(chi))?;
+            found.push(entry);
+        }
+        out.set_item("laws", found)?;
+        Ok(out)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::convert::{self, flat, put};
 use crate::ModelError;
+use carom_core::penalty::Touch;
 use carom_core::record::ContactRecord;
 use carom_core::report::Spread;
 use carom_core::state::{State, Warm};
@@ -60,6 +61,53 @@ pub fn open_values(r: &ContactRecord) -> [f64; 20] {
     out
 }
 
+pub fn touch_values(t: &Touch) -> [f64; 11] {
+    let mut out = [0.0; 11];
+    (out[0], out[1]) = (t.approach, t.age);
+    for (k, v) in [t.spring, t.impulse, t.moment].into_iter().enumerate() {
+        out[2 + 3 * k..5 + 3 * k].copy_from_slice(&v.to_array());
+    }
+    out
+}
+
+/// Closed contacts of method `penalty`; their keys name bodies of a model of `bodies` spheres and planes.
+pub fn read_touches(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<Touch>> {
+    let keys = convert::indices(state, "touch_key")?;
+    let values = convert::rows::<11>(state, "touch_value")?;
+    if keys.len() != 2 * values.len() {
+        return Err(ModelError::new_err(
+            "state: touch_key and touch_value differ in length",
+        ));
+    }
+    if !convert::all_finite(state, "touch_value")? {
+        return Err(ModelError::new_err(
+            "state: touch_value holds a number that is not finite",
+        ));
+    }
+    if keys.chunks(2).any(|k| k[0] >= k[1] || k[1] >= bodies) {
+        return Err(ModelError::new_err(
+            "state: touch_key names a body that the model has not",
+        ));
+    }
+    let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
+    let touches: Vec<Touch> = values
+        .iter()
+        .enumerate()
+        .map(|(i, v)| Touch {
+            key: (keys[2 * i] as u32, keys[2 * i + 1] as u32),
+            approach: v[0],
+            age: v[1],
+            spring: vector(&v[2..]),
+            impulse: vector(&v[5..]),
+            moment: vector(&v[8..]),
+        })
+        .collect();
+    if !touches.windows(2).all(|t| t[0].key < t[1].key) {
+        return Err(ModelError::new_err("state: touch_key is not sorted"));
+    }
+    Ok(touches)
+}
+
 pub fn read_open(state: &Bound<'_, PyDict>) -> PyResult<Vec<ContactRecord>> {
     let keys = convert::indices(state, "open_key")?;
     let status = convert::indices(state, "open_status")?;
@@ -95,7 +143,7 @@ pub fn read_pairs(state: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<[DVec3;
         .collect())
 }
 
-pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
+pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
     let vectors = |name: &str| -> PyResult<Vec<DVec3>> {
         Ok(convert::rows::<3>(state, name)?
             .into_iter()
@@ -165,6 +213,7 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
         acceleration: read_pairs(state, "acceleration")?,
         warm,
         warm_step,
+        touches: read_touches(state, bodies)?,
     })
 }
 
@@ -190,6 +239,7 @@ pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
         m.relisted,
         m.safeguarded,
         m.energy_rises,
+        m.substeps,
     ]);
     let floats = vec![
         m.restitution_scale,
@@ -203,12 +253,13 @@ pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
         m.energy_scale,
         m.travel,
         m.energy_work,
+        m.substep_min,
     ];
     (integers, floats)
 }
 
 pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
-    if i.len() != 23 || f.len() != 11 {
+    if i.len() != 24 || f.len() != 12 {
         return None;
     }
     let spread = |k: usize| Spread {
@@ -232,6 +283,7 @@ pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
         relisted: i[20],
         safeguarded: i[21],
         energy_rises: i[22],
+        substeps: i[23],
         restitution_scale: f[0],
         residual_position: f[1],
         residual_velocity: f[2],
@@ -243,5 +295,6 @@ pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
         energy_scale: f[8],
         travel: f[9],
         energy_work: f[10],
+        substep_min: f[11],
     })
 }

@@ -28,7 +28,7 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("contacts", contacts)?;
             out.set_item("residual", residual)?;
         }
-        Outcome::TooManyPairs { step, time } => {
+        Outcome::TooManyPairs { step, time } | Outcome::TooManySubsteps { step, time } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
         }

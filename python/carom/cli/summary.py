@@ -61,6 +61,9 @@ def _events(result: Result) -> str:
 
 
 def _iterations(summary: Mapping[str, Any]) -> str:
+    penalty = summary.get("penalty")
+    if penalty:
+        return f"substeps    {penalty['substeps']}, the shortest {penalty['substep_min']:.3g} s"
     rows = [["iterations", "max", "mean"]]
     for level, counts in summary.get("iterations", {}).items():
         rows.append([f"  {level}", f"{counts['max']:g}", f"{counts['mean']:.3g}"])
@@ -80,7 +83,7 @@ def _counts(value: Any) -> list[str]:
 def _troubles(summary: Mapping[str, Any]) -> str:
     found = [f"{n} {one if n == 1 else many}" for k, (one, many) in TROUBLES.items() if (n := summary.get(k))]
     travel = summary.get("travel_max") or 0.0
-    if travel > MOST_TRAVEL:
+    if travel > MOST_TRAVEL and "penalty" not in summary:  # whose substeps see every impact
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
     return "troubles    " + ("; ".join(found) if found else "none")
 

@@ -123,6 +123,8 @@ MEANINGS: dict[str, Meaning] = {
     "steps/missed_impacts": Meaning("1", "contacts found overlapping while separating"),
     "steps/relisted": Meaning("1", "times a new pair was found after the position sub-problem"),
     "steps/restitution_scale": Meaning("1", "smallest factor on the restitution by the energy safeguard"),
+    "steps/substeps": Meaning("1", "substeps of method penalty, 0 with other methods"),
+    "steps/substep_min": Meaning("s", "smallest substep of method penalty, 0 with other methods"),
     "residuals/step": Meaning("1", "step of the contact problem"),
     "residuals/level": Meaning("1", "1 position, 2 velocity"),
     "residuals/problem": Meaning("1", "number of the contact problem in its step and level"),

@@ -35,9 +35,14 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from advise_loads(parts)
 
 
+def _has_substeps(parts: Parts) -> bool:
+    """Whether the method divides the steps by itself: what is said of their length does not hold for it."""
+    return parts.run is not None and parts.run.options()["method"] == "penalty"
+
+
 def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
     run, bodies = parts.run, parts.bodies()
-    if run is None or not bodies.names:
+    if run is None or not bodies.names or _has_substeps(parts):  # which see every contact
         return
     # the fastest ball relative to its size; another may come towards it as fast, which the limits allow for
     rate = np.sqrt((bodies.velocity**2).sum(axis=1)) / bodies.radius
@@ -111,6 +116,8 @@ def _never_rolls(parts: Parts) -> Iterator[Finding]:
 
 
 def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
+    if _has_substeps(parts):
+        return
     bodies, names = parts.bodies(), parts.materials()
     kinds = {names[k] for k in np.unique(bodies.material) if k >= 0}
     for i, law in parts.contacts():

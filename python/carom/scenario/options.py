@@ -27,6 +27,7 @@ from carom.scenario.fields import (
     Text,
 )
 from carom.scenario.table import Table
+from carom.units import DIMENSIONS
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,8 @@ _COUNT_OR_NONE = Bounds(ge=0, le=1_000_000)
 OPTIONS: dict[str, Option] = {
     "step": Option("time step h", POSITIVE, "time"),
     "method": Option(
-        "method in time; nsga is the nonsmooth generalized-alpha scheme, moreau Moreau-Jean time stepping"
+        "method in time; nsga is the nonsmooth generalized-alpha scheme, moreau Moreau-Jean time stepping,"
+        " penalty continuous contact forces"
     ),
     "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
     "theta": Option(
@@ -83,6 +85,26 @@ OPTIONS: dict[str, Option] = {
     "max_halvings": Option(
         "halvings of a step that could not be solved, before the run stops", Bounds(ge=0, le=20)
     ),
+    "penalty_law": Option(
+        "penalty only: damping of the contact force; exact has the restitution e_N, the others their own"
+    ),
+    "penalty_young_modulus": Option("penalty only: Young's modulus of every body", POSITIVE, "pressure"),
+    "penalty_poisson_ratio": Option("penalty only: Poisson's ratio of every body", Bounds(gt=-1, le=0.5)),
+    "penalty_stiffness": Option(
+        "penalty only: K of every contact (N/m^n) in place of Hertz's; 0 is Hertz's", NOT_NEGATIVE
+    ),
+    "penalty_exponent": Option("penalty only: n of the elastic force K d^n", Bounds(ge=1, le=4)),
+    "penalty_least_restitution": Option(
+        "penalty only: restitution as which laws without a finite damping at e_N = 0 read smaller ones",
+        _FRACTION,
+    ),
+    "penalty_friction": Option("penalty only: sliding friction; spring is a tangential spring that slips"),
+    "penalty_slip_speed": Option(
+        "penalty only: slip speed of regularised friction; over the radius that of rolling and spinning",
+        POSITIVE,
+        "speed",
+    ),
+    "penalty_resolution": Option("penalty only: substeps per contact time", Bounds(ge=4, le=100_000)),
     "on_nonconvergence": Option("what to do with a step that could not be solved; warn goes on"),
 }
 
@@ -124,9 +146,8 @@ def _fields() -> dict[str, Any]:
     found = {}
     for name, default in _core.defaults().items():
         option = OPTIONS.get(name, Option("(an option of the core that is not documented yet)"))
-        extra = (
-            {"unit": "s" if option.dimension == "time" else "m/s"} if option.dimension != "number" else None
-        )
+        unit = DIMENSIONS[option.dimension][1]
+        extra = {"unit": unit} if unit else None
         field = Field(default, description=option.meaning, examples=[default], json_schema_extra=extra)  # type: ignore[arg-type]
         found[name] = (Annotated[type(default), kind(name, default)], field)
     return found

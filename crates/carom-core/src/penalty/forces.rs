@@ -1,0 +1,178 @@
+//! The forces of a pair in the halves of a substep: elastic, damping, friction.
+
+use super::elastic::Elastic;
+use super::friction::{slowed, Spring};
+use super::pair::Pair;
+use super::workspace::Bodies;
+use crate::model::Model;
+use crate::options::{Options, PenaltyFriction};
+use carom_solve::Bounds;
+use glam::DVec3;
+
+impl Pair {
+    /// Whether the force pushes at the closing speed `s`: faster apart than `v_in/chi` it would pull, and is 0 instead.
+    #[inline]
+    fn pushes(&self, s: f64) -> bool {
+        self.values.damping == 0.0 || s > -self.touch.approach / self.values.damping
+    }
+
+    /// The first half of a substep before the kick: the force at the speed of the substep's start.
+    #[inline]
+    pub fn dissipate_before(
+        &mut self,
+        bodies: &mut Bodies,
+        model: &Model,
+        elastic: &Elastic,
+        tau: f64,
+    ) {
+        let s = self.closing_speed(bodies);
+        self.touch.approach = self.touch.approach.max(s);
+        self.active = self.pushes(s);
+        if !self.active {
+            self.touch.spring = DVec3::ZERO;
+        } else {
+            let normal = self.elastic * tau + self.damp(bodies, s, tau);
+            self.rub(bodies, model, elastic, normal, tau);
+            self.resist_turning(bodies, &model.options, normal);
+        }
+    }
+
+    /// Half a kick: the elastic impulse over `tau`.
+    #[inline]
+    pub fn push(&mut self, bodies: &mut Bodies, tau: f64) {
+        if self.active {
+            let s = self.closing_speed(bodies);
+            self.apply_normal(bodies, self.elastic * tau, s);
+        }
+    }
+
+    /// Half a kick after the drift, from whose speed it follows whether the force pushes.
+    #[inline]
+    pub fn push_after(&mut self, bodies: &mut Bodies, tau: f64) {
+        self.active = self.pushes(self.closing_speed(bodies));
+        self.push(bodies, tau);
+    }
+
+    /// The mirror image of [`Pair::dissipate_before`].
+    #[inline]
+    pub fn dissipate_after(
+        &mut self,
+        bodies: &mut Bodies,
+        model: &Model,
+        elastic: &Elastic,
+        tau: f64,
+    ) {
+        let s = self.closing_speed(bodies);
+        self.touch.approach = self.touch.approach.max(s);
+        if !self.active {
+            self.touch.spring = DVec3::ZERO;
+        } else {
+            let normal = self.elastic * tau + self.damp(bodies, s, tau);
+            self.resist_turning(bodies, &model.options, normal);
+            self.rub(bodies, model, elastic, normal, tau);
+        }
+    }
+
+    /// Damping over `tau`, the flow of `s' = -D chi F s/v_in`. Returns its impulse, N s.
+    #[inline]
+    fn damp(&mut self, bodies: &mut Bodies, s: f64, tau: f64) -> f64 {
+        if self.values.damping == 0.0 || self.touch.approach == 0.0 {
+            return 0.0;
+        }
+        let rate = self.values.damping * self.elastic * self.inv_mass / self.touch.approach;
+        let impulse = -s * (-rate * tau).exp_m1() / self.inv_mass;
+        self.apply_normal(bodies, impulse, s);
+        impulse
+    }
+
+    #[inline]
+    fn apply_normal(&mut self, bodies: &mut Bodies, impulse: f64, closing: f64) {
+        let vector = impulse * self.normal;
+        let (a, b) = (self.a as usize, self.b as usize);
+        bodies.motion[a][0] += bodies.inv_mass[a] * vector;
+        bodies.motion[b][0] -= bodies.inv_mass[b] * vector;
+        self.now.impulse += vector;
+        self.now.normal_impulse += vector;
+        self.now.work[0] += impulse * (0.5 * impulse * self.inv_mass - closing);
+    }
+
+    /// Sliding friction under the normal impulse `normal`, with mu at the slip of this substep.
+    fn rub(
+        &mut self,
+        bodies: &mut Bodies,
+        model: &Model,
+        elastic: &Elastic,
+        normal: f64,
+        tau: f64,
+    ) {
+        let (true, Some(law)) = (self.values.slides, self.law) else {
+            return;
+        };
+        let slip = self.slip(bodies);
+        self.friction = model.laws[law as usize].friction(slip.length());
+        let bound = self.friction * normal;
+        if bound <= 0.0 {
+            self.touch.spring = DVec3::ZERO;
+            return;
+        }
+        let o = &model.options;
+        let impulse = match o.penalty_friction {
+            PenaltyFriction::Regularised => {
+                let speed = slip.length();
+                if speed == 0.0 {
+                    return;
+                }
+                let drop = bound * self.inv_mass_sliding;
+                let slowed = slowed(speed, drop, o.penalty_slip_speed);
+                self.slips = speed - slowed > 0.9 * drop;
+                slip * ((slowed - speed) / (speed * self.inv_mass_sliding))
+            }
+            PenaltyFriction::Spring => {
+                let slope = elastic.slope(self.elastic, -self.gap);
+                let spring = Spring {
+                    stiffness: elastic.tangential_ratio * slope,
+                    damping_ratio: self.values.damping_ratio,
+                    inv_mass: self.inv_mass_sliding,
+                };
+                let (impulse, slips) = spring.impulse(&mut self.touch.spring, slip, bound, tau);
+                self.slips = slips;
+                impulse
+            }
+        };
+        let (a, b) = (self.a as usize, self.b as usize);
+        let turn = self.normal.cross(impulse);
+        bodies.motion[a][0] += bodies.inv_mass[a] * impulse;
+        bodies.motion[b][0] -= bodies.inv_mass[b] * impulse;
+        bodies.motion[a][1] -= (bodies.inv_inertia[a] * self.radii[0]) * turn;
+        bodies.motion[b][1] -= (bodies.inv_inertia[b] * self.radii[1]) * turn;
+        self.now.impulse += impulse;
+        self.now.work[1] += impulse.dot(slip + 0.5 * self.inv_mass_sliding * impulse);
+    }
+
+    /// Rolling and spinning friction under the normal impulse `normal`, regularised at the angular speed `v_s/r_c`.
+    fn resist_turning(&mut self, bodies: &mut Bodies, o: &Options, normal: f64) {
+        let Bounds {
+            rolling, spinning, ..
+        } = self.values.bounds;
+        if (rolling <= 0.0 && spinning <= 0.0) || normal <= 0.0 {
+            return;
+        }
+        let (rolling, spinning) = (rolling * normal, spinning * normal);
+        let scale = o.penalty_slip_speed / self.length;
+        let (a, b) = (self.a as usize, self.b as usize);
+        let w = bodies.motion[a][1] - bodies.motion[b][1];
+        let spin = self.normal.dot(w) * self.normal;
+        for (kind, rate, bound) in [(2, w - spin, rolling), (3, spin, spinning)] {
+            let speed = rate.length();
+            if bound == 0.0 || speed == 0.0 {
+                continue;
+            }
+            let slowed = slowed(speed, bound * self.inv_inertia, scale);
+            let moment = rate * ((slowed - speed) / (speed * self.inv_inertia));
+            bodies.motion[a][1] += bodies.inv_inertia[a] * moment;
+            bodies.motion[b][1] -= bodies.inv_inertia[b] * moment;
+            self.now.moment += moment;
+            self.now.work[kind] += moment.dot(rate + 0.5 * self.inv_inertia * moment);
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! One step of the run's grid in substeps: the counterpart of [`crate::step::step`] for contact forces.
+//!
+//! A substep of size `dt` is a symmetric composition, second order:
+//!
+//! ```text
+//! dissipate dt/2    damping and friction, contact after contact in the order of keys, each by its exact flow
+//! kick      dt/2    v += dt/2 M^-1 (elastic forces + loads)
+//! drift     dt      x += dt v, R = exp(dt w) R; contacts open and close
+//! kick      dt/2    with the forces of the new positions
+//! dissipate dt/2    in the opposite order
+//! ```
+//!
+//! Without damping and friction this is velocity Verlet. Dissipation cannot make energy, however large the substep.
+
+use super::elastic::Elastic;
+use super::workspace::Workspace;
+use crate::force::{self, LoadError};
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::rotation;
+use crate::scratch::{History, Scratch};
+use crate::state::State;
+use crate::step::{Attempt, Failure};
+use crate::timers::{Phase, Timers};
+use carom_geom::NeighbourList;
+
+/// Substeps of a step at most: no input may make a step endless.
+pub const MAX_SUBSTEPS: u32 = 1_000_000;
+/// Gap over r_c up to which a pair counts as a candidate in the report, as in the nonsmooth step.
+const CANDIDATE_MARGIN: f64 = 1e-2;
+
+/// Makes one step.
+pub fn step(
+    model: &Model,
+    state: &mut State,
+    scratch: &mut Scratch,
+    timers: &mut Timers,
+    attempt: &Attempt,
+    report: &mut StepReport,
+) -> Result<(), Failure> {
+    scratch.impacts.clear();
+    for history in &mut scratch.history {
+        *history = History::default();
+    }
+    scratch.failed = None;
+    let mut work = std::mem::take(&mut scratch.penalty);
+    let made = match work.elastic {
+        Some(elastic) => advance(
+            model, state, scratch, &mut work, &elastic, timers, attempt, report,
+        ),
+        None => unreachable!("the workspace is made for the method of the run"),
+    };
+    if made.is_ok() {
+        write_state(state, &work);
+    }
+    scratch.penalty = work;
+    made
+}
+
+#[allow(clippy::too_many_arguments)] // those of a step, and what it is made of
+fn advance(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    work: &mut Workspace,
+    elastic: &Elastic,
+    timers: &mut Timers,
+    attempt: &Attempt,
+    report: &mut StepReport,
+) -> Result<(), Failure> {
+    let h = attempt.coefficients.h;
+    let begun = work.begin(model, state, elastic, attempt.time);
+    evaluated(scratch, begun)?;
+    work.need.fill(0.0);
+    refresh(model, work, elastic, &mut scratch.neighbours)?;
+    work.take_pairs(model, elastic, scratch.neighbours.pairs());
+    check_laws(work)?;
+    timers.mark(Phase::Predict);
+    let mut left = h;
+    loop {
+        work.accelerate();
+        let (dt, last) = choose(model, work, elastic, &mut scratch.neighbours, left)?;
+        timers.mark(Phase::Broad);
+        report.substeps += 1;
+        if report.substeps > MAX_SUBSTEPS {
+            return Err(Failure::TooManySubsteps);
+        }
+        report.substep_min = if report.substeps == 1 {
+            dt
+        } else {
+            report.substep_min.min(dt)
+        };
+        left = if last { 0.0 } else { left - dt };
+        let power = work.power;
+        substep(
+            model,
+            scratch,
+            work,
+            elastic,
+            timers,
+            attempt.time + (h - left),
+            dt,
+        )?;
+        report.energy_work += 0.5 * dt * (power + work.power);
+        observe(work, report);
+        if last {
+            break;
+        }
+    }
+    finish(model, scratch, work, elastic, report)?;
+    timers.mark(Phase::Finish);
+    Ok(())
+}
+
+/// The next substep, and whether it ends the step: what is left in equal parts, none longer than any pair admits.
+///
+/// Pairs that are not listed admit it too: after `refresh` they are farther apart than their bodies travel in it. So it is
+/// a function of the state alone, and a resumed run with a fresh list takes the same.
+fn choose(
+    model: &Model,
+    work: &mut Workspace,
+    elastic: &Elastic,
+    list: &mut NeighbourList,
+    left: f64,
+) -> Result<(f64, bool), Failure> {
+    let mut limit = longest(model, work, elastic, left);
+    for i in 0..model.spheres() {
+        let travel =
+            work.bodies.motion[i][0].length() + work.bodies.acceleration[i].length() * limit;
+        work.need[i] = travel * limit;
+    }
+    if refresh(model, work, elastic, list)? {
+        limit = longest(model, work, elastic, left);
+    }
+    let parts = (left / limit).ceil();
+    if parts <= 1.0 {
+        return Ok((left, true));
+    }
+    Ok((left / parts, false))
+}
+
+fn longest(model: &Model, work: &Workspace, elastic: &Elastic, left: f64) -> f64 {
+    let resolution = f64::from(model.options.penalty_resolution);
+    work.pairs.iter().fold(left, |shortest, pair| {
+        shortest.min(pair.longest_substep(elastic, &work.bodies, resolution, shortest))
+    })
+}
+
+/// Brings the list up to the needs, and the pairs up to the list. True: they changed.
+fn refresh(
+    model: &Model,
+    work: &mut Workspace,
+    elastic: &Elastic,
+    list: &mut NeighbourList,
+) -> Result<bool, Failure> {
+    let x = &work.bodies.position;
+    let rebuilt = list.refresh(x, &model.radius, &model.half_spaces, &work.need);
+    if list.is_truncated() {
+        return Err(Failure::TooManyPairs);
+    }
+    if rebuilt {
+        work.take_pairs(model, elastic, list.pairs());
+        check_laws(work)?;
+    }
+    Ok(rebuilt)
+}
+
+/// Keeps what a load said that could not be evaluated.
+fn evaluated(scratch: &mut Scratch, loads: Result<(), LoadError>) -> Result<(), Failure> {
+    loads.map_err(|error| {
+        scratch.load_error = Some(error.0);
+        Failure::Load
+    })
+}
+
+fn check_laws(work: &Workspace) -> Result<(), Failure> {
+    match work.pairs.iter().find(|p| p.closed && p.law.is_none()) {
+        Some(pair) => Err(Failure::MissingLaw(pair.a, pair.b)),
+        None => Ok(()),
+    }
+}
+
+fn substep(
+    model: &Model,
+    scratch: &mut Scratch,
+    work: &mut Workspace,
+    elastic: &Elastic,
+    timers: &mut Timers,
+    end: f64,
+    dt: f64,
+) -> Result<(), Failure> {
+    let tau = 0.5 * dt;
+    let loaded = !model.loads.is_empty();
+    for pair in work.pairs.iter_mut().filter(|p| p.closed) {
+        pair.dissipate_before(&mut work.bodies, model, elastic, tau);
+    }
+    if loaded {
+        evaluated(scratch, work.load(model, end - dt, 0.0))?;
+    }
+    // The elastic and the loads' half of a kick commute; their mirrored order gives each its exact work.
+    for pair in work.pairs.iter_mut().filter(|p| p.closed) {
+        pair.push(&mut work.bodies, tau);
+    }
+    accelerate(model, work, tau);
+    timers.mark(Phase::Velocity);
+
+    let b = &mut work.bodies;
+    for i in 0..model.spheres() {
+        let [v, w] = b.motion[i];
+        b.position[i] += dt * v;
+        b.orientation[i] = rotation::advance(dt * w, b.orientation[i]);
+    }
+    timers.mark(Phase::Position);
+    let mut closed = false;
+    for pair in &mut work.pairs {
+        let before = pair.closed;
+        scratch
+            .impacts
+            .extend(pair.follow(model, elastic, &work.bodies, dt));
+        closed |= pair.closed && !before;
+    }
+    if closed {
+        check_laws(work)?;
+        work.join_collisions(model, elastic, dt);
+    }
+    timers.mark(Phase::Meet);
+
+    if loaded {
+        // The second half is the mirror of the first: loads at the velocities after it, by two rounds of iteration.
+        evaluated(scratch, work.load(model, end, 0.0))?;
+        work.accelerate();
+        evaluated(scratch, work.load(model, end, tau))?;
+    }
+    accelerate(model, work, tau);
+    for pair in work.pairs.iter_mut().filter(|p| p.closed) {
+        pair.push_after(&mut work.bodies, tau);
+    }
+    for pair in work.pairs.iter_mut().rev().filter(|p| p.closed) {
+        pair.dissipate_after(&mut work.bodies, model, elastic, tau);
+    }
+    timers.mark(Phase::Velocity);
+    Ok(())
+}
+
+/// The loads' half of a kick.
+fn accelerate(model: &Model, work: &mut Workspace, tau: f64) {
+    let b = &mut work.bodies;
+    for i in 0..model.spheres() {
+        b.motion[i][0] += tau * b.smooth[i][0];
+        b.motion[i][1] += tau * b.smooth[i][1];
+    }
+}
+
+/// The deepest penetration of the step, not only that at its end: collisions are over by then.
+fn observe(work: &Workspace, report: &mut StepReport) {
+    for pair in work.pairs.iter().filter(|p| p.closed) {
+        report.penetration = report.penetration.max(-pair.gap);
+        report.penetration_relative = report.penetration_relative.max(-pair.gap / pair.length);
+    }
+}
+
+/// Energies, and the step's impulses as contacts.
+fn finish(
+    model: &Model,
+    scratch: &mut Scratch,
+    work: &mut Workspace,
+    elastic: &Elastic,
+    report: &mut StepReport,
+) -> Result<(), Failure> {
+    let (mut kinetic, mut potential) = (0.0, 0.0);
+    for i in 0..model.spheres() {
+        let [v, w] = work.bodies.motion[i];
+        kinetic +=
+            0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
+        potential += force::weight_potential(model, i, work.bodies.position[i]);
+        if !(kinetic.is_finite() && potential.is_finite()) {
+            return Err(Failure::NotFinite(i as u32));
+        }
+    }
+    potential += work.potential;
+    scratch.contacts.clear();
+    for pair in &mut work.pairs {
+        pair.end_step();
+        potential += pair.energy(elastic);
+        report.candidates += u32::from(pair.gap < CANDIDATE_MARGIN * pair.length);
+        if let (true, Some(law)) = (pair.has_record(), pair.law) {
+            scratch.contacts.push(pair.contact(law));
+        }
+    }
+    report.energy_kinetic = kinetic;
+    report.energy_potential = potential;
+    report.contacts = scratch.contacts.len() as u32;
+    let islands = &mut scratch.islands;
+    islands.build(model.spheres(), &scratch.contacts, &[], |_| true);
+    report.islands = islands.len() as u32;
+    for island in 0..islands.len() {
+        report.largest_island = report
+            .largest_island
+            .max(islands.island(island).contacts.len() as u32);
+    }
+    Ok(())
+}
+
+fn write_state(state: &mut State, work: &Workspace) {
+    let b = &work.bodies;
+    state.position.clone_from(&b.position);
+    state.orientation.clone_from(&b.orientation);
+    for (i, [v, w]) in b.motion[..state.position.len()].iter().enumerate() {
+        state.velocity[i] = *v;
+        state.angular_velocity[i] = *w;
+    }
+    state.touches.clear();
+    state.touches.extend(work.touches());
+}

@@ -1,0 +1,202 @@
+//! Memory of a step: bodies, pairs, and the pairs' place in the neighbour list.
+
+use super::elastic::Elastic;
+use super::pair::Pair;
+use super::touch::{PairLaw, Touch};
+use crate::force::{LoadError, Motion};
+use crate::model::Model;
+use crate::options::Method;
+use crate::state::State;
+use glam::{DQuat, DVec3};
+
+/// The moving state of a step. Arrays of motion and inertia have an entry for each sphere and, after them, a zero for
+/// each plane: a plane is a body of infinite mass at rest.
+#[derive(Debug, Default)]
+pub struct Bodies {
+    /// (N), m.
+    pub position: Vec<DVec3>,
+    pub orientation: Vec<DQuat>,
+    /// (N + P) velocity and spatial angular velocity.
+    pub motion: Vec<[DVec3; 2]>,
+    pub inv_mass: Vec<f64>,
+    pub inv_inertia: Vec<f64>,
+    pub radius: Vec<f64>,
+    /// (N + P) accelerations by gravity and loads.
+    pub smooth: Vec<[DVec3; 2]>,
+    /// (N + P) of the centres, with the elastic forces, m/s^2.
+    pub acceleration: Vec<DVec3>,
+}
+
+/// Memory of method `penalty`; empty with other methods.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    pub bodies: Bodies,
+    pub elastic: Option<Elastic>,
+    pub laws: Vec<PairLaw>,
+    /// Sorted by key.
+    pub pairs: Vec<Pair>,
+    merged: Vec<Pair>,
+    pub need: Vec<f64>,
+    wrench: Vec<[DVec3; 2]>,
+    speed: Vec<f64>,
+    /// Velocities and angular velocities at which loads are evaluated.
+    ahead: [Vec<DVec3>; 2],
+    /// Of the loads at their last evaluation: power of those without potential, W, and potential, J.
+    pub power: f64,
+    pub potential: f64,
+}
+
+impl Workspace {
+    pub fn new(model: &Model) -> Workspace {
+        if model.options.method != Method::Penalty {
+            return Workspace::default();
+        }
+        let (n, planes) = (model.spheres(), model.planes.len());
+        let extended = |values: &[f64]| {
+            let mut out = values.to_vec();
+            out.resize(n + planes, 0.0);
+            out
+        };
+        Workspace {
+            bodies: Bodies {
+                inv_mass: extended(&model.inv_mass),
+                inv_inertia: extended(&model.inv_inertia),
+                radius: extended(&model.radius),
+                smooth: vec![[DVec3::ZERO; 2]; n + planes],
+                acceleration: vec![DVec3::ZERO; n + planes],
+                ..Bodies::default()
+            },
+            elastic: Some(Elastic::new(&model.options)),
+            laws: PairLaw::all(model),
+            need: vec![0.0; n],
+            wrench: vec![[DVec3::ZERO; 2]; n],
+            ..Workspace::default()
+        }
+    }
+
+    /// Takes over the state at the start of a step, with the contacts that are closed.
+    pub fn begin(
+        &mut self,
+        model: &Model,
+        state: &State,
+        elastic: &Elastic,
+        time: f64,
+    ) -> Result<(), LoadError> {
+        let b = &mut self.bodies;
+        b.position.clone_from(&state.position);
+        b.orientation.clone_from(&state.orientation);
+        b.motion.clear();
+        let velocities = state.velocity.iter().zip(&state.angular_velocity);
+        b.motion.extend(velocities.map(|(v, w)| [*v, *w]));
+        b.motion.resize(b.inv_mass.len(), [DVec3::ZERO; 2]);
+        self.pairs.clear();
+        for touch in &state.touches {
+            let pair = Pair::new(model, elastic, &self.laws, b, touch.key, Some(*touch));
+            self.pairs.push(pair);
+        }
+        self.load(model, time, 0.0)
+    }
+
+    /// Accelerations by gravity and loads at the present positions and at the velocities that `ahead` (s) of the present
+    /// accelerations would add.
+    pub fn load(&mut self, model: &Model, time: f64, ahead: f64) -> Result<(), LoadError> {
+        let n = model.spheres();
+        let b = &mut self.bodies;
+        if model.loads.is_empty() {
+            b.smooth[..n].fill([model.gravity, DVec3::ZERO]);
+            return Ok(());
+        }
+        let [velocity, angular_velocity] = &mut self.ahead;
+        velocity.clear();
+        velocity.extend((0..n).map(|i| b.motion[i][0] + ahead * b.acceleration[i]));
+        angular_velocity.clear();
+        angular_velocity.extend((0..n).map(|i| b.motion[i][1] + ahead * b.smooth[i][1]));
+        let at = Motion {
+            time,
+            position: &b.position,
+            orientation: &b.orientation,
+            velocity,
+            angular_velocity,
+        };
+        self.wrench.fill([DVec3::ZERO; 2]);
+        for load in &model.loads {
+            load.add(&at, &mut self.wrench)?;
+        }
+        self.power = model.loads.iter().map(|load| load.power(&at)).sum();
+        self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
+        for (i, [force, moment]) in self.wrench.iter().enumerate() {
+            b.smooth[i] = [
+                model.gravity + b.inv_mass[i] * *force,
+                b.inv_inertia[i] * *moment,
+            ];
+        }
+        Ok(())
+    }
+
+    /// Accelerations of the centres from loads and elastic forces.
+    pub fn accelerate(&mut self) {
+        let b = &mut self.bodies;
+        for (total, smooth) in b.acceleration.iter_mut().zip(&b.smooth) {
+            *total = smooth[0];
+        }
+        for pair in self.pairs.iter().filter(|p| p.closed) {
+            let force = pair.elastic * pair.normal;
+            b.acceleration[pair.a as usize] += b.inv_mass[pair.a as usize] * force;
+            b.acceleration[pair.b as usize] -= b.inv_mass[pair.b as usize] * force;
+        }
+    }
+
+    /// Makes the pairs those of the list; pairs with something to report stay. Both are sorted by key.
+    pub fn take_pairs(&mut self, model: &Model, elastic: &Elastic, listed: &[(u32, u32)]) {
+        self.merged.clear();
+        let mut old = self.pairs.drain(..).filter(Pair::has_record).peekable();
+        for &key in listed {
+            while let Some(pair) = old.next_if(|p| p.key() < key) {
+                self.merged.push(pair);
+            }
+            let known = old.next_if(|p| p.key() == key);
+            self.merged.push(known.unwrap_or_else(|| {
+                let mut new = Pair::new(model, elastic, &self.laws, &self.bodies, key, None);
+                // At the start of a run bodies may touch already.
+                if new.gap < 0.0 {
+                    new.close(&self.bodies);
+                }
+                new
+            }));
+        }
+        self.merged.extend(old);
+        std::mem::swap(&mut self.pairs, &mut self.merged);
+    }
+
+    /// Lets contacts that touched when a collision reached them take its speed, from body to body.
+    pub fn join_collisions(&mut self, model: &Model, elastic: &Elastic, dt: f64) {
+        loop {
+            self.speed.clear();
+            self.speed.resize(model.spheres(), 0.0);
+            for pair in &self.pairs {
+                let Some(v) = pair.collision_speed(elastic) else {
+                    continue;
+                };
+                for body in [pair.a, pair.b] {
+                    if let Some(speed) = self.speed.get_mut(body as usize) {
+                        *speed = v.max(*speed);
+                    }
+                }
+            }
+            let mut joined = false;
+            for pair in &mut self.pairs {
+                let at = |body: u32| self.speed.get(body as usize).copied().unwrap_or(0.0);
+                let speed = at(pair.a).max(at(pair.b));
+                joined |= pair.join(model, speed, dt);
+            }
+            if !joined {
+                return;
+            }
+        }
+    }
+
+    /// Contacts that stay closed, for the state.
+    pub fn touches(&self) -> impl Iterator<Item = Touch> + '_ {
+        self.pairs.iter().filter(|p| p.closed).map(|p| p.touch)
+    }
+}
