@@ -533,7 +533,6 @@ class TestFunctions:
             changes.restore_functions(directory, balls(), wind)
         changes.restore_functions(directory, balls())
 
-
     def test_a_run_continues_with_its_function(self, tmp_path: Path) -> None:
         """Bit for bit as without the break; without the function it is refused with a cure."""
         import carom

@@ -1,6 +1,6 @@
 """Type stub of the compiled core (crate `carom-py`). Nothing here knows files, names or units other than SI."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypedDict
 
 import numpy as np
@@ -45,6 +45,20 @@ class Block(TypedDict):
 
 def defaults() -> dict[str, float | int | bool | str]:
     """Every option of `[run]` that is numerical, with its default: the one place where defaults are stated."""
+
+def tangential_increment(
+    x_a0: Sequence[float] | F64,
+    x_b0: Sequence[float] | F64,
+    x_a1: Sequence[float] | F64,
+    x_b1: Sequence[float] | F64,
+    psi_a: Sequence[float] | F64,
+    psi_b: Sequence[float] | F64,
+    r_a: float,
+    r_b: float,
+) -> tuple[float, float, list[float], list[float]]:
+    """Incremental tangential gap of two spheres over a step (eq. 37), m, and the tangents t1, t2 of its start: centres at t_n
+    and t_{n+1}, m, spatial rotation increments, rad, radii, m. `ModelError` if the centres coincide.
+    """
 
 def choices() -> dict[str, list[str]]:
     """Admitted values of the options that are names: method, impact, solver and others."""

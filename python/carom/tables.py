@@ -281,6 +281,8 @@ class Outcome:
     bodies: tuple[str, ...] = ()
     residual: float | None = None
     advice: str = ""
+    message: str = ""
+    """What a load function raised, in its own words."""
     problem_file: str | None = None
 
     @classmethod
@@ -312,6 +314,8 @@ class Outcome:
             parts.append("between " + " and ".join(self.bodies))
         if self.residual is not None:
             parts.append(f"(residual {self.residual:.3g})")
+        if self.message:
+            parts.append(f"({self.message})")
         text = " ".join(parts)
         if self.problem_file:
             text += f"; the contact problem is in {self.problem_file}"
