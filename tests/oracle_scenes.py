@@ -101,24 +101,20 @@ def some_joint(
 ) -> dict[str, Any]:
     """Any type; joints to the ground take a body of `free`."""
     n = len(x)
-    pairs = n > 1 and rng.random() < 0.6
-    kind = str(
-        rng.choice(
-            ["ball", "rod", "lock"]
-            if pairs or not free
-            else ["fix", "line", "plane", "motion", "spin", "rod", "lock"]
-        )
-    )
-    if pairs or not free:
-        a, b = (int(i) for i in rng.choice(n, 2, replace=False)) if n > 1 else (0, -1)
+    if n > 1 and (not free or rng.random() < 0.5):
+        kind = rng.choice(["ball", "rod", "lock", "spin"])
+        a, b = (int(i) for i in rng.choice(n, 2, replace=False))
     else:
-        a, b = int(rng.choice(free)), -1
+        kind = rng.choice(["fix", "line", "plane", "motion", "motion", "spin", "rod", "lock"])
+        a, b = int(rng.choice(free)) if free else 0, -1
 
     def on(body: int) -> np.ndarray:
         return x[body] + unit(rng) * radius[body] * rng.choice([0.0, 0.5, 1.0, 3.0])
 
     if kind == "rod":
-        return rod(x, a, b, on(a), on(b) if b >= 0 else x[a] + unit(rng) * rng.uniform(0.05, 0.2) + 0.2)
+        ends = on(a), on(b) if b >= 0 else x[a] + unit(rng) * rng.uniform(0.1, 0.4)
+        length, rate = float(np.linalg.norm(ends[0] - ends[1])), rng.normal() * rng.choice([0.0, 0.0, 0.5])
+        return rod(x, a, b, *ends, polynomial(length, rate))
     if kind == "lock":
         return locked(a, b, np.linalg.qr(rng.normal(size=(3, 3)))[0][: rng.integers(1, 4)])
     if kind == "spin":
@@ -161,14 +157,14 @@ def _scaled(data: Any, factor: float) -> Any:
     return (np.array(data) * ([1.0, factor] if np.ndim(data) == 2 else factor)).tolist()
 
 
-def independent(model: dict[str, Any], touching: float = 1e-6) -> bool:
-    """Whether the rows of the joints and the normals of the contacts of the start are linearly independent, clearly."""
+def independent(model: dict[str, Any], near: float = 0.01) -> bool:
+    """Whether the rows of the joints and the normals of contacts that may come soon are clearly independent."""
     reference = Model.from_dict(model)
     x = reference.position
     rows = list(at_start(reference).gradient)
     for pair in reference.pairs:
         gap, normal, _ = gap_and_normal(reference, pair, x)
-        if gap < touching:
+        if gap < near:
             row = np.zeros(6 * reference.bodies)
             row[6 * pair.a : 6 * pair.a + 3] = normal
             if pair.plane < 0:

@@ -75,6 +75,13 @@ def test_runs_are_kept_where_asked(tmp_path: Path) -> None:
     carom.compare(THREE, ("nsga",), out=tmp_path, force=True)
 
 
+def test_a_scene_with_laws_and_joints_is_compared() -> None:
+    found = carom.compare(SCENARIOS / "paper" / "5.3_throw.toml", ("nsga", "moreau"), until=0.01)
+    assert found.ok
+    driven = carom.compare(SCENARIOS / "paper" / "5.1_torque.toml", ("nsga", "moreau"), until=0.1)
+    assert all(d.relative < 1e-4 for d in driven["moreau"].differences if d.quantity != "velocity")
+
+
 def test_a_run_that_stops_is_an_outcome() -> None:
     """A tolerance that no solver reaches: the first method stops at once and nothing can be compared."""
     scene = carom.Scene.from_toml(SCENARIOS / "paper" / "5.6_break.toml")
@@ -165,3 +172,23 @@ def test_command_says_that_a_method_stopped() -> None:
     assert code == 3
     assert json.loads(out)["methods"][0]["outcome"].startswith("not converged")
     assert "nsga: not converged" in err
+
+
+def test_commands_know_cases_and_parameters() -> None:
+    from carom.cli.app import app
+
+    path = SCENARIOS / "paper" / "5.2_free_balls.toml"
+    code, out, _ = command(str(path), "--case", "slips", "--methods", "nsga,moreau", "--json")
+    assert code == 0
+    slips = carom.compare(carom.Scene.from_toml(path, case="slips"), ("nsga", "moreau"))
+    sticks = carom.compare(carom.Scene.from_toml(path, case="sticks"), ("nsga", "moreau"))
+    told = json.loads(out)["methods"][1]["differences"]
+    assert [d["greatest"] for d in told] == [d.greatest for d in slips["moreau"].differences]
+    assert [d["greatest"] for d in told] != [d.greatest for d in sticks["moreau"].differences]
+
+    arguments = ["converge", str(path), "--steps", "2e-3,1e-3", "--reference", "1e-4", "--json"]
+    found = [
+        json.loads(CliRunner().invoke(app, [*arguments, "--set", f"mu_b={mu}"]).stdout)["quantities"]
+        for mu in (0.06, 0.2)
+    ]
+    assert found[0]["angular_velocity"] != found[1]["angular_velocity"]

@@ -195,6 +195,81 @@ def test_a_curved_contact_overlaps_by_h_squared_without_projection() -> None:
     assert overlap_over_the_hill(1e-3, projected=True) < 1e-10 * 0.1
 
 
+@pytest.mark.parametrize(("theta", "order"), [(0.5, 2.0), (1.0, 1.0)])
+def test_loads_are_weighted_by_theta(theta: float, order: float) -> None:
+    """A spring against the exact oscillation: order 2 with the mean of old and new, 1 otherwise."""
+    omega, amplitude = 2 * math.pi, 0.1
+    scene = Scene("oscillator", gravity=(0, 0, 0))
+    scene.contact("a", "a", friction=0.0, restitution=0.0)
+    scene.sphere("ball", radius=0.1, mass=1.0, material="a", position=(amplitude, 0, 0))
+    ends = ((amplitude, 0, 0), (-10, 0, 0))
+    scene.spring("ball", "ground", points=ends, stiffness=omega**2, rest_length=10.0)
+
+    def exact(t: float) -> dict[str, list[float]]:
+        return {"position:ball:x": [amplitude * math.cos(omega * t)]}
+
+    found = carom.converge(scene, [2e-2, 1e-2, 5e-3], exact, until=1.0, method="moreau", theta=theta)
+    fit = found.orders["position:ball:x"]
+    assert fit is not None
+    assert fit.value == pytest.approx(order, abs=0.1)
+
+
+def pendulum() -> Scene:
+    scene = Scene("pendulum", gravity=(0, 0, -GRAVITY))
+    scene.contact("a", "a", friction=0.0, restitution=0.0)
+    scene.sphere("bob", radius=0.05, mass=1.0, material="a", position=(1, 0, 0))
+    scene.joint("rod", between=("bob", "ground"), points=((1, 0, 0), (0, 0, 0)))
+    return scene
+
+
+@pytest.mark.parametrize("projected", [False, True])
+def test_joints_are_held_at_velocity_level(projected: bool) -> None:
+    """A pendulum tends to that of nsga with order 1; its rod drifts by h^2 unless positions are projected."""
+    options: dict[str, Any] = {"method": "moreau", "position_projection": projected, "until": 1.0}
+    steps = [4e-3, 2e-3, 1e-3]
+    reference = carom.simulate(pendulum(), method="nsga", step=5e-5, until=1.0, every=20)
+    found = carom.converge(pendulum(), steps, reference, ["position", "velocity"], **options)
+    for order in found.orders.values():
+        assert order is not None
+        assert order.value == pytest.approx(1, abs=0.05)
+    drift = []
+    for h in steps:
+        places = np.asarray(run(pendulum(), step=h, until=1.0, position_projection=projected)["bob"].position)
+        drift.append(float(np.max(np.abs(np.linalg.norm(places, axis=1) - 1))))
+    if projected:
+        assert max(drift) < 1e-12
+    else:
+        assert order_of(steps, drift).value == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize("options", [{"method": "nsga"}, {"theta": 0.5}, {"theta": 0.8}])
+def test_the_reaction_of_a_joint_carries_the_weight(options: dict[str, Any]) -> None:
+    """At rest weight and reaction cancel and nothing moves: neither may be the measure of convergence."""
+    scene = Scene("hanging", gravity=(0, 0, -GRAVITY))
+    scene.contact("a", "a", friction=0.0, restitution=0.0)
+    scene.sphere("ball", radius=0.05, mass=2.0, material="a", position=(0, 0, 0))
+    scene.joint("fix", body="ball")
+    h, every = 1e-3, 10
+    result = run(scene, step=h, until=0.1, every=every, **options)
+    reaction = np.asarray(result.joint_impulse)[2:, 0]
+    carried = [0, 0, 2.0 * GRAVITY * h * every, 0, 0, 0]
+    np.testing.assert_allclose(reaction, [carried] * len(reaction), atol=1e-12)
+    assert np.max(np.abs(np.asarray(result.position))) < 1e-12
+
+
+def test_a_driven_joint_does_the_work_that_the_energy_gains() -> None:
+    """A ball pushed along a line by a prescribed motion: what the joint puts in is counted with the right weight."""
+    scene = Scene("driven", gravity=(0, 0, 0))
+    scene.contact("a", "a", friction=0.0, restitution=0.0)
+    scene.sphere("ball", radius=0.05, mass=2.0, material="a", position=(0, 0, 0))
+    scene.joint("motion", body="ball", direction=(1, 0, 0), displacement={"polynomial": [0, 0, 1.5]})
+    for method in ("nsga", "moreau"):
+        energy = run(scene, method=method, step=1e-3, until=0.5).summary["energy"]
+        gained = energy["final"] - energy["initial"]
+        assert gained == pytest.approx(0.5 * 2.0 * 1.5**2, rel=1e-9)  # v = 2 * 1.5 t at 0.5 s
+        assert energy["work"] == pytest.approx(gained, rel=5e-3)
+
+
 @pytest.mark.parametrize("projected", [False, True])
 def test_a_run_continues_bit_for_bit(tmp_path: Path, projected: bool) -> None:
     scene = Scene.from_toml(SCENARIOS / "corner.toml")

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from carom import _core
-from carom.reference import Reference
+from carom.reference import NotConverged, Reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from joint_scenes import held, scene
@@ -113,10 +113,17 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
         assert np.max(np.abs(acceleration - oracle.state.acc)) < 1e-9 * (1.0 + np.max(np.abs(acceleration)))
     for _ in range(4):
         before = oracle.state = core_state(core)
-        (report,) = oracle.advance(1)
         block = core.advance(1, 1, True, 1e9)
+        try:
+            (report,) = oracle.advance(1)
+        except NotConverged:
+            # friction can jam a driven body so that no motion obeys the conditions: then nobody finds one
+            if block["outcome"] is not None:
+                seen["jammed"] += 1
+                return
+            report = None
         assert block["outcome"] is None, block["outcome"]
-        if difference(oracle, core, model["radius"]) <= AGREE:
+        if report is not None and difference(oracle, core, model["radius"]) <= AGREE:
             joints = joints_of(model, core.frame())
             rank = np.linalg.matrix_rank(joints, tol=1e-8) if len(joints) else 0
             if 0 < rank == len(joints) and nullity(core, model, block) == 0:
@@ -124,7 +131,7 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
                 assert np.max(np.abs(given - report.joint_impulses)) < AGREE
                 seen["reactions"] += 1
             continue
-        assert nullity(core, model, block) > 0, "differs, and its contacts are independent"
+        assert report is None or nullity(core, model, block) > 0, "differs, and its contacts are independent"
         judged = Reference(model)
         judged.state = before
         verdict = judge_core_step(judged, core, block)

@@ -134,13 +134,14 @@ def converge(
 
     scene = scene_of(scene, "converge")
     scene = scene.with_options(**options) if options else scene
-    scene.validate()
     chosen = sorted({_positive(h) for h in steps}, reverse=True)
     if len(chosen) < 2:
         raise CaromError("give at least two different steps: an order is a slope")
     end = until if until is not None else max(at, default=scene.run.until or 0.0)
     if not 0 < end < math.inf:
         raise CaromError("the scenario does not say how long to simulate; give until")
+    scene = scene.with_options(until=end)
+    scene.validate()
     if at and not all(0 <= t <= end for t in at):
         raise CaromError(f"at: give times from 0 to the end of the runs, {end:g} s")
     names = scene.names

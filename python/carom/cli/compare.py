@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet, Scenario, overrides
+from carom.cli.options import Case, Json, Quiet, Scenario, Set, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note, seconds
 from carom.cli.progress import progress_bar
 from carom.cli.tables import show_table
@@ -36,12 +36,8 @@ def compare(
     until: Annotated[
         str | None, typer.Option("--until", metavar="TIME", help="Simulated time, s or with a unit.")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Override a key of [run] or [record]; may be repeated."
-        ),
-    ] = None,
+    case: Case = None,
+    set_: Set = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="DIR", help="Keep the runs there; default nothing.")
     ] = None,
@@ -55,18 +51,14 @@ def compare(
     """
     from carom.comparison import compare as compare_methods
     from carom.run import CaromWarning
-    from carom.scene import Scene
 
-    options, places = overrides(set_, until)
-    scene = Scene.from_toml(scenario)
-    if options:
-        scene = scene.overridden(options, places)
-    for advice in scene.validate():
+    described = scene(scenario, case, set_, until)
+    for advice in described.validate():
         note(f"warning: {advice}")
     with progress_bar(not (quiet or as_json)) as bar, warnings.catch_warnings():
         warnings.simplefilter("ignore", CaromWarning)  # told above
         found = compare_methods(
-            scene,
+            described,
             _names(methods),
             at=_times(at or []),
             out=out,

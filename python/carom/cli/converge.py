@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet, Scenario, number, overrides
+from carom.cli.options import Case, Json, Quiet, Scenario, Set, number, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded
 from carom.cli.tables import show_table
 
@@ -51,10 +51,8 @@ def converge(
             help="Take the error at this time (s) alone; several with commas. Default all steps.",
         ),
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key of [run]; may be repeated."),
-    ] = None,
+    case: Case = None,
+    set_: Set = None,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -72,24 +70,18 @@ def converge(
 
     Example: carom converge break.toml --steps 1e-3,5e-4,2.5e-4 --reference 1e-5 --at 0.13
     """
-    from carom.scene import Scene
     from carom.study import converge as study_of
 
-    options, places = overrides(set_, None)
-    scene = Scene.from_toml(scenario)
-    if until is not None:
-        options["until"], places["until"] = number(until), "--until"
-    if options:
-        scene = scene.overridden(options, places)
+    described = scene(scenario, case, set_, until)
     if plot is not None:
         _refuse_format(plot)
     fine = number(reference)
     found = study_of(
-        scene,
+        described,
         numbers("--steps", [steps]),
         fine if isinstance(fine, float) else Path(reference),
         [q for q in quantities.split(",") if q.strip()] if quantities else None,
-        until=scene.run.until if until is not None else None,
+        until=described.run.until if until is not None else None,
         at=numbers("--at", at or []),
         threads=threads,
     )

@@ -74,7 +74,7 @@ fn iterate(
     for iteration in 0..=model.options.max_iterations {
         place(state, linear, angular, trial);
         let acceleration = |i: usize| [linear[i].acceleration, angular[i].acceleration];
-        let small = match smooth.evaluate(model, trial, acceleration, weights.time) {
+        let small = match smooth.evaluate(model, trial, acceleration, &weights) {
             Ok(small) => small,
             Err(error) => {
                 *load_error = Some(error.0);

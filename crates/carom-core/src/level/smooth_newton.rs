@@ -43,7 +43,8 @@ pub struct Weights {
     pub time: f64,
 }
 
-/// Smallness of the residual: of the balance over its terms, of the constraints over the speeds.
+/// Smallness of the residual: of the balance over its terms (eq. 44), of the constraints over the speeds, those that the
+/// loads would give in the step among them. At rest forces cancel and speeds are rounding: neither may be the measure.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Smallness {
     pub balance: f64,
@@ -147,8 +148,9 @@ impl SmoothScratch {
         model: &Model,
         trial: &mut Trial,
         acceleration: impl Fn(usize) -> [DVec3; 2],
-        time: f64,
+        weights: &Weights,
     ) -> Result<Smallness, LoadError> {
+        let time = weights.time;
         let n = model.spheres();
         for (i, w) in trial.wrench.iter_mut().enumerate() {
             *w = [force::weight(model, i), DVec3::ZERO];
@@ -165,7 +167,15 @@ impl SmoothScratch {
         if let Some(error) = failed {
             return Err(error);
         }
+        let (mut residual, mut terms) = (0.0f64, 0.0f64);
         let (mut constraint, mut speed) = (0.0f64, 0.0f64);
+        for (i, [f, m]) in trial.wrench.iter().enumerate() {
+            let arm = 1.0 / model.radius[i];
+            terms += f.length_squared() + arm * arm * m.length_squared();
+            let pull = model.inv_mass[i] * f.length();
+            let twist = model.radius[i] * model.inv_inertia[i] * m.length();
+            speed = speed.max(pull.max(twist) / weights.acceleration);
+        }
         for (index, joint) in model.joints.iter().enumerate() {
             let rows = &mut self.gradients[index];
             let dim = joint.gradient_at(&trial.poses(joint), rows);
@@ -192,13 +202,16 @@ impl SmoothScratch {
                 let bodies = [joint.a, joint.b];
                 for (side, &body) in row.iter().zip(&bodies) {
                     if let Some(w) = trial.wrench.get_mut(body as usize) {
-                        w[0] += l * DVec3::new(side[0], side[1], side[2]);
-                        w[1] += l * DVec3::new(side[3], side[4], side[5]);
+                        let force = l * DVec3::new(side[0], side[1], side[2]);
+                        let moment = l * DVec3::new(side[3], side[4], side[5]);
+                        let arm = 1.0 / model.radius[body as usize];
+                        terms += force.length_squared() + arm * arm * moment.length_squared();
+                        w[0] += force;
+                        w[1] += moment;
                     }
                 }
             }
         }
-        let (mut residual, mut terms) = (0.0f64, 0.0f64);
         let (mut parts, mut rounding) = (0.0, 0.0);
         for load in &model.loads {
             let m = load.magnitude(&trial.motion(time));
@@ -212,8 +225,7 @@ impl SmoothScratch {
             let r = [f - inertia, m - turn];
             let arm = 1.0 / model.radius[i];
             residual += r[0].length_squared() + arm * arm * r[1].length_squared();
-            terms += f.length_squared() + inertia.length_squared();
-            terms += arm * arm * (m.length_squared() + turn.length_squared());
+            terms += inertia.length_squared() + arm * arm * turn.length_squared();
             self.residual[i] = r;
         }
         Ok(Smallness {
@@ -467,7 +479,7 @@ pub fn initial_accelerations(model: &Model, state: &State) -> Vec<[DVec3; 2]> {
     // in the first step, which reports it.
     for _ in 0..3 {
         if scratch
-            .evaluate(model, &mut trial, |i| accelerations[i], 0.0)
+            .evaluate(model, &mut trial, |i| accelerations[i], &weights)
             .is_err()
         {
             return accelerations;

@@ -274,7 +274,7 @@ def _radius_figure(quick: bool) -> Figure:
         ylabel="spectral radius",
         curves=tuple(curves),
         xscale="log",
-        caption="Not in the paper. Lines: eqs. 6 and 7 as a matrix; points: one step of the core from three states.",
+        caption="Lines: eqs. 6 and 7 as a matrix; points: one step of the core from three states.",
     )
 
 
@@ -290,7 +290,7 @@ def _order_figure(steps: tuple[float, ...], displacement: list[float], velocity:
         xscale="log",
         yscale="log",
         slopes=(2.0,),
-        caption="Not in the paper. A period of the oscillator of 1 s, rho_inf = 0.8.",
+        caption="A period of the oscillator of 1 s, rho_inf = 0.8.",
     )
 
 

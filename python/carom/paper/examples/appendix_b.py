@@ -39,7 +39,7 @@ def reproduce(context: Context) -> Example:
     rows = [row for ratio in RATIOS for row in _rows(ratio, phi, by_angle[ratio])]
     return Example(
         EXAMPLE,
-        "Appendix B: error of the increment of slip",
+        "Error of the increment of slip",
         (*rows, _leading(phi, by_angle[1.0])),
         figures=(_figure_28(phi, by_angle), _figure_29(ratios, by_ratio)),
         texts=(

@@ -43,7 +43,7 @@ def reproduce(context: Context) -> Example:
     ]
     return Example(
         ID,
-        "Appendix C: the cue ball after the hit",
+        "The cue ball after the hit",
         tuple(rows),
         texts=(
             "Eq. 63 is right for what it describes: two balls, nothing else, slip from beginning to end. On a table the"

@@ -108,7 +108,7 @@ def figure(found: Sequence[Point], coarse: Sequence[Point]) -> Figure:
         yscale="log",
         slopes=(1.0,),
         caption=(
-            "Not in the paper. Against the sequence of impacts solved at the exact instant. Lines: steps with the impact in "
+            "Against the sequence of impacts solved at the exact instant. Lines: steps with the impact in "
             "their middle. Points: round steps, whose impact is late by anything between 0 and h."
         ),
     )
