@@ -230,3 +230,11 @@ def test_the_command_line_tells_the_substeps(tmp_path: Path) -> None:
     assert "oblique" not in done.stderr + done.stdout
     summary = json.loads((tmp_path / "run" / "run.json").read_text())["summary"]
     assert summary["penalty"]["substeps"] > 20
+
+
+def test_joints_are_refused_and_a_comparison_leaves_the_method_out() -> None:
+    scene = carom.Scene.from_toml(find("5.1_torque"))
+    with pytest.raises(carom.CaromError, match=r"penalty knows no joints; choose nsga"):
+        carom.simulate(scene, method="penalty", until=0.01)
+    assert "penalty" not in [run.name for run in carom.compare(scene, until=0.01)]
+    assert "penalty" in [run.name for run in carom.compare(pair(), until=0.01)]

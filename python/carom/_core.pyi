@@ -56,8 +56,9 @@ def tangential_increment(
     r_a: float,
     r_b: float,
 ) -> tuple[float, float, list[float], list[float]]:
-    """Incremental tangential gap of two spheres over a step (eq. 37), m, and the tangents t1, t2 of its start: centres at t_n
-    and t_{n+1}, m, spatial rotation increments, rad, radii, m. `ModelError` if the centres coincide.
+    """Incremental tangential gap of two spheres over a step (eq. 37), m, and the tangents t1, t2 of its start.
+
+    Centres at t_n and t_{n+1}, m, spatial rotation increments, rad, radii, m. `ModelError` if the centres coincide.
     """
 
 def choices() -> dict[str, list[str]]:

@@ -135,6 +135,12 @@ def default_methods() -> list[str]:
     ]
 
 
+def _able(scene: Scene) -> list[str]:
+    """The default methods that can take the scene: contact forces know no joints."""
+    joined = bool(scene.to_model().get("joints"))
+    return [name for name in default_methods() if not (joined and name == "penalty")]
+
+
 def method_options(name: str) -> dict[str, Any]:
     """The keys of `[run]` that a name such as `moreau+projection` stands for."""
     from carom import _core
@@ -170,7 +176,7 @@ def compare(
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
-    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that there are. `at` are times (s, on
+    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at` are times (s, on
     the grid of the steps) that are compared besides the end. `options` are keys of `[run]` and `[record]` for all
     runs. With `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end
     is no error here: its `outcome` says so.
@@ -179,7 +185,8 @@ def compare(
     from carom.drive import Plan
     from carom.run import CaromWarning, RunFailed, scene_of
 
-    names = list(methods) if methods is not None else default_methods()
+    scene = scene_of(scene, "compare")
+    names = list(methods) if methods is not None else _able(scene)
     if not names:
         raise CaromError("name at least one method to compare")
     if len(set(names)) < len(names):
@@ -188,7 +195,6 @@ def compare(
     if clash := sorted({"every", *(k for o in chosen.values() for k in o)} & set(options)):
         cure = "name it with the method, as nsga+one-shot" if clash != ["every"] else "give the times with at"
         raise CaromError(f"{clash[0]} is set by the comparison; {cure}")
-    scene = scene_of(scene, "compare")
     scene = scene.with_options(**options) if options else scene
     if scene.run.until is None:
         raise CaromError("the scenario does not say how long to simulate; give until")

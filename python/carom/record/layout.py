@@ -112,11 +112,15 @@ MEANINGS: dict[str, Meaning] = {
     "steps/residual_position": Meaning("1", "relative residual of the position sub-problem, eq. 44"),
     "steps/residual_velocity": Meaning("1", "relative residual of the velocity sub-problem, eq. 44"),
     "steps/energy_kinetic": Meaning("J", "kinetic energy, translation and rotation"),
-    "steps/energy_potential": Meaning("J", "potential energy of gravity and springs"),
+    "steps/energy_potential": Meaning(
+        "J", "potential energy of gravity, springs and, with method penalty, contacts"
+    ),
     "steps/energy_work": Meaning(
         "J", "work of loads without a potential and of prescribed motion in the step"
     ),
-    "steps/penetration": Meaning("m", "deepest penetration after the step, 0 if there is none"),
+    "steps/penetration": Meaning(
+        "m", "deepest penetration after the step (penalty: within it), 0 if there is none"
+    ),
     "steps/penetration_relative": Meaning("1", "the same over the radius of the body"),
     "steps/fallbacks": Meaning("1", "times a rescue method of the solver was used"),
     "steps/truncated": Meaning("1", "impact sequences cut at the limit of problems"),
