@@ -87,9 +87,9 @@ def _gain(island: Island, contacts: list[int], solved: _Solved, before: F64) -> 
 def _pushing_islands(
     island: Island, members: list[int], solved: _Solved
 ) -> list[tuple[list[int], list[int]]]:
-    """Contacts with impulse that hang together, also through joints and loads; and the spheres of each group."""
+    """Contacts with impulse that hang together, also through joints; and the spheres of each group."""
     pushing = [i for i in members if solved.multipliers[island.layout.start[i]] > 0.0]
-    links = island.bonds.group.links if island.bonds else []
+    links = [row.bodies for row in island.layout.joints]
     sets = [island.elements[i].pair.bodies for i in pushing] + links
     result = []
     for group in connected(sets):
