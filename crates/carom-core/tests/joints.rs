@@ -343,3 +343,18 @@ fn a_joint_given_twice_changes_nothing() {
     let difference = (once.state.position[0] - twice.state.position[0]).length();
     assert!(difference < 1e-9, "{difference:e}");
 }
+
+/// Where nothing moves and nothing pulls, rounding speeds are no reason to fail.
+#[test]
+fn a_held_ball_without_gravity_stays() {
+    for v in [0.0, 1e-16] {
+        let mut input = balls(&[[0.3, 0.1, -0.2]], &[]);
+        input.velocity = vec![[v, 0.0, 0.0]];
+        input.angular_velocity = vec![[0.0, 0.0, 30.0]];
+        let held = DVec3::new(0.3, 0.1, -0.2);
+        input.joints = vec![pin(0, GROUND, DVec3::ZERO, held)];
+        let s = run(&input, 1e-3, 0.05);
+        assert!((s.state.position[0] - held).length() < 1e-15);
+        assert_eq!(s.monitors.halvings, 0);
+    }
+}

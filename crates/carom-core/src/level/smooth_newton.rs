@@ -22,6 +22,8 @@ const DENSE: usize = 72;
 const SHIFT: f64 = 1e-12;
 /// Roundings of the loads that a residual may hold.
 const ROUNDING: f64 = 16.0;
+/// Speeds below this share of r/h, and forces below this share of m r/h^2, are measured against it.
+const AT_REST: f64 = 1e-4;
 
 /// Spheres that move together in the smooth sub-problem.
 #[derive(Default)]
@@ -142,7 +144,7 @@ impl SmoothScratch {
         self.grouped[i]
     }
 
-    /// Residuals `f + G^T lambda - M a` per sphere and `G v - c'` (or `target`) per joint row, at the motion in `trial`.
+    /// Residuals `f + G^T lambda - M a` per sphere and `G v - c'` per joint row, at the motion in `trial`.
     pub fn evaluate(
         &mut self,
         model: &Model,
@@ -150,7 +152,7 @@ impl SmoothScratch {
         acceleration: impl Fn(usize) -> [DVec3; 2],
         weights: &Weights,
     ) -> Result<Smallness, LoadError> {
-        let time = weights.time;
+        let (time, rate) = (weights.time, weights.acceleration);
         let n = model.spheres();
         for (i, w) in trial.wrench.iter_mut().enumerate() {
             *w = [force::weight(model, i), DVec3::ZERO];
@@ -212,6 +214,14 @@ impl SmoothScratch {
                 }
             }
         }
+        // Where nothing moves and nothing pulls, what moves a sphere by next to nothing of its radius is nothing.
+        let length = model.radius.iter().copied().fold(f64::INFINITY, f64::min);
+        let scale = model
+            .mass
+            .iter()
+            .zip(&model.radius)
+            .map(|(m, r)| m * r)
+            .fold(f64::INFINITY, f64::min);
         let (mut parts, mut rounding) = (0.0, 0.0);
         for load in &model.loads {
             let m = load.magnitude(&trial.motion(time));
@@ -231,25 +241,28 @@ impl SmoothScratch {
         Ok(Smallness {
             // What rounding leaves counts as nothing.
             balance: (residual.sqrt() - ROUNDING * rounding).max(0.0)
-                / (terms.sqrt() + parts).max(f64::MIN_POSITIVE),
-            constraint: constraint / speed.max(f64::MIN_POSITIVE),
+                / (terms.sqrt() + parts + AT_REST * scale * rate * rate).max(f64::MIN_POSITIVE),
+            constraint: constraint / speed.max(AT_REST * length * rate),
         })
     }
 
     /// Replaces the velocity residual of joint rows by the acceleration one: `-(dG/dt v) + c''` (start of a run).
     pub fn constrain_accelerations(&mut self, model: &Model, trial: &Trial, time: f64) {
-        // Only the first pseudo acceleration depends on this difference.
-        const STEP: f64 = 1e-6;
+        // One-sided: a law may begin at t = 0. The error is of second order in it.
+        const STEP: f64 = 1e-5;
         for (index, joint) in model.joints.iter().enumerate() {
             let ([pa, pb], [ta, tb]) = (trial.poses(joint), trial.twists(joint));
             let mut rates = Rows::default();
             joint.gradient_rate((&pa, &ta), (&pb, &tb), &mut rates);
-            let (mut now, mut later) = ([0.0; 6], [0.0; 6]);
-            joint.rates(time, &mut now);
-            joint.rates(time + STEP, &mut later);
+            let at = |steps: f64| {
+                let mut rates = [0.0; 6];
+                joint.rates(time + steps * STEP, &mut rates);
+                rates
+            };
+            let (r0, r1, r2) = (at(0.0), at(1.0), at(2.0));
             let first = self.first_row[index] as usize;
             for (r, row) in rates.iter().enumerate().take(joint.rows.len()) {
-                let mut value = -(later[r] - now[r]) / STEP;
+                let mut value = -(4.0 * r1[r] - 3.0 * r0[r] - r2[r]) / (2.0 * STEP);
                 for (side, twist) in row.iter().zip([ta, tb]) {
                     let (v, w) = (twist.velocity, twist.angular_velocity);
                     value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
