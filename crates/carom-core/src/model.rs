@@ -55,17 +55,12 @@ pub struct ContactLaw {
 }
 
 impl ContactLaw {
-    /// mu at a slip speed, m/s. A law may dip below 0, or leave its domain: no friction then.
+    /// mu at a slip speed, m/s, as the law gives it: it may be no coefficient at all.
     #[inline]
     pub fn friction(&self, slip: f64) -> f64 {
-        let Some(law) = &self.friction_law else {
-            return self.bounds.sliding;
-        };
-        let mu = law.value(slip);
-        if mu.is_finite() {
-            mu.max(0.0)
-        } else {
-            0.0
+        match &self.friction_law {
+            Some(law) => law.value(slip),
+            None => self.bounds.sliding,
         }
     }
 }

@@ -296,6 +296,13 @@ pub enum Outcome {
         time: f64,
         bodies: (u32, u32),
     },
+    /// A friction law gave no coefficient at a slip speed.
+    FrictionFailed {
+        step: u64,
+        time: f64,
+        bodies: (u32, u32),
+        message: String,
+    },
     /// A load could not be evaluated; what it said.
     LoadFailed {
         step: u64,
@@ -311,6 +318,7 @@ impl Outcome {
             Outcome::NotFinite { .. } => "not_finite",
             Outcome::MissingLaw { .. } => "missing_law",
             Outcome::LoadFailed { .. } => "load_failed",
+            Outcome::FrictionFailed { .. } => "friction_failed",
             Outcome::TooManyPairs { .. } => "too_many_pairs",
             Outcome::TooManySubsteps { .. } => "too_many_substeps",
         }
@@ -328,6 +336,9 @@ impl Outcome {
             }
             Outcome::TooManySubsteps { .. } => {
                 "the contacts are far too stiff for the step; take a shorter step, a lower stiffness or resolution"
+            }
+            Outcome::FrictionFailed { .. } => {
+                "a friction law must give a finite number not below 0 at every slip speed that occurs: max(0, ...) helps"
             }
             Outcome::LoadFailed { .. } => "mend the function, or the law, of the load",
             Outcome::MissingLaw { .. } => "add a [[contact]] entry for this pair of materials",

@@ -219,6 +219,12 @@ impl Simulation {
                 time,
                 bodies: (a, b),
             },
+            Failure::Friction { bodies, mu, slip } => Outcome::FrictionFailed {
+                step,
+                time,
+                bodies,
+                message: format!("mu = {mu} at a slip of {slip:.3e} m/s"),
+            },
             Failure::Load => Outcome::LoadFailed {
                 step,
                 time,

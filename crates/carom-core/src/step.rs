@@ -24,7 +24,7 @@ pub(crate) const CANDIDATE_MARGIN: f64 = 1e-2;
 pub(crate) const MAX_RELIST: u32 = 20;
 
 /// Why a step could not be made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Failure {
     NotConverged(Level),
     NotFinite(u32),
@@ -35,6 +35,12 @@ pub enum Failure {
     TooManySubsteps,
     /// A load could not be evaluated.
     Load,
+    /// A friction law gave `mu` at a slip speed, m/s: no coefficient.
+    Friction {
+        bodies: (u32, u32),
+        mu: f64,
+        slip: f64,
+    },
 }
 
 /// What is asked of one step.
@@ -165,7 +171,7 @@ pub(crate) fn push_candidate(
         let start = carom_geom::sphere_plane(state.position[i], ra, plane.point, plane.normal);
         let frame = (plane.normal, plane.tangent1, plane.tangent2);
         let mut contact = new_contact((a, b), law, frame, start.gap, gap, ra);
-        contact.bounds = bounds_at_start(model, state, &contact);
+        contact.bounds = bounds_at_start(model, state, &contact)?;
         contacts.push(contact);
         return Ok(true);
     }
@@ -184,17 +190,17 @@ pub(crate) fn push_candidate(
     let (t1, t2) = tangent_frame(start.normal);
     let frame = (start.normal, t1, t2);
     let mut contact = new_contact((a, b), law, frame, start.gap, gap, length);
-    contact.bounds = bounds_at_start(model, state, &contact);
+    contact.bounds = bounds_at_start(model, state, &contact)?;
     contacts.push(contact);
     Ok(true)
 }
 
 /// Bounds of a contact in this step; a friction law is evaluated at the slip of t_n.
 #[inline]
-fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Bounds {
+fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Result<Bounds, Failure> {
     let law = c.law(model);
     if law.friction_law.is_none() {
-        return law.bounds;
+        return Ok(law.bounds);
     }
     let part = |body: u32, sign: f64| {
         let i = body as usize;
@@ -205,10 +211,15 @@ fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Bounds {
     };
     let slip = part(c.a, 1.0) + part(c.b, -1.0);
     let across = slip - c.n0 * c.n0.dot(slip);
-    Bounds {
-        sliding: law.friction(across.length()),
-        ..law.bounds
+    let (slip, bodies) = (across.length(), (c.a, c.b));
+    let mu = law.friction(slip);
+    if !(mu >= 0.0 && mu.is_finite()) {
+        return Err(Failure::Friction { bodies, mu, slip });
     }
+    Ok(Bounds {
+        sliding: mu,
+        ..law.bounds
+    })
 }
 
 /// The law of a pair; a pair without one may come near, not touch.

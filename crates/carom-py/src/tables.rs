@@ -42,6 +42,17 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("time", time)?;
             out.set_item("bodies", [bodies.0, bodies.1])?;
         }
+        Outcome::FrictionFailed {
+            step,
+            time,
+            bodies,
+            message,
+        } => {
+            out.set_item("step", step)?;
+            out.set_item("time", time)?;
+            out.set_item("bodies", [bodies.0, bodies.1])?;
+            out.set_item("message", message)?;
+        }
         Outcome::LoadFailed {
             step,
             time,
