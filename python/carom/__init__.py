@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from carom.comparison import compare as compare
     from carom.errors import CaromError as CaromError
     from carom.errors import ScenarioError as ScenarioError
+    from carom.problem import ContactProblem as ContactProblem
     from carom.result import Result as Result
     from carom.result import load as load
     from carom.run import RunFailed as RunFailed
@@ -30,6 +31,7 @@ _HOMES = {
     "Comparison": "carom.comparison",
     "compare": "carom.comparison",
     "Convergence": "carom.study",
+    "ContactProblem": "carom.problem",
     "converge": "carom.study",
     "ScenarioError": "carom.errors",
     "Result": "carom.result",
@@ -43,6 +45,7 @@ _HOMES = {
 __all__ = [
     "CaromError",
     "Comparison",
+    "ContactProblem",
     "Convergence",
     "Result",
     "RunFailed",

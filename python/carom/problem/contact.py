@@ -1,0 +1,120 @@
+"""`carom.ContactProblem`: a contact problem from matrices, a file or a run; how well an r solves it."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from carom.errors import CaromError
+from carom.problem.errors import refuse
+from carom.problem.fclib import read_fclib, write_fclib
+from carom.problem.global_ import GlobalProblem
+from carom.problem.local import LocalProblem
+from carom.problem.rank import Rank, rank_of
+from carom.problem.residual import Residual, residual_of
+
+
+class ContactProblem:
+    """A frictional contact problem, in local or global form; it does not change.
+
+    >>> problem = carom.ContactProblem.from_matrices(W, q, mu)
+    >>> problem.residual(r).err
+    """
+
+    def __init__(self, source: LocalProblem | GlobalProblem) -> None:
+        self.source = source
+        """The form in which it was given; `to_fclib` writes this one."""
+
+    @classmethod
+    def from_matrices(
+        cls, W: Any, q: Any, mu: Any, mu_r: Any = None, mu_s: Any = None, *, title: str = ""
+    ) -> ContactProblem:
+        """From the local form: `W` (d C, d C) dense or a SciPy sparse matrix, `q` (d C,), `mu` (C,).
+
+        With d = 5 rows for each contact also the bounds `mu_r` (C,) of rolling, m; with 6 also `mu_s` (C,) of
+        spinning, m. `title` goes to files.
+        """
+        return cls(LocalProblem(W=W, q=q, mu=mu, mu_r=mu_r, mu_s=mu_s, title=title))
+
+    @classmethod
+    def from_bodies(
+        cls, M: Any, H: Any, f: Any, w: Any, mu: Any, mu_r: Any = None, mu_s: Any = None, *, title: str = ""
+    ) -> ContactProblem:
+        """From the global form `M v = H r + f`, `u = H^T v + w`: `M` (n, n), `H` (n, d C), `f` (n,), `w` (d C,)."""
+        return cls(GlobalProblem(M=M, H=H, f=f, w=w, mu=mu, mu_r=mu_r, mu_s=mu_s, title=title))
+
+    @classmethod
+    def from_fclib(cls, path: Path | str) -> ContactProblem:
+        """From a file in the layout of FCLib (docs/reference/problems.md)."""
+        return cls(read_fclib(path))
+
+    @classmethod
+    def from_run(cls, run_dir: Path | str, step: int | None = None) -> ContactProblem:
+        """The problem that a run kept: today the one that could not be solved, in `failing_problem.h5`.
+
+        `step` asks for that of a certain step.
+        """
+        from carom.rundir import RunDir  # reads and writes runs; files of problems need none of it
+
+        directory = RunDir.open(run_dir)
+        path = directory.path / "failing_problem.h5"
+        if not path.is_file():
+            raise refuse(
+                str(directory.path), "no contact problem was kept", "a run keeps the one it cannot solve"
+            )
+        kept = (directory.read().get("outcome") or {}).get("step")
+        if step is not None and step != kept:
+            raise refuse(
+                str(directory.path), f"no contact problem of step {step}", f"the one kept is of step {kept}"
+            )
+        if _has_joints(directory.scenario):
+            raise refuse(str(path), "the scene has joints", "their rows have no place among contacts")
+        return cls.from_fclib(path)
+
+    def to_fclib(self, path: Path | str) -> Path:
+        """Write a file in the layout of FCLib, in the form in which the problem was given."""
+        return write_fclib(self.source, path)
+
+    @cached_property
+    def local(self) -> LocalProblem:
+        """The local form; bodies of a global one are eliminated at the first use."""
+        return self.source.to_local() if isinstance(self.source, GlobalProblem) else self.source
+
+    @property
+    def contacts(self) -> int:
+        """Number of contacts."""
+        return self.source.contacts
+
+    @property
+    def dimension(self) -> int:
+        """Rows of a contact: 2 in the plane, 3 in space, 5 with rolling, 6 with spinning."""
+        return self.source.dimension
+
+    @property
+    def title(self) -> str:
+        """What the problem is called."""
+        return self.source.title
+
+    def residual(self, r: Any) -> Residual:
+        """How well `r` (d C,) solves the problem: `err` and where it is worst."""
+        return residual_of(self.local, r)
+
+    def rank(self, rtol: float = 1e-10) -> Rank:
+        """Rank and nullity of W: with a nullity the multipliers need not be unique."""
+        return rank_of(self.local.W, rtol)
+
+    def __repr__(self) -> str:
+        form = "global" if isinstance(self.source, GlobalProblem) else "local"
+        name = f" {self.title!r}" if self.title else ""
+        return f"<ContactProblem{name}: {self.contacts} contacts of {self.dimension} rows, {form} form>"
+
+
+def _has_joints(scenario: Path) -> bool:
+    try:
+        return bool(tomllib.loads(scenario.read_text(encoding="utf-8")).get("joint"))
+    except OSError:
+        return False
+    except ValueError as error:
+        raise CaromError(f"{scenario} cannot be read: {error}") from error

@@ -1,0 +1,140 @@
+"""The global form of a contact problem: bodies and contacts apart.
+
+    M v = H r + f,     u = H^T v + w,     and the conditions of the local form on r and u
+
+with M (n, n) of the bodies (mass, and what damping and stiffness add) and H (n, d C) of the contacts. The bodies
+are eliminated by
+
+    W = H^T M^-1 H,     q = w + H^T M^-1 f.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
+from carom.problem.local import Bounds, LocalProblem, finite, square, vector
+from carom.problem.matrix import Csr, components
+
+F64 = NDArray[np.float64]
+
+#: Rows of a block of M that is inverted as a dense matrix (0.3 GB).
+MAX_BLOCK = 6000
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GlobalProblem(Bounds):
+    """A contact problem in terms of bodies, checked. `M` and `H` as W in `LocalProblem`; `f` (n,), `w` (d C,)."""
+
+    M: Csr
+    H: Csr
+    f: F64
+    w: F64
+
+    def __post_init__(self) -> None:
+        self._set("f", vector(self.f, "f"))
+        self._set("w", vector(self.w, "w"))
+        self._check_bounds(len(self.w), "w")
+        self._set("M", square(self.M, "M", len(self.f)))
+        h, wanted = Csr.from_any(self.H, "H"), (len(self.f), len(self.w))
+        if h.shape != wanted:
+            hint = " (is it the transpose?)" if h.shape == wanted[::-1] else ""
+            cause = f"it is {h.shape[0]} x {h.shape[1]}{hint}"
+            raise refuse("H", cause, f"with f and w as they are it must be {wanted[0]} x {wanted[1]}")
+        finite(h.data, "H")
+        self._set("H", h)
+
+    def to_local(self) -> LocalProblem:
+        """The local form. A singular M is an error, one that is not positive definite a warning."""
+        inverse = invert(self.M)
+        g = self.H.transpose
+        return LocalProblem(
+            W=g.multiply(inverse.multiply(self.H)),
+            q=self.w + g.dot(inverse.dot(self.f)),
+            # A stiff M that is unsymmetric by little may give a W that is so by much (a published one: 1e-7 and 0.16).
+            # This W is what M says all the same, so a warning is enough.
+            max_asymmetry=math.inf,
+            mu=self.mu,
+            mu_r=self.mu_r,
+            mu_s=self.mu_s,
+            dimension=self.dimension,
+            title=self.title,
+            description=self.description,
+            math_info=self.math_info,
+        )
+
+
+def invert(m: Csr) -> Csr:
+    """M^-1, block by block: a body, or bodies that joints or springs couple, is a block.
+
+    Each block is scaled by its largest entries before it is judged, so that masses and moments of inertia, or
+    light and heavy bodies, may differ by any factor.
+    """
+    block = components(m)
+    sizes = np.bincount(block, minlength=1)
+    if sizes.max(initial=0) > MAX_BLOCK:
+        cause = f"it couples {sizes.max()} rows"
+        raise refuse("M", cause, f"blocks of up to {MAX_BLOCK} are eliminated here; give W and q instead")
+    order = np.argsort(block, kind="stable")
+    place = np.empty(len(block), dtype=np.int64)  # of a row within its block
+    place[order] = np.arange(len(block)) - np.repeat(np.cumsum(sizes) - sizes, sizes)[: len(block)]
+    of_entry = block[m.rows]
+    rows, columns, values = [], [], []
+    definite = True
+    for size in np.unique(sizes[sizes > 0]):
+        mine = np.flatnonzero(sizes == size)
+        slot = np.full(len(sizes), -1)
+        slot[mine] = np.arange(len(mine))
+        e = sizes[of_entry] == size
+        dense = np.zeros((len(mine), size, size))
+        dense[slot[of_entry[e]], place[m.rows[e]], place[m.indices[e]]] = m.data[e]
+        members = order[np.flatnonzero(sizes[block[order]] == size)].reshape(len(mine), size)
+        result, positive = _inverse(dense, members)
+        definite &= positive
+        rows.append(np.repeat(members, size, axis=1).reshape(-1))
+        columns.append(np.tile(members, (1, size)).reshape(-1))
+        values.append(result.reshape(-1))
+    if not definite:
+        text = (
+            "M is not positive definite: W need not be positive semidefinite, nor the problem have a solution"
+        )
+        warnings.warn(text, ContactProblemWarning, stacklevel=3)
+    if not rows:
+        return m
+    return Csr.from_triplets(
+        np.concatenate(rows), np.concatenate(columns), np.concatenate(values), m.shape, "M"
+    )
+
+
+def _inverse(dense: F64, members: NDArray[np.int64]) -> tuple[F64, bool]:
+    """Inverses of blocks (k, s, s), whose rows in M are `members` (k, s); and whether all are positive definite."""
+    scale = np.sqrt(np.abs(dense).max(axis=2))
+    if (scale == 0.0).any():
+        raise _singular(members[np.argmax((scale == 0.0).any(axis=1))])
+    both = scale[:, :, None] * scale[:, None, :]
+    scaled = dense / both
+    try:
+        inverse = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:
+        worst = [k for k, one in enumerate(scaled) if np.linalg.matrix_rank(one) < len(one)]
+        raise _singular(members[worst[0] if worst else 0]) from None
+    condition = np.abs(scaled).sum(axis=2).max(axis=1) * np.abs(inverse).sum(axis=2).max(axis=1)
+    bad = ~(condition * dense.shape[1] * np.finfo(np.float64).eps < 1.0)
+    if bad.any():
+        raise _singular(members[np.argmax(bad)])
+    try:
+        np.linalg.cholesky(0.5 * (scaled + scaled.transpose(0, 2, 1)))
+    except np.linalg.LinAlgError:
+        return inverse / both, False
+    return inverse / both, True
+
+
+def _singular(rows: NDArray[np.int64]) -> ContactProblemError:
+    listed = ", ".join(map(str, rows[:6])) + (", ..." if len(rows) > 6 else "")
+    cure = "a body without mass or inertia cannot be eliminated"
+    return refuse("M", f"singular in row{'s' * (len(rows) > 1)} {listed} (from 0)", cure)

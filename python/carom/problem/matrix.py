@@ -1,0 +1,234 @@
+"""Sparse matrices of contact problems: compressed rows in three NumPy arrays.
+
+SciPy is not among the packages that Carom needs, so what is wanted here (products, transposes, the inverse of
+a block diagonal matrix) is written on NumPy. SciPy's matrices are accepted wherever a matrix is: they are
+recognised by their method `tocsr`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.problem.errors import refuse
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+#: Terms of a product that are held at once (32 bytes each).
+PRODUCT_TERMS = 4_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Csr:
+    """An (m, n) matrix in canonical compressed rows: columns rise within a row and none occurs twice.
+
+    Row `k` has its values in `data[indptr[k]:indptr[k+1]]` and their columns in the same part of `indices`. The
+    arrays are read-only. Build one with `from_any`, `from_compressed` or `from_triplets`, which check.
+    """
+
+    indptr: I64  # (m + 1,)
+    indices: I64  # (entries,)
+    data: F64  # (entries,)
+    shape: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        for array in (self.indptr, self.indices, self.data):
+            array.setflags(write=False)
+
+    @classmethod
+    def from_triplets(
+        cls, rows: Any, columns: Any, values: Any, shape: tuple[int, int], name: str = "W"
+    ) -> Csr:
+        """From row, column and value of each entry, in any order; entries of the same place are summed."""
+        r, c = _indices(rows, name), _indices(columns, name)
+        x = _values(values, name)
+        if not len(r) == len(c) == len(x):
+            cause = f"{len(r)} row indices, {len(c)} column indices and {len(x)} values"
+            raise refuse(name, cause, "an entry has one of each")
+        for what, index, bound in (("row", r, shape[0]), ("column", c, shape[1])):
+            if len(index) and (index.min() < 0 or index.max() >= bound):
+                bad = int(index[(index < 0) | (index >= bound)][0])
+                limit = f"{what}s are 0 to {bound - 1}" if bound else f"there are no {what}s"
+                raise refuse(name, f"{what} index {bad} is out of range", limit)
+        key = r * max(shape[1], 1) + c
+        if len(key) and not bool(np.all(key[1:] > key[:-1])):
+            order = np.argsort(key, kind="stable")
+            key, r, c, x = key[order], r[order], c[order], x[order]
+            first = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
+            r, c, x = r[first], c[first], np.add.reduceat(x, first)
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(r, minlength=shape[0]))]).astype(np.int64)
+        return cls(indptr, c, x, (int(shape[0]), int(shape[1])))
+
+    @classmethod
+    def from_compressed(
+        cls,
+        starts: Any,
+        indices: Any,
+        values: Any,
+        shape: tuple[int, int],
+        *,
+        by: str = "rows",
+        name: str = "W",
+    ) -> Csr:
+        """From compressed rows, or with `by="columns"` from compressed columns (indices are rows then).
+
+        `indices` and `values` may be longer than what `starts` speaks of; the rest is not read.
+        """
+        lines = shape[0] if by == "rows" else shape[1]
+        p = _indices(starts, name)
+        if len(p) != lines + 1:
+            raise refuse(name, f"{len(p)} starts of {lines} {by}", f"there must be {lines + 1}")
+        if p[0] != 0 or np.any(np.diff(p) < 0):
+            raise refuse(name, f"the starts of its {by} do not rise from 0", "the matrix is damaged")
+        entries = int(p[-1])
+        i, x = _indices(indices, name), _values(values, name)
+        if min(len(i), len(x)) < entries:
+            cause = f"{entries} entries announced, {len(i)} indices and {len(x)} values there"
+            raise refuse(name, cause, "the matrix is damaged")
+        line = np.repeat(np.arange(lines), np.diff(p))
+        r, c = (line, i[:entries]) if by == "rows" else (i[:entries], line)
+        return cls.from_triplets(r, c, x[:entries], shape, name)
+
+    @classmethod
+    def from_any(cls, matrix: Any, name: str = "W") -> Csr:
+        """From a `Csr`, a SciPy sparse matrix or array of any format, or whatever NumPy makes an array of."""
+        if isinstance(matrix, Csr):
+            return matrix
+        if hasattr(matrix, "tocsr"):
+            csr = matrix.tocsr()
+            rows, columns = (int(k) for k in csr.shape)
+            return cls.from_compressed(csr.indptr, csr.indices, csr.data, (rows, columns), name=name)
+        try:
+            dense = np.asarray(matrix)
+        except ValueError as error:
+            raise refuse(name, "its rows differ in length", "a matrix is a rectangle") from error
+        if dense.ndim != 2:
+            raise refuse(name, f"it has {dense.ndim} dimensions", "give a matrix")
+        height, width = dense.shape
+        values = _values(dense.reshape(-1), name)
+        at = np.flatnonzero(values)
+        r, c = np.divmod(at, max(width, 1))
+        return cls.from_triplets(r, c, values[at], (height, width), name)
+
+    @cached_property
+    def rows(self) -> I64:
+        """(entries,) row of every entry."""
+        return np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
+
+    @property
+    def entries(self) -> int:
+        """How many entries are stored."""
+        return len(self.data)
+
+    @cached_property
+    def transpose(self) -> Csr:
+        """The (n, m) transpose."""
+        return Csr.from_triplets(self.indices, self.rows, self.data, (self.shape[1], self.shape[0]))
+
+    def diagonal(self) -> F64:
+        """(min(m, n),) diagonal, 0 where nothing is stored."""
+        out = np.zeros(min(self.shape))
+        on = self.rows == self.indices
+        out[self.indices[on]] = self.data[on]
+        return out
+
+    def to_dense(self) -> F64:
+        """(m, n) array."""
+        out = np.zeros(self.shape)
+        out[self.rows, self.indices] = self.data
+        return out
+
+    def to_scipy(self) -> Any:
+        """The same as `scipy.sparse.csr_array`, where SciPy is installed."""
+        from scipy.sparse import csr_array
+
+        return csr_array((self.data.copy(), self.indices.copy(), self.indptr.copy()), shape=self.shape)
+
+    def dot(self, vector: F64) -> F64:
+        """(m,) product with an (n,) vector; terms of a row are summed from left to right."""
+        terms = self.data * vector[self.indices]
+        # Of no terms at all bincount gives whole numbers.
+        return np.bincount(self.rows, terms, self.shape[0]).astype(np.float64, copy=False)
+
+    def multiply(self, other: Csr) -> Csr:
+        """The product `self @ other`, in groups of rows that keep the terms below `PRODUCT_TERMS`."""
+        if self.shape[1] != other.shape[0]:
+            raise ValueError(f"a product of {self.shape} and {other.shape}")
+        shape = (self.shape[0], other.shape[1])
+        counts = np.diff(other.indptr)[self.indices]  # terms that each entry of self gives
+        before = np.concatenate([[0], np.cumsum(counts)])[self.indptr]  # terms before each row
+        parts: list[Csr] = []
+        row = 0
+        while row < shape[0]:
+            end = int(np.searchsorted(before, before[row] + PRODUCT_TERMS, side="right")) - 1
+            end = min(max(end, row + 1), shape[0])
+            part = slice(int(self.indptr[row]), int(self.indptr[end]))
+            n = counts[part]
+            source = np.arange(n.sum()) + np.repeat(other.indptr[self.indices[part]] - (np.cumsum(n) - n), n)
+            values = np.repeat(self.data[part], n) * other.data[source]
+            target = np.repeat(self.rows[part] - row, n)
+            parts.append(Csr.from_triplets(target, other.indices[source], values, (end - row, shape[1])))
+            row = end
+        if not parts:
+            return Csr.from_triplets([], [], [], shape)
+        starts = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.indptr) for part in parts]))])
+        return Csr(
+            starts.astype(np.int64),
+            np.concatenate([part.indices for part in parts]),
+            np.concatenate([part.data for part in parts]),
+            shape,
+        )
+
+
+def asymmetry(a: Csr) -> float:
+    """Largest entry of `a - a^T` over the largest of `a`; 0 for an empty matrix."""
+    if not a.entries:
+        return 0.0
+    t = a.transpose
+    largest = float(np.abs(a.data).max())
+    both = Csr.from_triplets(
+        np.concatenate([a.rows, t.rows]),
+        np.concatenate([a.indices, t.indices]),
+        np.concatenate([a.data, -t.data]),
+        a.shape,
+    )
+    return float(np.abs(both.data).max()) / largest if largest > 0.0 else 0.0
+
+
+def components(a: Csr) -> I64:
+    """(n,) number of the block of each row of a square matrix whose blocks do not touch one another.
+
+    Blocks are numbered in the order of their first rows.
+    """
+    label = np.arange(a.shape[0])
+    while True:
+        low = label.copy()
+        np.minimum.at(low, a.rows, label[a.indices])
+        np.minimum.at(low, a.indices, label[a.rows])
+        low = low[low]  # the label of my label: chains shrink by half
+        if np.array_equal(low, label):
+            return np.unique(label, return_inverse=True)[1].reshape(-1)
+        label = low
+
+
+def _indices(values: Any, name: str) -> I64:
+    array = np.asarray(values)
+    if array.ndim != 1:
+        raise refuse(name, f"its indices have {array.ndim} dimensions", "they are a list")
+    if array.dtype.kind not in "iu" and len(array):
+        raise refuse(name, f"its indices are of type {array.dtype}", "they must be whole numbers")
+    return array.astype(np.int64)
+
+
+def _values(values: Any, name: str) -> F64:
+    array = np.asarray(values)
+    if array.ndim != 1:
+        raise refuse(name, f"its values have {array.ndim} dimensions", "they are a list")
+    if array.dtype.kind not in "fiub":
+        raise refuse(name, f"its values are of type {array.dtype}", "they must be real numbers")
+    return array.astype(np.float64)

@@ -1,0 +1,107 @@
+"""How well r solves a contact problem: one number for all solvers, computed outside of them.
+
+The natural map of the problem, with u = W r + q and `shift` and `project` of `carom.problem.cone`,
+
+    F(r) = r - P_K( r - (u + (sum_b mu_b |u_b|) n) )
+
+is zero exactly at the solutions. Its norm over the largest of the three that occur is the residual:
+
+    err = |F| / max(|q|, |r|, |u|).
+
+Where all three vanish so does F, and err is 0. F adds impulses and
+velocities as they stand, so err depends on the units: compare numbers of one problem only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.problem import cone
+from carom.problem.errors import refuse
+from carom.problem.local import LocalProblem
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What is left of the conditions at an r; the maxima are over contacts, units those of r and u."""
+
+    err: float
+    """|F| / max(|q|, |r|, |u|); infinite if r is not finite."""
+    natural_map: float
+    """|F|."""
+    scale: float
+    """max(|q|, |r|, |u|)."""
+    worst: int
+    """The contact (from 0) where |F| is largest; -1 if there is none."""
+    worst_natural_map: float
+    """|F| at this contact."""
+    complementarity: float
+    """Largest |r . (u + shift)|: power or work that the law forbids."""
+    cone_violation: float
+    """Largest of -r_N and |r_b| - mu_b r_N: how far r is outside of K."""
+    penetration: float
+    """Largest -u_N: how far the shifted u is outside of the dual cone."""
+
+    def __float__(self) -> float:
+        return self.err
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields, for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        return (
+            f"err = {self.err:.3g} (worst contact {self.worst}: {self.worst_natural_map:.3g}; complementarity"
+            f" {self.complementarity:.3g}, outside the cone {self.cone_violation:.3g}, penetration {self.penetration:.3g})"
+        )
+
+
+def natural_map(problem: LocalProblem, r: F64, u: F64) -> F64:
+    """(C, d) F(r) for `r` (d C,) and `u = W r + q` (d C,)."""
+    force, velocity = (v.reshape(-1, problem.dimension) for v in (r, u))
+    return force - cone.project(force - cone.shift(velocity, problem.bounds), problem.bounds)
+
+
+def residual_of(problem: LocalProblem, r: Any) -> Residual:
+    """The residual of `r` (d C,) or (C, d)."""
+    r = np.asarray(r, dtype=np.float64)
+    if r.shape not in ((problem.rows,), (problem.contacts, problem.dimension)):
+        raise refuse("r", f"its shape is {r.shape}", f"it must be ({problem.rows},)")
+    r = r.reshape(-1)
+    with np.errstate(over="ignore", invalid="ignore"):  # an r that ran away is reported as infinite, below
+        u = problem.W.dot(r) + problem.q
+    if not (np.isfinite(r).all() and np.isfinite(u).all()):
+        # Divisible by construction; a solver that gave up returns such an r.
+        bad = ~np.isfinite(r + u).reshape(-1, problem.dimension).all(axis=1)
+        inf = math.inf
+        return Residual(inf, inf, inf, int(np.argmax(bad)), inf, inf, inf, inf)
+    if problem.contacts == 0:
+        return Residual(0.0, 0.0, 0.0, -1, 0.0, 0.0, 0.0, 0.0)
+    force, velocity = (v.reshape(-1, problem.dimension) for v in (r, u))
+    f = natural_map(problem, r, u)
+    each = np.array([_norm(row) for row in f]) if len(f) < 64 else np.linalg.norm(f, axis=1)
+    scale = max(_norm(problem.q), _norm(r), _norm(u))
+    size = _norm(f)
+    return Residual(
+        err=size / scale if scale > 0.0 else 0.0,
+        natural_map=size,
+        scale=scale,
+        worst=int(np.argmax(each)),
+        worst_natural_map=float(each.max()),
+        complementarity=float(np.abs(np.sum(force * cone.shift(velocity, problem.bounds), axis=1)).max()),
+        cone_violation=float(cone.outside(force, problem.bounds).max()),
+        penetration=max(0.0, float(-velocity[:, 0].min())),
+    )
+
+
+def _norm(v: F64) -> float:
+    """Euclidean norm that neither overflows nor underflows: 1e-200 over 1e-200 is 1."""
+    largest = float(np.abs(v).max(initial=0.0))
+    return largest * float(np.linalg.norm(v / largest)) if 0.0 < largest < math.inf else largest
