@@ -585,7 +585,7 @@ def test_joints_that_say_the_same_twice_get_advice() -> None:
     assert scene.validate() == []
     scene.joint("line", body="a", direction=(1, 1, 1))
     (advice,) = scene.validate()
-    assert '2 of the 2 conditions of joint "joint3" follow from other joints' in str(advice)
+    assert '2 of the 2 conditions of joint "joint3" hold the same motion as other joints' in str(advice)
     assert advice.where == 'scene.joint("line")'
 
 

@@ -302,21 +302,32 @@ class Outcome:
         place = "" if self.ok or self.time is None else f" at t = {self.time:g} s"
         return self.kind.replace("_", " ") + place
 
-    def __str__(self) -> str:
-        if self.ok:
-            return "done"
+    @property
+    def failed(self) -> bool:
+        """Whether a step could not be computed: neither done nor interrupted nor still running."""
+        return self.kind not in ("done", "interrupted", "running")
+
+    @property
+    def where(self) -> str:
+        """What went wrong and where, without advice."""
         parts = [f"{self.kind.replace('_', ' ')}"]
         if self.step is not None and self.time is not None:
             parts.append(f"at step {self.step}, t = {self.time:g} s")
         if self.level:
             parts.append(f"in the {self.level} sub-problem")
         if self.bodies:
-            parts.append("between " + " and ".join(self.bodies))
+            names = list(dict.fromkeys(self.bodies))
+            parts.append(("between " if len(names) > 1 else "at ") + " and ".join(names))
         if self.residual is not None:
             parts.append(f"(residual {self.residual:.3g})")
         if self.message:
             parts.append(f"({self.message})")
-        text = " ".join(parts)
+        return " ".join(parts)
+
+    def __str__(self) -> str:
+        if self.ok:
+            return "done"
+        text = self.where
         if self.problem_file:
             text += f"; the contact problem is in {self.problem_file}"
         return f"{text}; {self.advice}" if self.advice else text

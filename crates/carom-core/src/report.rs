@@ -282,6 +282,7 @@ pub enum Outcome {
         level: Level,
         bodies: (u32, u32),
         contacts: u32,
+        joints: u32,
         residual: f64,
     },
     /// A position or velocity is not finite.
@@ -327,6 +328,17 @@ impl Outcome {
     /// What a person can do about it.
     pub fn advice(&self) -> &'static str {
         match self {
+            Outcome::NotConverged {
+                level: Level::Smooth,
+                ..
+            } => {
+                "joints that contradict one another leave no motion, and a load may be too wild for the step: look at those of \
+                 these spheres; if they are as meant, try a smaller step"
+            }
+            Outcome::NotConverged { joints: 1.., .. } => {
+                "joints and contacts of these spheres may leave no motion (a sphere driven into a wall, joined spheres that \
+                 overlap): look at them; if they are as meant, try a smaller step"
+            }
             Outcome::NotConverged { .. } => {
                 "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations"
             }

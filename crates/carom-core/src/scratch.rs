@@ -53,6 +53,8 @@ pub struct FailedProblem {
     pub first_row: Vec<u32>,
     pub rows: Vec<u32>,
     pub bounds: Vec<[f64; 3]>,
+    /// Joints of the island, after its contacts in these lists.
+    pub joints: u32,
     /// Relative residual reached.
     pub residual: f64,
     /// Contact with the largest residual row.

@@ -5,7 +5,7 @@ use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
 use crate::penalty;
 use crate::record::{Block, Recorder};
-use crate::report::{Monitors, Outcome, StepReport};
+use crate::report::{Level, Monitors, Outcome, StepReport};
 use crate::scratch::{FailedProblem, Scratch};
 use crate::state::State;
 use crate::step::{motion_of, step, Attempt, Failure};
@@ -231,11 +231,20 @@ impl Simulation {
                 message: self.scratch.load_error.take().unwrap_or_default(),
             },
             Failure::NotConverged(level) => {
-                let (mut bodies, mut contacts, mut residual) = ((0, 0), 0, f64::NAN);
+                let (mut bodies, mut contacts, mut joints, mut residual) = ((0, 0), 0, 0, f64::NAN);
+                if level == Level::Smooth {
+                    bodies = self.scratch.smooth.worst(&self.model);
+                    residual = self.scratch.history[0]
+                        .values
+                        .last()
+                        .copied()
+                        .unwrap_or(residual);
+                }
                 if let Some(f) = &mut self.failed {
                     (f.step, f.time) = (step, time);
                     bodies = f.bodies.get(f.worst as usize).copied().unwrap_or((0, 0));
-                    contacts = f.bodies.len() as u32;
+                    joints = f.joints;
+                    contacts = f.bodies.len() as u32 - f.joints;
                     residual = f.residual;
                 }
                 Outcome::NotConverged {
@@ -244,6 +253,7 @@ impl Simulation {
                     level,
                     bodies,
                     contacts,
+                    joints,
                     residual,
                 }
             }

@@ -32,6 +32,9 @@ pub struct State {
     pub pseudo: Vec<[DVec3; 2]>,
     /// Smooth acceleration v-dot-check_n.
     pub acceleration: Vec<[DVec3; 2]>,
+    /// Smooth reaction of every joint (force and moment on sphere A) and its pseudo reaction, filtered like `pseudo`: the impulse
+    /// that a joint gives in a step follows from both. Recorded only; the motion does not depend on them.
+    pub reaction: Vec<[[DVec3; 2]; 2]>,
     /// Sorted by key.
     pub warm: Vec<Warm>,
     /// Step size with which `warm` was found, s.
@@ -52,12 +55,15 @@ impl State {
             angular_velocity: initial.angular_velocity,
             pseudo: start.clone(),
             acceleration: start,
+            reaction: Vec::new(),
             warm: Vec::new(),
             warm_step: model.options.step,
             touches: Vec::new(),
         };
         if !model.is_free() {
-            state.acceleration = initial_accelerations(model, &state);
+            let (accelerations, reactions) = initial_accelerations(model, &state);
+            state.acceleration = accelerations;
+            state.reaction = reactions.iter().map(|r| [*r, *r]).collect();
             state.pseudo.clone_from(&state.acceleration);
         }
         state

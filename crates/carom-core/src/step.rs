@@ -7,6 +7,7 @@ use crate::contact::Contact;
 use crate::force::{self, Motion};
 use crate::level::{position, smooth, velocity};
 use crate::model::Model;
+use crate::options::Method;
 use crate::report::{Level, StepReport};
 use crate::rotation;
 use crate::scratch::{History, Scratch};
@@ -467,12 +468,7 @@ pub(crate) fn finish(
         let at = motion_of(state, span.end);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         let mean = 0.5 * (scratch.power + power(model, &at));
-        let Scratch {
-            smooth,
-            joint_reaction,
-            ..
-        } = &mut *scratch;
-        smooth.add_reactions(model, coefficients.h, joint_reaction);
+        add_smooth_reactions(model, state, scratch, coefficients);
         report.energy_work = span.h * mean + joint_work(model, scratch, span);
     }
     std::mem::swap(&mut state.warm, &mut scratch.warm);
@@ -485,6 +481,43 @@ pub(crate) fn finish(
         report.penetration_relative = report.penetration_relative.max(-c.gap / c.length);
     }
     Ok(())
+}
+
+/// Adds the impulses of the smooth reactions to the joints' totals. In the nonsmooth generalized-alpha scheme they are
+/// those of the filtered reactions (eq. 6), as velocities are of filtered accelerations.
+fn add_smooth_reactions(
+    model: &Model,
+    state: &mut State,
+    scratch: &mut Scratch,
+    coefficients: &Coefficients,
+) {
+    let Scratch {
+        smooth,
+        joint_reaction,
+        ..
+    } = scratch;
+    if model.options.method != Method::Nsga {
+        smooth.add_reactions(model, coefficients.h, joint_reaction);
+        return;
+    }
+    let mut reactions = vec![[DVec3::ZERO; 2]; model.joints.len()];
+    smooth.add_reactions(model, 1.0, &mut reactions);
+    let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
+    for ((now, kept), total) in reactions
+        .iter()
+        .zip(&mut state.reaction)
+        .zip(joint_reaction)
+    {
+        let [last, pseudo] = *kept;
+        for k in 0..2 {
+            // Reactions instead of accelerations: the "velocity" is the impulse.
+            let mut p = coefficients.predict(DVec3::ZERO, pseudo[k], last[k]);
+            coefficients.correct(&mut p, per_velocity * now[k]);
+            total[k] += p.velocity;
+            kept[0][k] = now[k];
+            kept[1][k] = coefficients.finish(&p);
+        }
+    }
 }
 
 /// The motion of a state, as loads see it.

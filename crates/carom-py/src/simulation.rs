@@ -99,6 +99,11 @@ impl Simulation {
             let values = flat(pairs.iter().map(|[a, b]| [a.x, a.y, a.z, b.x, b.y, b.z]));
             put(&out, name, values, &[n, 6])?;
         }
+        let joints = s.reaction.len();
+        for (k, name) in ["joint_reaction", "joint_pseudo"].into_iter().enumerate() {
+            let values = flat(s.reaction.iter().map(|r| six(r[k][0], r[k][1])));
+            put(&out, name, values, &[joints, 6])?;
+        }
         put(&out, "warm_step", vec![s.warm_step], &[1])?;
         let keys: Vec<u64> = s
             .warm
@@ -171,7 +176,8 @@ impl Simulation {
             ));
         };
         let joints = read_pairs(state, "open_joint")?;
-        if joints.len() != self.inner.model.joints.len() {
+        let count = self.inner.model.joints.len();
+        if joints.len() != count || loaded.reaction.len() != self.inner.state.reaction.len() {
             return Err(ModelError::new_err(format!(
                 "state: open_joint is for {} joints, the model has {}",
                 joints.len(),

@@ -211,6 +211,11 @@ pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
         angular_velocity: vectors("angular_velocity")?,
         pseudo: read_pairs(state, "pseudo")?,
         acceleration: read_pairs(state, "acceleration")?,
+        reaction: read_pairs(state, "joint_reaction")?
+            .into_iter()
+            .zip(read_pairs(state, "joint_pseudo")?)
+            .map(|(last, pseudo)| [last, pseudo])
+            .collect(),
         warm,
         warm_step,
         touches: read_touches(state, bodies)?,

@@ -19,6 +19,7 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             level,
             bodies,
             contacts,
+            joints,
             residual,
         } => {
             out.set_item("step", step)?;
@@ -26,6 +27,7 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("level", level.name())?;
             out.set_item("bodies", [bodies.0, bodies.1])?;
             out.set_item("contacts", contacts)?;
+            out.set_item("joints", joints)?;
             out.set_item("residual", residual)?;
         }
         Outcome::TooManyPairs { step, time } | Outcome::TooManySubsteps { step, time } => {

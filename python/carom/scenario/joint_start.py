@@ -235,8 +235,9 @@ def _redundant(parts: Parts) -> Iterator[Finding]:
             k += len(of.rows)
             if implied:
                 name = getattr(dict(parts.entries["joint"])[index], "name", None) or default_name(index)
-                cause = f"{implied} of the {len(of.rows)} conditions of joint {quoted(name)} follow from other joints"
-                cure = "the motion is the same without them, but the reactions are not unique"
+                share = f"{implied} of the {len(of.rows)} conditions of joint {quoted(name)}"
+                cause = f"{share} hold the same motion as other joints"
+                cure = "where they agree leave them out: the reactions are not unique; where they do not the run will stop"
                 yield Finding(("joint", index), cause, cure)
 
 

@@ -1,8 +1,8 @@
 //! The energy safeguard (rule R4): Newton's law with friction and unequal restitution can gain energy in multiple impacts.
 
-use super::bisect_scale;
 use super::problem::{ImpactScratch, Law};
 use super::GAIN_TOLERANCE;
+use super::{bisect_scale, BISECTIONS, BISECTIONS_JOINTS};
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::scratch::Scratch;
@@ -47,7 +47,12 @@ impl ImpactScratch {
                     this.solve_built(model, scratch, problem, None, report)
                 };
                 // A trial is no part of the step: its counts are its own, and one that fails is not admissible.
-                let scale = bisect_scale(|s| {
+                let count = if self.joints.is_empty() {
+                    BISECTIONS
+                } else {
+                    BISECTIONS_JOINTS
+                };
+                let scale = bisect_scale(count, |s| {
                     let mut own = StepReport::default();
                     let solved = solve(self, s, &mut own) && own.unconverged == 0;
                     solved && !self.gains(model, &inside)

@@ -116,6 +116,7 @@ pub(crate) fn keep_failed(
             .iter()
             .map(|c| [c.bounds.sliding, c.bounds.rolling, c.bounds.spinning])
             .collect(),
+        joints: (system.contacts.len() - members.len()) as u32,
         residual,
         worst: worst as u32,
     }

@@ -238,6 +238,13 @@ impl SmoothScratch {
             terms += inertia.length_squared() + arm * arm * turn.length_squared();
             self.residual[i] = r;
         }
+        // NaN would pass for small below: `max` drops it.
+        if !(residual.is_finite() && parts.is_finite() && rounding.is_finite()) {
+            return Ok(Smallness {
+                balance: f64::NAN,
+                constraint: f64::NAN,
+            });
+        }
         Ok(Smallness {
             // What rounding leaves counts as nothing.
             balance: (residual.sqrt() - ROUNDING * rounding).max(0.0)
@@ -271,6 +278,37 @@ impl SmoothScratch {
                 self.constraint[first + r] = value;
             }
         }
+    }
+
+    /// The spheres of the joint whose rows are farthest from being met (equal for the ground), or the sphere farthest from
+    /// balance: where to look when the sub-problem has no solution.
+    pub fn worst(&self, model: &Model) -> (u32, u32) {
+        let size = |x: f64| {
+            if x.is_finite() {
+                x.abs()
+            } else {
+                f64::INFINITY
+            }
+        };
+        let mut found = (-1.0, (0, 0));
+        for (index, joint) in model.joints.iter().enumerate() {
+            let first = self.first_row[index] as usize;
+            let rows = &self.constraint[first..first + joint.rows.len()];
+            let largest = rows.iter().map(|&x| size(x)).fold(0.0, f64::max);
+            if largest > found.0 {
+                let b = if joint.grounded() { joint.a } else { joint.b };
+                found = (largest, (joint.a, b));
+            }
+        }
+        if model.joints.is_empty() {
+            for (i, [f, m]) in self.residual.iter().enumerate() {
+                let largest = size(f.length()).max(size(m.length() / model.radius[i]));
+                if largest > found.0 {
+                    found = (largest, (i as u32, i as u32));
+                }
+            }
+        }
+        found.1
     }
 
     /// Adds the impulses of the smooth reactions in a step of size `h` to the joints' totals.
@@ -472,7 +510,9 @@ impl SmoothScratch {
 }
 
 /// Consistent `v-dot_0` (Algorithm 1, line 2): loads and joints at the start, without contacts.
-pub fn initial_accelerations(model: &Model, state: &State) -> Vec<[DVec3; 2]> {
+/// Accelerations, and the reaction of every joint: force and moment on its sphere A.
+pub fn initial_accelerations(model: &Model, state: &State) -> (Vec<[DVec3; 2]>, Vec<[DVec3; 2]>) {
+    let mut reactions = vec![[DVec3::ZERO; 2]; model.joints.len()];
     let mut accelerations = vec![[DVec3::ZERO; 2]; model.spheres()];
     let mut trial = Trial::new(model);
     trial.position.copy_from_slice(&state.position);
@@ -495,7 +535,7 @@ pub fn initial_accelerations(model: &Model, state: &State) -> Vec<[DVec3; 2]> {
             .evaluate(model, &mut trial, |i| accelerations[i], &weights)
             .is_err()
         {
-            return accelerations;
+            return (accelerations, reactions);
         }
         scratch.constrain_accelerations(model, &trial, 0.0);
         scratch.add_acceleration(model, &accelerations);
@@ -504,10 +544,11 @@ pub fn initial_accelerations(model: &Model, state: &State) -> Vec<[DVec3; 2]> {
             accelerations[i][1] += alpha;
         });
         if !solved {
-            return accelerations;
+            break;
         }
     }
-    accelerations
+    scratch.add_reactions(model, 1.0, &mut reactions);
+    (accelerations, reactions)
 }
 
 impl SmoothScratch {

@@ -160,7 +160,8 @@ fn solve_single(
                 + model.inertia[i] * w_check.length_squared());
         let gains = |w: &[f64; 4]| w.iter().sum::<f64>() > impact::GAIN_TOLERANCE * kinetic;
         if gains(&done) {
-            scale = impact::bisect_scale(|trial| !gains(&effect(&solve(trial)).1));
+            scale =
+                impact::bisect_scale(impact::BISECTIONS, |trial| !gains(&effect(&solve(trial)).1));
             s = solve(scale);
             (jump, done) = effect(&s);
             report.restitution_scale = report.restitution_scale.min(scale);
