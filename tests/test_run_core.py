@@ -128,3 +128,37 @@ def shorten(run: Path, until: float) -> None:
     """Ask for less in the scenario of a run, which is not part of its identity."""
     path = run / "scenario.toml"
     path.write_text(path.read_text().replace("until = 60.0", f"until = {until!r}"))
+
+
+def test_joint_impulses_with_names_and_without_joints(breaks: carom.Scene) -> None:
+    free = simulate(breaks, until=0.01, every=5)
+    assert free.joint_names == []
+    assert free.joint_impulse.shape == (len(free.time), 0, 6)
+    assert np.asarray(free.joint_impulse[1:]).size == 0
+
+    scene = carom.Scene("two rods", run={"until": 0.01})
+    scene.contact("m", "m", friction=0.0, restitution=0.0)
+    for name, x in (("a", 0.0), ("b", 1.0)):
+        scene.sphere(name, radius=0.05, mass=0.1, material="m", position=(x, 0, 0))
+    scene.joint("fix", body="a")
+    scene.joint("fix", body="b", name="the second")
+    held = carom.simulate(scene)
+    assert held.joint_names == ["joint1", "the second"]
+    # Each joint carries the weight of its sphere.
+    weight = 0.1 * 9.8 * held.time[-1]
+    assert np.sum(held.joint_impulse[:, :, 2], axis=0) == pytest.approx([weight, weight], rel=1e-6)
+
+
+def test_the_summary_of_a_failed_run_says_so(breaks: carom.Scene, tmp_path: Path) -> None:
+    from carom.cli.summary import text
+
+    hard = {"max_iterations": 1, "gauss_seidel_sweeps": 0, "max_halvings": 0, "tolerance": 1e-15}
+    with pytest.raises(carom.RunFailed) as caught:
+        simulate(breaks, until=0.13, out=tmp_path / "run", **hard)
+    result = caught.value.result
+    told = text({**result.summary, "directory": "run"}, result)
+    assert told.splitlines()[1].startswith("FAILED, not converged in step ")
+    assert "troubles    stopped: not converged at step" in told
+    assert "troubles    none" not in told
+    assert "carom resume run --set" in told.splitlines()[-1]
+    assert "carom plot" not in told

@@ -7,6 +7,7 @@ column per quantity: `result.impacts["time"]` or `result.impacts.time`. Units ar
 from __future__ import annotations
 
 import shutil
+import tomllib
 import warnings
 from collections.abc import Mapping
 from functools import cached_property
@@ -102,8 +103,11 @@ class Result:
     @property
     def joint_impulse(self) -> Column:
         """Impulse at each joint and moment on its first body since the last frame, (T, J, 6), N s and N m s, in the world
-        frame; over the time between frames it is the mean reaction. Runs without joints have none.
+        frame; over the time between frames it is the mean reaction. Without joints the shape is (T, 0, 6).
         """
+        if not self.joint_names:  # the file has no such column then
+            frames = len(self.time)
+            return Column([(np.zeros((frames, 0, 6)), frames)], "N s, N m s")
         return self._segments.column("frames", "joint_impulse")
 
     # What the run is about.
@@ -127,6 +131,17 @@ class Result:
     def plane_names(self) -> list[str]:
         """Names of the planes."""
         return list(self.planes["name"])
+
+    @cached_property
+    def joint_names(self) -> list[str]:
+        """Names of the joints, in the order of the second axis of `joint_impulse`; by default joint1, joint2 ..."""
+        text = self.scenario
+        if "joint" not in text:  # the scenario of many spheres takes long to parse
+            return []
+        from carom.scenario.joints import default_name
+
+        joints = tomllib.loads(text).get("joint", [])
+        return [str(joint.get("name") or default_name(i)) for i, joint in enumerate(joints)]
 
     @property
     def gravity(self) -> F64:

@@ -14,22 +14,16 @@ from carom.cli.output import emit, guarded
 examples = typer.Typer(no_args_is_help=True, help="Scenario files that come with Carom.")
 
 
-def shipped() -> dict[str, Path]:
-    """The scenarios of the package by name, as `paper/5.6_break`."""
-    root = Path(__file__).parents[1] / "scenarios"
-    return {f.relative_to(root).with_suffix("").as_posix(): f for f in sorted(root.rglob("*.toml"))}
-
-
 def find(name: str) -> Path:
     """A scenario by its name, its file name or the last part of either."""
     from carom.errors import CaromError, did_you_mean
+    from carom.scenario.shipped import named, shipped
 
-    known = shipped()
-    wanted = name.removesuffix(".toml")
-    found = [path for key, path in known.items() if wanted in (key, key.rsplit("/", 1)[-1])]
+    known, found = shipped(), named(name)
     if len(found) != 1:
-        raise CaromError(f"no example is called {name!r}; {did_you_mean(wanted, list(known))}")
-    return found[0]
+        cure = did_you_mean(name.removesuffix(".toml"), list(known))
+        raise CaromError(f"no example is called {name!r}; {cure}")
+    return known[found[0]]
 
 
 @examples.command("list")
@@ -39,6 +33,8 @@ def list_(as_json: Json = False) -> None:
 
     Example: carom examples list
     """
+    from carom.scenario.shipped import shipped
+
     rows = [(name, _title(path)) for name, path in shipped().items()]
     if as_json:
         emit([{"name": name, "title": title} for name, title in rows])

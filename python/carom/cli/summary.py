@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from carom.errors import counted
 
 if TYPE_CHECKING:
     from carom.result import Result
+    from carom.tables import Outcome
 
 #: Counts that are zero where all went well, and what each is called in words, for one and for many.
 TROUBLES = {
@@ -23,28 +25,34 @@ TROUBLES = {
 }
 #: Travel in a step, in radii, from which a ball can pass through another or a plane unnoticed.
 MOST_TRAVEL = 1.0
+#: A tolerance above this is no cure.
+MOST_TOLERANCE = 1e-7
 
 
 def text(summary: Mapping[str, Any], result: Result) -> str:
     """The summary of a run for a terminal, at most 100 columns wide."""
     blocks = [
-        _head(summary),
+        _head(summary, result),
         _events(result),
         _iterations(summary),
-        _troubles(summary),
+        _troubles(summary, result),
         _energy(summary, result),
     ]
     blocks += [_phases(summary), _files(summary, result)]
     return "\n".join(block for block in blocks if block)
 
 
-def _head(summary: Mapping[str, Any]) -> str:
+def _head(summary: Mapping[str, Any], result: Result) -> str:
     title = summary.get("title") or summary["scenario"]
     if summary.get("case"):
         title += f" [{summary['case']}]"
+    outcome = result.outcome
+    ended = outcome.kind.replace("_", " ")
+    if outcome.failed:
+        ended = f"FAILED, {ended}" + ("" if outcome.step is None else f" in step {outcome.step}")
     return (
         f"{title}\n"
-        f"{str(summary['outcome']).replace('_', ' ')}: {counted(summary['steps'], 'step')} of {summary['step']:g} s,"
+        f"{ended}: {counted(summary['steps'], 'step')} of {summary['step']:g} s{' done' if outcome.failed else ''},"
         f" t = {summary['time']:g} s, {seconds(summary['wall_s'])} (core {seconds(summary['core_s'])})"
     )
 
@@ -80,8 +88,11 @@ def _counts(value: Any) -> list[str]:
     return [f"{value['max']:g}", f"{value['mean']:.3g}"] if isinstance(value, Mapping) else [f"{value:g}"]
 
 
-def _troubles(summary: Mapping[str, Any]) -> str:
-    found = [f"{n} {one if n == 1 else many}" for k, (one, many) in TROUBLES.items() if (n := summary.get(k))]
+def _troubles(summary: Mapping[str, Any], result: Result) -> str:
+    found = [f"stopped: {result.outcome.where}"] if result.outcome.failed else []
+    found += [
+        f"{n} {one if n == 1 else many}" for k, (one, many) in TROUBLES.items() if (n := summary.get(k))
+    ]
     travel = summary.get("travel_max") or 0.0
     if travel > MOST_TRAVEL and "penalty" not in summary:  # whose substeps see every impact
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
@@ -91,11 +102,13 @@ def _troubles(summary: Mapping[str, Any]) -> str:
 def _energy(summary: Mapping[str, Any], result: Result) -> str:
     energy = summary.get("energy")
     lines = []
-    if energy:
+    if energy and not summary["steps"]:
+        lines.append(f"energy      {energy['initial']:.6g} J at the start")
+    elif energy:
         rise = f"largest rise {energy['max_rise']:.2g} J" if energy["max_rise"] > 0 else "never rises"
         lines.append(f"energy      {energy['initial']:.6g} J to {energy['final']:.6g} J, {rise}")
     deepest = summary.get("penetration_max")
-    if deepest is not None:
+    if deepest is not None and summary["steps"]:
         radius = float(np.min(result.bodies["radius"]))
         lines.append(
             f"penetration at most {max(0.0, deepest):.2g} m ({max(0.0, deepest) / radius:.1g} of a radius)"
@@ -118,4 +131,26 @@ def _files(summary: Mapping[str, Any], result: Result) -> str:
     path = summary["directory"]
     size = size_on_disk(result.path) / 1e6
     held = f"{counted(len(result.time), 'frame')}, {size:.1f} MB"
-    return f"files       {path}  ({held})\nnext        carom view {path}   carom plot {path}"
+    return f"files       {path}  ({held})\nnext        {_next(path, result)}"
+
+
+def _next(path: str, result: Result) -> str:
+    """The commands that lead on: to look at the motion, or out of what stopped it."""
+    look = f"carom view {path}   carom plot {path}"
+    outcome = result.outcome
+    if not outcome.failed:
+        return f"carom resume {path}   {look}" if outcome.kind == "interrupted" else look
+    joined = outcome.level == "smooth" or (result.summary.get("failure") or {}).get("joints")
+    commands = [f"carom info {path}"]
+    if outcome.kind == "not_converged" and not joined:  # joints that contradict one another stay
+        commands.insert(0, f"carom resume {path} --set {_easier(outcome)}")
+    if len(result.time) > 1:
+        commands.append(f"carom view {path}")
+    return "   ".join(commands)
+
+
+def _easier(outcome: Outcome) -> str:
+    """An option with which the failed step may be solved: the next tolerance that its residual keeps, or half steps."""
+    if outcome.residual and outcome.residual < MOST_TOLERANCE:
+        return f"tolerance=1e{math.floor(math.log10(outcome.residual)) + 1}"
+    return "max_halvings=8"

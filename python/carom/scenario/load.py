@@ -73,15 +73,21 @@ def read_text(path: str | Path) -> str:
 
 
 def _files_beside(path: Path) -> str:
-    """A cure for a name that does not exist: the nearest scenario in the same directory."""
+    """A cure for a name that does not exist: the nearest scenario in the same directory, or the example of that name."""
     from difflib import get_close_matches
+
+    from carom.scenario.shipped import named
 
     try:
         names = [p.name for p in path.parent.glob("*.toml")]
     except (OSError, ValueError):
         names = []
     best = get_close_matches(path.name, names, n=1, cutoff=0.5)
-    return f"did you mean {path.parent / best[0]}?" if best else "check the path"
+    if best:
+        return f"did you mean {path.parent / best[0]}?"
+    if example := named(path.as_posix()):
+        return f"it comes with Carom: `carom examples copy {example[0]}` copies it to {example[0].rpartition('/')[2]}.toml"
+    return "check the path"
 
 
 def parse(
