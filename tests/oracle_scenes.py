@@ -283,7 +283,8 @@ def core_state(core: _core.Simulation) -> State:
     s = core.state()
     u = np.concatenate([s["velocity"], s["angular_velocity"]], axis=1).reshape(-1)
     a, acc = (s[name].reshape(-1).copy() for name in ("pseudo", "acceleration"))
-    return State(s["position"].copy(), s["orientation"].copy(), u, a, acc, int(s["step"][0]))
+    reactions = (s[name].copy() for name in ("joint_reaction", "joint_pseudo"))
+    return State(s["position"].copy(), s["orientation"].copy(), u, a, acc, int(s["step"][0]), *reactions)
 
 
 def judge_core_step(oracle: Reference, core: _core.Simulation, block: Mapping[str, Any]) -> Any:

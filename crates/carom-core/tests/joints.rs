@@ -358,3 +358,17 @@ fn a_held_ball_without_gravity_stays() {
         assert_eq!(s.monitors.halvings, 0);
     }
 }
+
+/// Recorded impulses are those that the scheme applied: momentum balances to rounding at any step.
+#[test]
+fn impulses_of_joints_balance_momentum() {
+    let x = DVec3::new(0.3, 0.0, 0.0);
+    let mut input = balls(&[x.to_array()], &[]);
+    input.gravity = [0.0, 0.0, -G];
+    input.joints = vec![pin(0, GROUND, -x, DVec3::ZERO)];
+    let (h, until) = (4e-3, 0.8);
+    let s = run(&input, h, until);
+    let given = s.recorder.open_joints[0][0];
+    let change = MASS * s.state.velocity[0] + DVec3::Z * MASS * G * until;
+    assert!((given - change).length() < 1e-11, "{given} {change}");
+}

@@ -140,3 +140,12 @@ def read_joints(model: Mapping[str, Any]) -> list[JointRow]:
             ends = shared.setdefault((*ends.arm_a, *ends.arm_b), ends)
             result.append(JointRow(len(result), number, kind, ends, read_vector(axis), read_law(law)))
     return result
+
+
+def joint_wrenches(rows: list[JointRow], multipliers: F64, gradient: F64, joints: int) -> F64:
+    """What multipliers (m,) along gradients (m, 6N) give sphere A of each joint (J,6): points and distances, rotations."""
+    given = np.zeros((joints, 6))
+    for row, multiplier, along in zip(rows, multipliers, gradient, strict=True):
+        part = slice(3, 6) if row.kind == "rotation" else slice(0, 3)
+        given[row.joint, part] += multiplier * along[6 * row.ends.a : 6 * row.ends.a + 6][part]
+    return given

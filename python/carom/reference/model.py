@@ -96,7 +96,9 @@ class Pair:
 class State:
     """All that a step needs: centres x (N,3), orientations q (N,4) w first, generalised velocity u (6N,) spatial.
 
-    `a` is the pseudo acceleration of eq. 6c and `acc` the smooth acceleration (v-dot-check), both (6N,).
+    `a` is the pseudo acceleration of eq. 6c and `acc` the smooth acceleration (v-dot-check), both (6N,). `reaction` (J,6) is
+    what each joint gives its sphere A in the smooth motion [N, N m], `pseudo_reaction` the same filtered by eq. 6c: for the
+    record only.
     """
 
     x: F64
@@ -105,6 +107,8 @@ class State:
     a: F64
     acc: F64
     step: int = 0
+    reaction: F64 = field(default_factory=lambda: np.zeros((0, 6)))
+    pseudo_reaction: F64 = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 @dataclass(frozen=True)

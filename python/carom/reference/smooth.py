@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .contact import gap_and_normal
-from .joint import JointsAt, accelerations, rates
+from .joint import JointsAt, accelerations, joint_wrenches, rates
 from .load import Applied, applied_force
 from .model import F64, TOUCH, Model, State
 from .pose import Pose, rotation_matrices
@@ -62,7 +62,12 @@ def initial_state(model: Model) -> State:
         root = 1.0 / np.sqrt(model.mass_diagonal)
         # least norm in the metric of M: the constrained acceleration is the nearest to the free one (Gauss)
         acc = acc + root * np.linalg.lstsq(joints.gradient * root, wanted, rcond=1e-10)[0]
-    return State(x, model.orientation.copy(), u, acc.copy(), acc)
+    start = np.zeros((1 + max((row.joint for row in model.joints), default=-1), 6))
+    if model.joints:
+        given = model.mass_diagonal * acc - f
+        reactions: F64 = np.linalg.lstsq(joints.gradient.T, given, rcond=1e-10)[0]
+        start = joint_wrenches(model.joints, reactions, joints.gradient, len(start))
+    return State(x, model.orientation.copy(), u, acc.copy(), acc, 0, start, start.copy())
 
 
 def _refuse_violations(joints: JointsAt, u: F64) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from .contact import Element, Impulse, element, gap_and_normal, to_world
 from .impact import ImpactProblem, IslandResult, solve_island
 from .island import Bonds, Island, islands
-from .joint import JointRow
+from .joint import joint_wrenches
 from .model import F64, TOUCH, Model, Pair, State
 from .newton import Solution, solve
 from .pose import Pose, rotate
@@ -36,9 +36,9 @@ class StepReport:
     relisted: int = 0
     """Times the position level was solved again because an unlisted pair overlapped."""
     reactions: F64 = field(default_factory=lambda: np.zeros(0))
-    """Impulses of the joints in the step, row by row of the model (m,) [N s, N m s]: Lambda + h lambda."""
+    """Impulses of the joints in the step, row by row of the model (m,) [N s, N m s]: Lambda + h lambda(t_{n+1})."""
     joint_impulses: F64 = field(default_factory=lambda: np.zeros((0, 6)))
-    """What each joint gave its sphere A (J,6): force of points and distances [N s], moment of rotations [N m s]."""
+    """What each joint gave its sphere A in the step (J,6): points and distances [N s], rotations [N m s]."""
 
     @property
     def scale(self) -> float:
@@ -133,30 +133,32 @@ def velocity(model: Model, corrected: Corrected, u_n: F64, free: FreeMotion, rep
                 report.velocity_impulses[e.pair.key] = to_world(e, result.multipliers[rows])
         if bonds:
             impulses = result.multipliers[island.layout.joint_rows]
-            _record(report, group.joints, impulses, bonds.gradient)
+            for row, impulse in zip(group.joints, impulses, strict=True):
+                report.reactions[row.number] += impulse
+            report.joint_impulses += joint_wrenches(
+                group.joints, impulses, bonds.gradient, len(report.joint_impulses)
+            )
     return u
-
-
-def _record(report: StepReport, rows: list[JointRow], impulses: F64, gradient: F64) -> None:
-    """Add impulses (m,) of joint rows, which act along their gradients (m, 6N)."""
-    for row, impulse, along in zip(rows, impulses, gradient, strict=True):
-        report.reactions[row.number] += impulse
-        part = slice(3, 6) if row.kind == "rotation" else slice(0, 3)
-        given = along[6 * row.ends.a : 6 * row.ends.a + 6]
-        report.joint_impulses[row.joint, part] += impulse * given[part]
 
 
 def advance(model: Model, state: State) -> tuple[State, StepReport]:
     """One step of size h; `state` is left as it is."""
     joints = 1 + max((row.joint for row in model.joints), default=-1)
     report = StepReport(reactions=np.zeros(len(model.joints)), joint_impulses=np.zeros((joints, 6)))
+    h = model.options.step
     free = free_motion(model, state)
     report.smooth_iterations = free.iterations
     corrected = position(model, state, free, report)
     u = velocity(model, corrected, state.u, free, report)
-    _record(report, model.joints, model.options.step * free.reactions, free.gradient)
+    for row, reaction in zip(model.joints, free.reactions, strict=True):
+        report.reactions[row.number] += h * reaction
     c = model.coefficients
     a_new = free.a_new + (1.0 - c.alpha_f) / (1.0 - c.alpha_m) * free.acc_new
+    # the impulse that acted is that of the filtered reactions, as the velocity is that of the filtered accelerations
+    reaction = joint_wrenches(model.joints, free.reactions, free.gradient, joints)
+    pseudo = (1.0 - c.alpha_f) * reaction + c.alpha_f * state.reaction - c.alpha_m * state.pseudo_reaction
+    pseudo /= 1.0 - c.alpha_m
+    report.joint_impulses += h * ((1.0 - c.gamma) * state.pseudo_reaction + c.gamma * pseudo)
     rot_incr_world = corrected.displacement.reshape(-1, 6)[:, 3:]
     q = rotate(state.q, rot_incr_world)
-    return State(corrected.x, q, u, a_new, free.acc_new, state.step + 1), report
+    return State(corrected.x, q, u, a_new, free.acc_new, state.step + 1, reaction, pseudo), report
