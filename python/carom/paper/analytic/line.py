@@ -9,7 +9,7 @@ and mu are the friction of the two; s = mu_b mu is small. Per unit of mass, x fo
              F = |r w2|/(2 (1 + 1/kappa)) where that is below mu_b v2x: v3x = v2x, v3z = F, r w3 = F/kappa
 3rd problem  {bed of 2}: F pressed ball 2 on the bed, which slips: v2x = -mu F
 
-Ball 2 then slides back at mu g (its spin still points backwards), catches up with ball 1 in the air after 2 (v2x -
+Ball 2 then slides back at mu g (its spin still points backwards), catches up with ball 1 in the air after about 2 (v2x -
 v1x)/(mu g), and so on. Ball 3 lands, slides and rolls in the end with (v3x + kappa r w3)/(1 + kappa): friction of the
 bed does not change that sum. Without friction all this is v1 = v2 = 0, v3 = v.
 """
@@ -90,7 +90,7 @@ class LineHit:
 
     @property
     def next_hit(self) -> float:
-        """Time until ball 2, sliding back, strikes ball 1 again, s."""
+        """Time until ball 2, sliding back, would strike ball 1 again if that had not left the bed, s."""
         return 2 * (self.back_2 - self.back_1) / (self.mu * self.gravity)
 
     @property

@@ -9,9 +9,10 @@ import numpy as np
 from carom.convergence import Order
 from carom.paper import study
 from carom.paper.document import Context, Counts, Example, Row
+from carom.paper.examples import s54_impact
 from carom.paper.examples import s54_study as order
 from carom.paper.examples.s54_figures import BALLS, energies, motion
-from carom.paper.examples.s54_study import AFTER, LATE, SCENARIO, Point, hit_of, scene
+from carom.paper.examples.s54_study import AFTER, LATE, SCENARIO, hit_of, scene
 from carom.paper.memory import Trace, trace
 
 ID = "5.4"
@@ -48,7 +49,7 @@ def reproduce(context: Context) -> Example:
     rows = [
         *_frictionless(free),
         *_frictional(rough),
-        *_limits(found),
+        *s54_impact.rows(),
         *_end(rough),
         *_orders(orders),
         *(study.unconverged(ID, tol, [runs[case, tol] for case in CASES]) for tol in both),
@@ -103,17 +104,6 @@ def _frictional(run: Trace) -> list[Row]:
     slip = np.abs(run.velocity[:, 0, 0] - way.radius * run.angular_velocity[:, 0, 1])
     rolls = int(np.flatnonzero(slip < ROLLING)[0])
     contact = study.first_contact(run, *BALLS[:2], 2 * way.radius)
-    hits = run.hits(*BALLS[:2])["step"]
-    again = int(hits[hits > contact.step][0])
-    after = run.velocity[contact.step]
-    jump = run.position[:, :, 2].max(axis=0) - way.radius
-    late = f"first order: the impact is solved {1e3 * (contact.step * run.h - way.contact_time):.2f} ms late"
-
-    def first(name: str, unit: str, carom: float, exact: float, slope: float, paper: str | None) -> Row:
-        """A value with an error of first order; `slope` h is admitted."""
-        return row(name, unit, carom, slope * run.h, f"{late}; {slope:g} h", exact=exact, paper=paper)
-
-    v = "after the impact"
     return [
         _event("ball 1 begins to roll", PAPER_ROLLS, way.rolling_time, float(run.time[rolls])),
         row(
@@ -139,50 +129,15 @@ def _frictional(run: Trace) -> list[Row]:
             "second order, mu g h^2/v: sliding ends inside a step",
             exact=way.contact_time,
         ),
-        first(f"v_x of ball 1 {v}", "m/s", after[0, 0], hit.back_1, 3.0, "negative"),
-        first(f"v_z of ball 1 {v}", "m/s", after[0, 2], hit.up_1, 25.0, "rebounds"),
-        first(f"v_x of ball 2 {v}", "m/s", after[1, 0], hit.back_2, 0.5, None),
-        first(f"v_x of ball 3 {v}", "m/s", after[2, 0], hit.ahead_2, 3.0, "forward"),
-        first(f"v_z of ball 3 {v}", "m/s", after[2, 2], hit.lift_3, 25.0, "rebounds"),
-        first("height of the rebound of ball 1", "m", jump[0], hit.jump_1, 0.1, "figure"),
-        first("height of the rebound of ball 3", "m", jump[2], hit.jump_3, 0.05, "figure"),
-        first(
-            "balls 1 and 2 meet again", "s", again * run.h, way.contact_time + hit.next_hit, 3.0, "many times"
-        ),
-    ]
-
-
-def _limits(found: list[Point]) -> list[Row]:
-    """Velocities after the impact for h -> 0, from the two finest steps of the study."""
-    _, hit = hit_of(scene("frictional").to_model())
-    wanted = [
-        ("v_x of ball 1", 0, 0, hit.back_1),
-        ("v_z of ball 1", 0, 2, hit.up_1),
-        ("v_x of ball 2", 1, 0, hit.back_2),
-        ("v_x of ball 3", 2, 0, hit.ahead_2),
-        ("v_z of ball 3", 2, 2, hit.lift_3),
-    ]
-    steps, why = [p.h for p in found], "second order in the two finest steps"
-    return [
-        row(
-            f"{name} after the impact, h -> 0",
-            "m/s",
-            study.limit(steps, [float(p.velocity[ball, axis]) for p in found]),
-            2e-5,
-            why,
-            exact=exact,
-        )
-        for name, ball, axis, exact in wanted
     ]
 
 
 def _end(run: Trace) -> list[Row]:
     """The last state: balls 1 and 2 roll together, ball 3 alone."""
-    way, hit = hit_of(scene("frictional").to_model())
+    way, _ = hit_of(scene("frictional").to_model())
     v, spin = run.velocity[-1, :, 0], run.angular_velocity[-1, :, 1]
     slip = float(np.max(np.abs(v - way.radius * spin)))
     return [
-        row("speed of ball 3 at the end", "m/s", v[2], 1.0 * run.h, "first order, 1 h", exact=hit.rolling_3),
         row(
             "speed of ball 2 over that of ball 1 at the end",
             "m/s",

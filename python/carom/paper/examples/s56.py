@@ -49,8 +49,7 @@ def reproduce(context: Context) -> Example:
     orders = order.orders(found)
     table = [
         *rows.until_contact(free, FREE),
-        *rows.after(free, contact.step),
-        *rows.limits(found),
+        *rows.after(),
         *rows.cue_ball(free, contact.step),
         rows.at_the_end(free),
         *(study.first_order(ID, f"{short} after the impact, {law}", o) for (law, short), o in orders.items()),
