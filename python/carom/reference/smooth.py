@@ -65,7 +65,7 @@ def initial_state(model: Model) -> State:
     start = np.zeros((1 + max((row.joint for row in model.joints), default=-1), 6))
     if model.joints:
         given = model.mass_diagonal * acc - f
-        reactions: F64 = np.linalg.lstsq(joints.gradient.T, given, rcond=1e-10)[0]
+        reactions = np.asarray(np.linalg.lstsq(joints.gradient.T, given, rcond=1e-10)[0], dtype=np.float64)
         start = joint_wrenches(model.joints, reactions, joints.gradient, len(start))
     return State(x, model.orientation.copy(), u, acc.copy(), acc, 0, start, start.copy())
 
