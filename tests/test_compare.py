@@ -9,7 +9,6 @@ import carom
 import numpy as np
 import pytest
 from carom.comparison import default_methods, method_options
-from carom.convergence import error_of
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -50,7 +49,9 @@ def test_differences_are_those_of_the_runs() -> None:
         frame = round(d.time / found.step)
         a, b = (np.asarray(getattr(r, d.quantity)[frame]) for r in (moreau, nsga))
         assert d.greatest == np.max(np.linalg.norm(a - b, axis=1))
-        assert d.relative == error_of(a, b)
+        size = np.max(np.sum(np.abs(np.asarray(getattr(nsga, d.quantity))), axis=(1, 2)))
+        # Nothing turns here: the difference is 0, whatever it is held against.
+        assert d.relative == (0 if size == 0 else pytest.approx(np.sum(np.abs(a - b)) / size, rel=1e-12))
         if d.greatest > 0:
             assert d.body == found.bodies[int(np.argmax(np.linalg.norm(a - b, axis=1)))]
     assert len(found["moreau+one-shot"].differences) == 2 * 3
@@ -108,6 +109,9 @@ def test_a_run_that_stops_is_an_outcome() -> None:
         ({"methods": ("nsga", "nsga")}, "named twice"),
         ({"at": [0.00015]}, "not among the steps"),
         ({"at": [1.0]}, "not among the steps"),
+        ({"at": 1.0}, "not among the steps"),
+        ({"case": "absent"}, "absent"),
+        ({"set": {"absent": 1.0}}, "absent"),
         ({"every": 2}, "every is set by the comparison"),
         ({"method": "nsga"}, "method is set by the comparison"),
     ],
@@ -192,3 +196,54 @@ def test_commands_know_cases_and_parameters() -> None:
         for mu in (0.06, 0.2)
     ]
     assert found[0]["angular_velocity"] != found[1]["angular_velocity"]
+
+
+def test_one_time_and_one_method_need_no_list() -> None:
+    found = carom.compare(THREE, "moreau", at=0.01)
+    assert [run.name for run in found] == ["moreau"]
+    assert found.times == pytest.approx((0.01, 0.02))
+
+
+def test_a_variant_of_a_file_is_compared_by_its_path() -> None:
+    path = SCENARIOS / "paper" / "5.2_free_balls.toml"
+    by_path = carom.compare(path, ("nsga", "moreau"), case="slips", set={"mu_b": 0.05})
+    scene = carom.Scene.from_toml(path, case="slips", set={"mu_b": 0.05})
+    by_scene = carom.compare(scene, ("nsga", "moreau"))
+    assert by_path["moreau"].differences == by_scene["moreau"].differences
+    assert by_path.case == "slips"
+    assert "[slips]" in str(by_path).splitlines()[0]
+    assert carom.simulate(path, case="slips", until=0.01).case == "slips"
+    with pytest.raises(carom.CaromError, match="case choose a variant of a file"):
+        carom.compare(scene, case="sticks")
+
+
+def test_at_rest_the_differences_are_relative_to_the_motion_before() -> None:
+    """A ball that slides to rest: both methods end with speeds of rounding, whose ratio would mean nothing."""
+    scene = carom.Scene("to rest", run={"until": 0.5, "step": 1e-3})
+    scene.contact("ball", "bed", friction=0.5, restitution=0.0, rolling_radius=0.01)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.sphere("cue", radius=0.03, mass=0.17, position=(0, 0, 0.03), velocity=(0.2, 0, 0), material="ball")
+    found = carom.compare(scene, ("nsga", "moreau"))
+    assert np.abs(found["nsga"].states["velocity"][-1]).max() < 1e-6
+    assert all(d.relative < 1e-2 for d in found["moreau"].differences)
+
+
+def test_a_method_that_is_left_out_is_named() -> None:
+    path = SCENARIOS / "paper" / "5.1_torque.toml"
+    found = carom.compare(path, until=0.01)
+    assert "penalty" not in [run.name for run in found]
+    assert "penalty is left out" in found.remarks[0]
+    assert "penalty is left out" in str(found)
+    assert found.to_dict()["remarks"] == list(found.remarks)
+    code, out, err = command(str(path), "--until", "0.01")
+    assert code == 0
+    assert "penalty is left out" in err
+    assert out.splitlines()[0] == str(found).splitlines()[0]
+    assert not carom.compare(path, ("nsga",), until=0.01).remarks
+    assert len(repr(found).splitlines()) == 1
+
+
+def test_the_example_that_is_no_file_yet_is_hinted_at() -> None:
+    code, _, err = command("paper/5.6_break")
+    assert code == 2
+    assert "carom examples copy paper/5.6_break" in err

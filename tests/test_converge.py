@@ -229,6 +229,12 @@ def test_a_run_that_stops_leaves_its_error_open() -> None:
         ({"at": [0.1234567]}, "in whole steps"),
         ({"at": [0.3], "until": 0.2}, "from 0 to the end"),
         ({"stepp": 1}, "stepp"),
+        ({"reference": lambda t: 3.0}, "gives float at t = 0 s; return values by quantity"),
+        ({"reference": lambda t: {"velocity:ball": (1, 2)}}, r"shape \(2,\); return 3 numbers"),
+        ({"reference": lambda t: {"velocity:ball:x": (1, 2, 3)}}, "return one number"),
+        ({"reference": lambda t: {"velocity": np.zeros((2, 3))}}, r"return 3 numbers"),
+        ({"reference": lambda t: {"velocity:ball": "fast"}}, "no array of numbers"),
+        ({"case": "fast"}, "choose a variant of a file"),
     ],
 )
 def test_wrong_studies_are_explained(keywords: dict[str, Any], told: str) -> None:
@@ -320,3 +326,69 @@ def test_command_says_which_run_stopped() -> None:
     assert code == 3
     assert "h = 0.001 s: not converged" in err
     assert json.loads(out)["quantities"]["velocity"]["errors"] == [None, None]
+
+
+# --- what should not be believed --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("errors", "told"),
+    [
+        ([4e-3, 2e-3, 1e-3], None),
+        ([4e-3, 3e-3, 1e-3], "scatters from 0.42 to 1.58"),
+        ([4e-13, 2e-13, 1e-13], "rounding"),
+        ([4e-3, 2e-3, 1e-13], "rounding"),
+        ([40.0, 2e-3, 1e-3], "as large as the quantity"),
+        ([2.1e-7, 2.05e-7, 2e-7], "hardly depends"),
+        ([0.0, 0.0, 0.0], None),
+        ([math.nan, 2e-3, 1e-3], None),
+    ],
+)
+def test_doubtful_orders_are_said_to_be(errors: list[float], told: str | None) -> None:
+    from carom.convergence import doubts
+
+    found = doubts("velocity", [4e-3, 2e-3, 1e-3], errors)
+    assert len(found) == (0 if told is None else 1)
+    assert told is None or told in found[0]
+
+
+def test_the_example_of_the_help_shows_order_one_without_a_doubt() -> None:
+    path = SCENARIOS / "paper" / "5.5_bernoulli.toml"
+    found = carom.converge(path, [2e-3, 1e-3, 5e-4], 1e-5)
+    for name in ("position", "velocity"):
+        order = found.orders[name]
+        assert order is not None
+        assert order.value == pytest.approx(1, abs=0.02)
+    assert not found.remarks
+    assert "least squares" in str(found)
+    assert repr(found).startswith("<Convergence ")
+    assert "velocity 1.0" in repr(found)
+
+
+def test_scatter_is_said_on_the_command_line() -> None:
+    path = str(SCENARIOS / "paper" / "5.6_break.toml")
+    arguments = ["--steps", "1e-3,5e-4,2.5e-4", "--reference", "1e-5", "--at", "0.13"]
+    code, _, err = command(path, *arguments)
+    assert code == 0
+    assert "scatters" in err
+    code, out, _ = command(path, *arguments, "--json")
+    assert any("scatters" in remark for remark in json.loads(out)["remarks"])
+
+
+def test_a_run_of_another_scene_is_no_reference(tmp_path: Path) -> None:
+    path = SCENARIOS / "paper" / "5.2_free_balls.toml"
+    carom.simulate(path, case="slips", step=1e-4, every=1, until=0.1, out=tmp_path / "slips")
+    steps = [2e-3, 1e-3]
+    assert carom.converge(path, steps, tmp_path / "slips", case="slips", until=0.1, at=0.1).ok
+    # How it was solved is no part of the scene.
+    carom.converge(path, steps, tmp_path / "slips", case="slips", until=0.1, at=[0.1], method="moreau")
+    with pytest.raises(carom.CaromError, match="no reference for this scene: it has other friction"):
+        carom.converge(path, steps, tmp_path / "slips", case="sticks", until=0.1)
+
+
+def test_a_reference_that_is_hardly_finer_is_said_to_be(tmp_path: Path) -> None:
+    steps = [4e-3, 2e-3, 1e-3]
+    assert not any("reference" in told for told in carom.converge(bouncing(), steps, 2.5e-4).remarks)
+    assert "not 4 times finer" in carom.converge(bouncing(), steps, 5e-4).remarks[0]
+    carom.simulate(bouncing(), step=5e-4, every=1, out=tmp_path / "run")
+    assert "not 4 times finer" in carom.converge(bouncing(), steps, tmp_path / "run").remarks[0]

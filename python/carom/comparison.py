@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.convergence import error_of
 from carom.errors import CaromError, did_you_mean
+from carom.sheets import of_comparison, titled
 from carom.summary import plain
 
 if TYPE_CHECKING:
@@ -36,6 +36,10 @@ NUMBERS = (
     *("wall_s", "core_s", "steps", "substeps", "halvings", "penetration_max", "penetration_max_relative"),
     *("energy", "iterations", "impact_problems", "unconverged", "fallbacks", "missed_impacts"),
 )
+#: Frames of a run that is compared, besides those that are asked for, at most.
+FRAMES = 200
+#: Radii (radii per step) below which a position (velocity) is no size to compare with.
+SMALL = 1e-8
 _PROJECTION = "projection"
 
 
@@ -44,7 +48,9 @@ class Difference:
     """How far a method is from the first one in one quantity at one time.
 
     `greatest` is the largest difference of a vector, in the unit of the quantity, and `body` the one that has
-    it; `relative` is the measure of eq. 45 over all bodies.
+    it; `relative` is the measure of eq. 45 over all bodies, relative to the largest size that the sum below the
+    line has in any frame of the first run: at rest it would vanish. A size below `SMALL` radii (velocities: radii
+    per step) per body is taken as that.
     """
 
     time: float
@@ -95,6 +101,9 @@ class Comparison:
     times: tuple[float, ...]
     bodies: tuple[str, ...]
     runs: tuple[MethodRun, ...]
+    case: str | None = None
+    remarks: tuple[str, ...] = ()
+    """What a reader must know of it: which method was left out, and why."""
 
     def __getitem__(self, method: str) -> MethodRun:
         for run in self.runs:
@@ -108,6 +117,13 @@ class Comparison:
     def __len__(self) -> int:
         return len(self.runs)
 
+    def __str__(self) -> str:
+        return str(of_comparison(self))
+
+    def __repr__(self) -> str:
+        names = ", ".join(run.name for run in self.runs)
+        return f"<Comparison {titled(self.title, self.case)!r}: {names} at t = {', '.join(f'{t:g}' for t in self.times)} s>"
+
     @property
     def ok(self) -> bool:
         """Whether every run reached its end."""
@@ -117,11 +133,18 @@ class Comparison:
         """Plain values: the document of `carom compare --json`."""
         return {
             "title": self.title,
+            "case": self.case,
             "step": self.step,
             "times": list(self.times),
             "reference": self.runs[0].name,
             "methods": [run.to_dict() for run in self.runs],
+            "remarks": list(self.remarks),
         }
+
+
+def listed(times: float | Sequence[float]) -> list[float]:
+    """Times of which one may be given without a list."""
+    return [float(times)] if isinstance(times, (int, float)) else [float(t) for t in times]
 
 
 def default_methods() -> list[str]:
@@ -135,10 +158,13 @@ def default_methods() -> list[str]:
     ]
 
 
-def _able(scene: Scene) -> list[str]:
-    """The default methods that can take the scene: contact forces know no joints."""
-    joined = bool(scene.to_model().get("joints"))
-    return [name for name in default_methods() if not (joined and name == "penalty")]
+def _able(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
+    """The default methods that can take the scene, and what is to be said of the others: contact forces know no joints."""
+    names = default_methods()
+    if "penalty" not in names or not scene.to_model().get("joints"):
+        return names, ()
+    names.remove("penalty")
+    return names, ("penalty is left out: the scene has joints, and the method of contact forces knows none",)
 
 
 def method_options(name: str) -> dict[str, Any]:
@@ -166,33 +192,39 @@ def method_options(name: str) -> dict[str, Any]:
 
 def compare(
     scene: Scene | str | Path,
-    methods: Sequence[str] | None = None,
+    methods: str | Sequence[str] | None = None,
     *,
-    at: Sequence[float] = (),
+    at: float | Sequence[float] = (),
     out: str | Path | None = None,
     force: bool = False,
     progress: OnProgress | None = None,
+    case: str | None = None,
+    set: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
     `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at`
-    are times (s, on the grid of the steps) that are compared besides the end. `options` are keys of `[run]` and `[record]` for all
-    runs. With `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end
-    is no error here: its `outcome` says so.
+    are times (s, on the grid of the steps) that are compared besides the end. `case` and `set` choose a variant of
+    a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
+    `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end is
+    no error here: its `outcome` says so.
     """
     import carom
     from carom.drive import Plan
     from carom.run import CaromWarning, RunFailed, scene_of
 
-    scene = scene_of(scene, "compare")
-    names = list(methods) if methods is not None else _able(scene)
+    scene = scene_of(scene, "compare", case=case, set=set)
+    at = listed(at)
+    names, remarks = (
+        _able(scene) if methods is None else ([methods] if isinstance(methods, str) else list(methods), ())
+    )
     if not names:
         raise CaromError("name at least one method to compare")
-    if len(set(names)) < len(names):
+    if len(dict.fromkeys(names)) < len(names):
         raise CaromError(f"a method is named twice among {', '.join(names)}")
     chosen = {name: method_options(name) for name in names}
-    if clash := sorted({"every", *(k for o in chosen.values() for k in o)} & set(options)):
+    if clash := sorted({"every", *(k for o in chosen.values() for k in o)} & options.keys()):
         cure = "name it with the method, as nsga+one-shot" if clash != ["every"] else "give the times with at"
         raise CaromError(f"{clash[0]} is set by the comparison; {cure}")
     scene = scene.with_options(**options) if options else scene
@@ -201,9 +233,11 @@ def compare(
     h = scene.run.step
     plan = Plan.of(scene.run.until, h, 1, False)
     wanted = sorted({*(_grid(t, h, plan.steps) for t in at), plan.steps})
-    every = math.gcd(*wanted)
+    every = _spacing(math.gcd(*wanted), plan.steps)
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
+    floors = _floors(scene)
+    sizes: Mapping[str, float] = {}
     runs: list[MethodRun] = []
     for name, extra in chosen.items():
         directory = None if out is None else Path(out) / name
@@ -215,9 +249,28 @@ def compare(
                 )
             except RunFailed as error:
                 result = error.result
-        runs.append(_measured(name, extra, result, [n // every for n in wanted], runs, directory))
+        sizes = sizes or {q: max(floor, _largest(getattr(result, q))) for q, floor in floors.items()}
+        runs.append(_measured(name, extra, result, [n // every for n in wanted], runs, sizes, directory))
         result.close()
-    return Comparison(scene.title, h, tuple(n * h for n in wanted), tuple(scene.names), tuple(runs))
+    times = tuple(n * h for n in wanted)
+    return Comparison(scene.title, h, times, tuple(scene.names), tuple(runs), scene.case, remarks)
+
+
+def _spacing(most: int, steps: int) -> int:
+    """Steps between frames: a divisor of `most`, if one gives at most `FRAMES` of them."""
+    return next((n for n in range(1, most) if most % n == 0 and steps // n <= FRAMES), most)
+
+
+def _largest(column: Any) -> float:
+    """The largest sum below the line of eq. 45 of any frame, of a column (T, N, 3)."""
+    return float(np.max(np.sum(np.abs(np.asarray(column)), axis=(1, 2))))
+
+
+def _floors(scene: Scene) -> dict[str, float]:
+    """Sums of all bodies below which a quantity is at rest: `SMALL` radii, or radii per step."""
+    radius = np.asarray(scene.to_model()["radius"], dtype=np.float64)
+    length, h = SMALL * float(radius.sum()), scene.run.step
+    return {"position": length, "velocity": length / h, "angular_velocity": SMALL * len(radius) / h}
 
 
 def _grid(t: float, h: float, steps: int) -> int:
@@ -235,6 +288,7 @@ def _measured(
     result: Result,
     frames: Sequence[int],
     before: Sequence[MethodRun],
+    sizes: Mapping[str, float],
     directory: Path | None,
 ) -> MethodRun:
     reached = len(result.time)
@@ -247,7 +301,7 @@ def _measured(
     numbers = {key: result.summary[key] for key in NUMBERS if key in result.summary}
     numbers["impacts"] = len(result.impacts)
     reference = before[0].states if before else states
-    differences = tuple(_differences(times, result.names, states, reference))
+    differences = tuple(_differences(times, result.names, states, reference, sizes))
     outcome = str(result.outcome)
     return MethodRun(
         name, options, outcome, result.outcome.ok, numbers, states, differences if before else (), directory
@@ -255,7 +309,11 @@ def _measured(
 
 
 def _differences(
-    times: Sequence[float], bodies: Sequence[str], states: Mapping[str, F64], reference: Mapping[str, F64]
+    times: Sequence[float],
+    bodies: Sequence[str],
+    states: Mapping[str, F64],
+    reference: Mapping[str, F64],
+    sizes: Mapping[str, float],
 ) -> Iterator[Difference]:
     for k, time in enumerate(times):
         for quantity in QUANTITIES:
@@ -264,4 +322,5 @@ def _differences(
                 continue  # one of the runs stopped before
             off = np.linalg.norm(found - first, axis=1)
             worst = int(np.argmax(off))
-            yield Difference(time, quantity, float(off[worst]), bodies[worst], error_of(found, first))
+            relative = float(np.sum(np.abs(found - first))) / sizes[quantity]
+            yield Difference(time, quantity, float(off[worst]), bodies[worst], relative)

@@ -17,6 +17,13 @@ from carom.errors import CaromError
 
 F64 = NDArray[np.float64]
 
+#: Errors by eq. 45 below this are rounding: no order is read from them.
+ROUNDING = 1e-12
+#: What an order is not read from either: an error above this, orders of neighbours further apart, a slope below.
+LARGE, SCATTER, FLAT = 1.0, 0.5, 0.25
+#: A reference step at most this part of the finest step adds little to the errors.
+FINER = 4
+
 
 @dataclass(frozen=True)
 class Order:
@@ -73,3 +80,41 @@ def order_of(steps: Sequence[float], errors: Sequence[float]) -> Order:
     uncertainty = math.sqrt(float(rest @ rest) / free / spread) if free else math.nan
     pairs = np.diff(y) / np.diff(x)
     return Order(slope, uncertainty, tuple(map(float, pairs)), math.exp(float(y.mean() - slope * x.mean())))
+
+
+def clear_order(steps: Sequence[float], errors: Sequence[float]) -> Order | None:
+    """The order of the errors that stand clear of rounding; None where fewer than two do."""
+    clear = [(h, e) for h, e in zip(steps, errors, strict=True) if e > ROUNDING]
+    return order_of(*zip(*clear, strict=True)) if len(clear) > 1 else None
+
+
+def pairwise_order(steps: Sequence[float], errors: Sequence[float]) -> float | None:
+    """The order between two steps; None where an error is rounding or missing."""
+    order = clear_order(steps, errors)
+    return None if order is None else order.value
+
+
+def doubts(name: str, steps: Sequence[float], errors: Sequence[float]) -> list[str]:
+    """Why the order of a quantity should not be believed, a sentence each; nothing if it may be."""
+    told = []
+    order = clear_order(steps, errors)
+    if any(0 < e <= ROUNDING for e in errors):
+        told.append(f"{name}: errors below {ROUNDING:g} are rounding and show no order; larger steps would")
+    if order is None:
+        return told
+    if max(e for e in errors if e == e) > LARGE:
+        told.append(
+            f"{name}: an error is as large as the quantity itself, so it shows no order: the quantity is about zero,"
+            " or the motion is chaotic by then; choose another quantity, or an earlier time"
+        )
+    elif max(order.pairwise) - min(order.pairwise) > SCATTER:
+        told.append(
+            f"{name}: the order scatters from {min(order.pairwise):.2f} to {max(order.pairwise):.2f}, the fit means"
+            " little: an event (impact, end of sliding) falls at another place of the step for each h, steps are too"
+            " large, or the motion is chaotic; choose steps with the event at the same place, or an earlier time"
+        )
+    elif order.value < FLAT:
+        told.append(
+            f"{name}: the error hardly depends on the step: it comes from elsewhere (tolerance of the solver, reference)"
+        )
+    return told

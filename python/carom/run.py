@@ -53,10 +53,13 @@ def simulate(
     out: str | Path | None = None,
     force: bool = False,
     progress: OnProgress | None = None,
+    case: str | None = None,
+    set: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Result:
     """Simulate a scene, or the scenario file of that path, and return its result.
 
+    Of a file with `[parameters]`, `case` and `set` choose a variant, as in `Scene.from_toml`.
     `options` are the keys of `[run]` and `[record]` of a scenario and override those of the scene, which is
     not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The run directory is `out` (an
     existing one is refused without `force`), or a temporary one that lives as long as the result;
@@ -66,7 +69,7 @@ def simulate(
     Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
     so far).
     """
-    scene = scene_of(scene)
+    scene = scene_of(scene, case=case, set=set)
     scene = scene.with_options(**options) if options else scene
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
@@ -80,12 +83,27 @@ def simulate(
     return _judged(result, stop, kept=out is not None)
 
 
-def scene_of(given: object, caller: str = "simulate") -> Scene:
-    """The scene, or that of the scenario file whose path is given; `caller` is what a message calls the function."""
+def scene_of(
+    given: object,
+    caller: str = "simulate",
+    *,
+    case: str | None = None,
+    set: Mapping[str, Any] | None = None,
+) -> Scene:
+    """The scene, or that of the scenario file whose path is given, in the variant of `case` and `set`.
+
+    `caller` is what a message calls the function.
+    """
     from carom.scene import Scene
 
+    variant = {key: value for key, value in (("case", case), ("set", set)) if value is not None}
     if isinstance(given, (str, Path)):
-        return Scene.from_toml(given)
+        return Scene.from_toml(given, **variant)  # type: ignore[arg-type]
+    if variant and isinstance(given, Scene):
+        raise CaromError(
+            f"{caller}: {' and '.join(variant)} choose a variant of a file, and a scene is one already;"
+            " give the path of the file, or Scene.from_toml(path, case=..., set=...)"
+        )
     if not isinstance(given, Scene):
         found = "nothing" if given is None else f"{type(given).__name__}"
         raise CaromError(

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom import summary
-from carom.convergence import Order, error_of, order_of
+from carom.convergence import FINER, Order, clear_order, doubts, error_of
 from carom.errors import CaromError
 from carom.quantity import QUANTITIES, Quantity
+from carom.sheets import of_convergence, titled
 from carom.truth import Formulas, Frames, Function, Truth
 
 if TYPE_CHECKING:
@@ -36,8 +37,6 @@ I64 = NDArray[np.int64]
 
 #: What a study looks at if nothing else is said.
 DEFAULT = ("position", "velocity", "angular_velocity")
-#: Errors by eq. 45 below this are rounding: no order is read from them.
-ROUNDING = 1e-12
 #: Instants of one run that enter eq. 45, and numbers of their states, at most.
 MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000
 #: Steps in one call of the core, and seconds after which it returns: reports are dropped before they fill memory.
@@ -78,6 +77,16 @@ class Convergence:
     errors: Mapping[str, tuple[float, ...]]
     orders: Mapping[str, Order | None]
     runs: tuple[StepRun, ...]
+    case: str | None = None
+    remarks: tuple[str, ...] = ()
+    """Why an order should not be believed, or the reference."""
+
+    def __str__(self) -> str:
+        return str(of_convergence(self))
+
+    def __repr__(self) -> str:
+        orders = ", ".join(f"{n} {'-' if o is None else f'{o.value:.3f}'}" for n, o in self.orders.items())
+        return f"<Convergence {titled(self.title, self.case)!r}, {len(self.steps)} steps: order of {orders}>"
 
     @property
     def ok(self) -> bool:
@@ -92,12 +101,14 @@ class Convergence:
             quantities[name] = {"errors": list(errors), "order": order and summary.plain(vars(order))}
         return {
             "title": self.title,
+            "case": self.case,
             "steps": list(self.steps),
             "reference": self.reference,
             "until": self.until,
             "at": list(self.at),
             "quantities": quantities,
             "runs": [vars(run) for run in self.runs],
+            "remarks": list(self.remarks),
         }
 
     def plot(self) -> Figure:
@@ -117,8 +128,10 @@ def converge(
     quantities: Sequence[str] | None = None,
     *,
     until: float | None = None,
-    at: Sequence[float] = (),
+    at: float | Sequence[float] = (),
     threads: int | None = None,
+    case: str | None = None,
+    set: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Convergence:
     """Simulate a scene, or a scenario file, with several steps (s) and fit the order of the error in h.
@@ -128,13 +141,15 @@ def converge(
     `{"velocity:cue": (vx, vy, vz)}`. `quantities` are `position`, `velocity`, `angular_velocity` or `orientation`
     of all spheres, or of one (`velocity:cue`), or one component (`velocity:cue:x`); by default the first three, or
     what the formulas give. Errors are those of eq. 45 over the instants of each run up to `until` (s), or at the
-    times `at` (s) alone. `options` are keys of `[run]`, for all runs.
+    times `at` (s) alone. `case` and `set` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of
+    `[run]`, for all runs. What makes an order doubtful is in `remarks` of the result.
     """
     from carom.run import scene_of
 
-    scene = scene_of(scene, "converge")
+    scene = scene_of(scene, "converge", case=case, set=set)
+    at = [float(at)] if isinstance(at, (int, float)) else [float(t) for t in at]
     scene = scene.with_options(**options) if options else scene
-    chosen = sorted({_positive(h) for h in steps}, reverse=True)
+    chosen = sorted(dict.fromkeys(_positive(h) for h in steps), reverse=True)
     if len(chosen) < 2:
         raise CaromError("give at least two different steps: an order is a slope")
     end = until if until is not None else max(at, default=scene.run.until or 0.0)
@@ -151,7 +166,7 @@ def converge(
     if isinstance(reference, (int, float)):
         jobs.append((float(reference), _shared(_positive(reference), instants)))
     else:
-        truth = _truth(reference, names)
+        truth = _truth(reference, scene)
     wanted = [Quantity.of(text, names) for text in quantities or (truth and truth.offered()) or DEFAULT]
     for quantity in wanted:
         if truth:  # before anything runs
@@ -159,7 +174,7 @@ def converge(
     found = _run_all(scene, jobs, threads)
     if truth is None:
         h = float(reference)  # type: ignore[arg-type]
-        truth = Frames(f"h = {h:g} s", names, _times(h, jobs[-1][1]), found[-1][0])
+        truth = Frames(f"h = {h:g} s", names, _times(h, jobs[-1][1]), found[-1][0], h)
     errors = {}
     for quantity in wanted:
         row = []
@@ -174,9 +189,24 @@ def converge(
         until=end,
         at=tuple(sorted(at)),
         errors=errors,
-        orders={name: _order(chosen, row) for name, row in errors.items()},
+        orders={name: clear_order(chosen, row) for name, row in errors.items()},
         runs=tuple(run for _, run in found),
+        case=scene.case,
+        remarks=(
+            *_coarse(truth, chosen[-1]),
+            *(told for name, row in errors.items() for told in doubts(name, chosen, row)),
+        ),
     )
+
+
+def _coarse(truth: Truth, finest: float) -> list[str]:
+    """What is to be said of a reference whose own error is not small beside those that it measures."""
+    if truth.step is None or truth.step * FINER <= finest * (1 + 1e-9):
+        return []
+    return [
+        f"the step of the reference, {truth.step:g} s, is not {FINER} times finer than {finest:g} s: its own error"
+        " enters those of the finest steps"
+    ]
 
 
 def _times(h: float, numbers: I64) -> F64:
@@ -221,18 +251,18 @@ def _shared(h: float, instants: Mapping[float, I64]) -> I64:
     return np.unique(np.concatenate(numbers))
 
 
-def _truth(reference: object, names: Sequence[str]) -> Truth:
+def _truth(reference: object, scene: Scene) -> Truth:
     from carom.result import Result, load
 
     if isinstance(reference, (str, Path)):
         path = Path(reference)
         if not path.is_dir() and path.suffix == ".toml":
-            return Formulas.read(path)
+            return Formulas.read(path, scene.names)
         reference = load(path)
     if isinstance(reference, Result):
-        return Frames.of(reference, names)
+        return Frames.of(reference, scene)
     if callable(reference):
-        return Formulas("function", reference)
+        return Formulas("function", reference, scene.names)
     raise CaromError("reference must be a step, a run, a TOML file with formulas, or a function of the time")
 
 
@@ -286,14 +316,3 @@ def _run(
     return states, StepRun(
         h, simulation.step, outcome, int(totals["unconverged"]), float(totals["penetration_max"]), core_s
     )
-
-
-def pairwise_order(steps: Sequence[float], errors: Sequence[float]) -> float | None:
-    """The order between two steps; None where an error is rounding or missing."""
-    order = _order(steps, errors)
-    return None if order is None else order.value
-
-
-def _order(steps: Sequence[float], errors: Sequence[float]) -> Order | None:
-    clear = [(h, e) for h, e in zip(steps, errors, strict=True) if e > ROUNDING]
-    return order_of(*zip(*clear, strict=True)) if len(clear) > 1 else None

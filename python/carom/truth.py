@@ -16,6 +16,7 @@ from carom.quantity import QUANTITIES, Quantity, States
 if TYPE_CHECKING:
     from carom._core import Expression
     from carom.result import Result
+    from carom.scene import Scene
 
 F64 = NDArray[np.float64]
 #: Of the time t (s): values by quantity, as `{"velocity:cue": (vx, vy, vz)}`.
@@ -27,8 +28,13 @@ SAME = 1e-9
 class Truth(Protocol):
     """Values that count as exact."""
 
-    #: What it is, in words.
-    told: str
+    @property
+    def told(self) -> str:
+        """What it is, in words."""
+
+    @property
+    def step(self) -> float | None:
+        """The step with which it was computed, s; None: it is exact."""
 
     def offered(self) -> list[str] | None:
         """The quantities that it knows, as they are written; None: all of them."""
@@ -40,17 +46,24 @@ class Truth(Protocol):
 class Frames:
     """States at instants: those of a fine run, or of a run directory."""
 
-    def __init__(self, told: str, bodies: Sequence[str], time: F64, states: States) -> None:
-        self.told = told
+    def __init__(self, told: str, bodies: Sequence[str], time: F64, states: States, step: float) -> None:
+        self.told, self.step = told, step
         self._bodies, self._time, self._states = bodies, time, states
 
     @classmethod
-    def of(cls, result: Result, bodies: Sequence[str]) -> Frames:
-        """The frames of a run of the same spheres."""
-        if result.names != list(bodies):
+    def of(cls, result: Result, scene: Scene) -> Frames:
+        """The frames of a run of the same scene: how it was solved may differ, what was solved may not."""
+        bodies = scene.names
+        if result.names != bodies:
             raise CaromError(f"the run in {result.path} has other spheres than the scene")
+        if other := _others(result, scene):
+            raise CaromError(
+                f"the run in {result.path} is no reference for this scene: it has other {', '.join(other)};"
+                " run the scene itself with a fine step and every = 1, in the same case and with the same --set"
+            )
         states = {key: np.asarray(getattr(result, key)) for key in QUANTITIES}
-        return cls(f"run in {result.path}", bodies, np.asarray(result.time), states)
+        step = float(result.summary.get("step") or np.min(np.diff(result.time)))
+        return cls(f"run in {result.path}", bodies, np.asarray(result.time), states, step)
 
     def offered(self) -> list[str] | None:
         return None
@@ -69,11 +82,13 @@ class Frames:
 class Formulas:
     """Closed forms: for each quantity, its value at one time, from a file or a function."""
 
-    def __init__(self, told: str, function: Function) -> None:
-        self.told, self._function = told, function
+    step = None
+
+    def __init__(self, told: str, function: Function, bodies: Sequence[str]) -> None:
+        self.told, self._function, self._bodies = told, function, bodies
 
     @classmethod
-    def read(cls, path: Path) -> Formulas:
+    def read(cls, path: Path, bodies: Sequence[str]) -> Formulas:
         """A TOML file with a table for each sphere, whose components are numbers or `"= formula of t"`.
 
         [parameters]            # optional: numbers, or formulas of those above
@@ -109,26 +124,75 @@ class Formulas:
             values = {**known, "t": t}
             return {text: [component(values) for component in row] for text, row in formulas.items()}
 
-        return cls(f"formulas in {path}", at)
+        return cls(f"formulas in {path}", at, bodies)
 
     def offered(self) -> list[str] | None:
-        return list(self._function(0.0))
+        return list(self._given(0.0))
 
     def values(self, quantity: Quantity, time: F64) -> F64:
         return np.array([self._at(quantity, float(t)) for t in time])
 
     def _at(self, quantity: Quantity, t: float) -> F64:
-        given = self._function(t)
+        given = self._given(t)
         names = [quantity.text]
         if quantity.axis is not None:
             names.append(f"{quantity.key}:{quantity.body}")
         for name in names:
             if name in given:
-                value = np.asarray(given[name], dtype=np.float64)
+                components = (
+                    len(QUANTITIES[quantity.key][0]) if name != quantity.text else quantity.components
+                )
+                value = self._shaped(given[name], 1 if quantity.body else len(self._bodies), components, name)
                 if name != quantity.text:
                     value = value[..., [QUANTITIES[quantity.key][0].index(str(quantity.axis))]]
-                return value.reshape(-1, quantity.components)
+                return value
         raise CaromError(f"the {self.told} does not give {quantity.text}; it gives {', '.join(given)}")
+
+    def _given(self, t: float) -> Mapping[str, ArrayLike]:
+        given = self._function(t)
+        if not isinstance(given, Mapping):
+            raise CaromError(
+                f"the {self.told} gives {type(given).__name__} at t = {t:g} s; return values by quantity, as"
+                ' {"velocity:cue": (vx, vy, vz)}'
+            )
+        return given
+
+    def _shaped(self, given: ArrayLike, spheres: int, components: int, name: str) -> F64:
+        """The values of a quantity at one time, (spheres, components)."""
+        try:
+            value = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise CaromError(
+                f"the {self.told} gives {name} = {given!r}, which is no array of numbers"
+            ) from None
+        if value.size != spheres * components:
+            of = f"{components} numbers" if spheres == 1 else f"an array ({spheres}, {components})"
+            raise CaromError(
+                f"the {self.told} gives {name} with the shape {value.shape}; return "
+                + ("one number" if spheres * components == 1 else of)
+            )
+        return value.reshape(spheres, components)
+
+
+def _others(result: Result, scene: Scene) -> list[str]:
+    """What the scene of a run has other than `scene`, as keys of the model; numbers may differ by rounding."""
+    from carom.scene import Scene
+
+    if scene.load_functions:  # a run directory holds their names only: nothing can be compared
+        return []
+    theirs, mine = Scene.from_toml(result.scenario).to_model(), scene.to_model()
+    keys = [key for key in (mine | theirs) if key != "options"]
+    return [key.replace("_", " ") for key in keys if not _same(mine.get(key), theirs.get(key))]
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, (float, np.ndarray)) and isinstance(b, (float, np.ndarray)):
+        return np.shape(a) == np.shape(b) and bool(np.allclose(a, b, rtol=SAME, atol=1e-15))
+    return bool(a == b)
 
 
 class _Component:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from carom.cli.options import Case, Json, Quiet, Scenario, Set, number, scene
-from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded
-from carom.cli.tables import show_table
+from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
+from carom.sheets import of_convergence
 
 if TYPE_CHECKING:
     from carom.study import Convergence
@@ -68,7 +68,7 @@ def converge(
 ) -> int:
     """Run a scenario with several steps and find the order with which its error vanishes (eq. 45).
 
-    Example: carom converge break.toml --steps 1e-3,5e-4,2.5e-4 --reference 1e-5 --at 0.13
+    Example: carom converge 5.5_bernoulli.toml --steps 2e-3,1e-3,5e-4 --reference 1e-5
     """
     from carom.study import converge as study_of
 
@@ -89,7 +89,9 @@ def converge(
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict(), "files": files})
     elif not quiet:
-        _show(found)
+        of_convergence(found).show()
+        for remark in found.remarks:
+            note(f"warning: {remark}")
         print("\n".join(files))
     failed = [run for run in found.runs if not run.ok]
     for run in failed:
@@ -108,43 +110,6 @@ def numbers(option: str, given: list[str]) -> list[float]:
         raise typer.BadParameter(
             f"{','.join(given)!r} holds what is no number; write for example {option} 1e-2,5e-3"
         ) from None
-
-
-def _show(found: Convergence) -> None:
-    names = list(found.errors)
-    rows = []
-    for i, h in enumerate(found.steps):
-        cells = [f"{h:.4g}"]
-        for name in names:
-            cells += [f"{found.errors[name][i]:.3e}", _between(found, name, i)]
-        rows.append(cells)
-    fits: list[str] = []
-    for name in names:
-        order = found.orders[name]
-        fits += ["" if order is None else _fitted(order), ""]
-    rows += [["least squares", *fits]]
-    where = (
-        f"at t = {', '.join(f'{t:g}' for t in found.at)} s" if found.at else f"over 0 to {found.until:g} s"
-    )
-    head = ["h (s)", *(cell for name in names for cell in (name, "order"))]
-    show_table(
-        head, rows, f"{found.title or 'convergence'}: error by eq. 45 {where} against {found.reference}"
-    )
-
-
-def _fitted(order: Any) -> str:
-    spread = f" +- {order.uncertainty:.3f}" if order.uncertainty == order.uncertainty else ""
-    return f"{order.value:.3f}{spread}"
-
-
-def _between(found: Convergence, name: str, i: int) -> str:
-    """The order between a step and the one before it, where both errors stand clear of rounding."""
-    from carom.study import pairwise_order
-
-    if i == 0:
-        return ""
-    order = pairwise_order(found.steps[i - 1 : i + 1], found.errors[name][i - 1 : i + 1])
-    return "-" if order is None else f"{order:.2f}"
 
 
 def _refuse_format(plot: Path) -> None:

@@ -11,6 +11,8 @@ from typing import Any, ParamSpec
 
 import typer
 
+from carom.sheets import seconds as seconds
+
 P = ParamSpec("P")
 
 DONE, CRASH, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -82,19 +84,6 @@ def table(rows: Iterable[Sequence[str]], indent: str = "") -> str:
         ]
         lines.append((indent + "  ".join(padded)).rstrip())
     return "\n".join(lines)
-
-
-def seconds(value: float) -> str:
-    """A duration in the unit in which it is read."""
-    if value < 1e-3:
-        return f"{value * 1e6:.0f} us"
-    if value < 1:
-        return f"{value * 1e3:.3g} ms"
-    if value < 120:
-        return f"{value:.3g} s"
-    minutes, rest = divmod(round(value), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
 
 
 def _leave_at_once_if_broken(code: int) -> None:
