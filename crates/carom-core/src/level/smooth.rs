@@ -4,7 +4,7 @@
 //! iteration, in closed form. Joints and other loads go to Newton's method (`smooth_newton.rs`).
 
 use super::smooth_newton::{place, Weights};
-use crate::force;
+use crate::force::{self, LoadError};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
 use crate::scratch::Scratch;
@@ -70,18 +70,17 @@ fn iterate(
         load_error,
         ..
     } = scratch;
-    smooth.lambda.fill(0.0);
+    let mut failed = |error: LoadError| {
+        *load_error = Some(error.0);
+        Failure::Load
+    };
+    smooth.begin(model, weights.time).map_err(&mut failed)?;
     for iteration in 0..=model.options.max_iterations {
         place(state, linear, angular, trial);
         let acceleration = |i: usize| [linear[i].acceleration, angular[i].acceleration];
-        let small = match smooth.evaluate(model, trial, acceleration, &weights) {
-            Ok(small) => small,
-            Err(error) => {
-                *load_error = Some(error.0);
-                return Err(Failure::Load);
-            }
-        };
-        let relative = small.balance.max(small.constraint);
+        let relative = smooth
+            .evaluate(model, trial, acceleration, &weights)
+            .map_err(&mut failed)?;
         history[0].values.push(relative);
         report.residual_smooth = relative;
         if relative <= tolerance {
