@@ -97,7 +97,7 @@ def test_a_rod_drawn_in_keeps_the_angular_momentum() -> None:
     """A puck without gravity on a rod of length l(t): l^2 phi' is constant."""
     x = np.array([[L, 0.0, 0.0]])
     errors = []
-    for h in (4e-3, 2e-3, 1e-3):
+    for h in (1e-2, 5e-3, 2.5e-3):
         law = polynomial(L, 0.0, -0.5)
         puck = Reference(
             scene(x, [[0, 2.0, 0]], joints=[rod(x, 0, -1, None, [0, 0, 0], law)], g=(0, 0, 0), step=h)
@@ -107,14 +107,14 @@ def test_a_rod_drawn_in_keeps_the_angular_momentum() -> None:
         assert np.linalg.norm(puck.x[0]) == pytest.approx(length, abs=1e-14)
         assert puck.x[0] @ puck.v[0] / length == pytest.approx(-0.4, abs=1e-13)
         errors.append(abs(np.cross(puck.x[0], puck.v[0])[2] - 2.0 * L))
-    assert errors[-1] < 1e-5
+    assert errors[-1] < 1e-4
     assert orders(errors) == pytest.approx([2, 2], abs=0.2)
 
 
 def test_a_double_pendulum_keeps_momenta_and_second_order() -> None:
     """Two balls on rigid arms, free in space: momentum exact, angular momentum and end state of second order."""
     ends, angular = [], []
-    for h in (4e-3, 2e-3, 1e-3, 5e-4):
+    for h in (8e-3, 4e-3, 2e-3, 1e-3):
         x = np.array([[0.0, 0.0, 0.0], [0.5, 0.1, 0.0], [0.9, -0.2, 0.1]])
         joints = [held(x, 0, 1, [0.3, 0.0, 0.1]), held(x, 1, 2, [0.6, -0.2, 0.0])]
         v, w = consistent(x, joints, 5)
@@ -303,7 +303,7 @@ def test_second_order_with_everything_that_is_smooth() -> None:
         push(1, torque=[constant(0), polynomial(0.0, 0.4), constant(0)]),
     ]
     ends = []
-    for h in (8e-3, 4e-3, 2e-3, 1e-3):
+    for h in (1.6e-2, 8e-3, 4e-3, 2e-3):
         run = Reference(scene(x, joints=joints, loads=loads, step=h))
         run.advance(round(0.096 / h))
         ends.append(

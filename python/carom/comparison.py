@@ -176,8 +176,8 @@ def compare(
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
-    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at` are times (s, on
-    the grid of the steps) that are compared besides the end. `options` are keys of `[run]` and `[record]` for all
+    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at`
+    are times (s, on the grid of the steps) that are compared besides the end. `options` are keys of `[run]` and `[record]` for all
     runs. With `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end
     is no error here: its `outcome` says so.
     """

@@ -17,7 +17,7 @@ from .newton import solve
 
 ENERGY_SLACK = 1e-10
 """A problem may produce this fraction of the kinetic energy of its bodies (rule R4)."""
-BISECTIONS = 12
+BISECTIONS = 30
 
 
 @dataclass
@@ -177,7 +177,7 @@ class ProblemSolver(Protocol):
 
 def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem) -> IslandResult:
     """All impact problems of one island by the law that the options name."""
-    result = IslandResult(island.start, np.zeros(island.layout.rows))
+    result = IslandResult(island.start, island.start_multipliers)
     impulses = np.zeros(island.layout.rows)
     tolerance = result.tolerance = island.closing_tolerance()
     if tolerance is not None and island.elements:
@@ -187,7 +187,8 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
             result.problems.append(record)
         else:
             impulses = _sequence(island, impact_problem, tolerance, result)
-    result.jump, result.multipliers = island.respond(impulses)
+    if np.any(impulses):
+        result.jump, result.multipliers = island.respond(impulses)
     return result
 
 

@@ -124,8 +124,8 @@ class Island:
         if bonds:
             # f_v is a difference of forces
             self.floor += 4.0 * EPS * model.options.step * lay.size_of(bonds.parts)
-        self.start = self.respond(np.zeros(lay.rows))[0]
-        """W_J (d,): what the joints and loads ask for before any impact (stage J)."""
+        self.start, self.start_multipliers = self.respond(np.zeros(lay.rows))
+        """W_J (d,): what the joints and loads ask for before any impact (stage J), and its multipliers (m,)."""
         started = free + self.start.reshape(-1, 6)
         self.load = float(np.max(np.linalg.norm(started[:, :3] - before[:, :3], axis=1)))
         self.speed = max(self.old_speed, self.load)

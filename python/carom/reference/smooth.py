@@ -92,6 +92,7 @@ class SmoothProblem:
         self.u_start = state.u + h * (1.0 - c.gamma) * state.a + h * c.gamma * self.a_new
         self.d_start = h * state.u + h * h * ((0.5 - c.beta) * state.a + c.beta * self.a_new)
         self.wanted = rates(model.joints, self.time)
+        self._last: tuple[F64, tuple[F64, JointsAt, Applied]] | None = None
         self.p = 0.5 / np.array([row.compliance(model.mass, model.inertia) for row in model.joints])
         # weights of eq. 44: moments over a radius; a speed times p s is a force
         self.weight = np.ones(6 * model.bodies)
@@ -108,8 +109,11 @@ class SmoothProblem:
 
     def at(self, du: F64) -> tuple[F64, JointsAt, Applied]:
         """v_check (6N,), joints and loads."""
-        u, _, pose = self.moved(du)
-        return u, JointsAt(self.model.joints, pose), applied_force(self.model.loads, pose, u, self.time)
+        if self._last is None or not np.array_equal(self._last[0], du):
+            u, _, pose = self.moved(du)
+            load = applied_force(self.model.loads, pose, u, self.time)
+            self._last = du.copy(), (u, JointsAt(self.model.joints, pose), load)
+        return self._last[1]
 
     def residual(self, du: F64, reactions: F64) -> tuple[F64, float, float]:
         """Residual (6N + m,) [N, N m, m/s, rad/s], its weighted norm [N] and the sum of those of its terms."""

@@ -133,11 +133,7 @@ pub(crate) fn wrench_power(wrench: &[DVec3; 2], twist: &Twist) -> f64 {
 /// Adds all loads at a motion to `wrench (N)`. A law that leaves its domain, or a function of the user that gives no
 /// number, is an error: nothing that follows would see it. Loads that depend on the motion are closed forms, and are
 /// not finite only where the motion runs away.
-pub fn add_loads(
-    model: &Model,
-    at: &Motion,
-    wrench: &mut [[DVec3; 2]],
-) -> Result<(), LoadError> {
+pub fn add_loads(model: &Model, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
     for (index, load) in model.loads.iter().enumerate() {
         load.add(at, wrench)?;
         let bodies = match (load.dependence(), load.bodies()[0]) {

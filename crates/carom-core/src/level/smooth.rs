@@ -180,6 +180,37 @@ mod tests {
         (s.state.position[0].x - exact).abs()
     }
 
+    /// A load of the user that holds the weight leaves no force: the weight is the measure of what is left, not its difference.
+    #[test]
+    fn a_ball_at_rest_on_an_opaque_spring_needs_no_halving() {
+        let input = ModelInput {
+            radius: vec![0.1],
+            mass: vec![1.0],
+            inertia: vec![0.004],
+            material: vec![0],
+            gravity: [0.0, 0.0, -9.8],
+            position: vec![[0.3, 0.1, 0.0]],
+            orientation: vec![[1.0, 0.0, 0.0, 0.0]],
+            velocity: vec![[0.0; 3]],
+            angular_velocity: vec![[0.0; 3]],
+            loads: vec![Arc::new(Anchor { k: 100.0, c: 20.0 })],
+            ..ModelInput::default()
+        };
+        let options = Options {
+            step: 1e-3,
+            ..Options::default()
+        };
+        let (model, initial) = Model::new(&input, options).expect("valid");
+        let mut s = Simulation::new(model, initial);
+        let recording = Recording {
+            frame_every: 0,
+            contacts: false,
+        };
+        assert!(s.advance(8000, recording, Duration::MAX).is_none());
+        assert!((s.state.position[0] - DVec3::new(0.0, 0.0, -0.098)).length() < 1e-12);
+        assert_eq!(s.monitors.halvings, 0);
+    }
+
     /// Loads that depend on q and v are integrated with second order (smooth motion).
     #[test]
     fn a_damped_spring_converges_with_second_order() {

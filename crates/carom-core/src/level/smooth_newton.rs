@@ -203,7 +203,7 @@ impl SmoothScratch {
         self.grouped[i]
     }
 
-    /// Residuals `f + G^T lambda - M a` per sphere and `G v - c'` (or `target`) per joint row, at the motion in `trial`.
+    /// Residuals `f + G^T lambda - M a` per sphere and `G v - c'` per joint row, at the motion in `trial`.
     pub fn evaluate(
         &mut self,
         model: &Model,
@@ -268,8 +268,7 @@ impl SmoothScratch {
                         let force = l * DVec3::new(side[0], side[1], side[2]);
                         let moment = l * DVec3::new(side[3], side[4], side[5]);
                         let arm = 1.0 / model.radius[body as usize];
-                        share.terms +=
-                            force.length_squared() + arm * arm * moment.length_squared();
+                        share.terms += force.length_squared() + arm * arm * moment.length_squared();
                         w[0] += force;
                         w[1] += moment;
                     }
@@ -300,18 +299,21 @@ impl SmoothScratch {
 
     /// Replaces the velocity residual of joint rows by the acceleration one: `-(dG/dt v) + c''` (start of a run).
     pub fn constrain_accelerations(&mut self, model: &Model, trial: &Trial, time: f64) {
-        // Only the first pseudo acceleration depends on this difference.
-        const STEP: f64 = 1e-6;
+        // One-sided: a law may begin at t = 0. The error is of second order in it.
+        const STEP: f64 = 1e-5;
         for (index, joint) in model.joints.iter().enumerate() {
             let ([pa, pb], [ta, tb]) = (trial.poses(joint), trial.twists(joint));
             let mut rates = Rows::default();
             joint.gradient_rate((&pa, &ta), (&pb, &tb), &mut rates);
-            let (mut now, mut later) = ([0.0; 6], [0.0; 6]);
-            joint.rates(time, &mut now);
-            joint.rates(time + STEP, &mut later);
+            let at = |steps: f64| {
+                let mut rates = [0.0; 6];
+                joint.rates(time + steps * STEP, &mut rates);
+                rates
+            };
+            let (r0, r1, r2) = (at(0.0), at(1.0), at(2.0));
             let first = self.first_row[index] as usize;
             for (r, row) in rates.iter().enumerate().take(joint.rows.len()) {
-                let mut value = -(later[r] - now[r]) / STEP;
+                let mut value = -(4.0 * r1[r] - 3.0 * r0[r] - r2[r]) / (2.0 * STEP);
                 for (side, twist) in row.iter().zip([ta, tb]) {
                     let (v, w) = (twist.velocity, twist.angular_velocity);
                     value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
