@@ -460,9 +460,9 @@ fn a_law_that_is_no_number_at_the_start_is_refused() {
             torque: [Scalar::zero(), Scalar::zero(), Scalar::zero()],
         })];
         for input in [held, pushed] {
-            let refused = Model::new(&input, Options::default())
-                .err()
-                .expect("refused");
+            let Err(refused) = Model::new(&input, Options::default()) else {
+                panic!("{text} is taken");
+            };
             assert!(refused.to_string().contains("at t = 0"), "{refused}");
         }
     }
