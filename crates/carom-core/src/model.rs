@@ -320,7 +320,7 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
                 return Err(entry("joint", index, "direction", text));
             }
             row.law
-                .check()
+                .check_slope_at_start()
                 .map_err(|text| entry("joint", index, "law", text))?;
         }
         links.push(Link {

@@ -85,6 +85,27 @@ impl Scalar {
             },
         }
     }
+
+    /// [`Scalar::check`] of a law of the time: the start of the run is the first place it is asked for.
+    pub fn check_at_start(&self) -> Result<(), String> {
+        self.check()?;
+        finite_at_start("value", self.value(0.0))
+    }
+
+    /// The same where the slope is asked for too.
+    pub fn check_slope_at_start(&self) -> Result<(), String> {
+        self.check_at_start()?;
+        finite_at_start("slope", self.slope(0.0))
+    }
+}
+
+fn finite_at_start(what: &str, found: f64) -> Result<(), String> {
+    if found.is_finite() {
+        return Ok(());
+    }
+    Err(format!(
+        "has the {what} {found} at t = 0; it must be finite from there on"
+    ))
 }
 
 /// Slope between the points `n - 1` and `n`.

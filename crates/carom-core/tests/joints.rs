@@ -5,8 +5,9 @@ mod common;
 use carom_core::force::applied::Applied;
 use carom_core::force::spring::Spring;
 use carom_core::joint::{Joint, JointRow, RowKind, GROUND};
-use carom_core::scalar::Scalar;
-use carom_core::{Model, ModelInput, Options, Recording, Simulation};
+use carom_core::options::Method;
+use carom_core::scalar::{Expression, Scalar};
+use carom_core::{Model, ModelInput, Options, Outcome, Recording, Simulation};
 use common::{balls, G, MASS, R};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -371,4 +372,112 @@ fn impulses_of_joints_balance_momentum() {
     let given = s.recorder.open_joints[0][0];
     let change = MASS * s.state.velocity[0] + DVec3::Z * MASS * G * until;
     assert!((given - change).length() < 1e-11, "{given} {change}");
+}
+
+/// Spheres that nothing joins are problems of their own: the forces on a heavy one are no measure for those on a light one.
+#[test]
+fn a_heavy_sphere_elsewhere_changes_nothing() {
+    let light = |heavy: f64| {
+        let mut input = balls(&[[0.0, 0.0, -1.0], [0.0, 50.0, 0.0]], &[]);
+        input.velocity[0] = [2.0, 0.3, 0.0];
+        input.mass = vec![1e-3, heavy];
+        input.inertia = input.mass.iter().map(|m| 0.4 * m * R * R).collect();
+        input.loads = vec![Arc::new(Spring {
+            a: 0,
+            b: GROUND,
+            arm_a: DVec3::ZERO,
+            arm_b: DVec3::ZERO,
+            stiffness: 5.0,
+            damping: 0.0,
+            rest_length: 0.9,
+        })];
+        run(&input, 1e-3, 0.5).state.position[0]
+    };
+    let difference = (light(1e-3) - light(1e9)).length();
+    assert!(difference < 1e-12, "{difference:e}");
+}
+
+/// A prescribed motion that has come to an end leaves speeds that are rounding: one iteration is enough for them.
+#[test]
+fn a_motion_that_ends_costs_no_iterations() {
+    let mut input = balls(&[[0.0; 3]], &[]);
+    input.gravity = [0.0; 3];
+    let ramp = Scalar::Table(vec![[0.0, 0.0], [0.1, 0.0], [0.2, 0.05]]);
+    let point = |d, law| row(RowKind::Point, d, DVec3::ZERO, DVec3::ZERO, law);
+    input.joints = vec![joint(0, GROUND, vec![point(DVec3::X, ramp)])];
+    let s = run(&input, 1e-3, 0.5);
+    assert!((s.state.position[0] - DVec3::new(0.05, 0.0, 0.0)).length() < 1e-12);
+    assert!(s.monitors.smooth.max <= 2, "{}", s.monitors.smooth.max);
+}
+
+/// A law that leaves its domain ends the run with its name, whatever the method; it is not passed over.
+#[test]
+fn a_law_that_is_no_number_ends_the_run() {
+    let root = Scalar::Expression(Expression::parse("sqrt(0.05-t)").expect("an expression"));
+    let outcome = |joint_law: bool, method: Method| {
+        let mut input = balls(&[[0.0; 3]], &[]);
+        if joint_law {
+            let point = row(
+                RowKind::Point,
+                DVec3::X,
+                DVec3::ZERO,
+                DVec3::ZERO,
+                root.clone(),
+            );
+            input.joints = vec![joint(0, GROUND, vec![point])];
+        } else {
+            let force = [root.clone(), Scalar::zero(), Scalar::zero()];
+            input.loads = vec![Arc::new(Applied {
+                body: 0,
+                force,
+                torque: [Scalar::zero(), Scalar::zero(), Scalar::zero()],
+            })];
+        }
+        let options = Options {
+            step: 1e-3,
+            method,
+            ..Options::default()
+        };
+        let (model, initial) = Model::new(&input, options).expect("a model");
+        let recording = Recording {
+            frame_every: 0,
+            contacts: false,
+        };
+        Simulation::new(model, initial).advance(100, recording, Duration::MAX)
+    };
+    for method in [Method::Nsga, Method::MoreauJean, Method::Penalty] {
+        for joint_law in [false, true] {
+            if joint_law && method == Method::Penalty {
+                continue;
+            }
+            let Some(Outcome::LoadFailed { time, message, .. }) = outcome(joint_law, method) else {
+                panic!("{method:?} {joint_law}");
+            };
+            assert!((time - 0.051).abs() < 1.5e-3, "{time}");
+            assert!(message.contains("t = 0.05"), "{message}");
+        }
+    }
+}
+
+/// The start of a run is a place like any other: a law that has no number there is refused.
+#[test]
+fn a_law_that_is_no_number_at_the_start_is_refused() {
+    for text in ["1/t", "ln(t)"] {
+        let law = || Scalar::Expression(Expression::parse(text).expect("an expression"));
+        let mut held = balls(&[[0.0; 3]], &[]);
+        let point = row(RowKind::Point, DVec3::X, DVec3::ZERO, DVec3::ZERO, law());
+        held.joints = vec![joint(0, GROUND, vec![point])];
+        let mut pushed = balls(&[[0.0; 3]], &[]);
+        pushed.loads = vec![Arc::new(Applied {
+            body: 0,
+            force: [law(), Scalar::zero(), Scalar::zero()],
+            torque: [Scalar::zero(), Scalar::zero(), Scalar::zero()],
+        })];
+        for input in [held, pushed] {
+            let Err(refused) = Model::new(&input, Options::default()) else {
+                panic!("{text} is taken");
+            };
+            assert!(refused.to_string().contains("at t = 0"), "{refused}");
+        }
+    }
 }

@@ -42,6 +42,8 @@ const MEMORY: usize = 5;
 /// stays factorable and rounding is not blown up along its null space (1e-6 leaves piles cycling; measured).
 const SHIFT_FLOOR_DENSE: f64 = 1e-4;
 const SHIFT_FLOOR_LARGE: f64 = 1e-2;
+/// Up to this many nodes an island with loads that depend on the motion has a dense matrix.
+const DENSE_NODES: usize = 24;
 /// Below this share of the first residual a dense system is tried without shift.
 const NEAR: f64 = 1e-2;
 
@@ -228,8 +230,12 @@ impl Newton {
         problem.evaluate(system, u, &mut self.z);
         let mut norms = self.norms(system, lambda, u);
         let first = norms.residual;
-        // Loads couple all nodes: their matrix is dense whatever the size.
-        let dense = system.contacts.len() <= options.dense_contacts || system.has_load();
+        // Loads couple nodes beyond the contacts: the nodes count.
+        let dense = if system.has_load() {
+            system.nodes() <= DENSE_NODES
+        } else {
+            system.contacts.len() <= options.dense_contacts
+        };
         let shift_floor = if dense {
             SHIFT_FLOOR_DENSE
         } else {

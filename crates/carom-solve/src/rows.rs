@@ -51,8 +51,8 @@ pub struct RowSystem {
     pub diag: Vec<f64>,
     /// Change of the impulse of loads `b(u)` at the last evaluation (6 per node); empty: none.
     pub load: Vec<f64>,
-    /// `-db/du`, dense and row-major over the nodes; empty with `load`.
-    pub load_tangent: Vec<f64>,
+    /// `-db/du` as (row, column, value); equal places add up. Empty with `load`.
+    pub load_tangent: Vec<(u32, u32, f64)>,
 }
 
 /// A sub-problem of a step: measures as functions of the correction `u`.
@@ -96,7 +96,6 @@ impl RowSystem {
         self.load.clear();
         self.load.resize(dofs, 0.0);
         self.load_tangent.clear();
-        self.load_tangent.resize(dofs * dofs, 0.0);
     }
 
     #[inline]

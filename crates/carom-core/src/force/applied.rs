@@ -32,7 +32,7 @@ impl Load for Applied {
     fn check(&self) -> Result<(), (&'static str, String)> {
         for (name, laws) in [("force", &self.force), ("torque", &self.torque)] {
             for law in laws {
-                law.check().map_err(|text| (name, text))?;
+                law.check_at_start().map_err(|text| (name, text))?;
             }
         }
         Ok(())

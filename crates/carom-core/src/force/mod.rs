@@ -130,6 +130,32 @@ pub(crate) fn wrench_power(wrench: &[DVec3; 2], twist: &Twist) -> f64 {
     wrench[0].dot(twist.velocity) + wrench[1].dot(twist.angular_velocity)
 }
 
+/// Adds all loads at a motion to `wrench (N)`. A law that leaves its domain, or a function of the user that gives no
+/// number, is an error: nothing that follows would see it. Loads that depend on the motion are closed forms, and are
+/// not finite only where the motion runs away.
+pub fn add_loads(model: &Model, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
+    for (index, load) in model.loads.iter().enumerate() {
+        load.add(at, wrench)?;
+        let bodies = match (load.dependence(), load.bodies()[0]) {
+            (Dependence::Motion(..), _) => continue,
+            (_, Some(body)) => body as usize..body as usize + 1,
+            (_, None) => 0..wrench.len(),
+        };
+        for i in bodies {
+            let [force, moment] = wrench[i];
+            if !(force.is_finite() && moment.is_finite()) {
+                return Err(LoadError(format!(
+                    "load {} gives {force} N and {moment} N m on sphere {} at t = {} s; they must be finite",
+                    index + 1,
+                    i + 1,
+                    at.time
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Weight of sphere `i`, N.
 #[inline]
 pub fn weight(model: &Model, i: usize) -> DVec3 {

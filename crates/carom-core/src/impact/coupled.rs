@@ -56,7 +56,6 @@ impl Subproblem for Velocities<'_> {
             self.model,
             self.loads,
             self.node_of,
-            load.len(),
             self.span.end,
             (0.0, h),
             &mut system.load_tangent,

@@ -96,31 +96,29 @@ impl Trial {
         self.wrench = wrench;
     }
 
-    /// `-(scale_q df/dq + scale_v df/dv)` of the given loads, dense over the nodes of `node_of`.
-    #[allow(clippy::too_many_arguments)] // two call sites, one per level
+    /// `-(scale_q df/dq + scale_v df/dv)` of the given loads, over the nodes of `node_of`: (row, column, value).
     pub fn stiffness(
         &mut self,
         model: &Model,
         loads: &[u32],
         node_of: &[u32],
-        dofs: usize,
         time: f64,
         (scale_q, scale_v): (f64, f64),
-        out: &mut [f64],
+        out: &mut Vec<(u32, u32, f64)>,
     ) {
         let mut tangents = std::mem::take(&mut self.tangents);
         tangents.clear();
         for &load in loads {
             model.loads[load as usize].tangent(&self.motion(time), &mut tangents);
         }
-        out.fill(0.0);
+        out.clear();
         for t in &tangents {
-            let row = NODE_DOF * node_of[t.of as usize] as usize;
-            let col = NODE_DOF * node_of[t.over as usize] as usize;
-            for i in 0..NODE_DOF {
-                for j in 0..NODE_DOF {
-                    out[(row + i) * dofs + col + j] -=
-                        scale_q * t.position[i][j] + scale_v * t.velocity[i][j];
+            let row = NODE_DOF as u32 * node_of[t.of as usize];
+            let col = NODE_DOF as u32 * node_of[t.over as usize];
+            for (i, (over_q, over_v)) in t.position.iter().zip(&t.velocity).enumerate() {
+                for (j, (q, v)) in over_q.iter().zip(over_v).enumerate() {
+                    let value = -(scale_q * q + scale_v * v);
+                    out.push((row + i as u32, col + j as u32, value));
                 }
             }
         }

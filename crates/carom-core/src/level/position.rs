@@ -115,7 +115,6 @@ impl Coupled<'_> {
                 model,
                 loads,
                 self.node_of,
-                load.len(),
                 end,
                 (half, 0.0),
                 &mut system.load_tangent,

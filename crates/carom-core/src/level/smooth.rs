@@ -4,7 +4,7 @@
 //! iteration, in closed form. Joints and other loads go to Newton's method (`smooth_newton.rs`).
 
 use super::smooth_newton::{place, Weights};
-use crate::force;
+use crate::force::{self, LoadError};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
 use crate::scratch::Scratch;
@@ -70,18 +70,17 @@ fn iterate(
         load_error,
         ..
     } = scratch;
-    smooth.lambda.fill(0.0);
+    let mut failed = |error: LoadError| {
+        *load_error = Some(error.0);
+        Failure::Load
+    };
+    smooth.begin(model, weights.time).map_err(&mut failed)?;
     for iteration in 0..=model.options.max_iterations {
         place(state, linear, angular, trial);
         let acceleration = |i: usize| [linear[i].acceleration, angular[i].acceleration];
-        let small = match smooth.evaluate(model, trial, acceleration, &weights) {
-            Ok(small) => small,
-            Err(error) => {
-                *load_error = Some(error.0);
-                return Err(Failure::Load);
-            }
-        };
-        let relative = small.balance.max(small.constraint);
+        let relative = smooth
+            .evaluate(model, trial, acceleration, &weights)
+            .map_err(&mut failed)?;
         history[0].values.push(relative);
         report.residual_smooth = relative;
         if relative <= tolerance {
@@ -179,6 +178,37 @@ mod tests {
         let omega = (k - decay * decay).sqrt();
         let exact = (-decay).exp() * (omega.cos() + decay / omega * omega.sin());
         (s.state.position[0].x - exact).abs()
+    }
+
+    /// A load of the user that holds the weight leaves no force: the weight is the measure of what is left, not its difference.
+    #[test]
+    fn a_ball_at_rest_on_an_opaque_spring_needs_no_halving() {
+        let input = ModelInput {
+            radius: vec![0.1],
+            mass: vec![1.0],
+            inertia: vec![0.004],
+            material: vec![0],
+            gravity: [0.0, 0.0, -9.8],
+            position: vec![[0.3, 0.1, 0.0]],
+            orientation: vec![[1.0, 0.0, 0.0, 0.0]],
+            velocity: vec![[0.0; 3]],
+            angular_velocity: vec![[0.0; 3]],
+            loads: vec![Arc::new(Anchor { k: 100.0, c: 20.0 })],
+            ..ModelInput::default()
+        };
+        let options = Options {
+            step: 1e-3,
+            ..Options::default()
+        };
+        let (model, initial) = Model::new(&input, options).expect("valid");
+        let mut s = Simulation::new(model, initial);
+        let recording = Recording {
+            frame_every: 0,
+            contacts: false,
+        };
+        assert!(s.advance(8000, recording, Duration::MAX).is_none());
+        assert!((s.state.position[0] - DVec3::new(0.0, 0.0, -0.098)).length() < 1e-12);
+        assert_eq!(s.monitors.halvings, 0);
     }
 
     /// Loads that depend on q and v are integrated with second order (smooth motion).

@@ -22,8 +22,6 @@ const DENSE: usize = 72;
 const SHIFT: f64 = 1e-12;
 /// Roundings of the loads that a residual may hold.
 const ROUNDING: f64 = 16.0;
-/// Speeds below this share of r/h, and forces below this share of m r/h^2, are measured against it.
-const AT_REST: f64 = 1e-4;
 
 /// Spheres that move together in the smooth sub-problem.
 #[derive(Default)]
@@ -45,12 +43,40 @@ pub struct Weights {
     pub time: f64,
 }
 
-/// Smallness of the residual: of the balance over its terms (eq. 44), of the constraints over the speeds, those that the
-/// loads would give in the step among them. At rest forces cancel and speeds are rounding: neither may be the measure.
+/// Terms of the residual of spheres that move together: a group, or a sphere alone. Each is a problem of its own, so that
+/// a heavy sphere elsewhere is no excuse for an error here.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Smallness {
-    pub balance: f64,
-    pub constraint: f64,
+struct Share {
+    /// Squares of the balance and of its terms, N^2; parts of the loads and their rounding, N.
+    residual: f64,
+    terms: f64,
+    parts: f64,
+    rounding: f64,
+    /// Of the constraints and of the motion, m/s. The speed is the largest of all iterates: it is what a velocity near 0
+    /// is a difference of.
+    constraint: f64,
+    speed: f64,
+}
+
+impl Share {
+    /// Smallness of the residual: of the balance over its terms (eq. 44), of the constraints over the speeds, those that
+    /// the loads would give in the step among them. At rest forces cancel and speeds are rounding: neither may be the measure.
+    fn relative(&self) -> f64 {
+        // What rounding leaves counts as nothing; what is not a number stays so.
+        let excess = self.residual.sqrt() - ROUNDING * self.rounding;
+        let excess = if excess <= 0.0 { 0.0 } else { excess };
+        let balance = excess / (self.terms.sqrt() + self.parts).max(f64::MIN_POSITIVE);
+        worst(balance, self.constraint / self.speed.max(f64::MIN_POSITIVE))
+    }
+}
+
+/// The larger one; unlike `f64::max` it does not pass over what is not a number.
+fn worst(a: f64, b: f64) -> f64 {
+    if a >= b || a.is_nan() {
+        a
+    } else {
+        b
+    }
 }
 
 #[derive(Default)]
@@ -59,6 +85,9 @@ pub struct SmoothScratch {
     grouped: Vec<bool>,
     /// Local index of a sphere in its group.
     local: Vec<u32>,
+    /// Share of each sphere; those of the groups come first.
+    share_of: Vec<u32>,
+    shares: Vec<Share>,
     /// First row of each joint among all joint rows.
     pub first_row: Vec<u32>,
     /// Smooth reactions lambda of all joint rows, N or N m.
@@ -137,6 +166,36 @@ impl SmoothScratch {
                 LinkKind::Load(index) => group.loads.push(index),
             }
         }
+        self.share_of = vec![0; parent.len()];
+        let mut shares = self.groups.len() as u32;
+        for body in 0..parent.len() as u32 {
+            let i = body as usize;
+            self.share_of[i] = if self.grouped[i] {
+                slot[root(&parent, body) as usize]
+            } else {
+                shares += 1;
+                shares - 1
+            };
+        }
+        self.shares = vec![Share::default(); shares as usize];
+    }
+
+    /// Starts a sub-problem: forgets the reactions and speeds of the last one. A joint's law may have left its domain.
+    pub fn begin(&mut self, model: &Model, time: f64) -> Result<(), LoadError> {
+        self.lambda.fill(0.0);
+        self.shares.fill(Share::default());
+        for (index, joint) in model.joints.iter().enumerate() {
+            for row in &joint.rows {
+                let (value, slope) = (row.law.value(time), row.law.slope(time));
+                if !(value.is_finite() && slope.is_finite()) {
+                    return Err(LoadError(format!(
+                        "the law of joint {} gives {value} with the slope {slope} at t = {time} s",
+                        index + 1
+                    )));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Whether a sphere belongs to a group; the others are explicit.
@@ -151,32 +210,32 @@ impl SmoothScratch {
         trial: &mut Trial,
         acceleration: impl Fn(usize) -> [DVec3; 2],
         weights: &Weights,
-    ) -> Result<Smallness, LoadError> {
-        let (time, rate) = (weights.time, weights.acceleration);
+    ) -> Result<f64, LoadError> {
+        let time = weights.time;
         let n = model.spheres();
-        for (i, w) in trial.wrench.iter_mut().enumerate() {
-            *w = [force::weight(model, i), DVec3::ZERO];
+        for share in &mut self.shares {
+            let speed = share.speed;
+            *share = Share {
+                speed,
+                ..Share::default()
+            };
         }
         let mut wrench = std::mem::take(&mut trial.wrench);
-        let mut failed = None;
-        for load in &model.loads {
-            if let Err(error) = load.add(&trial.motion(time), &mut wrench) {
-                failed = Some(error);
-                break;
-            }
-        }
+        wrench.fill([DVec3::ZERO; 2]);
+        let loaded = force::add_loads(model, &trial.motion(time), &mut wrench);
         trial.wrench = wrench;
-        if let Some(error) = failed {
-            return Err(error);
-        }
-        let (mut residual, mut terms) = (0.0f64, 0.0f64);
-        let (mut constraint, mut speed) = (0.0f64, 0.0f64);
-        for (i, [f, m]) in trial.wrench.iter().enumerate() {
+        loaded?;
+        for (i, w) in trial.wrench.iter_mut().enumerate() {
+            let weight = force::weight(model, i);
+            let share = &mut self.shares[self.share_of[i] as usize];
+            share.parts += weight.length();
+            w[0] += weight;
+            let [f, m] = *w;
             let arm = 1.0 / model.radius[i];
-            terms += f.length_squared() + arm * arm * m.length_squared();
+            share.terms += f.length_squared() + arm * arm * m.length_squared();
             let pull = model.inv_mass[i] * f.length();
             let twist = model.radius[i] * model.inv_inertia[i] * m.length();
-            speed = speed.max(pull.max(twist) / weights.acceleration);
+            share.speed = share.speed.max(pull.max(twist) / weights.acceleration);
         }
         for (index, joint) in model.joints.iter().enumerate() {
             let rows = &mut self.gradients[index];
@@ -185,13 +244,15 @@ impl SmoothScratch {
             let mut rates = [0.0; 6];
             joint.rates(time, &mut rates);
             let twists = trial.twists(joint);
+            let share = &mut self.shares[self.share_of[joint.a as usize] as usize];
             for (r, row) in rows.iter().enumerate().take(dim) {
                 let mut value = -rates[r];
                 for (side, twist) in row.iter().zip(&twists) {
                     let (v, w) = (twist.velocity, twist.angular_velocity);
                     value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
                     value += side[3] * w.x + side[4] * w.y + side[5] * w.z;
-                    speed = speed.max(v.length()).max(joint.length * w.length());
+                    let fastest = v.length().max(joint.length * w.length());
+                    share.speed = share.speed.max(fastest);
                 }
                 self.constraint[first + r] = value;
                 let turn = if r < joint.translational {
@@ -199,7 +260,7 @@ impl SmoothScratch {
                 } else {
                     joint.length
                 };
-                constraint = constraint.max(turn * value.abs());
+                share.constraint = worst(share.constraint, turn * value.abs());
                 let l = self.lambda[first + r];
                 let bodies = [joint.a, joint.b];
                 for (side, &body) in row.iter().zip(&bodies) {
@@ -207,26 +268,20 @@ impl SmoothScratch {
                         let force = l * DVec3::new(side[0], side[1], side[2]);
                         let moment = l * DVec3::new(side[3], side[4], side[5]);
                         let arm = 1.0 / model.radius[body as usize];
-                        terms += force.length_squared() + arm * arm * moment.length_squared();
+                        share.terms += force.length_squared() + arm * arm * moment.length_squared();
                         w[0] += force;
                         w[1] += moment;
                     }
                 }
             }
         }
-        // Where nothing moves and nothing pulls, what moves a sphere by next to nothing of its radius is nothing.
-        let length = model.radius.iter().copied().fold(f64::INFINITY, f64::min);
-        let scale = model
-            .mass
-            .iter()
-            .zip(&model.radius)
-            .map(|(m, r)| m * r)
-            .fold(f64::INFINITY, f64::min);
-        let (mut parts, mut rounding) = (0.0, 0.0);
         for load in &model.loads {
-            let m = load.magnitude(&trial.motion(time));
-            parts += m.parts;
-            rounding += m.rounding;
+            let magnitude = load.magnitude(&trial.motion(time));
+            if let Some(body) = load.bodies()[0] {
+                let share = &mut self.shares[self.share_of[body as usize] as usize];
+                share.parts += magnitude.parts;
+                share.rounding += magnitude.rounding;
+            }
         }
         for i in 0..n {
             let [a, alpha] = acceleration(i);
@@ -234,23 +289,12 @@ impl SmoothScratch {
             let (inertia, turn) = (model.mass[i] * a, model.inertia[i] * alpha);
             let r = [f - inertia, m - turn];
             let arm = 1.0 / model.radius[i];
-            residual += r[0].length_squared() + arm * arm * r[1].length_squared();
-            terms += inertia.length_squared() + arm * arm * turn.length_squared();
+            let share = &mut self.shares[self.share_of[i] as usize];
+            share.residual += r[0].length_squared() + arm * arm * r[1].length_squared();
+            share.terms += inertia.length_squared() + arm * arm * turn.length_squared();
             self.residual[i] = r;
         }
-        // NaN would pass for small below: `max` drops it.
-        if !(residual.is_finite() && parts.is_finite() && rounding.is_finite()) {
-            return Ok(Smallness {
-                balance: f64::NAN,
-                constraint: f64::NAN,
-            });
-        }
-        Ok(Smallness {
-            // What rounding leaves counts as nothing.
-            balance: (residual.sqrt() - ROUNDING * rounding).max(0.0)
-                / (terms.sqrt() + parts + AT_REST * scale * rate * rate).max(f64::MIN_POSITIVE),
-            constraint: constraint / speed.max(AT_REST * length * rate),
-        })
+        Ok(self.shares.iter().map(Share::relative).fold(0.0, worst))
     }
 
     /// Replaces the velocity residual of joint rows by the acceleration one: `-(dG/dt v) + c''` (start of a run).

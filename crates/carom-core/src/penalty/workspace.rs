@@ -3,7 +3,7 @@
 use super::elastic::Elastic;
 use super::pair::Pair;
 use super::touch::{PairLaw, Touch};
-use crate::force::{LoadError, Motion};
+use crate::force::{self, LoadError, Motion};
 use crate::model::Model;
 use crate::options::Method;
 use crate::state::State;
@@ -119,9 +119,7 @@ impl Workspace {
             angular_velocity,
         };
         self.wrench.fill([DVec3::ZERO; 2]);
-        for load in &model.loads {
-            load.add(&at, &mut self.wrench)?;
-        }
+        force::add_loads(model, &at, &mut self.wrench)?;
         self.power = model.loads.iter().map(|load| load.power(&at)).sum();
         self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
         for (i, [force, moment]) in self.wrench.iter().enumerate() {

@@ -7,6 +7,7 @@
 
 use super::{Coefficients, Span};
 use crate::contact::Contact;
+use crate::force;
 use crate::level::position;
 use crate::model::Model;
 use crate::report::{Level, StepReport};
@@ -101,11 +102,9 @@ fn weigh_loads(
 ) -> Result<(), Failure> {
     let mut wrench = vec![[DVec3::ZERO; 2]; model.spheres()];
     let at = step::motion_of(state, time);
-    for load in &model.loads {
-        if let Err(error) = load.add(&at, &mut wrench) {
-            scratch.load_error = Some(error.0);
-            return Err(Failure::Load);
-        }
+    if let Err(error) = force::add_loads(model, &at, &mut wrench) {
+        scratch.load_error = Some(error.0);
+        return Err(Failure::Load);
     }
     for (i, [force, moment]) in wrench.into_iter().enumerate() {
         state.pseudo[i] = [
