@@ -18,7 +18,7 @@ from carom.paper.analytic.break_shot import impact_of
 from carom.paper.analytic.generalized_alpha import GeneralizedAlpha, radius_of, scaled
 from carom.paper.analytic.line import LineHit, solved
 from carom.paper.document import Context, Example
-from carom.paper.examples import NAMES, s54, s54_study, s55, s56, s56_rows, s56_study
+from carom.paper.examples import NAMES, s54, s54_impact, s54_study, s55, s56, s56_rows, s56_study
 from carom.paper.memory import timed, trace
 
 EXAMPLES = ("5.4", "5.5", "5.6", "A")
@@ -65,9 +65,31 @@ def test_counts_stand_beside_the_papers_at_both_tolerances(example: str) -> None
         assert all(c.paper[level][0] is not None for c in beside)
 
 
-def test_the_papers_position_iterations_of_54_follow_from_eq_44_alone() -> None:
-    [alone] = [c for c in reproduced("5.4").counts if c.case.endswith("eq. 44 alone")]
-    assert alone.position[0] == s54.PAPER_COUNTS["frictional"]["position"][0]
+def test_run_as_printed_the_iterations_of_54_are_the_papers() -> None:
+    """Largest 4 and 2, means 1: the paper's law, eq. 44 alone, Newton's matrix without shift."""
+    [alone] = [c for c in reproduced("5.4").counts if c.case == "frictional, as printed"]
+    for level in ("position", "velocity"):
+        most, mean = getattr(alone, level)
+        assert (most, round(mean)) == alone.paper[level]
+
+
+def test_limits_are_far_sharper_than_what_the_papers_step_admits() -> None:
+    """The rows for h -> 0 prove the law: of every quantity of first order there is one, to a hundredth at least."""
+    for example in ("5.4", "5.6"):
+        rows = {r.quantity: r for r in reproduced(example).rows}
+        first = [r for r in rows.values() if r.origin.startswith("first order: 1.2 c h")]
+        assert len(first) >= 6
+        for r in first:
+            assert rows[f"{r.quantity}, h -> 0"].tolerance < 1e-2 * r.tolerance, r.quantity
+
+
+def test_closed_forms_of_later_hits_have_their_limits() -> None:
+    """Without friction on the way up the rebound of ball 1 would be v^2/(2 g); hits of ball 2 add 0.4 % of it."""
+    model = s54_study.scene("frictional").to_model()
+    way, hit = s54_study.hit_of(model)
+    later = s54_impact.again(model, way, hit)
+    assert hit.jump_1 < later.rise < 1.01 * hit.jump_1
+    assert hit.next_hit < later.time - way.contact_time < 1.1 * hit.next_hit
 
 
 def test_the_page_has_both_computing_times_or_says_what_is_missing() -> None:

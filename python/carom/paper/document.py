@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.paper.errata import BY_KEY
 
 Verdict = Literal["ok", "paper in error", "short"]
 Scale = Literal["linear", "log"]
@@ -38,7 +39,7 @@ class Row:
     `tolerance` is the admitted magnitude of `difference`, in `unit`; `origin` says where it comes from, e.g. "the
     paper prints 3 digits", "first order, c h with c = 0.3", "rounding". A row with `paper_in_error` is held against
     the corrected closed form (`against="analytic"`), shows the printed value in `paper` and says in `note` what is
-    wrong, and why.
+    wrong, and why; `erratum` is the key of that error in `errata.ERRATA`, which other rows may show as well.
     """
 
     example: str
@@ -52,6 +53,7 @@ class Row:
     against: Literal["paper", "analytic"]
     note: str = ""
     paper_in_error: bool = False
+    erratum: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a row that cannot be judged: every verdict on the page is a comparison of two finite numbers."""
@@ -70,6 +72,10 @@ class Row:
             raise ValueError(
                 f"{where}: an error of the paper needs its printed value, the corrected one in analytic"
                 " (compared with that) and a note"
+            )
+        if self.erratum and (not self.paper_in_error or self.erratum not in BY_KEY):
+            raise ValueError(
+                f"{where}: erratum {self.erratum!r} is not in the list, or the row is not in error"
             )
 
     @property
@@ -94,12 +100,15 @@ class Row:
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve of a figure: `x` and `y` of shape (n,). `body` fixes the colour: the same body has it in all figures."""
+    """One curve of a figure: `x` and `y` of shape (n,). `body` fixes the colour: the same body has it in all figures.
+
+    `marked` is a line with a point at each of its values.
+    """
 
     label: str
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    kind: Literal["line", "dashed", "points"] = "line"
+    kind: Literal["line", "dashed", "points", "marked"] = "line"
     body: int | None = None
 
     def __post_init__(self) -> None:

@@ -23,6 +23,8 @@ ROW, MOST_COLUMNS = 0.17, 5
 #: A curve of points with more than this many shows every n-th, so that markers stay apart.
 MOST_MARKERS = 45
 MARKERS = "osD^vPX*"
+#: A curve is dashed where it lies on another for more than this share of its points; length of a dash in line widths.
+COVERED, DASH = 0.2, 3.0
 
 
 def draw(figure: Figure, directory: Path, formats: Sequence[str]) -> list[str]:
@@ -50,11 +52,13 @@ def draw(figure: Figure, directory: Path, formats: Sequence[str]) -> list[str]:
 
 def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
     """A line under a dashed one of the same body, a closed form, is broad and pale: both are seen where they coincide."""
-    if curve.kind == "line":
+    if curve.kind in ("line", "marked"):
         if any(c.kind == "dashed" and c.body == curve.body is not None for c in figure.curves):
             return {"color": colour, "linewidth": 3.0, "alpha": 0.45}
-        hidden = any(_coincide(curve, other) for other in figure.curves[:k] if other.kind == "line")
-        return {"color": colour, "linewidth": 1.5, "linestyle": (0, (3, 3)) if hidden else "-"}
+        look = {"color": colour, "linewidth": 1.5, "linestyle": _dashes(k, figure.curves)}
+        if curve.kind == "marked":
+            look |= {"marker": MARKERS[k % len(MARKERS)], "markersize": 4.5, "markerfacecolor": "none"}
+        return look
     if curve.kind == "dashed":
         return {"color": _darker(colour), "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 3}
     apart = max(1, -(-len(curve.x) // MOST_MARKERS))
@@ -70,11 +74,26 @@ def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
     }
 
 
+def _dashes(k: int, curves: Sequence[Curve]) -> str | tuple[float, tuple[float, float]]:
+    """A curve that lies on earlier ones leaves gaps through which each of them is seen."""
+    under = [_coincide(curves[k], other) for other in curves[:k] if other.kind in ("line", "marked")]
+    if not any(under):
+        return "-"
+    most = max(
+        sum(_coincide(c, other) for other in curves[:n] if other.kind in ("line", "marked"))
+        for n, c in enumerate(curves)
+    )
+    # The pattern starts `level` dashes before its end, so that no two of them are drawn at one place.
+    level = sum(under)
+    return (DASH * (most + 1 - (level - 1)) % (DASH * (most + 1)), (DASH, DASH * most))
+
+
 def _coincide(one: Curve, other: Curve) -> bool:
-    """Whether two curves cannot be told apart, as those of mirror images: less than a line's width everywhere."""
+    """Whether a good part of two curves lies less than a line's width apart, as those of balls at rest or mirror images."""
     if one.x.shape != other.x.shape or not np.array_equal(one.x, other.x):
         return False
-    return bool(np.abs(one.y - other.y).max() <= 2e-3 * max(np.ptp(one.y), np.ptp(other.y)))
+    near = np.abs(one.y - other.y) <= 2e-3 * max(np.ptp(one.y), np.ptp(other.y))
+    return bool(np.mean(near) > COVERED)
 
 
 def _colours(curves: Sequence[Curve]) -> list[str]:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from carom.paper.document import Counts, Example, Figure, Row, Verdict
+from carom.paper.errata import ERRATA, Erratum
 from carom.paper.runner import Failure, Report
 
 TITLE = "The examples of the paper, reproduced"
@@ -15,8 +16,6 @@ TITLE = "The examples of the paper, reproduced"
 MARKS: Mapping[Verdict, str] = {"ok": "✓ ok", "paper in error": "✎ paper in error", "short": "✗ short"}
 #: Significant digits of a number: enough to see its tolerance, at least and at most these.
 FEWEST, MOST = 2, 10
-#: Rows of an erratum whose values stand in the list of errata; the table of the example has all.
-MOST_VALUES = 2
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A space at which no line ends.
 _HARD = "\N{NO-BREAK SPACE}"
@@ -73,7 +72,11 @@ def _introduction(report: Report) -> list[str]:
     count = report.verdicts
     told = [f"{count['ok']} agree"]
     if count["paper in error"]:
-        told.append(f"{count['paper in error']} agree with the corrected theory where the paper errs")
+        errors = sum(1 for _, rows in _shown(report) if rows)
+        why = f"{errors} errors of the paper" if errors > 1 else "one error of the paper"
+        told.append(
+            f"{count['paper in error']} agree with the corrected theory and differ from the paper's because of {why}"
+        )
     told.append(f"**{count['short']} short**" if count["short"] else "none falls short")
     quick = (
         " This is the quick form: the same tables and tolerances, from fewer points."
@@ -123,22 +126,38 @@ def _reading() -> str:
 
 
 def _errata(report: Report) -> list[str]:
-    found = [(example, row) for example in report.examples for row in example.rows if row.paper_in_error]
-    if not found:
+    """One entry for each error of the paper, and a table of all rows that show one."""
+    shown = _shown(report)
+    if not shown:
         return []
-    grouped: dict[tuple[str, str, str], list[Row]] = {}
-    for example, row in found:
-        grouped.setdefault((label(example.id), heading(example), row.note), []).append(row)
-    told = []
-    for (place, title, note), rows in grouped.items():
-        values = [
-            f"{row.quantity}: paper {_quantity(row.paper, row)}, corrected {_quantity(row.analytic, row)},"
-            f" Carom {_quantity(row.carom, row)}"
-            for row in rows[:MOST_VALUES]
-        ]
-        more = [f"{len(rows) - MOST_VALUES} more there"] if len(rows) > MOST_VALUES else []
-        told.append(f"1. [{place}](#{anchor(title)}): {note} ({'; '.join(values + more)})")
-    return [f"## {_ERRATA}", "\n".join(told)]
+    ran = {example.id: heading(example) for example in report.examples}
+    told, lines = [], []
+    for k, (error, rows) in enumerate(shown, 1):
+        place = f" ([{label(error.example)}](#{anchor(ran[error.example])}))" if error.example in ran else ""
+        numbers = f" It shows in {len(rows)} number{'s' * (len(rows) != 1)} below." if rows else ""
+        told.append(f"{k}. **{error.where[0].upper()}{error.where[1:]}**{place}: {error.told}{numbers}")
+        for row in rows:
+            values = (_quantity(value, row) for value in (row.paper, row.analytic, row.carom))
+            lines.append((str(k), label(row.example), row.quantity, *values))
+    blocks = [f"## {_ERRATA}", "\n".join(told)]
+    if lines:
+        head = ("error", "example", "quantity", "paper", "corrected", "Carom")
+        blocks.append(table(head, lines, right=(3, 4, 5)))
+    return [*blocks, "Slips of print in the equations of the method are listed in Appendix A."]
+
+
+def _shown(report: Report) -> list[tuple[Erratum, list[Row]]]:
+    """The errors that belong to an example of the report or are shown by a row of it, in the paper's order."""
+    grouped: dict[str, list[Row]] = {}
+    unnamed: list[tuple[Erratum, list[Row]]] = []
+    for row in report.rows:
+        if row.paper_in_error and row.erratum:
+            grouped.setdefault(row.erratum, []).append(row)
+        elif row.paper_in_error:
+            unnamed.append((Erratum("", row.quantity, row.example, f"{row.note.rstrip('.')}."), [row]))
+    ran = {example.id for example in report.examples}
+    listed = [(error, grouped.get(error.key, [])) for error in ERRATA]
+    return [(error, rows) for error, rows in listed if rows or error.example in ran] + unnamed
 
 
 def _quantity(value: float | str | None, row: Row) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from string import Template
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,20 @@ from numpy.typing import NDArray
 from carom import _core
 from carom.convergence import Order
 from carom.paper.document import Context, Counts, Row
-from carom.paper.memory import Trace
+from carom.paper.memory import Trace, trace
+from carom.scene import Scene
 
-#: Options under which eq. 44 alone ends the iterations at the paper's tolerance, and Newton's system is the paper's: gaps
-#: need not be met to 1e-10 r, and the multipliers are hardly shifted.
-EQ_44_ALONE: Mapping[str, float] = {"gap_tolerance": 1e-6, "proximal_shift": 1e-6}
 #: tol_r of eq. 44 in all examples of the paper.
 PAPER_TOLERANCE = 1e-5
+#: Options that come closest to the paper's iterations: its law and tolerance; eq. 44 alone ends them (gaps need not be met
+#: to 1e-10 r); Newton's matrix is that of the residual (the diagonal of the multipliers is hardly shifted).
+AS_PRINTED: Mapping[str, Any] = {
+    "tolerance": PAPER_TOLERANCE,
+    "solver": "newton",
+    "impact": "sequence-paper",
+    "gap_tolerance": 1e-6,
+    "proximal_shift": 1e-8,
+}
 #: Energy may rise by this share of its total in the paper's examples: reliability contract.
 ENERGY_RISE = 1e-12
 
@@ -56,6 +63,11 @@ def counts(case: str, run: Trace, tolerance: float, printed: Printed) -> Counts:
     )
 
 
+def as_printed(scene: Scene, **run: Any) -> Trace:
+    """A run under the options that come closest to the paper's iterations."""
+    return trace(scene, **{**AS_PRINTED, **run})
+
+
 def row(
     example: str,
     quantity: str,
@@ -68,12 +80,23 @@ def row(
     paper: float | str | None = None,
     against: Literal["paper", "analytic"] | None = None,
     note: str = "",
-    paper_in_error: bool = False,
+    erratum: str = "",
 ) -> Row:
     """A row held against the exact value where there is one, otherwise against the paper's."""
     against = against or ("paper" if exact is None else "analytic")
     return Row(
-        example, quantity, unit, paper, exact, float(carom), within, why, against, note, paper_in_error
+        example,
+        quantity,
+        unit,
+        paper,
+        exact,
+        float(carom),
+        within,
+        why,
+        against,
+        note,
+        bool(erratum),
+        erratum,
     )
 
 

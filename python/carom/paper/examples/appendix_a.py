@@ -304,7 +304,7 @@ another rests.
 
 | where | printed | meant |
 |---|---|---|
-| eq. 6c, right side | velocities | accelerations: another unit otherwise |
+| eq. 6c, right side | v-check_{n+1} | its derivative, as in the term beside it: accelerations, another unit otherwise |
 | line 16 | v := v-dot + dv | v := v + dv |
 | line 18 | q | q-check, which is q at that stage |
 | eqs. 3, 4; eq. 28 | multipliers without k_s, k_v | with them, as in eqs. 1a and 1f |
@@ -312,7 +312,10 @@ another rests.
 | after eq. 15 | xi_N = k nu_N + p g_N, twice | k nu_N - p g_N, as two lines above |
 | eq. 26 | closing if g < tol_v | g < -tol_v: with a positive tol_v contacts at rest would count as closing |
 | eq. 29, gap | 0 in the row of q | earlier impulses stay whatever the status; P stands there once, not per contact |
-| eq. 30 | an increment in body axes | a spatial one, as the normals of eqs. 34 to 43 |
+| eq. 30 | an increment in body axes | a spatial one, as the normals of eqs. 34 to 43: else friction turns wrong |
+| eq. 42, left side | G_Nq transposed | its derivative, with rows of zeros for the rotations, which are left out |
+
+None of them stands in the code: its equations are the corrected ones, and the rows above would show the difference.
 
 **Departures.** The contact problems are solved for the multipliers alone (mass is diagonal), with p from each row's
 own compliance: the solutions are those of eqs. 1, the iterates are not. Steps that do not converge are repeated by

@@ -83,6 +83,7 @@ def _hit_rows(hit: Hit, pair: Sequence[Trace]) -> list[Row]:
                 two_balls.extrapolated(
                     ID, f"eq. 63, {name}_{letter} after the hit, mu_b = {hit.friction:g}", unit, float(printed[axis]),
                     float(closed[axis]), found[0], found[1], STICKS.format(bound=bound),
+                    "eq. 63",
                 )
             )  # fmt: skip
     return rows
@@ -95,14 +96,14 @@ def _cloth_rows(path: runs.Path) -> list[Row]:
     rows = [
         two_balls.extrapolated(
             ID, f"eq. 64, v_c{letter} after the hit", "m/s", float(roll.printed_slip[axis]), float(roll.slip[axis]),
-            float(slips[0][axis]), float(slips[1][axis]), SIGN,
+            float(slips[0][axis]), float(slips[1][axis]), SIGN, "eq. 64",
         )
         for axis, letter in enumerate("xy")
     ]  # fmt: skip
     rows.append(
         two_balls.extrapolated(
             ID, "eq. 65, t_roll", "s", roll.printed_t_roll, roll.t_roll, path.sliding_time(path.run),
-            path.sliding_time(path.fine), SIGN,
+            path.sliding_time(path.fine), SIGN, "eq. 64",
         )
     )  # fmt: skip
     t, places = roll.t_roll, []
@@ -118,6 +119,7 @@ def _cloth_rows(path: runs.Path) -> list[Row]:
             two_balls.extrapolated(
                 ID, f"eq. 67, {letter}_c at t = {t:.4f} s", "m", float(roll.printed_position(t)[axis]),
                 float(roll.position(t)[axis]), places[0][axis], places[1][axis], f"with the slip of eq. 64; {SIGN}",
+                "eq. 64",
             ),
         ]  # fmt: skip
     return rows

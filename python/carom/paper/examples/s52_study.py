@@ -174,6 +174,13 @@ def loose(context: Context) -> list[Trace]:
     ]
 
 
+def as_printed(context: Context) -> list[Trace]:
+    """The hits of `loose` by the paper's law, with eq. 44 alone to end the iterations."""
+    hits = [(RULE, f"f={fraction:g}") for fraction in FRACTIONS]
+    hits += [(file, case) for file in (LOCKED, FREE) for case in CASES] + [(LOCKED, "energy")]
+    return [study.as_printed(scene(file, case)) for file, case in hits]
+
+
 def points(context: Context) -> list[Point]:
     """The case of figure 9 at several steps, coarse first, against the impact law and the exact motion after it."""
     steps = [4e-4 / 2**k for k in range(4 if context.quick else 6)]

@@ -92,6 +92,13 @@ def _shots(context: Context, tolerance: float) -> list[Throw]:
     return [_shot(phi, roll, ratio, tolerance, until) for phi, roll, ratio in names]
 
 
+def as_printed(context: Context) -> list[Trace]:
+    """The 28 shots by the paper's law, with eq. 44 alone to end the iterations."""
+    until = SOON if context.quick else UNTIL
+    names = itertools.product(ANGLES, ROLLS, RATIOS)
+    return [study.as_printed(scene(name_of(*shot)), until=until) for shot in names]
+
+
 def points(context: Context) -> list[Point]:
     """The shot of figure 14 at several steps, coarse first. The hit is always in the middle of a step."""
     steps = [4e-4 / 2**k for k in range(4 if context.quick else 7)]

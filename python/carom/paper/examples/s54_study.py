@@ -116,7 +116,7 @@ def orders_of(found: list[Point], fine: Point) -> tuple[dict[str, Order], dict[s
 def figure(found: list[Point], coarse: list[Point], errors: dict[str, list[float]]) -> Figure:
     """Figure 19: errors of all quantities against the step."""
     h = np.array([p.h for p in found])
-    curves = [Curve(name, h, np.array(e)) for name, e in errors.items()]
+    curves = [Curve(name, h, np.array(e), "marked") for name, e in errors.items()]
     curves.append(
         Curve(
             f"v, {AFTER} s, round steps",

@@ -22,6 +22,10 @@ F64 = NDArray[np.float64]
 ID = "5.6"
 row = partial(study.row, ID)
 H = 1e-3  # s, the paper's
+PAPER_LINE_SEARCHES = (
+    9,
+    26,
+)  # in the third and fourth iteration at position level, step of the break (section 5.6)
 ROLLING = 1e-9  # m/s: a ball with less slip rolls
 AIR = 1e-9  # m: a ball with a wider gap to the bed flies
 
@@ -146,13 +150,20 @@ def cue_ball(run: Trace, step: int) -> list[Row]:
     ]
 
 
+def rest_times(run: Trace) -> list[float]:
+    """When each ball has come to rest for good, s."""
+    speed = np.linalg.norm(run.velocity, axis=2)
+    moving = (np.flatnonzero(speed[:, ball] > demo.REST_SPEED)[-1] for ball in range(len(BALLS)))
+    return [float(run.time[last + 1]) for last in moving]
+
+
 def rest(run: Trace) -> list[Row]:
     """With rolling resistance: the deceleration of a rolling ball, and when each ball rests."""
     way = Approach.of(scene(BRAKED).to_model())
     speed = np.linalg.norm(run.velocity, axis=2)
     rows = []
-    for ball in range(4):
-        rests = int(np.flatnonzero(speed[:, ball] > demo.REST_SPEED)[-1]) + 1
+    for ball, at in enumerate(rest_times(run)):
+        rests = run.index(at)
         # It rolls without a hit for the last 20 ms: what the closed form then predicts.
         start = rests - round(0.02 / H)
         predicted = float(run.time[start] + speed[start, ball] / way.rolling_slowing)
@@ -181,6 +192,24 @@ def rest(run: Trace) -> list[Row]:
             exact=way.rolling_slowing,
         ),
         *rows,
+    ]
+
+
+def line_searches(run: Trace, step: int) -> list[Row]:
+    """The paper's line searches in the step of the break; Carom's of that whole step at position level."""
+    found = int(run.steps["line_search_position"][step - 1])
+    return [
+        row(
+            f"line searches in the {nth} iteration of the step of the break",
+            "1",
+            found,
+            0.0,
+            "none is wanted: every step of Newton's method is taken whole",
+            exact=0.0,
+            paper=float(printed),
+            note="Carom's are those of the whole step, position level",
+        )
+        for nth, printed in zip(("third", "fourth"), PAPER_LINE_SEARCHES, strict=True)
     ]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,12 +88,11 @@ def _errors(found: Sequence[Point], short: str) -> tuple[F64, F64]:
 
 def figure(found: Sequence[Point], coarse: Sequence[Point]) -> Figure:
     """Errors at the impact against the step: not in the paper."""
-    styles: dict[str, Literal["line", "dashed"]] = {"sequence": "line", "sequence-paper": "dashed"}
     curves = []
     for law in LAWS:
         for short in KEYS:
             h, e = _errors(of(law, found), short)
-            curves.append(Curve(f"{short}, {law}", h, e, styles[law]))
+            curves.append(Curve(f"{short}, {law}", h, e, "marked"))
             h, e = _errors(of(law, coarse), short)
             curves.append(Curve(f"{short}, {law}, round steps", h, e, "points"))
     return Figure(

@@ -31,6 +31,7 @@ def extrapolated(
     at_h: float,
     at_half: float,
     note: str,
+    erratum: str = "",
 ) -> Row:
     """A value of first order in h. The paper is in error, for the reason `note`, where its number is out of tolerance.
 
@@ -50,6 +51,7 @@ def extrapolated(
         "analytic",
         note if wrong else "",
         paper_in_error=wrong,
+        erratum=erratum if wrong else "",
     )
 
 
