@@ -238,8 +238,8 @@ TEXTS = (
     '**Iterations.** Run as printed (`impact = "sequence-paper"`, `gap_tolerance = 1e-6`, `proximal_shift = 1e-8`,'
     " tolerance 1e-5) both means are the paper's 1. What makes the other rows differ was found by changing one option at a"
     " time. Carom shifts the diagonal of the multipliers in Newton's matrix by 1e-4 of itself, so that dependent contacts"
-    " can be solved; the first iteration then leaves a residual of 1.8e-5, just above 1e-5, and every step takes a second one"
-    " at position level. One iteration more at the hit comes from the gap tolerance, 1e-10 r beyond eq. 44. The velocity level"
+    " can be solved; the first iteration then leaves a residual of 1.8e-5, just above 1e-5, and every step takes a second"
+    " one at position level. One more at the hit comes from the gap tolerance, 1e-10 r beyond eq. 44. The velocity level"
     " of the default law starts from the impulses of the step before: it needs no iteration while balls roll, and its mean"
     " is near 0. Counts are over all steps, and in each of them a ball touches the cloth.",
 )

@@ -134,8 +134,8 @@ s with h = 1e-3 s, at $fine s with h = 1e-4 s.
 **Iterations.** The mean of 2 at position level with `newton` is the paper's number, but not for a reason that can be named:
 run as printed it is 1.005. The sixth iteration at the break is the gap tolerance of 1e-10 r, the second one in all other
 steps the shift of the multipliers (`proximal_shift`, see 5.2); the mean of 0.03 at velocity level is the default law's,
-which starts from the impulses of the step before. The paper's 9 and 26 line searches in the third and fourth iteration of the
-step of the break do not occur under any of these options. Carom scales the multipliers row by row instead of by one
+which starts from the impulses of the step before. The paper's 9 and 26 line searches in the third and fourth iteration of
+the step of the break do not occur under any of these options. Carom scales the multipliers row by row instead of by one
 characteristic mass; whether that is the whole difference cannot be told from the paper.
 """
 
