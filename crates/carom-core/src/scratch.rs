@@ -92,8 +92,6 @@ pub struct Scratch {
     pub penalty: Workspace,
     /// What a load said that failed.
     pub load_error: Option<String>,
-    /// Increments Lambda of all joint rows at the velocity level, N s or N m s.
-    pub joint_impulse: Vec<f64>,
     /// Impulse at the joint and moment on sphere A of every joint in the step: both levels, N s and N m s.
     pub joint_reaction: Vec<[DVec3; 2]>,
     /// Power at t_n of loads without potential, W.
@@ -139,7 +137,6 @@ impl Scratch {
             failed: None,
             penalty: Workspace::new(model),
             load_error: None,
-            joint_impulse: vec![0.0; model.joints.iter().map(|j| j.rows.len()).sum()],
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
             power: 0.0,
         }

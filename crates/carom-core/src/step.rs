@@ -102,7 +102,6 @@ pub(crate) fn predict_and_smooth(
         *history = History::default();
     }
     scratch.failed = None;
-    scratch.joint_impulse.fill(0.0);
     scratch.joint_reaction.fill([DVec3::ZERO; 2]);
     if !model.loads.is_empty() {
         scratch.power = power(model, &motion_of(state, time));
@@ -536,16 +535,20 @@ fn power(model: &Model, at: &Motion) -> f64 {
     model.loads.iter().map(|load| load.power(at)).sum()
 }
 
-/// Work of joints with a prescribed motion: reactions of the smooth and the velocity level times its rate.
+/// Work of joints with a prescribed motion: the impulse along each such row times the mean of its rates at both ends. Of
+/// second order in smooth motion, and right where a law has a kink. (A joint prescribes one row, or rows at right angles.)
 fn joint_work(model: &Model, scratch: &Scratch, span: Span) -> f64 {
     let mut work = 0.0;
     for (index, joint) in model.joints.iter().enumerate() {
-        let first = scratch.smooth.first_row[index] as usize;
-        let mut rates = [0.0; 6];
-        joint.rates(span.end, &mut rates);
-        for (r, rate) in rates.iter().enumerate().take(joint.rows.len()) {
-            let smooth = span.h * scratch.smooth.lambda[first + r];
-            work += rate * (smooth + scratch.joint_impulse[first + r]);
+        for (r, row) in joint.rows.iter().enumerate() {
+            if !joint.prescribes(r) {
+                continue;
+            }
+            let rate = 0.5 * (row.law.slope(span.start) + row.law.slope(span.end));
+            work += rate
+                * scratch
+                    .smooth
+                    .along(joint, index, r, &scratch.joint_reaction[index]);
         }
     }
     work

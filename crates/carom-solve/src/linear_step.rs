@@ -8,10 +8,15 @@
 //! Inactive rows (`xi_N < 0`) have `dl = -l` and leave the matrix. A proximal shift on the diagonal keeps redundant
 //! contacts factorable; it scales with the residual, so it changes the path and not the limit.
 
+mod mass;
+mod sparse;
+
 use crate::cone::{Block, Status, MAX_ROWS};
-use crate::direct::dense::{chol_factor, chol_solve, lu_factor, lu_solve};
-use crate::direct::{DirectError, SparseLu};
-use crate::rows::{RowContact, RowSystem, NODE_DOF, WORLD};
+use crate::direct::dense::{lu_factor, lu_solve};
+use crate::direct::DirectError;
+use crate::rows::{RowSystem, NODE_DOF, WORLD};
+use mass::{curvature, is_curved, Mass, MassKind};
+use sparse::SparseParts;
 
 /// Ratio of the pivots below which rows count as dependent.
 const PIVOT_RATIO: f64 = 1e-9;
@@ -43,39 +48,6 @@ pub struct LinearStep {
     /// (row, column, value) of the matrix of large islands with loads.
     entries: Vec<(u32, u32, f64)>,
     sparse: SparseParts,
-}
-
-/// Factor of `Mt = M - sum phi_N K - db/du`.
-#[derive(Default)]
-struct Mass {
-    kind: MassKind,
-    matrix: Vec<f64>,
-    pivots: Vec<u32>,
-    scratch: Vec<f64>,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum MassKind {
-    /// `M` itself.
-    #[default]
-    Diagonal,
-    /// Curved contacts: Cholesky of the translational block (3 per node).
-    Curved,
-    /// Loads that depend on the motion: LU over all degrees of freedom.
-    Loaded,
-}
-
-/// Sparse assembly: contacts per node, the CSC arrays and the factorisation that is reused while the pattern stands.
-#[derive(Default)]
-struct SparseParts {
-    node_start: Vec<usize>,
-    node_contacts: Vec<usize>,
-    position: Vec<usize>,
-    neighbours: Vec<usize>,
-    col_ptr: Vec<usize>,
-    row_idx: Vec<usize>,
-    values: Vec<f64>,
-    lu: SparseLu,
 }
 
 impl LinearStep {
@@ -417,36 +389,6 @@ impl LinearStep {
     }
 }
 
-/// Whether the turning of a contact's normal matters.
-fn is_curved(c: &RowContact, at: &Iterate) -> bool {
-    c.curvature != 0.0 && at.phi[c.row as usize] > 0.0
-}
-
-/// Entries of `-phi_N K` of a contact, with `per_node` degrees of freedom per node.
-fn curvature(
-    c: &RowContact,
-    at: &Iterate,
-    per_node: usize,
-    mut add: impl FnMut(usize, usize, f64),
-) {
-    let weight = at.phi[c.row as usize] * c.curvature;
-    let nodes = [(c.node_a, 1.0), (c.node_b, -1.0)];
-    for (node_r, sign_r) in nodes.iter().filter(|(node, _)| *node != WORLD) {
-        for (node_s, sign_s) in nodes.iter().filter(|(node, _)| *node != WORLD) {
-            for i in 0..3 {
-                for j in 0..3 {
-                    let k = f64::from(i == j) - c.normal[i] * c.normal[j];
-                    let (row, col) = (
-                        per_node * *node_r as usize + i,
-                        per_node * *node_s as usize + j,
-                    );
-                    add(row, col, -sign_r * sign_s * weight * k);
-                }
-            }
-        }
-    }
-}
-
 /// The diagonal `M`.
 fn mass_entries(system: &RowSystem, out: &mut Vec<(u32, u32, f64)>) {
     for (node, (im, ii)) in system.inv_mass.iter().zip(&system.inv_inertia).enumerate() {
@@ -454,155 +396,6 @@ fn mass_entries(system: &RowSystem, out: &mut Vec<(u32, u32, f64)>) {
             let at = (NODE_DOF * node + k) as u32;
             out.push((at, at, 1.0 / if k < 3 { im } else { ii }));
         }
-    }
-}
-
-impl Mass {
-    /// Factors `Mt` where it differs from `M`. Where it cannot be factored `M` is taken: a quasi-Newton step.
-    fn factor(&mut self, system: &RowSystem, at: &Iterate) {
-        let curved = system.contacts.iter().any(|c| is_curved(c, at));
-        // Entries per node: translation only, unless loads turn spheres too.
-        let (per_node, kind) = if system.has_load() {
-            (NODE_DOF, MassKind::Loaded)
-        } else if curved {
-            (3, MassKind::Curved)
-        } else {
-            return;
-        };
-        let n = per_node * system.nodes();
-        self.matrix.clear();
-        if kind == MassKind::Loaded {
-            self.matrix.resize(n * n, 0.0);
-            for &(row, col, value) in &system.load_tangent {
-                self.matrix[row as usize * n + col as usize] += value;
-            }
-        } else {
-            self.matrix.resize(n * n, 0.0);
-        }
-        for node in 0..system.nodes() {
-            for k in 0..per_node {
-                let inverse = if k < 3 {
-                    system.inv_mass[node]
-                } else {
-                    system.inv_inertia[node]
-                };
-                self.matrix[(per_node * node + k) * (n + 1)] += 1.0 / inverse;
-            }
-        }
-        for c in system.contacts.iter().filter(|c| is_curved(c, at)) {
-            curvature(c, at, per_node, |row, col, value| {
-                self.matrix[row * n + col] += value;
-            });
-        }
-        // Not positive definite: penetration of the order of a radius.
-        let factored = if kind == MassKind::Curved {
-            chol_factor(&mut self.matrix, n).is_ok()
-        } else {
-            self.pivots.resize(n, 0);
-            lu_factor(&mut self.matrix, n, &mut self.pivots).is_ok()
-        };
-        self.kind = if factored { kind } else { MassKind::Diagonal };
-    }
-
-    /// `x = Mt^-1 f` in place.
-    fn apply_inverse(&mut self, system: &RowSystem, f: &mut [f64]) {
-        let nodes = system.nodes();
-        match self.kind {
-            MassKind::Loaded => lu_solve(&self.matrix, NODE_DOF * nodes, &self.pivots, f),
-            MassKind::Curved => {
-                self.scratch.clear();
-                for node in 0..nodes {
-                    self.scratch
-                        .extend_from_slice(&f[NODE_DOF * node..NODE_DOF * node + 3]);
-                }
-                chol_solve(&self.matrix, 3 * nodes, &mut self.scratch);
-                for node in 0..nodes {
-                    for k in 0..3 {
-                        f[NODE_DOF * node + k] = self.scratch[3 * node + k];
-                        f[NODE_DOF * node + 3 + k] *= system.inv_inertia[node];
-                    }
-                }
-            }
-            MassKind::Diagonal => {
-                for node in 0..nodes {
-                    for k in 0..3 {
-                        f[NODE_DOF * node + k] *= system.inv_mass[node];
-                        f[NODE_DOF * node + 3 + k] *= system.inv_inertia[node];
-                    }
-                }
-            }
-        }
-    }
-}
-
-impl SparseParts {
-    /// Column-compressed form of the entries; equal places are summed.
-    fn compress(&mut self, n: usize, entries: &mut [(u32, u32, f64)]) {
-        entries.sort_by_key(|&(row, col, _)| (u64::from(col) << 32) | u64::from(row));
-        self.col_ptr.clear();
-        self.col_ptr.resize(n + 1, 0);
-        self.row_idx.clear();
-        self.values.clear();
-        let mut last = None;
-        for &(row, col, value) in entries.iter() {
-            if last == Some((row, col)) {
-                if let Some(sum) = self.values.last_mut() {
-                    *sum += value;
-                }
-                continue;
-            }
-            last = Some((row, col));
-            self.row_idx.push(row as usize);
-            self.values.push(value);
-            self.col_ptr[col as usize + 1] += 1;
-        }
-        for col in 0..n {
-            self.col_ptr[col + 1] += self.col_ptr[col];
-        }
-    }
-
-    /// Lists, per node, the slots of the active contacts on it.
-    fn index_contacts(&mut self, system: &RowSystem, active: &[(usize, usize)]) {
-        self.node_start.clear();
-        self.node_start.resize(system.nodes() + 1, 0);
-        let ends = |index: usize| {
-            let c = &system.contacts[index];
-            [c.node_a, c.node_b]
-                .into_iter()
-                .filter(|&node| node != WORLD)
-                .map(|node| node as usize)
-        };
-        for &(index, _) in active {
-            ends(index).for_each(|node| self.node_start[node + 1] += 1);
-        }
-        for node in 0..system.nodes() {
-            self.node_start[node + 1] += self.node_start[node];
-        }
-        self.position.clear();
-        self.position
-            .extend_from_slice(&self.node_start[..system.nodes()]);
-        self.node_contacts
-            .resize(self.node_start[system.nodes()], 0);
-        for (slot, &(index, _)) in active.iter().enumerate() {
-            for node in ends(index) {
-                self.node_contacts[self.position[node]] = slot;
-                self.position[node] += 1;
-            }
-        }
-    }
-
-    /// Slots of the contacts that share a node with `c` (itself among them), ascending and once each.
-    fn collect_neighbours(&mut self, c: &crate::rows::RowContact) {
-        self.neighbours.clear();
-        for node in [c.node_a, c.node_b] {
-            if node != WORLD {
-                let range = self.node_start[node as usize]..self.node_start[node as usize + 1];
-                self.neighbours
-                    .extend_from_slice(&self.node_contacts[range]);
-            }
-        }
-        self.neighbours.sort_unstable();
-        self.neighbours.dedup();
     }
 }
 

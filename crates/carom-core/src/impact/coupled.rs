@@ -192,16 +192,14 @@ impl ImpactScratch {
         true
     }
 
-    /// Writes the joints' total impulses of the step into the scratch.
+    /// Adds the joints' impulses at the velocity level to their totals of the step.
     pub(super) fn finish_joints(&self, model: &Model, scratch: &mut Scratch) {
         let first = self.first_joint_row();
         let mut row = 0;
         for &index in &self.joints {
             let (index, joint) = (index as usize, &model.joints[index as usize]);
-            let at = scratch.smooth.first_row[index] as usize;
             for r in 0..joint.rows.len() {
                 let lambda = self.settled_joint[row] + self.impulse[first + row];
-                scratch.joint_impulse[at + r] = lambda;
                 let gradient = &self.full.jac[first + row];
                 add_reaction(
                     joint,

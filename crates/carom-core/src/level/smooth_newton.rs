@@ -7,7 +7,7 @@
 use super::coupling::Trial;
 use crate::contact::Rows;
 use crate::force::{self, LoadError};
-use crate::joint::{add_reaction, Block6};
+use crate::joint::{add_reaction, Block6, Joint};
 use crate::model::{LinkKind, Model};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
@@ -353,6 +353,17 @@ impl SmoothScratch {
             }
         }
         found.1
+    }
+
+    /// Share of a joint's force and moment along its row `r`.
+    pub fn along(&self, joint: &Joint, index: usize, r: usize, given: &[DVec3; 2]) -> f64 {
+        let side = &self.gradients[index][r][0];
+        let (part, first) = if r < joint.translational {
+            (0, 0)
+        } else {
+            (1, 3)
+        };
+        given[part].dot(DVec3::new(side[first], side[first + 1], side[first + 2]))
     }
 
     /// Adds the impulses of the smooth reactions in a step of size `h` to the joints' totals.
