@@ -75,6 +75,7 @@ fn advance(
     refresh(model, work, elastic, &mut scratch.neighbours)?;
     work.take_pairs(model, elastic, scratch.neighbours.pairs());
     check_laws(work)?;
+    work.load_limit = load_limit(model, state, attempt.time);
     timers.mark(Phase::Predict);
     let mut left = h;
     loop {
@@ -139,9 +140,53 @@ fn choose(
     Ok((left / parts, false))
 }
 
+/// Longest substep that the loads admit: the scheme is explicit in them, and has to resolve their springs and dampers. From
+/// the tangents at the start of the step.
+fn load_limit(model: &Model, state: &State, time: f64) -> f64 {
+    /// Share of the time scales 1/omega and m/c in a substep.
+    const SHARE: f64 = 0.1;
+    let mut tangents = Vec::new();
+    let at = crate::step::motion_of(state, time);
+    for load in &model.loads {
+        load.tangent(&at, &mut tangents);
+    }
+    // Several loads on one sphere add up: sums per degree of freedom.
+    let mut sums = vec![
+        [[0.0f64; 6]; 2];
+        if tangents.is_empty() {
+            0
+        } else {
+            model.spheres()
+        }
+    ];
+    for t in tangents.iter().filter(|t| t.of == t.over) {
+        let i = t.of as usize;
+        for k in 0..6 {
+            let inverse = if k < 3 {
+                model.inv_mass[i]
+            } else {
+                model.inv_inertia[i]
+            };
+            let row = |block: &[[f64; 6]; 6]| block[k].iter().map(|x| x.abs()).fold(0.0, f64::max);
+            sums[i][0][k] += inverse * row(&t.position);
+            sums[i][1][k] += inverse * row(&t.velocity);
+        }
+    }
+    let mut limit = f64::INFINITY;
+    for [stiffness, damping] in sums {
+        for k in 0..6 {
+            // Two spheres on one spring swing against each other: twice the square of the frequency.
+            limit = limit.min(SHARE / (2.0 * stiffness[k]).sqrt());
+            limit = limit.min(SHARE / (2.0 * damping[k]));
+        }
+    }
+    limit
+}
+
 fn longest(model: &Model, work: &Workspace, elastic: &Elastic, left: f64) -> f64 {
     let resolution = f64::from(model.options.penalty_resolution);
-    work.pairs.iter().fold(left, |shortest, pair| {
+    let start = left.min(work.load_limit);
+    work.pairs.iter().fold(start, |shortest, pair| {
         shortest.min(pair.longest_substep(elastic, &work.bodies, resolution, shortest))
     })
 }

@@ -37,6 +37,8 @@ pub struct Workspace {
     pub pairs: Vec<Pair>,
     merged: Vec<Pair>,
     pub need: Vec<f64>,
+    /// Longest substep that the loads admit, s.
+    pub load_limit: f64,
     wrench: Vec<[DVec3; 2]>,
     speed: Vec<f64>,
     /// Velocities and angular velocities at which loads are evaluated.
@@ -69,6 +71,7 @@ impl Workspace {
             elastic: Some(Elastic::new(&model.options)),
             laws: PairLaw::all(model),
             need: vec![0.0; n],
+            load_limit: f64::INFINITY,
             wrench: vec![[DVec3::ZERO; 2]; n],
             ..Workspace::default()
         }
