@@ -55,7 +55,7 @@ def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
     if curve.kind in ("line", "marked"):
         if any(c.kind == "dashed" and c.body == curve.body is not None for c in figure.curves):
             return {"color": colour, "linewidth": 3.0, "alpha": 0.45}
-        look = {"color": colour, "linewidth": 1.5, "linestyle": _dashes(k, figure.curves)}
+        look = {"color": colour, "linewidth": 1.5, "linestyle": _dashes(k, figure)}
         if curve.kind == "marked":
             look |= {"marker": MARKERS[k % len(MARKERS)], "markersize": 4.5, "markerfacecolor": "none"}
         return look
@@ -74,18 +74,21 @@ def _look(curve: Curve, colour: str, k: int, figure: Figure) -> dict[str, Any]:
     }
 
 
-def _dashes(k: int, curves: Sequence[Curve]) -> str | tuple[float, tuple[float, float]]:
+def _dashes(k: int, figure: Figure) -> str | tuple[float, tuple[float, float]]:
     """A curve that lies on earlier ones leaves gaps through which each of them is seen."""
-    under = [_coincide(curves[k], other) for other in curves[:k] if other.kind in ("line", "marked")]
-    if not any(under):
+    levels: list[int] = []
+    for n, curve in enumerate(figure.curves):
+        under = [
+            levels[j]
+            for j, other in enumerate(figure.curves[:n])
+            if other.kind in ("line", "marked") and _coincide(curve, other)
+        ]
+        levels.append(1 + max(under) if under and curve.kind in ("line", "marked") else 0)
+    if figure.yscale == "log" or levels[k] == 0:
         return "-"
-    most = max(
-        sum(_coincide(c, other) for other in curves[:n] if other.kind in ("line", "marked"))
-        for n, c in enumerate(curves)
-    )
-    # The pattern starts `level` dashes before its end, so that no two of them are drawn at one place.
-    level = sum(under)
-    return (DASH * (most + 1 - (level - 1)) % (DASH * (most + 1)), (DASH, DASH * most))
+    # Each level has its own place in a period: no two dashes are drawn over each other.
+    most = max(levels)
+    return DASH * (most + 1 - (levels[k] - 1)), (DASH, DASH * most)
 
 
 def _coincide(one: Curve, other: Curve) -> bool:

@@ -136,9 +136,7 @@ def deflections(context: Context, tolerance: float) -> dict[float, Trace]:
     found = {}
     for fraction in FRACTIONS:
         balls = scene(RULE, f"f={fraction:g}")
-        end = balls.run.until
-        assert end is not None
-        found[fraction] = trace(balls, at=[end], solver="newton", tolerance=tolerance)
+        found[fraction] = trace(balls, at=[_end(balls)], solver="newton", tolerance=tolerance)
     return found
 
 
@@ -164,21 +162,27 @@ def paths(context: Context) -> list[Path]:
 
 
 def loose(context: Context) -> list[Trace]:
-    """All hits at the paper's tolerance."""
-    tolerance = study.PAPER_TOLERANCE
-    rule = deflections(context, tolerance)
-    rest = [(file, case) for file in (LOCKED, FREE) for case in CASES] + [(LOCKED, "energy")]
+    """All hits at the paper's tolerance: their last states, and what was counted."""
     return [
-        *rule.values(),
-        *(trace(scene(file, case), solver="newton", tolerance=tolerance) for file, case in rest),
+        trace(balls, at=[_end(balls)], solver="newton", tolerance=study.PAPER_TOLERANCE) for balls in _hits()
     ]
 
 
 def as_printed(context: Context) -> list[Trace]:
-    """The hits of `loose` by the paper's law, with eq. 44 alone to end the iterations."""
-    hits = [(RULE, f"f={fraction:g}") for fraction in FRACTIONS]
-    hits += [(file, case) for file in (LOCKED, FREE) for case in CASES] + [(LOCKED, "energy")]
-    return [study.as_printed(scene(file, case)) for file, case in hits]
+    """The same by the paper's law, with eq. 44 alone to end the iterations."""
+    return [study.as_printed(balls, at=[_end(balls)]) for balls in _hits()]
+
+
+def _hits() -> list[Scene]:
+    """Seven hit fractions, six hits of figure 6, that of figure 7."""
+    named = [(RULE, f"f={fraction:g}") for fraction in FRACTIONS]
+    named += [(file, case) for file in (LOCKED, FREE) for case in CASES] + [(LOCKED, "energy")]
+    return [scene(file, case) for file, case in named]
+
+
+def _end(balls: Scene) -> float:
+    assert balls.run.until is not None
+    return balls.run.until
 
 
 def points(context: Context) -> list[Point]:

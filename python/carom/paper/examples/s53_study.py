@@ -96,7 +96,7 @@ def as_printed(context: Context) -> list[Trace]:
     """The 28 shots by the paper's law, with eq. 44 alone to end the iterations."""
     until = SOON if context.quick else UNTIL
     names = itertools.product(ANGLES, ROLLS, RATIOS)
-    return [study.as_printed(scene(name_of(*shot)), until=until) for shot in names]
+    return [study.as_printed(scene(name_of(*shot)), at=[until]) for shot in names]
 
 
 def points(context: Context) -> list[Point]:

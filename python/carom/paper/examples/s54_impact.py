@@ -22,7 +22,7 @@ F64 = NDArray[np.float64]
 
 ID = "5.4"
 #: The coarsest step is the paper's; steps halve, first to last, for what happens until the jumps end, and for the whole run.
-HALVINGS, HALVINGS_LONG = 7, 5
+HALVINGS, HALVINGS_LONG = 6, 5
 #: Until when the jumps are over, and when all balls roll, s.
 JUMPS, ALL_ROLL = 0.36, 0.99
 RISE_1, MEET_AGAIN = "height of the rebound of ball 1", "balls 1 and 2 meet again"

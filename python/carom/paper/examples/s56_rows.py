@@ -85,7 +85,7 @@ AFTER = (
     ("v_y of ball 4", 2, 1, None),
 )
 #: Steps, from the paper's down, each half of the one before; until when the jump has reached its top, s.
-HALVINGS, TOP = 7, 0.15
+HALVINGS, TOP = 6, 0.15
 
 
 def after() -> list[Row]:
