@@ -63,9 +63,11 @@ def counts(case: str, run: Trace, tolerance: float, printed: Printed) -> Counts:
     )
 
 
-def as_printed(scene: Scene, **run: Any) -> Trace:
-    """A run under the options that come closest to the paper's iterations."""
-    return trace(scene, **{**AS_PRINTED, **run})
+def counted(scene: Scene, **run: Any) -> Trace:
+    """A whole run of which only counts are wanted: it keeps the last state alone."""
+    until = scene.run.until
+    assert until is not None
+    return trace(scene, at=[until], **run)
 
 
 def row(

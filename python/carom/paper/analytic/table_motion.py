@@ -43,29 +43,33 @@ class TableMotion:
 
     def position(self, t: ArrayLike) -> F64:
         """Way of the centre at the times t >= 0 (T,), (T, 3) m."""
-        time, piece = self._at(t)
-        return np.array([p.x + p.v * dt + p.a * dt**2 / 2 for p, dt in zip(piece, time, strict=True)])
+        time, number = self._at(t)
+        x, v, a = (np.array([getattr(piece, key) for piece in self.pieces])[number] for key in "xva")
+        return np.asarray(x + v * time + a * time**2 / 2)
 
     def velocity(self, t: ArrayLike) -> F64:
         """(T, 3) m/s; at the instant of an event, after it."""
-        time, piece = self._at(t)
-        return np.array([p.v + p.a * dt for p, dt in zip(piece, time, strict=True)])
+        time, number = self._at(t)
+        v, a = (np.array([getattr(piece, key) for piece in self.pieces])[number] for key in "va")
+        return np.asarray(v + a * time)
 
     def angular_velocity(self, t: ArrayLike) -> F64:
         """(T, 3) rad/s."""
-        time, piece = self._at(t)
-        return np.array([p.w + p.rate * dt for p, dt in zip(piece, time, strict=True)])
+        time, number = self._at(t)
+        w, rate = (np.array([getattr(piece, key) for piece in self.pieces])[number] for key in ("w", "rate"))
+        return np.asarray(w + rate * time)
 
     @property
     def final_velocity(self) -> F64:
         """Velocity in the last piece, (3,) m/s: of the rolling ball, or its last bounce."""
         return self.pieces[-1].v
 
-    def _at(self, t: ArrayLike) -> tuple[F64, list[Piece]]:
+    def _at(self, t: ArrayLike) -> tuple[F64, NDArray[np.intp]]:
+        """Times (T, 1) since the start of the pieces that they fall in, s, and the numbers (T,) of these."""
         time = np.atleast_1d(np.asarray(t, dtype=np.float64))
         starts = np.array([piece.start for piece in self.pieces])
         number = np.maximum(np.searchsorted(starts, time, side="right") - 1, 0)
-        return time - starts[number], [self.pieces[n] for n in number]
+        return (time - starts[number])[:, np.newaxis], number
 
 
 def motion(

@@ -136,7 +136,7 @@ def deflections(context: Context, tolerance: float) -> dict[float, Trace]:
     found = {}
     for fraction in FRACTIONS:
         balls = scene(RULE, f"f={fraction:g}")
-        found[fraction] = trace(balls, at=[_end(balls)], solver="newton", tolerance=tolerance)
+        found[fraction] = study.counted(balls, solver="newton", tolerance=tolerance)
     return found
 
 
@@ -163,14 +163,13 @@ def paths(context: Context) -> list[Path]:
 
 def loose(context: Context) -> list[Trace]:
     """All hits at the paper's tolerance: their last states, and what was counted."""
-    return [
-        trace(balls, at=[_end(balls)], solver="newton", tolerance=study.PAPER_TOLERANCE) for balls in _hits()
-    ]
+    run: dict[str, Any] = {"solver": "newton", "tolerance": study.PAPER_TOLERANCE}
+    return [study.counted(balls, **run) for balls in _hits()]
 
 
 def as_printed(context: Context) -> list[Trace]:
     """The same by the paper's law, with eq. 44 alone to end the iterations."""
-    return [study.as_printed(balls, at=[_end(balls)]) for balls in _hits()]
+    return [study.counted(balls, **study.AS_PRINTED) for balls in _hits()]
 
 
 def _hits() -> list[Scene]:
@@ -178,11 +177,6 @@ def _hits() -> list[Scene]:
     named = [(RULE, f"f={fraction:g}") for fraction in FRACTIONS]
     named += [(file, case) for file in (LOCKED, FREE) for case in CASES] + [(LOCKED, "energy")]
     return [scene(file, case) for file, case in named]
-
-
-def _end(balls: Scene) -> float:
-    assert balls.run.until is not None
-    return balls.run.until
 
 
 def points(context: Context) -> list[Point]:

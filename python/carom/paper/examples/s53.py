@@ -58,7 +58,7 @@ def reproduce(context: Context) -> Example:
         *two_balls.newton_rows(ID, energy),
         study.energy_rise(ID, "greatest rise of energy in a step, 28 shots", every),
         study.penetration(ID, every),
-        study.unconverged(ID, study.PAPER_TOLERANCE, [shot.run for shot in loose]),
+        study.unconverged(ID, study.PAPER_TOLERANCE, loose),
         study.unconverged(ID, tolerance, every),
     ]
     return Example(
@@ -75,7 +75,7 @@ def reproduce(context: Context) -> Example:
             _figure_14(points),
         ),
         counts=(
-            two_balls.together("28 shots", [s.run for s in loose], study.PAPER_TOLERANCE, PAPER_COUNTS),
+            two_balls.together("28 shots", loose, study.PAPER_TOLERANCE, PAPER_COUNTS),
             two_balls.together("28 shots", every, tolerance, PAPER_COUNTS),
             two_balls.together(
                 "28 shots, as printed",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,28 +76,30 @@ def scene(case: str, **parameters: float) -> Scene:
     return Scene.from_toml(Context.scenario(SCENARIO), case=case, set=parameters)
 
 
-def at_paper_tolerance(context: Context) -> list[Throw]:
-    """The 28 shots at tol_r = 1e-5."""
-    return _shots(context, study.PAPER_TOLERANCE)
+def at_paper_tolerance(context: Context) -> list[Trace]:
+    """The 28 shots at tol_r = 1e-5, by Newton's method as in the paper."""
+    run: dict[str, Any] = {"solver": "newton", "tolerance": study.PAPER_TOLERANCE}
+    return [trace(scene(name_of(*shot)), at=[_until(context)], **run) for shot in _shots()]
 
 
 def at_default_tolerance(context: Context) -> list[Throw]:
-    """The 28 shots at the default tolerance."""
-    return _shots(context, study.default_tolerance(context))
+    """The 28 shots at the default tolerance, by Newton's method, and at half the step."""
+    tolerance = study.default_tolerance(context)
+    return [_shot(*shot, tolerance, _until(context)) for shot in _shots()]
 
 
-def _shots(context: Context, tolerance: float) -> list[Throw]:
-    """At the paper's step, by Newton's method as in the paper; the quick ones end soon after the hit."""
-    until = SOON if context.quick else UNTIL
-    names = itertools.product(ANGLES, ROLLS, RATIOS)
-    return [_shot(phi, roll, ratio, tolerance, until) for phi, roll, ratio in names]
+def _shots() -> list[tuple[int, float, float]]:
+    return list(itertools.product(ANGLES, ROLLS, RATIOS))
+
+
+def _until(context: Context) -> float:
+    """The quick ones end soon after the hit."""
+    return SOON if context.quick else UNTIL
 
 
 def as_printed(context: Context) -> list[Trace]:
     """The 28 shots by the paper's law, with eq. 44 alone to end the iterations."""
-    until = SOON if context.quick else UNTIL
-    names = itertools.product(ANGLES, ROLLS, RATIOS)
-    return [study.as_printed(scene(name_of(*shot)), at=[until]) for shot in names]
+    return [trace(scene(name_of(*shot)), at=[_until(context)], **study.AS_PRINTED) for shot in _shots()]
 
 
 def points(context: Context) -> list[Point]:

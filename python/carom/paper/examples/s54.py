@@ -169,14 +169,18 @@ def _orders(orders: dict[str, Order]) -> list[Row]:
 def _counts(tolerances: list[float]) -> list[Counts]:
     """`auto` solves single contacts in closed form; `newton` iterates on all of them, as the paper does."""
     found = [
-        study.counts(f"{case}, {how}", trace(scene(case), tolerance=tol, solver=how), tol, PAPER_COUNTS[case])
+        study.counts(
+            f"{case}, {how}", study.counted(scene(case), tolerance=tol, solver=how), tol, PAPER_COUNTS[case]
+        )
         for case in CASES
         for how in ("newton", "auto")
         for tol in tolerances
     ]
     tol = study.PAPER_TOLERANCE
     return found + [
-        study.counts(f"{case}, as printed", study.as_printed(scene(case)), tol, PAPER_COUNTS[case])
+        study.counts(
+            f"{case}, as printed", study.counted(scene(case), **study.AS_PRINTED), tol, PAPER_COUNTS[case]
+        )
         for case in CASES
     ]
 

@@ -239,7 +239,7 @@ def _counts(tolerances: list[float]) -> list[Counts]:
     ] + [
         study.counts(
             "frictionless, as printed",
-            study.as_printed(scene("frictionless")),
+            study.counted(scene("frictionless"), **study.AS_PRINTED),
             study.PAPER_TOLERANCE,
             PAPER_COUNTS,
         )

@@ -89,7 +89,10 @@ def reproduce(context: Context) -> Example:
 def _counts(tolerances: list[float]) -> list[Counts]:
     return [
         study.counts(
-            f"{NAMES[case]}, {how}", trace(scene(case), tolerance=tol, solver=how), tol, PAPER_COUNTS[case]
+            f"{NAMES[case]}, {how}",
+            study.counted(scene(case), tolerance=tol, solver=how),
+            tol,
+            PAPER_COUNTS[case],
         )
         for case in CASES
         for how in ("newton", "auto")
@@ -97,7 +100,7 @@ def _counts(tolerances: list[float]) -> list[Counts]:
     ] + [
         study.counts(
             f"{NAMES[FREE]}, as printed",
-            study.as_printed(scene(FREE)),
+            study.counted(scene(FREE), **study.AS_PRINTED),
             study.PAPER_TOLERANCE,
             PAPER_COUNTS[FREE],
         )
