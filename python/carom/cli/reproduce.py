@@ -172,7 +172,10 @@ def _code(report: Report) -> int:
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the work as Ctrl-C does: nothing half written stays, and the processes end too."""
+    """SIGTERM ends the work as Ctrl-C does: nothing half written stays, and the processes end too.
+
+    SIGINT is set as well: a shell that starts a command in the background leaves it ignored.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -180,11 +183,12 @@ def _terminated_as_interrupted() -> Iterator[None]:
     def interrupt(number: int, frame: object) -> None:
         raise KeyboardInterrupt
 
-    old = signal.signal(signal.SIGTERM, interrupt)
+    old = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGINT)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, old)
+        for number, handler in old.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
