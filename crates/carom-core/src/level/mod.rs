@@ -4,6 +4,7 @@ pub mod coupling;
 pub mod position;
 pub mod single;
 pub mod smooth;
+mod smooth_matrix;
 pub mod smooth_newton;
 pub mod velocity;
 

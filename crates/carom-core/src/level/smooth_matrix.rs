@@ -1,0 +1,163 @@
+//! The Newton matrix of one group of the smooth sub-problem (eq. 11): assembled from masses, tangents of loads and gradients of
+//! joints, factored dense or sparse by its size.
+
+use super::coupling::Trial;
+use super::smooth_newton::{Group, SmoothScratch, Weights};
+use crate::contact::Rows;
+use crate::joint::Block6;
+use crate::model::Model;
+use carom_solve::direct::dense::{lu_factor, lu_solve};
+use carom_solve::rows::NODE_DOF;
+
+/// Unknowns of a group up to which its matrix is dense.
+const DENSE: usize = 72;
+/// `delta` over the diagonal of `G S^-1 G^T`.
+const SHIFT: f64 = 1e-12;
+
+impl SmoothScratch {
+    pub(super) fn solve_group(
+        &mut self,
+        model: &Model,
+        trial: &mut Trial,
+        group: &Group,
+        w: Weights,
+    ) -> bool {
+        self.assemble(model, trial, group, w);
+        let n = self.rhs.len();
+        self.solution.clear();
+        self.solution.extend_from_slice(&self.rhs);
+        if n <= DENSE {
+            self.dense.clear();
+            self.dense.resize(n * n, 0.0);
+            for &(col, row, value) in &self.entries {
+                self.dense[row as usize * n + col as usize] += value;
+            }
+            self.pivots.resize(n, 0);
+            if lu_factor(&mut self.dense, n, &mut self.pivots).is_err() {
+                return false;
+            }
+            lu_solve(&self.dense, n, &self.pivots, &mut self.solution);
+            return true;
+        }
+        self.compress(n);
+        let (lu, x) = (&mut self.sparse, &mut self.solution);
+        lu.refactor(n, &self.col_ptr, &self.row_idx, &self.values)
+            .and_then(|()| lu.solve(&self.rhs, x))
+            .is_ok()
+    }
+
+    fn assemble(&mut self, model: &Model, trial: &mut Trial, group: &Group, w: Weights) {
+        self.entries.clear();
+        self.rhs.clear();
+        for (k, &body) in group.bodies.iter().enumerate() {
+            let i = body as usize;
+            let [f, m] = self.residual[i];
+            self.rhs.extend(f.to_array());
+            self.rhs.extend(m.to_array());
+            for c in 0..NODE_DOF {
+                let mass = if c < 3 {
+                    model.mass[i]
+                } else {
+                    model.inertia[i]
+                };
+                let at = (NODE_DOF * k + c) as u32;
+                self.entries.push((at, at, w.acceleration * mass));
+            }
+        }
+        let mut tangents = std::mem::take(&mut trial.tangents);
+        tangents.clear();
+        for &load in &group.loads {
+            model.loads[load as usize].tangent(&trial.motion(w.time), &mut tangents);
+        }
+        for t in &tangents {
+            let (of, over) = (self.local[t.of as usize], self.local[t.over as usize]);
+            self.add_block(of, over, &t.position, -w.displacement);
+            self.add_block(of, over, &t.velocity, -w.velocity);
+        }
+        trial.tangents = tangents;
+        let mut row = (NODE_DOF * group.bodies.len()) as u32;
+        for &index in &group.joints {
+            let joint = &model.joints[index as usize];
+            let first = self.first_row[index as usize] as usize;
+            let sides = [Some(joint.a), (!joint.grounded()).then_some(joint.b)];
+            let nodes = sides.map(|s| s.map(|body| self.local[body as usize]));
+            let ([pa, pb], [ta, tb]) = (trial.poses(joint), trial.twists(joint));
+            let mut rates = Rows::default();
+            joint.gradient_rate((&pa, &ta), (&pb, &tb), &mut rates);
+            let mut geometric = [[Block6::default(); 2]; 2];
+            let dim = joint.rows.len();
+            let lambda = &self.lambda[first..first + dim];
+            joint.gradient_stiffness(&pa, &pb, lambda, &mut geometric);
+            for (i, of) in nodes.iter().enumerate() {
+                for (j, over) in nodes.iter().enumerate() {
+                    if let (Some(of), Some(over)) = (of, over) {
+                        self.add_block(*of, *over, &geometric[i][j], -w.displacement);
+                    }
+                }
+            }
+            for (r, rate) in rates.iter().enumerate().take(dim) {
+                let mut compliance = 0.0;
+                for (side, node) in nodes.iter().enumerate() {
+                    let (Some(node), g) = (node, &self.gradients[index as usize][r][side]) else {
+                        continue;
+                    };
+                    let body = if side == 0 { joint.a } else { joint.b } as usize;
+                    for c in 0..NODE_DOF {
+                        let at = NODE_DOF as u32 * node + c as u32;
+                        let inverse = if c < 3 {
+                            model.inv_mass[body]
+                        } else {
+                            model.inv_inertia[body]
+                        };
+                        compliance += g[c] * g[c] * inverse;
+                        self.entries.push((row, at, -g[c]));
+                        let value = g[c] + w.displacement * rate[side][c];
+                        self.entries.push((at, row, value));
+                    }
+                }
+                self.entries
+                    .push((row, row, SHIFT * compliance / w.acceleration));
+                self.rhs.push(-self.constraint[first + r]);
+                row += 1;
+            }
+        }
+    }
+
+    fn add_block(&mut self, of: u32, over: u32, block: &Block6, factor: f64) {
+        for (r, values) in block.iter().enumerate() {
+            for (c, value) in values.iter().enumerate() {
+                let (row, col) = (
+                    NODE_DOF as u32 * of + r as u32,
+                    NODE_DOF as u32 * over + c as u32,
+                );
+                self.entries.push((col, row, factor * value));
+            }
+        }
+    }
+
+    /// Column-compressed form of the entries; equal places are summed.
+    fn compress(&mut self, n: usize) {
+        self.entries
+            .sort_by_key(|&(col, row, _)| (u64::from(col) << 32) | u64::from(row));
+        self.col_ptr.clear();
+        self.col_ptr.resize(n + 1, 0);
+        self.row_idx.clear();
+        self.values.clear();
+        let mut last = None;
+        for &(col, row, value) in &self.entries {
+            if last == Some((col, row)) {
+                if let Some(sum) = self.values.last_mut() {
+                    *sum += value;
+                }
+                continue;
+            }
+            last = Some((col, row));
+            self.row_idx.push(row as usize);
+            self.values.push(value);
+            self.col_ptr[col as usize + 1] += 1;
+        }
+        for col in 0..n {
+            self.col_ptr[col + 1] += self.col_ptr[col];
+        }
+    }
+}
