@@ -14,8 +14,8 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -172,14 +172,15 @@ class Writer:
             self._worker.join()
         self._pending.clear()
         if self._file is not None:
-            with suppress(Exception):
-                _divert(self._file)
-            for scrap in self.path.parent.glob(f".{self.path.name}.*.tmp"):
-                scrap.unlink(missing_ok=True)
-            try:
-                self._file.close()
-            except Exception:
-                Writer.unclosable.append((self._file, self._columns, self._commit))
+            with _no_limit_on_files():
+                with suppress(Exception):
+                    _divert(self._file)
+                for scrap in self.path.parent.glob(f".{self.path.name}.*.tmp"):
+                    scrap.unlink(missing_ok=True)
+                try:
+                    self._file.close()
+                except Exception:
+                    Writer.unclosable.append((self._file, self._columns, self._commit))
             self._file = None
 
     def _create(self, block: Mapping[str, Any]) -> None:
@@ -223,6 +224,23 @@ def _divert(file: h5py.File) -> None:
     in_memory = hasattr(os, "memfd_create")
     with open(os.memfd_create(""), "wb") if in_memory else tempfile.TemporaryFile() as anonymous:
         os.dup2(anonymous.fileno(), file.id.get_vfd_handle())
+
+
+@contextmanager
+def _no_limit_on_files() -> Iterator[None]:
+    """Raise the limit on the size of files (`ulimit -f`) as far as we may: it holds for anonymous files too."""
+    try:
+        import resource
+
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    except (ImportError, OSError, ValueError):  # no such limits on this system
+        yield
+        return
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], guess: int) -> h5py.Dataset:
