@@ -128,7 +128,7 @@ def solve(
         written = [str(p) for p in solutions.write(done, names, out, formats)] if out is not None else []
     if solution is not None and done and done[0].solution is not None:
         written.append(str(solution))
-    code, error = _verdict(done, len(paths), interrupted)
+    code, error = _verdict(done, len(paths), names[-1], interrupted)
     _warn(done)
     document: dict[str, Any] = {} if rule is None else {"rule": rule}
     document |= {"tolerance": tol, "threads": threads, "interrupted": interrupted}
@@ -254,13 +254,13 @@ def _show(
         solutions.show(done, document, explain=rule is not None)
 
 
-def _verdict(done: list[Attempt], files: int, interrupted: bool) -> tuple[int, str]:
-    """Exit code, and one line on what went wrong."""
+def _verdict(done: list[Attempt], files: int, last: str, interrupted: bool) -> tuple[int, str]:
+    """Exit code, and one line on what went wrong; `last` is the solver that every file has last."""
     wrong = [a for a in done if a.error]
     unsolved = [a for a in done if a.solution is not None and not a.solution["converged"]]
     if interrupted:
-        whole = len({a.path for a in done})
-        return INTERRUPTED, f"interrupted: {whole} of {files} files were begun"
+        whole = sum(not a.solver or a.solver == last for a in done)
+        return INTERRUPTED, f"interrupted: {whole} of {files} files are done"
     if len(wrong) == 1:
         return BAD_INPUT, wrong[0].error
     if wrong:
