@@ -635,14 +635,14 @@ except KeyboardInterrupt:
 
 # --- the solvers of the core ------------------------------------------------------------------------------------------
 
-#: Published problems in files from this size on, bytes, take seconds.
-LARGE = 600_000
+#: Published problems of thousands of contacts, which take seconds.
+LARGE = ("fc2d_granularflowonwall_02020_00213", "fc2d_granularflowonwall_07002_00801")
 
 
 def published() -> list[Any]:
     """The files as parameters, large ones among the long tests."""
     return [
-        pytest.param(path, id=path.stem, marks=pytest.mark.long if path.stat().st_size > LARGE else ())
+        pytest.param(path, id=path.stem, marks=pytest.mark.long if path.stem in LARGE else ())
         for path in FILES
     ]
 
@@ -652,7 +652,8 @@ def published() -> list[Any]:
 @pytest.mark.filterwarnings("ignore::carom.problem.ContactProblemWarning")
 def test_auto_solves_what_others_published(path: Path) -> None:
     problem = ContactProblem.from_fclib(path)
-    solution = problem.solve(time_limit=10.0, on_nonconvergence="return")
+    # The aim of 10 s is for a machine of its own (`make bench`); tests share theirs.
+    solution = problem.solve(time_limit=60.0, on_nonconvergence="return")
     assert problem.residual(solution.r).err <= 1e-8, solution
 
 
