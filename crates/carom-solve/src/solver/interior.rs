@@ -1,21 +1,36 @@
-//! Primal-dual path following for the cone problem with a given slip shift `s`, which is updated on the way.
+//! Primal-dual path following on the cones, with the slip shift of Coulomb's law in its equations.
 //!
-//! With `A_b r = (mu_b r_N, r_b)` in the second-order cone `Q_b` for each disc (and `r_N >= 0` alone without discs) the
-//! problem is `W r + q + s n = sum_b A_b^T l_b`, `l_b in Q_b`, `l_b o A_b r = 0`. Steps use the scaling of Nesterov and Todd and
-//! the predictor of Mehrotra; the matrix `W + sum A_b^T Theta_b A_b` is positive definite also where W is singular, so
-//! Cholesky may be used: the barrier, not trust, makes its pivots.
+//! With `A_b r = (mu_b r_N, r_b)` in the second-order cone `Q_b` for each disc (`r_N >= 0` alone without discs) and duals
+//! `l_b = (l_0, l_1)` in `Q_b`, perpendicular to `A_b r`, the problem is
+//!
+//! ```text
+//! (W r + q)_b = l_1 for each disc,      (W r + q)_N = sum_b mu_b (l_0 - |l_1|^2 / l_0).
+//! ```
+//!
+//! The right side is 0 where the contact slips (`l_0 = |l_1|`) or sticks (`l = 0`) and anything positive where it opens:
+//! Coulomb's law, not the convex law beside it, and smooth inside of the cones. Steps use the scaling of Nesterov and Todd
+//! and the predictor of Mehrotra. Where the path bends sharply (friction can wedge, the law is not monotone) steps are
+//! damped by a proximal shift of W, and complementarity waits for the equations.
 
+use super::matrix::Linear;
 use super::{ConeSolver, Judge};
-use crate::direct::SparseLlt;
-use crate::problem::{Group, Problem};
+use crate::problem::Problem;
 
-const MAX_ITERATIONS: u32 = 120;
+const MAX_ITERATIONS: u32 = 200;
 /// Share of the way to the boundary that a step may go.
 const SHARE: f64 = 0.995;
 /// Least entry added to the diagonal (joints have no barrier).
 const SHIFT: f64 = 1e-12;
+/// Steps below this make the shift grow, above that shrink; factor, least value and attempts in one iteration.
+const SHORT: f64 = 0.1;
+const LONG: f64 = 0.5;
+const SHIFT_STEP: f64 = 10.0;
+const SHIFT_LEAST: f64 = 1e-4;
+const MAX_TRIES: u32 = 6;
+/// Share of the first complementarity, relative to the equations, that is kept until they hold.
+const BALANCE: f64 = 0.1;
 /// Iterations without a better residual after which a run gives up.
-const PATIENCE: u32 = 20;
+const PATIENCE: u32 = 40;
 
 /// A vector of one disc: `(mu r_N, r_b)` and its duals; a half-line uses the first entry.
 type Vec3 = [f64; 3];
@@ -45,16 +60,9 @@ struct Cone {
 #[derive(Default)]
 pub struct InteriorPoint {
     cones: Vec<Cone>,
-    llt: SparseLlt,
-    col_ptr: Vec<usize>,
-    row_idx: Vec<usize>,
-    base: Vec<f64>,
-    values: Vec<f64>,
-    /// Place of the lower entry (r, c) of each contact's diagonal block, by row of the contact: `own[row][c]`.
-    own: Vec<[usize; 6]>,
+    linear: Linear,
     y: Vec<f64>,
     u: Vec<f64>,
-    shift: Vec<f64>,
     dual_residual: Vec<f64>,
     rhs: Vec<f64>,
     step: Vec<f64>,
@@ -70,25 +78,39 @@ impl ConeSolver for InteriorPoint {
         self.begin(problem);
         let max = max_iterations.min(MAX_ITERATIONS);
         let (mut done, mut best, mut since) = (0, f64::INFINITY, 0);
+        let mut shift = SHIFT;
+        let mut first = None;
         while done < max {
             let gap = self.gap();
             self.residuals(problem);
-            if !self.factor(problem) {
-                break;
+            let dual = norm(&self.dual_residual);
+            let (gap_0, dual_0) = *first.get_or_insert((gap, dual.max(f64::MIN_POSITIVE)));
+            // Complementarity does not run ahead of the equations.
+            let behind = (BALANCE * gap_0 * dual / dual_0).min(gap);
+            let mut tries = 0;
+            let length = loop {
+                if !self.factor(problem, shift) || !self.solve(0.0, false) {
+                    return done;
+                }
+                let affine = self.longest();
+                let mut centering = (self.gap_after(affine) / gap).powi(3).clamp(0.0, 1.0);
+                if affine < SHORT {
+                    centering = centering.max(0.5);
+                }
+                if !self.solve((centering * gap).max(behind), affine >= SHORT) {
+                    return done;
+                }
+                let length = (SHARE * self.longest()).min(1.0);
+                tries += 1;
+                if length >= SHORT || tries > MAX_TRIES {
+                    break length;
+                }
+                shift = (SHIFT_STEP * shift).max(SHIFT_LEAST);
+            };
+            if length > LONG {
+                shift = (shift / SHIFT_STEP).max(SHIFT);
             }
-            // Predictor.
-            if !self.solve(problem, 0.0, false) {
-                break;
-            }
-            let length = self.longest();
-            let predicted = self.gap_after(length);
-            let centering = (predicted / gap).powi(3).clamp(0.0, 1.0);
-            // Corrector.
-            if !self.solve(problem, centering * gap, true) {
-                break;
-            }
-            let length = (SHARE * self.longest()).min(1.0);
-            self.take(problem, length);
+            self.take(length);
             done += 1;
             let err = judge.see(&self.y);
             since += 1;
@@ -136,7 +158,6 @@ impl InteriorPoint {
         }
         for v in [
             &mut self.u,
-            &mut self.shift,
             &mut self.dual_residual,
             &mut self.rhs,
             &mut self.step,
@@ -144,24 +165,7 @@ impl InteriorPoint {
             v.clear();
             v.resize(n, 0.0);
         }
-        self.plan(problem);
-    }
-
-    /// Lower triangle of the symmetric part of W in compressed columns.
-    fn plan(&mut self, problem: &Problem) {
-        let (n, w) = (problem.rows(), &problem.w);
-        let (col_ptr, row_idx, base, place) = super::admm::lower_half(problem);
-        self.own.clear();
-        self.own.resize(n, [usize::MAX; 6]);
-        for i in 0..w.len() {
-            let (row, dim) = w.shape(i);
-            for r in 0..dim {
-                for c in 0..=r {
-                    self.own[row + r][c] = place(row + r, row + c);
-                }
-            }
-        }
-        (self.col_ptr, self.row_idx, self.base) = (col_ptr, row_idx, base);
+        self.linear.plan(problem);
     }
 
     fn gap(&self) -> f64 {
@@ -179,33 +183,31 @@ impl InteriorPoint {
         sum / self.cones.len().max(1) as f64
     }
 
-    /// `W y + q + s n - sum A^T l`, with `s` from the duals (`l_b` is `u_b` where it is not at its end).
+    /// What the equations of the module leave.
     fn residuals(&mut self, problem: &Problem) {
         problem.velocity(&self.y, &mut self.u);
         self.dual_residual.copy_from_slice(&self.u);
-        self.shift.fill(0.0);
         for c in &self.cones {
-            let slip = norm(&c.dual[1..=c.dim]);
-            self.dual_residual[c.normal] += c.bound * slip * f64::from(u8::from(c.dim > 0));
-            self.dual_residual[c.normal] -= c.bound * c.dual[0];
+            self.dual_residual[c.normal] -= c.closing().0;
             for k in 0..c.dim {
                 self.dual_residual[c.start + k] -= c.dual[1 + k];
             }
         }
     }
 
-    fn factor(&mut self, problem: &Problem) -> bool {
-        self.values.clone_from(&self.base);
-        for group in &problem.groups {
+    /// Eliminates the duals: `W + shift + sum_b B_b Theta_b A_b`, `B_b` the slope of what the duals do to `u` (without the
+    /// slip shift it would be `A_b^T`, and the matrix symmetric).
+    fn factor(&mut self, problem: &Problem, shift: f64) -> bool {
+        self.linear.copy(problem);
+        for (i, group) in problem.groups.iter().enumerate() {
             for r in 0..group.dim {
-                self.values[self.own[group.row + r][r]] += SHIFT;
+                self.linear.add(problem, i, r, r, shift);
             }
         }
         for c in &mut self.cones {
             c.scale();
             // Theta = F^-2 = eta^-2 (2 (Jw)(Jw)^T - J).
             let t = 1.0 / (c.eta * c.eta);
-            let group: &Group = &problem.groups[c.group];
             let jw = [c.w[0], -c.w[1], -c.w[2]];
             let theta = |a: usize, b: usize| {
                 let j = match (a == b, a) {
@@ -216,27 +218,33 @@ impl InteriorPoint {
                 t * (2.0 * jw[a] * jw[b] - j)
             };
             if c.dim == 0 {
-                self.values[self.own[c.normal][0]] += t;
+                self.linear.add(problem, c.group, 0, 0, t);
                 continue;
             }
-            self.values[self.own[c.normal][0]] += c.bound * c.bound * theta(0, 0);
-            let first = c.start - group.row;
-            for a in 0..c.dim {
-                let row = c.start + a;
-                self.values[self.own[row][0]] += c.bound * theta(1 + a, 0);
-                for b in 0..=a {
-                    self.values[self.own[row][first + b]] += theta(1 + a, 1 + b);
+            let first = c.start - problem.groups[c.group].row;
+            let slope = c.closing().1;
+            // Columns of Theta A, then rows by the slope.
+            for b in 0..=c.dim {
+                let (col, factor) = if b == 0 {
+                    (0, c.bound)
+                } else {
+                    (first + b - 1, 1.0)
+                };
+                let mut normal = slope[0] * theta(0, b);
+                for a in 1..=c.dim {
+                    normal += slope[a] * theta(a, b);
+                    let value = theta(a, b) * factor;
+                    self.linear
+                        .add(problem, c.group, first + a - 1, col, value);
                 }
+                self.linear.add(problem, c.group, 0, col, normal * factor);
             }
         }
-        let n = problem.rows();
-        self.llt
-            .refactor(n, &self.col_ptr, &self.row_idx, &self.values)
-            .is_ok()
+        self.linear.factor()
     }
 
     /// Direction towards complementarity `target`, with the second-order term of the last direction if `corrected`.
-    fn solve(&mut self, problem: &Problem, target: f64, corrected: bool) -> bool {
+    fn solve(&mut self, target: f64, corrected: bool) -> bool {
         for (rhs, d) in self.rhs.iter_mut().zip(&self.dual_residual) {
             *rhs = -d;
         }
@@ -256,13 +264,14 @@ impl InteriorPoint {
             let g = c.unscale(&d);
             // Kept in d_dual until the step is known.
             c.d_dual = g;
-            self.rhs[c.normal] += c.bound * g[0];
+            let slope = c.closing().1;
+            self.rhs[c.normal] += slope[0] * g[0];
             for k in 0..c.dim {
+                self.rhs[c.normal] += slope[1 + k] * g[1 + k];
                 self.rhs[c.start + k] += g[1 + k];
             }
         }
-        let _ = problem;
-        if self.llt.solve(&self.rhs, &mut self.step).is_err() {
+        if !self.linear.solve(&self.rhs, &mut self.step) {
             return false;
         }
         for c in &mut self.cones {
@@ -285,7 +294,7 @@ impl InteriorPoint {
         length
     }
 
-    fn take(&mut self, _: &Problem, length: f64) {
+    fn take(&mut self, length: f64) {
         for (y, s) in self.y.iter_mut().zip(&self.step) {
             *y += length * s;
         }
@@ -306,6 +315,20 @@ impl Cone {
             out[1 + k] = x[self.start + k];
         }
         out
+    }
+
+    /// Normal part of the dual with the slip shift taken off, `mu (l_0 - |l_1|^2 / l_0)`, and its slope over the dual.
+    fn closing(&self) -> (f64, Vec3) {
+        if self.dim == 0 {
+            return (self.dual[0], [1.0, 0.0, 0.0]);
+        }
+        let inverse = 1.0 / self.dual[0];
+        let square: f64 = (1..=self.dim).map(|k| (self.dual[k] * inverse).powi(2)).sum();
+        let mut slope = [self.bound * (1.0 + square), 0.0, 0.0];
+        for k in 1..=self.dim {
+            slope[k] = -2.0 * self.bound * self.dual[k] * inverse;
+        }
+        (self.bound * det(&self.dual, self.dim) * inverse, slope)
     }
 
     fn scale(&mut self) {

@@ -7,6 +7,7 @@ mod admm;
 mod auto;
 mod gauss_seidel;
 mod interior;
+mod matrix;
 mod newton;
 mod one_contact;
 

@@ -1,12 +1,10 @@
 //! Semi-smooth Newton on the multipliers: `phi(r - p (W r + q)) - r = 0` with the projections of Alart and Curnier.
 
+use super::matrix::Linear;
 use super::{ConeSolver, Judge};
 use crate::cone::{self, Block, Status, MAX_ROWS};
-use crate::direct::{dense, SparseLu};
-use crate::problem::{Group, Problem};
+use crate::problem::Problem;
 
-/// Systems up to this many rows are dense.
-const DENSE_ROWS: usize = 96;
 /// Iterations when not told otherwise.
 const MAX_ITERATIONS: u32 = 100;
 /// Merits that the next one is compared with: the merit may rise across a change of status.
@@ -19,16 +17,13 @@ const SHIFT_FLOOR: f64 = 1e-11;
 const SHIFT_GROWTH: f64 = 1e3;
 const SHIFT_TRIES: u32 = 4;
 /// Iterations without a better residual after which a run gives up.
-const PATIENCE: u32 = 25;
+const PATIENCE: u32 = 12;
 
 /// See the module. Keeps the symbolic factorisation from run to run while the pattern stands.
 #[derive(Default)]
 pub struct SemiSmoothNewton {
-    /// Proximal term `alpha (y - centre)` that belongs to the problem solved, and not only to the step.
-    pub proximal: f64,
     linear: Linear,
     y: Vec<f64>,
-    centre: Vec<f64>,
     z: Vec<f64>,
     penalty: Vec<f64>,
     xi: Vec<f64>,
@@ -51,7 +46,6 @@ impl ConeSolver for SemiSmoothNewton {
         let problem = &scaled.problem;
         self.resize(problem);
         self.y.clone_from(&judge.best);
-        self.centre.clone_from(&judge.best);
         self.linear.plan(problem);
         let max = max_iterations.min(MAX_ITERATIONS);
         let mut merits = [0.0; MEMORY];
@@ -74,13 +68,9 @@ impl ConeSolver for SemiSmoothNewton {
             }
             // What lies in the cones is mostly nearer.
             let err = judge.see(&self.phi).min(judge.see(&y));
-            if self.proximal == 0.0 {
-                since_better += 1;
-                if err < 0.9 * best {
-                    (best, since_better) = (err, 0);
-                }
-            } else if merit < 0.1 * judge.tolerance().min(first) {
-                break;
+            since_better += 1;
+            if err < 0.9 * best {
+                (best, since_better) = (err, 0);
             }
             if judge.stop() || since_better > PATIENCE {
                 break;
@@ -140,8 +130,7 @@ impl SemiSmoothNewton {
         for (i, group) in problem.groups.iter().enumerate() {
             let rows = group.rows();
             for row in rows.clone() {
-                let prox = self.proximal * (y[row] - self.centre[row]);
-                self.xi[row] = y[row] - self.penalty[row] * (self.z[row] + prox);
+                self.xi[row] = y[row] - self.penalty[row] * self.z[row];
             }
             let (xi, phi) = (&self.xi[rows.clone()], &mut self.phi[rows.clone()]);
             self.statuses[i] = if group.bilateral {
@@ -170,13 +159,9 @@ impl SemiSmoothNewton {
         }
         let mut shift = shift;
         for _ in 0..=SHIFT_TRIES {
-            self.linear.assemble(
-                problem,
-                &self.tangents,
-                &self.penalty,
-                shift + self.proximal,
-            );
-            if self.linear.solve(&self.residual, &mut self.step) {
+            self.linear
+                .assemble(problem, &self.tangents, &self.penalty, shift);
+            if self.linear.factor() && self.linear.solve(&self.residual, &mut self.step) {
                 return true;
             }
             shift *= SHIFT_GROWTH;
@@ -209,141 +194,5 @@ impl SemiSmoothNewton {
         y.copy_from_slice(&trial);
         self.trial = trial;
         merit
-    }
-}
-
-/// The Newton matrix: dense when small, else compressed columns whose pattern is that of W.
-#[derive(Default)]
-struct Linear {
-    n: usize,
-    lu: SparseLu,
-    col_ptr: Vec<usize>,
-    row_idx: Vec<usize>,
-    values: Vec<f64>,
-    /// Place in `values` of each value of W, in the order of W's blocks.
-    place: Vec<usize>,
-    /// Place of each row's diagonal.
-    diagonal: Vec<usize>,
-    pivots: Vec<u32>,
-}
-
-impl Linear {
-    fn is_dense(&self) -> bool {
-        self.n <= DENSE_ROWS
-    }
-
-    fn plan(&mut self, problem: &Problem) {
-        let (n, w) = (problem.rows(), &problem.w);
-        self.n = n;
-        self.place.clear();
-        self.place.resize(w.values.len(), 0);
-        self.diagonal.clear();
-        self.diagonal.resize(n, 0);
-        self.pivots.resize(n, 0);
-        if self.is_dense() {
-            self.values.resize(n * n, 0.0);
-        } else {
-            self.col_ptr.clear();
-            self.col_ptr.resize(n + 1, 0);
-            self.each(problem, |_, col, _, this| this.col_ptr[col + 1] += 1);
-            for c in 0..n {
-                self.col_ptr[c + 1] += self.col_ptr[c];
-            }
-            self.row_idx.resize(self.col_ptr[n], 0);
-            self.values.resize(self.col_ptr[n], 0.0);
-        }
-        let mut fill = self.col_ptr.clone();
-        self.each(problem, |row, col, value, this| {
-            let place = if this.is_dense() {
-                row * n + col
-            } else {
-                let at = fill[col];
-                fill[col] += 1;
-                this.row_idx[at] = row;
-                at
-            };
-            this.place[value] = place;
-            if row == col {
-                this.diagonal[row] = place;
-            }
-        });
-    }
-
-    /// Row, column and index of every value of W, rows ascending within each column.
-    fn each(&mut self, problem: &Problem, mut f: impl FnMut(usize, usize, usize, &mut Linear)) {
-        let w = &problem.w;
-        for i in 0..w.len() {
-            let (row, dim) = w.shape(i);
-            for r in 0..dim {
-                for k in w.ptr[i]..w.ptr[i + 1] {
-                    let (col, width) = w.shape(w.col[k] as usize);
-                    for c in 0..width {
-                        f(row + r, col + c, w.start[k] + r * width + c, self);
-                    }
-                }
-            }
-        }
-    }
-
-    fn assemble(&mut self, problem: &Problem, tangents: &[Block], penalty: &[f64], shift: f64) {
-        let w = &problem.w;
-        if self.is_dense() {
-            self.values.fill(0.0);
-        }
-        for (i, group) in problem.groups.iter().enumerate() {
-            let (row, dim) = (group.row, group.dim);
-            let d = &tangents[i];
-            for k in w.ptr[i]..w.ptr[i + 1] {
-                let width = w.shape(w.col[k] as usize).1;
-                let block = w.block(i, k);
-                let place = &self.place[w.start[k]..w.start[k] + dim * width];
-                for r in 0..dim {
-                    for c in 0..width {
-                        let mut sum = 0.0;
-                        for m in 0..dim {
-                            sum += d[r][m] * penalty[row + m] * block[m * width + c];
-                        }
-                        self.values[place[r * width + c]] = sum;
-                    }
-                }
-            }
-            self.add_diagonal(group, d, penalty, shift, problem, i);
-        }
-    }
-
-    fn add_diagonal(
-        &mut self,
-        group: &Group,
-        d: &Block,
-        penalty: &[f64],
-        shift: f64,
-        problem: &Problem,
-        i: usize,
-    ) {
-        let (row, dim) = (group.row, group.dim);
-        let start = problem.w.start[problem.w.diagonal[i]];
-        for r in 0..dim {
-            for c in 0..dim {
-                let unit = f64::from(u8::from(r == c));
-                self.values[self.place[start + r * dim + c]] +=
-                    unit - d[r][c] + d[r][c] * penalty[row + c] * shift;
-            }
-        }
-    }
-
-    fn solve(&mut self, rhs: &[f64], out: &mut [f64]) -> bool {
-        let n = self.n;
-        if self.is_dense() {
-            if dense::lu_factor(&mut self.values, n, &mut self.pivots).is_err() {
-                return false;
-            }
-            out.copy_from_slice(rhs);
-            dense::lu_solve(&self.values, n, &self.pivots, out);
-            return out.iter().all(|v| v.is_finite());
-        }
-        self.lu
-            .refactor(n, &self.col_ptr, &self.row_idx, &self.values)
-            .is_ok()
-            && self.lu.solve(rhs, out).is_ok()
     }
 }
