@@ -11,6 +11,7 @@ pub mod newton;
 pub mod report;
 pub mod rows;
 pub mod single;
+pub mod spheres;
 
 pub use cone::{Bounds, Status};
 pub use newton::{Newton, NewtonOptions};

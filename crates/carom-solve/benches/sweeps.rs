@@ -1,0 +1,131 @@
+//! Contact updates per second of projected Gauss-Seidel: `cargo bench -p carom-solve --bench sweeps`.
+
+use carom_solve::spheres::{Body, Contact, Instructions, Place, Sweeps};
+use std::time::Instant;
+
+fn random(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *seed;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+struct Scene {
+    bodies: Vec<Body>,
+    contacts: Vec<Contact>,
+    places: Vec<Place>,
+}
+
+/// `side^3` balls on a jittered cubic lattice, neighbours nearer than a limit touch; bodies and contacts in random order.
+fn packing(side: usize, shuffle: bool) -> Scene {
+    let seed = &mut 7;
+    let count = side * side * side;
+    let mut name: Vec<u32> = (0..count as u32).collect();
+    if shuffle {
+        for i in (1..count).rev() {
+            name.swap(i, (random(seed) * (i + 1) as f64) as usize);
+        }
+    }
+    let at = |x: usize, y: usize, z: usize| (x * side + y) * side + z;
+    let mut places = vec![[0.0; 3]; count];
+    for x in 0..side {
+        for y in 0..side {
+            for z in 0..side {
+                let mut jitter = |c: usize| c as f64 + 0.3 * (random(seed) - 0.5);
+                places[name[at(x, y, z)] as usize] = [jitter(x), jitter(y), jitter(z)];
+            }
+        }
+    }
+    let bodies = (0..count)
+        .map(|_| {
+            let radius = 0.45 + 0.1 * random(seed);
+            let mass = radius * radius * radius;
+            Body {
+                inv_mass: 1.0 / mass,
+                inv_inertia: 2.5 / (mass * radius * radius),
+                radius,
+            }
+        })
+        .collect();
+    let mut contacts = Vec::new();
+    for x in 0..side {
+        for y in 0..side {
+            for z in 0..side {
+                let a = name[at(x, y, z)];
+                if z == 0 {
+                    contacts.push(contact(a, u32::MAX, [0.0, 0.0, 1.0], seed));
+                }
+                for other in [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]] {
+                    let (p, q, r) = (x + other[0], y + other[1], z + other[2]);
+                    if p.max(q).max(r) >= side {
+                        continue;
+                    }
+                    let b = name[at(p, q, r)];
+                    let (pa, pb) = (places[a as usize], places[b as usize]);
+                    let d = [pa[0] - pb[0], pa[1] - pb[1], pa[2] - pb[2]];
+                    let l = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+                    if l < 1.175 {
+                        contacts.push(contact(a, b, d.map(|x| x / l), seed));
+                    }
+                }
+            }
+        }
+    }
+    if shuffle {
+        for i in (1..contacts.len()).rev() {
+            contacts.swap(i, (random(seed) * (i + 1) as f64) as usize);
+        }
+    }
+    Scene {
+        bodies,
+        contacts,
+        places,
+    }
+}
+
+fn contact(a: u32, b: u32, normal: [f64; 3], seed: &mut u64) -> Contact {
+    let slip = [0, 1, 2].map(|k| 0.3 * (random(seed) - 0.5) - 0.5 * normal[k]);
+    Contact {
+        a,
+        b,
+        normal,
+        slip,
+        friction: 0.5,
+    }
+}
+
+fn report(name: &str, scene: &Scene, threads: usize, instructions: Instructions) {
+    let clock = Instant::now();
+    let mut sweeps = Sweeps::new(&scene.bodies, &scene.contacts, Some(&scene.places), threads);
+    let build = clock.elapsed().as_secs_f64();
+    sweeps.instructions = instructions;
+    let count = scene.contacts.len();
+    let repeat = (3_000_000 / count).max(2);
+    let mut best = f64::INFINITY;
+    sweeps.sweep(1);
+    for _ in 0..7 {
+        let clock = Instant::now();
+        sweeps.sweep(repeat);
+        best = best.min(clock.elapsed().as_secs_f64() / repeat as f64);
+    }
+    println!(
+        "{name:<10} {threads} threads {:<8} contacts {count:>8} {:>8.3e} updates/s  {:>9.3} ms a sweep  build {:>8.2} ms = {:>4.1} sweeps {:?}",
+        format!("{instructions:?}"),
+        count as f64 / best,
+        best * 1e3,
+        build * 1e3,
+        build / best,
+        sweeps.shape(),
+    );
+}
+
+fn main() {
+    for side in [10, 46, 100] {
+        let scene = packing(side, true);
+        for threads in [1, 2] {
+            report(&format!("{}", side * side * side), &scene, threads, Instructions::Widest);
+        }
+        report(&format!("{}", side * side * side), &scene, 1, Instructions::Scalar);
+    }
+}
