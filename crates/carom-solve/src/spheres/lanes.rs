@@ -5,70 +5,136 @@ use pulp::Simd;
 /// Contacts of a group; a multiple of the lanes of every instruction set.
 pub const GROUP: usize = 8;
 
-/// An instruction set that holds `F64_LANES` bodies at a time.
+/// An instruction set that treats `F64_LANES` contacts at a time, and the four numbers of a row of a body at a time.
 pub trait Lanes: Simd {
-    /// Row `l` of `F64_LANES` rows of four numbers becomes lane `l` of four columns.
-    fn columns<'a>(self, row: impl Fn(usize) -> &'a [f64; 4]) -> [Self::f64s; 4];
+    type Row: Copy;
+    fn row(self, numbers: &[f64; 4]) -> Self::Row;
+    fn numbers(self, row: Self::Row) -> [f64; 4];
+    fn row_add(self, x: Self::Row, y: Self::Row) -> Self::Row;
+    fn row_sub(self, x: Self::Row, y: Self::Row) -> Self::Row;
+    fn row_scale(self, factor: f64, x: Self::Row) -> Self::Row;
 
-    /// The inverse of [`Lanes::columns`]: hands row `l` to `store(l, row)`, in order.
-    fn rows(self, columns: [Self::f64s; 4], store: impl FnMut(usize, [f64; 4]));
+    /// Row `l` of `F64_LANES` rows becomes lane `l` of the columns x, y, z; the fourth number is dropped.
+    fn columns(self, row: impl Fn(usize) -> Self::Row) -> [Self::f64s; 3];
+
+    /// The inverse of [`Lanes::columns`] with 0 as the fourth number: hands row `l` to `take(l, row)`, in order.
+    fn rows(self, columns: [Self::f64s; 3], take: impl FnMut(usize, Self::Row));
+}
+
+/// Rows as plain arrays.
+macro_rules! plain_rows {
+    () => {
+        type Row = [f64; 4];
+        #[inline(always)]
+        fn row(self, numbers: &[f64; 4]) -> [f64; 4] {
+            *numbers
+        }
+        #[inline(always)]
+        fn numbers(self, row: [f64; 4]) -> [f64; 4] {
+            row
+        }
+        #[inline(always)]
+        fn row_add(self, x: [f64; 4], y: [f64; 4]) -> [f64; 4] {
+            [x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3]]
+        }
+        #[inline(always)]
+        fn row_sub(self, x: [f64; 4], y: [f64; 4]) -> [f64; 4] {
+            [x[0] - y[0], x[1] - y[1], x[2] - y[2], x[3] - y[3]]
+        }
+        #[inline(always)]
+        fn row_scale(self, factor: f64, x: [f64; 4]) -> [f64; 4] {
+            [factor * x[0], factor * x[1], factor * x[2], factor * x[3]]
+        }
+    };
 }
 
 impl Lanes for pulp::Scalar {
+    plain_rows!();
+
     #[inline(always)]
-    fn columns<'a>(self, row: impl Fn(usize) -> &'a [f64; 4]) -> [f64; 4] {
-        *row(0)
+    fn columns(self, row: impl Fn(usize) -> [f64; 4]) -> [f64; 3] {
+        let [x, y, z, _] = row(0);
+        [x, y, z]
     }
 
     #[inline(always)]
-    fn rows(self, columns: [f64; 4], mut store: impl FnMut(usize, [f64; 4])) {
-        store(0, columns);
+    fn rows(self, [x, y, z]: [f64; 3], mut take: impl FnMut(usize, [f64; 4])) {
+        take(0, [x, y, z, 0.0]);
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for pulp::x86::V3 {
+    type Row = pulp::f64x4;
+
     #[inline(always)]
-    fn columns<'a>(self, row: impl Fn(usize) -> &'a [f64; 4]) -> [Self::f64s; 4] {
+    fn row(self, numbers: &[f64; 4]) -> Self::Row {
+        pulp::cast(*numbers)
+    }
+
+    #[inline(always)]
+    fn numbers(self, row: Self::Row) -> [f64; 4] {
+        pulp::cast(row)
+    }
+
+    #[inline(always)]
+    fn row_add(self, x: Self::Row, y: Self::Row) -> Self::Row {
+        self.add_f64s(x, y)
+    }
+
+    #[inline(always)]
+    fn row_sub(self, x: Self::Row, y: Self::Row) -> Self::Row {
+        self.sub_f64s(x, y)
+    }
+
+    #[inline(always)]
+    fn row_scale(self, factor: f64, x: Self::Row) -> Self::Row {
+        self.mul_f64s(self.splat_f64s(factor), x)
+    }
+
+    #[inline(always)]
+    fn columns(self, row: impl Fn(usize) -> Self::Row) -> [Self::f64s; 3] {
         let avx = self.avx;
-        let [r0, r1, r2, r3] = [0, 1, 2, 3].map(|l| pulp::cast(*row(l)));
-        // x0 x1 z0 z1 / y0 y1 w0 w1 and the same of rows 2 and 3
-        let (xz01, yw01) = (avx._mm256_unpacklo_pd(r0, r1), avx._mm256_unpackhi_pd(r0, r1));
-        let (xz23, yw23) = (avx._mm256_unpacklo_pd(r2, r3), avx._mm256_unpackhi_pd(r2, r3));
+        let [r0, r1, r2, r3] = [row(0), row(1), row(2), row(3)].map(|r| pulp::cast(r));
+        // x0 x1 z0 z1 and x2 x3 z2 z3, the same of y
+        let (xz01, xz23) = (avx._mm256_unpacklo_pd(r0, r1), avx._mm256_unpacklo_pd(r2, r3));
+        let (yw01, yw23) = (avx._mm256_unpackhi_pd(r0, r1), avx._mm256_unpackhi_pd(r2, r3));
         [
             pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xz01, xz23)),
             pulp::cast(avx._mm256_permute2f128_pd::<0x20>(yw01, yw23)),
             pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xz01, xz23)),
-            pulp::cast(avx._mm256_permute2f128_pd::<0x31>(yw01, yw23)),
         ]
     }
 
     #[inline(always)]
-    fn rows(self, columns: [Self::f64s; 4], mut store: impl FnMut(usize, [f64; 4])) {
+    fn rows(self, columns: [Self::f64s; 3], mut take: impl FnMut(usize, Self::Row)) {
         let avx = self.avx;
-        let [x, y, z, w] = columns.map(|c| pulp::cast(c));
+        let [x, y, z] = columns.map(|c| pulp::cast(c));
+        let zero = avx._mm256_setzero_pd();
         let (xy02, xy13) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
-        let (zw02, zw13) = (avx._mm256_unpacklo_pd(z, w), avx._mm256_unpackhi_pd(z, w));
-        store(0, pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy02, zw02)));
-        store(1, pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy13, zw13)));
-        store(2, pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy02, zw02)));
-        store(3, pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy13, zw13)));
+        let (z02, z13) = (avx._mm256_unpacklo_pd(z, zero), avx._mm256_unpackhi_pd(z, zero));
+        take(0, pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy02, z02)));
+        take(1, pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy13, z13)));
+        take(2, pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy02, z02)));
+        take(3, pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy13, z13)));
     }
 }
 
 #[cfg(target_arch = "aarch64")]
 impl Lanes for pulp::aarch64::Neon {
+    plain_rows!();
+
     #[inline(always)]
-    fn columns<'a>(self, row: impl Fn(usize) -> &'a [f64; 4]) -> [Self::f64s; 4] {
+    fn columns(self, row: impl Fn(usize) -> [f64; 4]) -> [Self::f64s; 3] {
         let (r0, r1) = (row(0), row(1));
-        [0, 1, 2, 3].map(|k| pulp::cast([r0[k], r1[k]]))
+        [0, 1, 2].map(|k| pulp::cast([r0[k], r1[k]]))
     }
 
     #[inline(always)]
-    fn rows(self, columns: [Self::f64s; 4], mut store: impl FnMut(usize, [f64; 4])) {
-        let pairs: [[f64; 2]; 4] = columns.map(|c| pulp::cast(c));
-        store(0, pairs.map(|p| p[0]));
-        store(1, pairs.map(|p| p[1]));
+    fn rows(self, columns: [Self::f64s; 3], mut take: impl FnMut(usize, [f64; 4])) {
+        let [x, y, z]: [[f64; 2]; 3] = columns.map(|c| pulp::cast(c));
+        take(0, [x[0], y[0], z[0], 0.0]);
+        take(1, [x[1], y[1], z[1], 0.0]);
     }
 }
 
