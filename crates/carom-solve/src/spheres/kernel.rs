@@ -131,10 +131,10 @@ fn parts<S: Lanes>(columns: &[Column; 3], at: usize) -> V3<S> {
     [part::<S>(&columns[0], at), part::<S>(&columns[1], at), part::<S>(&columns[2], at)]
 }
 
-/// The step for the lanes `at..at + F64_LANES` of a group. Sums of rows come before the turn to columns and after the
-/// turn back: half as many turns as with columns throughout, and the same bits.
+/// Relative velocity without spin, and the sum of surface velocities, of the lanes from `at`. Rows are summed before they are
+/// turned to columns: half as many turns, and the same bits.
 #[inline(always)]
-fn lanes<S: Lanes>(s: S, bodies: &mut impl Bodies, group: &mut Group, at: usize) {
+fn gather<S: Lanes>(s: S, bodies: &impl Bodies, group: &Group, at: usize) -> [V3<S>; 2] {
     let (ia, ib) = (&group.a[at..at + S::F64_LANES], &group.b[at..at + S::F64_LANES]);
     let linear = s.columns(
         #[inline(always)]
@@ -150,6 +150,12 @@ fn lanes<S: Lanes>(s: S, bodies: &mut impl Bodies, group: &mut Group, at: usize)
             s.row_add(s.row(&a.surface), s.row(&b.surface))
         },
     );
+    [linear, surface]
+}
+
+/// New impulses of the lanes from `at`; returns their change `d` and `n x d`.
+#[inline(always)]
+fn solve<S: Lanes>(s: S, [linear, surface]: [V3<S>; 2], group: &mut Group, at: usize) -> [V3<S>; 2] {
     let n = parts::<S>(&group.normal, at);
     let old = parts::<S>(&group.impulse, at);
     let z = add(s, linear, parts::<S>(&group.slip, at));
@@ -173,28 +179,27 @@ fn lanes<S: Lanes>(s: S, bodies: &mut impl Bodies, group: &mut Group, at: usize)
 
     let new = add(s, scale(s, normal, n), scale(s, ratio, x));
     let change = sub(s, new, old);
-    let turn = cross(s, n, change);
     for k in 0..3 {
         S::as_mut_simd_f64s(&mut group.impulse[k]).0[at / S::F64_LANES] = new[k];
     }
+    [change, cross(s, n, change)]
+}
+
+/// Adds the changes of the lanes from `at` to their bodies.
+#[inline(always)]
+fn scatter<S: Lanes>(s: S, [change, turn]: [V3<S>; 2], bodies: &mut impl Bodies, group: &Group, at: usize) {
+    let (ia, ib) = (&group.a[at..at + S::F64_LANES], &group.b[at..at + S::F64_LANES]);
     s.rows(
         change,
-        #[inline(always)]
-        |l, change| {
-            let a = &mut bodies.a()[ia[l] as usize].linear;
-            *a = s.numbers(s.row_add(s.row(a), s.row_scale(a[3], change)));
-            let b = &mut bodies.b()[ib[l] as usize].linear;
-            *b = s.numbers(s.row_sub(s.row(b), s.row_scale(b[3], change)));
-        },
-    );
-    s.rows(
         turn,
         #[inline(always)]
-        |l, turn| {
-            let a = &mut bodies.a()[ia[l] as usize].surface;
-            *a = s.numbers(s.row_sub(s.row(a), s.row_scale(a[3], turn)));
-            let b = &mut bodies.b()[ib[l] as usize].surface;
-            *b = s.numbers(s.row_sub(s.row(b), s.row_scale(b[3], turn)));
+        |l, change, turn| {
+            let a = &mut bodies.a()[ia[l] as usize];
+            a.linear = s.numbers(s.row_add(s.row(&a.linear), s.row_scale(a.linear[3], change)));
+            a.surface = s.numbers(s.row_sub(s.row(&a.surface), s.row_scale(a.surface[3], turn)));
+            let b = &mut bodies.b()[ib[l] as usize];
+            b.linear = s.numbers(s.row_sub(s.row(&b.linear), s.row_scale(b.linear[3], change)));
+            b.surface = s.numbers(s.row_sub(s.row(&b.surface), s.row_scale(b.surface[3], turn)));
         },
     );
 }
@@ -211,8 +216,14 @@ impl<B: Bodies> Work for Pass<'_, B> {
     #[inline(always)]
     fn run<S: Lanes>(mut self, simd: S) {
         for group in self.groups.iter_mut() {
-            for at in (0..GROUP).step_by(S::F64_LANES) {
-                lanes(simd, &mut self.bodies, group, at);
+            // Two sets of lanes at a time: each is one long chain of dependent operations.
+            for at in (0..GROUP).step_by(2 * S::F64_LANES) {
+                let next = at + S::F64_LANES;
+                let (one, two) = (gather(simd, &self.bodies, group, at), gather(simd, &self.bodies, group, next));
+                let one = solve(simd, one, group, at);
+                let two = solve(simd, two, group, next);
+                scatter(simd, one, &mut self.bodies, group, at);
+                scatter(simd, two, &mut self.bodies, group, next);
             }
         }
     }

@@ -17,8 +17,9 @@ pub trait Lanes: Simd {
     /// Row `l` of `F64_LANES` rows becomes lane `l` of the columns x, y, z; the fourth number is dropped.
     fn columns(self, row: impl Fn(usize) -> Self::Row) -> [Self::f64s; 3];
 
-    /// The inverse of [`Lanes::columns`] with 0 as the fourth number: hands row `l` to `take(l, row)`, in order.
-    fn rows(self, columns: [Self::f64s; 3], take: impl FnMut(usize, Self::Row));
+    /// The inverse of [`Lanes::columns`] with 0 as the fourth number, for two sets of columns: hands rows `l` to
+    /// `take(l, row of x, row of y)`, in order.
+    fn rows(self, x: [Self::f64s; 3], y: [Self::f64s; 3], take: impl FnMut(usize, Self::Row, Self::Row));
 }
 
 /// Rows as plain arrays.
@@ -58,8 +59,8 @@ impl Lanes for pulp::Scalar {
     }
 
     #[inline(always)]
-    fn rows(self, [x, y, z]: [f64; 3], mut take: impl FnMut(usize, [f64; 4])) {
-        take(0, [x, y, z, 0.0]);
+    fn rows(self, x: [f64; 3], y: [f64; 3], mut take: impl FnMut(usize, [f64; 4], [f64; 4])) {
+        take(0, [x[0], x[1], x[2], 0.0], [y[0], y[1], y[2], 0.0]);
     }
 }
 
@@ -107,17 +108,34 @@ impl Lanes for pulp::x86::V3 {
     }
 
     #[inline(always)]
-    fn rows(self, columns: [Self::f64s; 3], mut take: impl FnMut(usize, Self::Row)) {
-        let avx = self.avx;
-        let [x, y, z] = columns.map(|c| pulp::cast(c));
-        let zero = avx._mm256_setzero_pd();
-        let (xy02, xy13) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
-        let (z02, z13) = (avx._mm256_unpacklo_pd(z, zero), avx._mm256_unpackhi_pd(z, zero));
-        take(0, pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy02, z02)));
-        take(1, pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy13, z13)));
-        take(2, pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy02, z02)));
-        take(3, pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy13, z13)));
+    fn rows(
+        self,
+        x: [Self::f64s; 3],
+        y: [Self::f64s; 3],
+        mut take: impl FnMut(usize, Self::Row, Self::Row),
+    ) {
+        let (x, y) = (turned(self, x), turned(self, y));
+        for l in 0..4 {
+            take(l, x[l], y[l]);
+        }
     }
+}
+
+/// Three columns and one of zeros to four rows.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn turned(simd: pulp::x86::V3, columns: [pulp::f64x4; 3]) -> [pulp::f64x4; 4] {
+    let avx = simd.avx;
+    let [x, y, z] = columns.map(|c| pulp::cast(c));
+    let zero = avx._mm256_setzero_pd();
+    let (xy02, xy13) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
+    let (z02, z13) = (avx._mm256_unpacklo_pd(z, zero), avx._mm256_unpackhi_pd(z, zero));
+    [
+        pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy02, z02)),
+        pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy13, z13)),
+        pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy02, z02)),
+        pulp::cast(avx._mm256_permute2f128_pd::<0x31>(xy13, z13)),
+    ]
 }
 
 #[cfg(target_arch = "aarch64")]
@@ -131,10 +149,16 @@ impl Lanes for pulp::aarch64::Neon {
     }
 
     #[inline(always)]
-    fn rows(self, columns: [Self::f64s; 3], mut take: impl FnMut(usize, [f64; 4])) {
-        let [x, y, z]: [[f64; 2]; 3] = columns.map(|c| pulp::cast(c));
-        take(0, [x[0], y[0], z[0], 0.0]);
-        take(1, [x[1], y[1], z[1], 0.0]);
+    fn rows(
+        self,
+        x: [Self::f64s; 3],
+        y: [Self::f64s; 3],
+        mut take: impl FnMut(usize, [f64; 4], [f64; 4]),
+    ) {
+        let (x, y): ([[f64; 2]; 3], [[f64; 2]; 3]) = (x.map(|c| pulp::cast(c)), y.map(|c| pulp::cast(c)));
+        for l in 0..2 {
+            take(l, [x[0][l], x[1][l], x[2][l], 0.0], [y[0][l], y[1][l], y[2][l], 0.0]);
+        }
     }
 }
 

@@ -300,5 +300,9 @@ fn pack(links: &[Link], size: usize, two: bool) -> Vec<[Lane; GROUP]> {
             close(slot, &mut open, &mut masks);
         }
     }
-    groups
+    let streams: usize = std::env::var("STREAMS").map_or(1, |s| s.parse().unwrap());
+    let part = groups.len().div_ceil(streams);
+    (0..part * streams)
+        .filter_map(|k| groups.get(k / streams + part * (k % streams)).copied())
+        .collect()
 }
