@@ -103,7 +103,7 @@ fn own_seconds() -> Option<f64> {
 
 fn report(name: &str, scene: &Scene, threads: usize, instructions: Instructions) {
     let clock = Instant::now();
-    let mut sweeps = Sweeps::new(&scene.bodies, &scene.contacts, Some(&scene.places), threads);
+    let mut sweeps = Sweeps::new(&scene.bodies, &scene.contacts, Some(&scene.places), threads).expect("a good problem");
     let build = clock.elapsed().as_secs_f64();
     sweeps.instructions = instructions;
     let count = scene.contacts.len();

@@ -12,6 +12,7 @@
 //! the same order on all instruction sets, so all give the same bits.
 
 use super::lanes::{Lanes, Work, GROUP};
+use super::Contact;
 use pulp::Simd;
 
 /// Velocity correction of a body: one cache line.
@@ -45,7 +46,27 @@ pub struct Group {
     pub mass_tangential: Column,
 }
 
-/// Where the bodies of a task lie: both sides in one chunk, or one side in each of two.
+impl Group {
+    /// Bodies of a lane: number within its chunk, and state.
+    pub fn set_bodies(&mut self, lane: usize, a: (u32, &State), b: (u32, &State)) {
+        (self.a[lane], self.b[lane]) = (a.0, b.0);
+        let normal = a.1.linear[3] + b.1.linear[3];
+        self.mass_normal[lane] = 1.0 / normal;
+        self.mass_tangential[lane] = 1.0 / (normal + (a.1.surface[3] + b.1.surface[3]));
+    }
+
+    /// Numbers of a lane, of the contact with its sides exchanged where asked for.
+    pub fn set_contact(&mut self, lane: usize, contact: &Contact, swapped: bool) {
+        let sign = if swapped { -1.0 } else { 1.0 };
+        for k in 0..3 {
+            self.normal[k][lane] = sign * contact.normal[k];
+            self.slip[k][lane] = sign * contact.slip[k];
+        }
+        self.friction[lane] = contact.friction;
+    }
+}
+
+/// Where the bodies of a block lie: both sides in one chunk, or one side in each of two.
 pub trait Bodies {
     fn pair(&self, a: u32, b: u32) -> (&State, &State);
     fn a(&mut self) -> &mut [State];

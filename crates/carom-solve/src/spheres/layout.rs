@@ -1,189 +1,162 @@
-//! Which contact is swept when: bodies in chunks, contacts in groups, tasks in stages.
+//! Which contact is swept when: bodies in chunks, contacts in groups, groups in blocks, blocks in stages.
 //!
-//! Bodies are sorted along a space-filling curve and cut into chunks. A task has the contacts inside one chunk, or those
-//! between two; tasks of one stage share no chunk, so they may run at the same time, and the sequence of all updates depends on
-//! the problem alone. Inside a task contacts follow their bodies and fill groups that share no moving body. All of it is O(contacts)
-//! but for the sort of the bodies.
+//! Moving bodies are sorted along a space-filling curve and cut into chunks. A block has the contacts inside one chunk, or
+//! those between two. Blocks of one stage share no chunk and may be swept at the same time, so the sequence of updates of every
+//! body depends on the problem alone, not on the threads. Inside a block contacts follow their bodies and fill groups that
+//! share no moving body. All is O(contacts) but for the sort of the bodies and of the few contacts between chunks.
 
+use super::kernel::{Group, State};
 use super::lanes::GROUP;
-use super::{team, Contact, Place};
+use super::{team, Body, Contact, Place};
 use crate::rows::WORLD;
 
-/// Bodies of a chunk: enough chunks for many threads, each with few contacts on its surface, at most some caches large.
+/// Chunks aimed at: enough for many threads. Bodies of a chunk: so many that few contacts lie between chunks, so few that
+/// a chunk stays in cache.
 const CHUNKS: usize = 64;
 const CHUNK_LEAST: usize = 1024;
 const CHUNK_MOST: usize = 16384;
-/// Bit of [`Layout::contact`]: the sides of this contact are exchanged.
+/// Contacts that are looked at in one go.
+const PIECE: usize = 1 << 16;
+/// Groups of a block that are open at a time.
+const WINDOW: usize = 64;
+/// Bit of an id: the sides of this contact are exchanged.
 pub const SWAPPED: u32 = 1 << 31;
-/// A lane without contact.
+/// Id of a lane without contact.
 pub const EMPTY: u32 = u32::MAX;
 
-/// Contacts between two chunks, or inside one.
-#[derive(Clone, Copy, Debug)]
-pub struct Task {
+/// Contacts inside a chunk (`left == right`), or between two.
+#[derive(Debug)]
+pub struct Block {
     pub left: u32,
     pub right: u32,
-    /// First group, and the one behind the last.
-    pub groups: [u32; 2],
+    pub groups: Vec<Group>,
+    /// Contact of each lane, with [`SWAPPED`]; or [`EMPTY`].
+    pub ids: Vec<[u32; GROUP]>,
 }
 
-#[derive(Clone, Debug, Default)]
+/// Where bodies lie.
+#[derive(Debug)]
 pub struct Layout {
     /// Per body: its place among all states, 0 for a fixed body.
     pub state: Vec<u32>,
-    /// Chunk `k` has states `chunks[k]..chunks[k + 1]`; the first of a chunk is the fixed world.
-    pub chunks: Vec<usize>,
-    pub tasks: Vec<Task>,
-    /// Stage `k` has tasks `stages[k]..stages[k + 1]`.
+    /// States of a chunk, the first of which is the fixed world; the last chunk may have fewer.
+    pub stride: usize,
+    pub chunks: usize,
+    /// Stage `k` has blocks `stages[k]..stages[k + 1]`.
     pub stages: Vec<usize>,
-    /// Per lane of all groups: the contact, with [`SWAPPED`]; or [`EMPTY`].
-    pub contact: Vec<u32>,
 }
 
-/// A contact on its way to a group: states within the chunks of its task.
+/// A contact on its way to a group: states within the chunks of its block, and its id.
 #[derive(Clone, Copy, Default)]
 struct Link {
     a: u32,
     b: u32,
-    contact: u32,
+    id: u32,
 }
 
-/// Lanes of a task: contact and local states.
-#[derive(Clone, Copy)]
-pub struct Lane {
-    pub a: u32,
-    pub b: u32,
-    pub contact: u32,
-}
+/// The links of a piece of the contacts: inside each chunk, and between chunks with their pair.
+type Sorted = (Vec<Vec<Link>>, Vec<(u64, Link)>);
 
 impl Layout {
-    /// `fixed(i)`: body `i` cannot move.
-    pub fn new(
-        bodies: usize,
-        fixed: impl Fn(usize) -> bool,
-        contacts: &[Contact],
-        places: Option<&[Place]>,
-        threads: usize,
-    ) -> (Self, Vec<[Lane; GROUP]>) {
-        let order = sorted(bodies, fixed, places);
+    pub fn new(bodies: &[Body], places: Option<&[Place]>) -> (Self, Vec<State>) {
+        let order = sorted(bodies, places);
         let moving = order.len();
         let size = moving.div_ceil(CHUNKS).clamp(CHUNK_LEAST, CHUNK_MOST);
-        let count = moving.div_ceil(size).max(1);
-        // Even chunks, each with one more state for the world.
-        let size = moving.div_ceil(count).max(1);
-        let mut layout = Self::default();
-        layout.chunks = (0..count).map(|k| k * (size + 1)).collect();
-        layout.chunks.push(moving + count);
-        layout.state = vec![0; bodies];
+        let chunks = moving.div_ceil(size).max(1);
+        let size = moving.div_ceil(chunks).max(1);
+        let mut state = vec![0; bodies.len()];
+        let mut states = vec![State::default(); moving + chunks];
         for (rank, &body) in order.iter().enumerate() {
-            layout.state[body as usize] = (rank + rank / size + 1) as u32;
+            let at = rank + rank / size + 1;
+            state[body as usize] = at as u32;
+            let body = &bodies[body as usize];
+            states[at].linear[3] = body.inv_mass;
+            states[at].surface[3] = body.radius * body.radius * body.inv_inertia;
         }
-        let (links, tasks) = layout.assign(contacts, size as u32 + 1);
-        let lanes = layout.group(links, tasks, size + 1, threads);
-        (layout, lanes)
+        let layout = Self {
+            state,
+            stride: size + 1,
+            chunks,
+            stages: Vec::new(),
+        };
+        (layout, states)
     }
 
-    /// The links of each task in order, and the tasks (links in place of groups), inner ones first.
-    fn assign(&self, contacts: &[Contact], size: u32) -> (Vec<Link>, Vec<Task>) {
-        let count = self.chunks.len() - 1;
+    /// Cuts the contacts into blocks, by stages.
+    pub fn blocks(&mut self, contacts: &[Contact], states: &[State], threads: usize) -> Vec<Block> {
+        let pieces: Vec<(usize, &[Contact])> = contacts.chunks(PIECE).enumerate().collect();
+        let mut pieces = team::map(threads, pieces, |(k, piece)| self.sort_piece(k * PIECE, piece));
+        let mut between: Vec<(u64, Link)> = pieces.iter_mut().flat_map(|p| std::mem::take(&mut p.1)).collect();
+        between.sort_unstable_by_key(|(pair, link)| (*pair, link.b, link.id));
+        let pairs: Vec<&[(u64, Link)]> = between.chunk_by(|x, y| x.0 == y.0).collect();
+        let ends = |pair: u64| ((pair >> 32) as u32, pair as u32);
+        let (order, starts) = colour(pairs.iter().map(|p| ends(p[0].0)), self.chunks);
+        self.stages = vec![0];
+        self.stages.extend(starts.iter().map(|s| self.chunks + s));
+        let chunk = |k: u32| {
+            let first = k as usize * self.stride;
+            &states[first..states.len().min(first + self.stride)]
+        };
+        team::map(threads, (0..self.chunks + order.len()).collect(), |index| {
+            if index < self.chunks {
+                let links = self.inner_links(index, &pieces);
+                let own = chunk(index as u32);
+                return pack(&links, (index as u32, index as u32), own, None, contacts);
+            }
+            let pair = pairs[order[index - self.chunks] as usize];
+            let (left, right) = ends(pair[0].0);
+            let links: Vec<Link> = pair.iter().map(|p| p.1).collect();
+            pack(&links, (left, right), chunk(left), Some(chunk(right)), contacts)
+        })
+    }
+
+    /// Sends contacts, the first of them number `first`, to their chunks.
+    fn sort_piece(&self, first: usize, contacts: &[Contact]) -> Sorted {
         let state = |body: u32| if body == WORLD { 0 } else { self.state[body as usize] };
-        // Inner contacts: counted and placed at the later one of their states.
-        let mut start = vec![0u32; self.chunks[count] + 1];
-        let mut between: Vec<(u64, Link)> = Vec::new();
-        let mut ends = Vec::with_capacity(contacts.len());
-        for (index, c) in contacts.iter().enumerate() {
+        let stride = self.stride as u32;
+        let mut inside: Vec<Vec<Link>> = vec![Vec::new(); self.chunks];
+        let mut between = Vec::new();
+        for (id, c) in (first as u32..).zip(contacts) {
             let (a, b) = (state(c.a), state(c.b));
-            let (low, high) = (a.min(b), a.max(b));
-            let chunk = high / size;
-            if low == 0 || low / size == chunk {
-                start[high as usize] += 1;
-                ends.push((high, low));
-                continue;
+            let (chunk_a, chunk_b) = (a / stride, b / stride);
+            let (a_in, b_in) = (a - chunk_a * stride, b - chunk_b * stride);
+            if a == 0 || b == 0 || chunk_a == chunk_b {
+                inside[chunk_a.max(chunk_b) as usize].push(Link { a: a_in, b: b_in, id });
+            } else if chunk_a < chunk_b {
+                let link = Link { a: a_in, b: b_in, id };
+                between.push((u64::from(chunk_a) << 32 | u64::from(chunk_b), link));
+            } else {
+                let id = id | SWAPPED;
+                let link = Link { a: b_in, b: a_in, id };
+                between.push((u64::from(chunk_b) << 32 | u64::from(chunk_a), link));
             }
-            ends.push((0, 0));
-            let swapped = if a > b { SWAPPED } else { 0 };
-            let link = Link {
-                a: low % size,
-                b: high % size,
-                contact: index as u32 | swapped,
-            };
-            between.push((u64::from(low / size) << 32 | u64::from(chunk), link));
         }
-        let mut sum = 0;
-        for s in &mut start {
-            sum += std::mem::replace(s, sum);
+        (inside, between)
+    }
+
+    /// All links inside a chunk, each at the later of its bodies.
+    fn inner_links(&self, chunk: usize, pieces: &[Sorted]) -> Vec<Link> {
+        let all = || pieces.iter().flat_map(|p| &p.0[chunk]);
+        let mut start = vec![0u32; self.stride + 1];
+        for link in all() {
+            start[link.a.max(link.b) as usize + 1] += 1;
         }
-        let firsts: Vec<u32> = self.chunks.iter().map(|&c| start[c]).collect();
-        let mut links = vec![Link::default(); sum as usize + between.len()];
-        for (index, (&(high, low), c)) in ends.iter().zip(contacts).enumerate() {
-            if high == 0 {
-                continue;
-            }
-            let (high_local, low_local) = (high % size, if low == 0 { 0 } else { low % size });
-            let first = state(c.a) == high;
-            let (a, b) = if first { (high_local, low_local) } else { (low_local, high_local) };
-            let slot = &mut start[high as usize];
-            links[*slot as usize] = Link {
-                a,
-                b,
-                contact: index as u32,
-            };
+        for k in 1..start.len() {
+            start[k] += start[k - 1];
+        }
+        let mut links = vec![Link::default(); start[self.stride] as usize];
+        for link in all() {
+            let slot = &mut start[link.a.max(link.b) as usize];
+            links[*slot as usize] = *link;
             *slot += 1;
         }
-        let mut tasks: Vec<Task> = (0..count as u32)
-            .map(|k| Task {
-                left: k,
-                right: k,
-                groups: [firsts[k as usize], firsts[k as usize + 1]],
-            })
-            .collect();
-        // Between chunks: by pair, then by the later state.
-        between.sort_unstable_by_key(|(pair, link)| (*pair, link.b, link.a, link.contact));
-        for (at, (pair, link)) in between.iter().enumerate() {
-            let at = sum + at as u32;
-            links[at as usize] = *link;
-            let (left, right) = ((pair >> 32) as u32, *pair as u32);
-            match tasks.last_mut() {
-                Some(task) if (task.left, task.right) == (left, right) => task.groups[1] = at + 1,
-                _ => tasks.push(Task {
-                    left,
-                    right,
-                    groups: [at, at + 1],
-                }),
-            }
-        }
-        (links, tasks)
-    }
-
-    /// Fills groups and sorts the tasks into stages.
-    fn group(&mut self, links: Vec<Link>, mut tasks: Vec<Task>, size: usize, threads: usize) -> Vec<[Lane; GROUP]> {
-        let inner = self.chunks.len() - 1;
-        let (order, stages) = colour(&tasks[inner..], inner);
-        self.stages = stages.iter().map(|s| inner + s).collect();
-        self.stages.insert(0, 0);
-        let outer: Vec<Task> = order.iter().map(|&k| tasks[inner + k as usize]).collect();
-        tasks.truncate(inner);
-        tasks.extend(outer);
-        let mut parts: Vec<Vec<[Lane; GROUP]>> = vec![Vec::new(); tasks.len()];
-        team::each(threads, parts.iter_mut().zip(&tasks).collect(), |(part, task)| {
-            let links = &links[task.groups[0] as usize..task.groups[1] as usize];
-            *part = pack(links, size, task.left != task.right);
-        });
-        let mut groups = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-        for (task, part) in tasks.iter_mut().zip(&parts) {
-            let first = groups.len() as u32;
-            groups.extend_from_slice(part);
-            task.groups = [first, groups.len() as u32];
-        }
-        self.tasks = tasks;
-        self.contact = groups.iter().flatten().map(|lane| lane.contact).collect();
-        groups
+        links
     }
 }
 
 /// Moving bodies along a Morton curve through the places; in the given order without places.
-fn sorted(bodies: usize, fixed: impl Fn(usize) -> bool, places: Option<&[Place]>) -> Vec<u32> {
-    let moving = (0..bodies as u32).filter(|&i| !fixed(i as usize));
+fn sorted(bodies: &[Body], places: Option<&[Place]>) -> Vec<u32> {
+    let moving = (0..bodies.len() as u32).filter(|&i| !bodies[i as usize].is_fixed());
     let Some(places) = places else {
         return moving.collect();
     };
@@ -218,12 +191,13 @@ fn spread(x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// First-fit edge colouring of the chunks: tasks by colour, and where each colour starts (with the end).
-fn colour(tasks: &[Task], chunks: usize) -> (Vec<u32>, Vec<usize>) {
+/// First-fit colouring of pairs of chunks: pairs of one colour share no chunk. The pairs by colour, and where each colour
+/// starts, with the end.
+fn colour(pairs: impl Iterator<Item = (u32, u32)>, chunks: usize) -> (Vec<u32>, Vec<usize>) {
     let mut used: Vec<Vec<u64>> = vec![Vec::new(); chunks];
-    let mut stages: Vec<Vec<u32>> = Vec::new();
-    for (index, task) in tasks.iter().enumerate() {
-        let (left, right) = (task.left as usize, task.right as usize);
+    let mut colours: Vec<Vec<u32>> = Vec::new();
+    for (index, (left, right)) in pairs.enumerate() {
+        let (left, right) = (left as usize, right as usize);
         let word = |side: usize, k: usize| used[side].get(k).copied().unwrap_or(0);
         let mut k = 0;
         while word(left, k) | word(right, k) == u64::MAX {
@@ -236,73 +210,73 @@ fn colour(tasks: &[Task], chunks: usize) -> (Vec<u32>, Vec<usize>) {
             }
             used[side][k] |= 1 << bit;
         }
-        let stage = 64 * k + bit;
-        if stages.len() <= stage {
-            stages.resize(stage + 1, Vec::new());
+        let colour = 64 * k + bit;
+        if colours.len() <= colour {
+            colours.resize(colour + 1, Vec::new());
         }
-        stages[stage].push(index as u32);
+        colours[colour].push(index as u32);
     }
     let mut starts = vec![0];
-    for stage in &stages {
-        starts.push(starts[starts.len() - 1] + stage.len());
+    for colour in &colours {
+        starts.push(starts[starts.len() - 1] + colour.len());
     }
-    (stages.concat(), starts)
+    (colours.concat(), starts)
 }
 
 /// Packs links, in order, into groups that share no moving body: first fit into a window of open groups.
-fn pack(links: &[Link], size: usize, two: bool) -> Vec<[Lane; GROUP]> {
-    const NONE: Lane = Lane {
-        a: 0,
-        b: 0,
-        contact: EMPTY,
+fn pack(links: &[Link], ends: (u32, u32), left: &[State], right: Option<&[State]>, contacts: &[Contact]) -> Block {
+    let mut block = Block {
+        left: ends.0,
+        right: ends.1,
+        groups: Vec::with_capacity(links.len() / GROUP + 16),
+        ids: Vec::with_capacity(links.len() / GROUP + 16),
     };
-    let mut groups = Vec::with_capacity(links.len() / GROUP + 16);
-    let mut open = [([NONE; GROUP], 0usize); 64];
     // Per state: the open groups it is in. The right chunk's states follow the left one's.
-    let offset = if two { size } else { 0 };
-    let mut masks = vec![0u64; size + offset];
-    let mut close = |slot: usize, open: &mut [([Lane; GROUP], usize); 64], masks: &mut [u64]| {
-        let (group, filled) = std::mem::replace(&mut open[slot], ([NONE; GROUP], 0));
-        for lane in &group[..filled] {
-            masks[lane.a as usize] &= !(1 << slot);
-            masks[lane.b as usize + offset] &= !(1 << slot);
+    let offset = if right.is_some() { left.len() } else { 0 };
+    let right = right.unwrap_or(left);
+    let mut masks = vec![0u64; offset + right.len()];
+    let mut open = [([Link::default(); GROUP], 0usize); WINDOW];
+    let mut close = |slot: usize, open: &mut [([Link; GROUP], usize); WINDOW], masks: &mut [u64]| {
+        let links = &open[slot].0[..open[slot].1];
+        let (mut group, mut ids) = (Group::default(), [EMPTY; GROUP]);
+        for (lane, link) in links.iter().enumerate() {
+            let (a, b) = (link.a as usize, link.b as usize);
+            masks[a] &= !(1 << slot);
+            masks[b + offset] &= !(1 << slot);
+            ids[lane] = link.id;
+            group.set_bodies(lane, (link.a, &left[a]), (link.b, &right[b]));
+            group.set_contact(lane, &contacts[(link.id & !SWAPPED) as usize], link.id & SWAPPED != 0);
         }
-        groups.push(group);
+        block.groups.push(group);
+        block.ids.push(ids);
+        open[slot].1 = 0;
     };
     for link in links {
         let (a, b) = (link.a as usize, link.b as usize + offset);
         let mut taken = masks[a] | masks[b];
         if taken == u64::MAX {
+            // A body with more contacts than open groups.
             close(0, &mut open, &mut masks);
             taken &= !1;
         }
         let slot = taken.trailing_ones() as usize;
         let (group, filled) = &mut open[slot];
-        group[*filled] = Lane {
-            a: link.a,
-            b: link.b,
-            contact: link.contact,
-        };
+        group[*filled] = *link;
         *filled += 1;
         // State 0 of a chunk is the world: shared freely.
-        if link.a != 0 {
-            masks[a] |= 1 << slot;
-        }
-        if link.b != 0 {
-            masks[b] |= 1 << slot;
+        for state in [(link.a, a), (link.b, b)] {
+            if state.0 != 0 {
+                masks[state.1] |= 1 << slot;
+            }
         }
         if *filled == GROUP {
             close(slot, &mut open, &mut masks);
         }
     }
-    for slot in 0..64 {
+    for slot in 0..WINDOW {
         if open[slot].1 > 0 {
             close(slot, &mut open, &mut masks);
         }
     }
-    let streams: usize = std::env::var("STREAMS").map_or(1, |s| s.parse().unwrap());
-    let part = groups.len().div_ceil(streams);
-    (0..part * streams)
-        .filter_map(|k| groups.get(k / streams + part * (k % streams)).copied())
-        .collect()
+    block
 }

@@ -1,22 +1,31 @@
-//! Projected Gauss-Seidel for contacts of spheres, without matrices: piles of millions.
+//! Projected Gauss-Seidel for contacts of spheres, without matrices: piles of millions of balls.
+//!
+//! The problem is that of [`crate::rows`] with linear measures and sliding friction: `M u = G^T r`, `z = z0 + G u`, and for each
+//! contact `r_N >= 0`, `z_N >= 0`, `r_N z_N = 0`, `|r_T| <= mu r_N`, `r_T = -mu r_N z_T/|z_T|` where it slips. A sweep solves one
+//! contact after the other, each exactly (`kernel`). Impulses and slips are vectors of the world; over tangents
+//! `t1, t2` the rows are `lambda = (r.n, r.t1, r.t2)` and `z0 = (s.n, s.t1, s.t2)`.
+//!
+//! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
 
 mod kernel;
 mod lanes;
 mod layout;
+mod residual;
 mod team;
 
 pub use lanes::Instructions;
 
 use crate::rows::WORLD;
-use kernel::{Group, One, Pass, State, Two};
-use lanes::GROUP;
-use layout::{Layout, EMPTY, SWAPPED};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use kernel::{One, Pass, State, Two};
+use layout::{Block, Layout, EMPTY, SWAPPED};
+use std::fmt;
+use std::sync::Mutex;
+use team::lock;
 
 /// Centre of a body, m.
 pub type Place = [f64; 3];
 
-/// A sphere. Both inverses 0: it is fixed, and many contacts may share it at no cost.
+/// A sphere. Both inverses 0: it is fixed, its `u` is 0, and any number of contacts may share it at no cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// 1/m, 1/kg.
@@ -27,156 +36,288 @@ pub struct Body {
     pub radius: f64,
 }
 
+impl Body {
+    pub fn is_fixed(&self) -> bool {
+        self.inv_mass == 0.0 && self.inv_inertia == 0.0
+    }
+}
+
 /// A contact with sliding friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Never [`WORLD`].
+    /// Bodies; [`WORLD`] or a fixed body on one side.
     pub a: u32,
-    /// May be [`WORLD`].
     pub b: u32,
     /// Unit vector from `b` to `a`.
     pub normal: [f64; 3],
-    /// Measures at `u = 0` as a vector in world axes, m/s: `z_N n + z_T1 t1 + z_T2 t2`.
+    /// Measures at `u = 0` as a vector of the world, m/s: `z0_N n + z0_T1 t1 + z0_T2 t2`.
     pub slip: [f64; 3],
     /// mu.
     pub friction: f64,
 }
 
-/// A problem in the order in which it is swept, with its impulses and velocity corrections.
+/// What a problem must not be.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SpheresError {
+    /// A number of a body is negative or not finite.
+    Body { body: usize },
+    /// As many places as bodies are needed, all finite.
+    Places { body: usize },
+    /// A contact names a body that does not exist.
+    Index { contact: usize, body: u32 },
+    /// A contact of a body with itself, or of two fixed ones.
+    Immovable { contact: usize },
+    /// A normal that is not a unit vector, a slip that is not finite, or negative friction.
+    Contact { contact: usize },
+    /// More contacts or bodies than 2^31 - 2.
+    Size,
+    /// Other contacts than those of `new`.
+    Changed { contact: usize },
+}
+
+impl fmt::Display for SpheresError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Body { body } => write!(f, "body {body}: inverse mass, inverse inertia and radius must be finite and not negative"),
+            Self::Places { body } => write!(f, "body {body}: a place of three finite numbers is needed for each body"),
+            Self::Index { contact, body } => write!(f, "contact {contact}: there is no body {body}"),
+            Self::Immovable { contact } => write!(f, "contact {contact}: its sides are one body, or none of them can move"),
+            Self::Contact { contact } => {
+                write!(f, "contact {contact}: the normal must be a unit vector, the slip finite and the friction at least 0")
+            }
+            Self::Size => write!(f, "more than 2^31 - 2 bodies or contacts"),
+            Self::Changed { contact } => write!(f, "contact {contact}: the contacts are not those the sweeps were made for"),
+        }
+    }
+}
+
+impl std::error::Error for SpheresError {}
+
+/// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
+#[derive(Debug)]
 pub struct Sweeps {
     layout: Layout,
     states: Vec<State>,
-    groups: Vec<Group>,
+    blocks: Vec<Block>,
     radius: Vec<f64>,
-    threads: usize,
+    pairs: usize,
+    /// Threads of all that follows; changes no bit of any result.
+    pub threads: usize,
     pub instructions: Instructions,
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Sweeps {
-    pub fn new(bodies: &[Body], contacts: &[Contact], places: Option<&[Place]>, threads: usize) -> Self {
-        let fixed = |i: usize| bodies[i].inv_mass == 0.0 && bodies[i].inv_inertia == 0.0;
-        let (layout, lanes) = Layout::new(bodies.len(), fixed, contacts, places, threads);
-        let mut states = vec![State::default(); layout.chunks[layout.chunks.len() - 1]];
-        for (body, &at) in bodies.iter().zip(&layout.state) {
-            if at > 0 {
-                states[at as usize].linear[3] = body.inv_mass;
-                states[at as usize].surface[3] = body.radius * body.radius * body.inv_inertia;
-            }
+    /// Sorts bodies and contacts into the order of the sweep. With `places` neighbours in space become neighbours in memory; without
+    /// them the caller's order of the bodies is kept.
+    pub fn new(
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+        threads: usize,
+    ) -> Result<Self, SpheresError> {
+        check(bodies, contacts, places)?;
+        let (mut layout, states) = Layout::new(bodies, places);
+        let blocks = layout.blocks(contacts, &states, threads);
+        Ok(Self {
+            layout,
+            states,
+            blocks,
+            radius: bodies.iter().map(|b| b.radius).collect(),
+            pairs: contacts.len(),
+            threads,
+            instructions: Instructions::default(),
+        })
+    }
+
+    /// New normals, slips and friction of the same pairs of bodies; impulses stay, velocity corrections follow.
+    pub fn set_contacts(&mut self, contacts: &[Contact]) -> Result<(), SpheresError> {
+        if contacts.len() != self.pairs {
+            return Err(SpheresError::Changed { contact: self.pairs.min(contacts.len()) });
         }
-        let mut groups = vec![Group::default(); lanes.len()];
-        let cut = 1 + groups.len() / (16 * threads);
-        team::each(threads, groups.chunks_mut(cut).zip(lanes.chunks(cut)).collect(), |(groups, lanes)| {
-            for (group, lanes) in groups.iter_mut().zip(lanes) {
-                for (l, lane) in lanes.iter().enumerate() {
-                    if lane.contact == EMPTY {
-                        continue;
-                    }
-                    (group.a[l], group.b[l]) = (lane.a, lane.b);
-                    let c = &contacts[(lane.contact & !SWAPPED) as usize];
-                    let sign = if lane.contact & SWAPPED == 0 { 1.0 } else { -1.0 };
-                    let side = |body: u32| {
-                        if body == WORLD {
-                            return [0.0; 2];
-                        }
-                        let body = &bodies[body as usize];
-                        [body.inv_mass, body.radius * body.radius * body.inv_inertia]
-                    };
-                    let (a, b) = (side(c.a), side(c.b));
-                    let w_n = a[0] + b[0];
-                    let w_t = w_n + (a[1] + b[1]);
-                    for k in 0..3 {
-                        group.normal[k][l] = sign * c.normal[k];
-                        group.slip[k][l] = sign * c.slip[k];
-                    }
-                    group.friction[l] = c.friction;
-                    group.mass_normal[l] = 1.0 / w_n;
-                    group.mass_tangential[l] = 1.0 / w_t;
+        contacts.iter().enumerate().try_for_each(|(index, c)| check_numbers(index, c))?;
+        let changed = team::map(self.threads, self.blocks.iter_mut().collect(), |block: &mut Block| {
+            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    group.set_contact(lane, &contacts[(id & !SWAPPED) as usize], id & SWAPPED != 0);
                 }
             }
         });
-        Self {
-            layout,
-            states,
-            groups,
-            radius: bodies.iter().map(|b| b.radius).collect(),
-            threads,
-            instructions: Instructions::default(),
-        }
+        debug_assert_eq!(changed.len(), self.blocks.len());
+        self.refresh();
+        Ok(())
     }
 
-    /// Groups, tasks, stages, lanes filled.
-    pub fn shape(&self) -> [usize; 5] {
-        let filled = self.layout.contact.iter().filter(|&&c| c != EMPTY).count();
-        let inner = self.layout.chunks.len() - 1;
-        let first = self.layout.tasks[inner - 1].groups[1] as usize * GROUP;
-        let outer = self.layout.contact[first..].iter().filter(|&&c| c != EMPTY).count();
-        [self.groups.len(), self.layout.tasks.len(), self.layout.stages.len() - 1, filled, outer]
+    /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
+    pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
+        assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
+        team::map(self.threads, self.blocks.iter_mut().collect(), |block: &mut Block| {
+            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
+                    for k in 0..3 {
+                        group.impulse[k][lane] = sign * impulses[(id & !SWAPPED) as usize][k];
+                    }
+                }
+            }
+        });
+        self.refresh();
+    }
+
+    /// Computes `u = M^-1 G^T r` anew: clears what rounding has left after very many sweeps.
+    pub fn refresh(&mut self) {
+        for state in &mut self.states {
+            state.linear[..3].fill(0.0);
+            state.surface[..3].fill(0.0);
+        }
+        self.stages(1, |block, left, right| residual::push(block, left, right));
     }
 
     /// Runs `count` sweeps.
     pub fn sweep(&mut self, count: usize) {
-        let chunks: Vec<Mutex<&mut [State]>> = cut(&mut self.states, self.layout.chunks.windows(2).map(|w| w[1] - w[0]));
-        let groups = cut(
-            &mut self.groups,
-            self.layout.tasks.iter().map(|t| (t.groups[1] - t.groups[0]) as usize),
-        );
         let instructions = self.instructions;
-        team::run(self.threads, count, &self.layout.stages, |index| {
-            let task = &self.layout.tasks[index];
-            let groups = &mut *lock(&groups[index]);
-            let left = &mut *lock(&chunks[task.left as usize]);
-            if task.left == task.right {
-                instructions.run(Pass {
-                    bodies: One(left),
-                    groups,
-                });
-            } else {
-                let right = &mut *lock(&chunks[task.right as usize]);
-                instructions.run(Pass {
-                    bodies: Two(left, right),
-                    groups,
-                });
+        self.stages(count, |block, left, right| {
+            let groups = &mut block.groups;
+            match right {
+                None => instructions.run(Pass { bodies: One(left), groups }),
+                Some(right) => instructions.run(Pass { bodies: Two(left, right), groups }),
             }
         });
     }
 
+    /// Largest `|r - P(r - z/w)|` of all contacts, N s, where P is the projection on the half-line of the normal impulse and then on
+    /// the disc that belongs to it, and `w` are the diagonals `w_N`, `w_T`: 0 at solutions, nowhere else.
+    pub fn residual(&self) -> f64 {
+        let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
+        team::map(self.threads, self.blocks.iter().collect(), |block: &Block| {
+            residual::largest(block, chunks[block.left as usize], chunks[block.right as usize])
+        })
+        .into_iter()
+        .fold(0.0, |m: f64, r| if r > m || r.is_nan() { r } else { m })
+    }
+
+    /// Sweeps until the residual is at most `tolerance` (N s) or `most` sweeps are done; the residual is looked at after every
+    /// `interval` sweeps. Returns the sweeps done and the residual.
+    pub fn solve(&mut self, tolerance: f64, interval: usize, most: usize) -> (usize, f64) {
+        let (mut done, mut residual) = (0, self.residual());
+        while residual > tolerance && done < most {
+            let count = interval.clamp(1, most - done);
+            self.sweep(count);
+            done += count;
+            residual = self.residual();
+        }
+        (done, residual)
+    }
+
     /// Impulse on body `a` of each contact, N s.
-    pub fn impulses(&self, impulses: &mut [[f64; 3]]) {
-        for (slot, &contact) in self.layout.contact.iter().enumerate() {
-            if contact == EMPTY {
-                continue;
+    pub fn impulses(&self) -> Vec<[f64; 3]> {
+        let mut impulses = vec![[0.0; 3]; self.pairs];
+        for block in &self.blocks {
+            for (group, ids) in block.groups.iter().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
+                    impulses[(id & !SWAPPED) as usize] = [0, 1, 2].map(|k| sign * group.impulse[k][lane]);
+                }
             }
-            let group = &self.groups[slot / GROUP];
-            let sign = if contact & SWAPPED == 0 { 1.0 } else { -1.0 };
-            impulses[(contact & !SWAPPED) as usize] =
-                [0, 1, 2].map(|k| sign * group.impulse[k][slot % GROUP]);
+        }
+        impulses
+    }
+
+    /// Corrections of velocity, m/s, and angular velocity, 1/s, of each body.
+    pub fn velocities(&self) -> Vec<[f64; 6]> {
+        let one = |(&at, &radius): (&u32, &f64)| {
+            let State { linear: v, surface: s } = self.states[at as usize];
+            // A body without lever arm is never turned.
+            let turn = if radius > 0.0 { 1.0 / radius } else { 0.0 };
+            [v[0], v[1], v[2], turn * s[0], turn * s[1], turn * s[2]]
+        };
+        self.layout.state.iter().zip(&self.radius).map(one).collect()
+    }
+
+    /// How the problem is cut.
+    pub fn shape(&self) -> Shape {
+        let filled = |blocks: &[Block]| {
+            let ids = blocks.iter().flat_map(|b| b.ids.iter().flatten());
+            ids.filter(|&&id| id != EMPTY).count()
+        };
+        Shape {
+            chunks: self.layout.chunks,
+            blocks: self.blocks.len(),
+            stages: self.layout.stages.len() - 1,
+            groups: self.blocks.iter().map(|b| b.groups.len()).sum(),
+            between: filled(&self.blocks[self.layout.chunks..]),
         }
     }
 
-    /// Correction of velocity and angular velocity of each body.
-    pub fn velocities(&self, velocities: &mut [[f64; 6]]) {
-        for ((out, &at), &radius) in velocities.iter_mut().zip(&self.layout.state).zip(&self.radius) {
-            let state = &self.states[at as usize];
-            let turn = if radius > 0.0 { 1.0 / radius } else { 0.0 };
-            for k in 0..3 {
-                out[k] = state.linear[k];
-                out[3 + k] = turn * state.surface[k];
+    /// `work(block, left chunk, right chunk)` of every block, `count` times, stage by stage.
+    fn stages(&mut self, count: usize, work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync) {
+        let chunks: Vec<_> = self.states.chunks_mut(self.layout.stride).map(Mutex::new).collect();
+        let blocks: Vec<_> = self.blocks.iter_mut().map(Mutex::new).collect();
+        team::run(self.threads, count, &self.layout.stages, |index| {
+            let block = &mut **lock(&blocks[index]);
+            let left = &mut **lock(&chunks[block.left as usize]);
+            if block.left == block.right {
+                work(block, left, None);
+            } else {
+                work(block, left, Some(&mut **lock(&chunks[block.right as usize])));
             }
-        }
+        });
     }
 }
 
-/// Cuts a slice into parts of the given lengths, each behind a lock that is never waited for.
-fn cut<'a, T>(mut rest: &'a mut [T], lengths: impl Iterator<Item = usize>) -> Vec<Mutex<&'a mut [T]>> {
-    lengths
-        .map(|length| {
-            let (part, tail) = std::mem::take(&mut rest).split_at_mut(length);
-            rest = tail;
-            Mutex::new(part)
-        })
-        .collect()
+/// How a problem is cut for the sweeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Sets of bodies.
+    pub chunks: usize,
+    /// Sets of contacts, and the stages in which they are swept.
+    pub blocks: usize,
+    pub stages: usize,
+    /// Groups of contacts.
+    pub groups: usize,
+    /// Contacts between chunks.
+    pub between: usize,
+}
+
+/// Largest deviation of the squared length of a normal from 1.
+const UNIT: f64 = 1e-9;
+
+fn check(bodies: &[Body], contacts: &[Contact], places: Option<&[Place]>) -> Result<(), SpheresError> {
+    let most = SWAPPED as usize - 2;
+    if bodies.len() > most || contacts.len() > most {
+        return Err(SpheresError::Size);
+    }
+    let bad = |x: f64| !(0.0..f64::INFINITY).contains(&x);
+    if let Some(body) = bodies.iter().position(|b| bad(b.inv_mass) || bad(b.inv_inertia) || bad(b.radius)) {
+        return Err(SpheresError::Body { body });
+    }
+    if let Some(places) = places {
+        let finite = places.iter().take_while(|p| p.iter().all(|x| x.is_finite())).count();
+        if finite != places.len() || places.len() != bodies.len() {
+            return Err(SpheresError::Places { body: finite.min(bodies.len()) });
+        }
+    }
+    for (contact, c) in contacts.iter().enumerate() {
+        let mut inverse = 0.0;
+        for body in [c.a, c.b].into_iter().filter(|&body| body != WORLD) {
+            let Some(known) = bodies.get(body as usize) else {
+                return Err(SpheresError::Index { contact, body });
+            };
+            inverse += known.inv_mass;
+        }
+        if c.a == c.b || inverse <= 0.0 {
+            return Err(SpheresError::Immovable { contact });
+        }
+        check_numbers(contact, c)?;
+    }
+    Ok(())
+}
+
+fn check_numbers(contact: usize, c: &Contact) -> Result<(), SpheresError> {
+    let squared = c.normal.iter().map(|x| x * x).sum::<f64>();
+    let numbers = c.slip.iter().all(|x| x.is_finite()) && (0.0..f64::INFINITY).contains(&c.friction);
+    if numbers && (squared - 1.0).abs() <= UNIT {
+        Ok(())
+    } else {
+        Err(SpheresError::Contact { contact })
+    }
 }

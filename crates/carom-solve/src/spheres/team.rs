@@ -1,6 +1,7 @@
 //! Threads that take the tasks of one stage after the other.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Spins before a waiting thread offers its core to others.
 const SPINS: u32 = 1 << 12;
@@ -93,16 +94,17 @@ pub fn run(threads: usize, rounds: usize, stages: &[usize], work: impl Fn(usize)
     });
 }
 
-/// `work(item)` for every item, any order.
-pub fn each<T: Send>(threads: usize, items: Vec<T>, work: impl Fn(T) + Sync) {
-    let slots: Vec<_> = items.into_iter().map(|item| std::sync::Mutex::new(Some(item))).collect();
+/// `work(item)` of every item, in the order of the items.
+pub fn map<T: Send, R: Send>(threads: usize, items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
+    let slots: Vec<Mutex<(Option<T>, Option<R>)>> = items.into_iter().map(|item| Mutex::new((Some(item), None))).collect();
     run(threads, 1, &[0, slots.len()], |task| {
-        if let Some(item) = take(&slots[task]) {
-            work(item);
-        }
+        let slot = &mut *lock(&slots[task]);
+        slot.1 = slot.0.take().map(&work);
     });
+    slots.into_iter().filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner).1).collect()
 }
 
-fn take<T>(slot: &std::sync::Mutex<Option<T>>) -> Option<T> {
-    slot.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take()
+/// A lock that is never waited for: the stages see to that.
+pub fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
