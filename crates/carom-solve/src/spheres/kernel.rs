@@ -47,12 +47,20 @@ pub struct Group {
 }
 
 impl Group {
-    /// Bodies of a lane: number within its chunk, and state.
-    pub fn set_bodies(&mut self, lane: usize, a: (u32, &State), b: (u32, &State)) {
-        (self.a[lane], self.b[lane]) = (a.0, b.0);
-        let normal = a.1.linear[3] + b.1.linear[3];
-        self.mass_normal[lane] = 1.0 / normal;
-        self.mass_tangential[lane] = 1.0 / (normal + (a.1.surface[3] + b.1.surface[3]));
+    /// A group of lanes with sides `a` and `b`: numbers within their chunks, and states. The rest is zeros.
+    #[inline]
+    pub fn new(numbers: [[u32; 2]; GROUP], states: [[&State; 2]; GROUP]) -> Self {
+        let linear = states.map(|[a, b]| a.linear[3] + b.linear[3]);
+        let surface = states.map(|[a, b]| a.surface[3] + b.surface[3]);
+        // The world on both sides: no contact.
+        let inverse = |w: f64| if w > 0.0 { 1.0 / w } else { 0.0 };
+        Self {
+            a: numbers.map(|[a, _]| a),
+            b: numbers.map(|[_, b]| b),
+            mass_normal: linear.map(inverse),
+            mass_tangential: std::array::from_fn(|lane| inverse(linear[lane] + surface[lane])),
+            ..Self::default()
+        }
     }
 
     /// Numbers of a lane, of the contact with its sides exchanged where asked for.

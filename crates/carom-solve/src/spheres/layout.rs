@@ -7,7 +7,7 @@
 
 use super::kernel::{Group, State};
 use super::lanes::GROUP;
-use super::{team, Body, Contact, Place};
+use super::{team, Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;
 
 /// Chunks aimed at: enough for many threads. Bodies of a chunk: so many that few contacts lie between chunks, so few that
@@ -83,9 +83,15 @@ impl Layout {
     }
 
     /// Cuts the contacts into blocks, by stages.
-    pub fn blocks(&mut self, contacts: &[Contact], states: &[State], threads: usize) -> Vec<Block> {
+    pub fn blocks(
+        &mut self,
+        contacts: &[Contact],
+        states: &[State],
+        threads: usize,
+    ) -> Result<Vec<Block>, SpheresError> {
         let pieces: Vec<(usize, &[Contact])> = contacts.chunks(PIECE).enumerate().collect();
-        let mut pieces = team::map(threads, pieces, |(k, piece)| self.sort_piece(k * PIECE, piece));
+        let pieces = team::map(threads, pieces, |(k, piece)| self.sort_piece(k * PIECE, piece));
+        let mut pieces = pieces.into_iter().collect::<Result<Vec<Sorted>, SpheresError>>()?;
         let mut between: Vec<(u64, Link)> = pieces.iter_mut().flat_map(|p| std::mem::take(&mut p.1)).collect();
         between.sort_unstable_by_key(|(pair, link)| (*pair, link.b, link.id));
         let pairs: Vec<&[(u64, Link)]> = between.chunk_by(|x, y| x.0 == y.0).collect();
@@ -97,7 +103,7 @@ impl Layout {
             let first = k as usize * self.stride;
             &states[first..states.len().min(first + self.stride)]
         };
-        team::map(threads, (0..self.chunks + order.len()).collect(), |index| {
+        let blocks = team::map(threads, (0..self.chunks + order.len()).collect(), |index| {
             if index < self.chunks {
                 let links = self.inner_links(index, &pieces);
                 let own = chunk(index as u32);
@@ -107,17 +113,29 @@ impl Layout {
             let (left, right) = ends(pair[0].0);
             let links: Vec<Link> = pair.iter().map(|p| p.1).collect();
             pack(&links, (left, right), chunk(left), Some(chunk(right)), contacts)
-        })
+        });
+        Ok(blocks)
     }
 
     /// Sends contacts, the first of them number `first`, to their chunks.
-    fn sort_piece(&self, first: usize, contacts: &[Contact]) -> Sorted {
-        let state = |body: u32| if body == WORLD { 0 } else { self.state[body as usize] };
+    fn sort_piece(&self, first: usize, contacts: &[Contact]) -> Result<Sorted, SpheresError> {
+        let state = |contact: u32, body: u32| match self.state.get(body as usize) {
+            Some(&state) => Ok(state),
+            None if body == WORLD => Ok(0),
+            None => Err(SpheresError::Index {
+                contact: contact as usize,
+                body,
+            }),
+        };
         let stride = self.stride as u32;
         let mut inside: Vec<Vec<Link>> = vec![Vec::new(); self.chunks];
         let mut between = Vec::new();
         for (id, c) in (first as u32..).zip(contacts) {
-            let (a, b) = (state(c.a), state(c.b));
+            let (a, b) = (state(id, c.a)?, state(id, c.b)?);
+            if a == b {
+                return Err(SpheresError::Immovable { contact: id as usize });
+            }
+            c.check(id as usize)?;
             let (chunk_a, chunk_b) = (a / stride, b / stride);
             let (a_in, b_in) = (a - chunk_a * stride, b - chunk_b * stride);
             if a == 0 || b == 0 || chunk_a == chunk_b {
@@ -131,7 +149,7 @@ impl Layout {
                 between.push((u64::from(chunk_b) << 32 | u64::from(chunk_a), link));
             }
         }
-        (inside, between)
+        Ok((inside, between))
     }
 
     /// All links inside a chunk, each at the later of its bodies.
@@ -169,16 +187,19 @@ fn sorted(bodies: &[Body], places: Option<&[Place]>) -> Vec<u32> {
         }
     }
     let span = (0..3).fold(0.0f64, |s, k| s.max(high[k] - low[k]));
-    let scale = if span > 0.0 { f64::from((1u32 << 21) - 1) / span } else { 0.0 };
-    let mut keys: Vec<(u64, u32)> = moving
+    // Key and body in one number: as fine a grid as the bits beside the body allow.
+    let name = usize::BITS - bodies.len().leading_zeros();
+    let cells = ((1u64 << ((u64::BITS - name) / 3).min(21)) - 1) as f64;
+    let scale = if span > 0.0 { cells / span } else { 0.0 };
+    let mut keys: Vec<u64> = moving
         .map(|body| {
             let place = &places[body as usize];
             let cell = |k: usize| spread(((place[k] - low[k]) * scale) as u64);
-            (cell(0) << 2 | cell(1) << 1 | cell(2), body)
+            (cell(0) << 2 | cell(1) << 1 | cell(2)) << name | u64::from(body)
         })
         .collect();
     keys.sort_unstable();
-    keys.into_iter().map(|(_, body)| body).collect()
+    keys.into_iter().map(|key| (key & ((1 << name) - 1)) as u32).collect()
 }
 
 /// The lower 21 bits, each followed by two zeros.
@@ -237,19 +258,22 @@ fn pack(links: &[Link], ends: (u32, u32), left: &[State], right: Option<&[State]
     let mut masks = vec![0u64; offset + right.len()];
     let mut open = [([Link::default(); GROUP], 0usize); WINDOW];
     let mut close = |slot: usize, open: &mut [([Link; GROUP], usize); WINDOW], masks: &mut [u64]| {
-        let links = &open[slot].0[..open[slot].1];
-        let (mut group, mut ids) = (Group::default(), [EMPTY; GROUP]);
-        for (lane, link) in links.iter().enumerate() {
-            let (a, b) = (link.a as usize, link.b as usize);
-            masks[a] &= !(1 << slot);
-            masks[b + offset] &= !(1 << slot);
-            ids[lane] = link.id;
-            group.set_bodies(lane, (link.a, &left[a]), (link.b, &right[b]));
-            group.set_contact(lane, &contacts[(link.id & !SWAPPED) as usize], link.id & SWAPPED != 0);
+        let (links, filled) = &open[slot];
+        for link in &links[..*filled] {
+            masks[link.a as usize] &= !(1 << slot);
+            masks[link.b as usize + offset] &= !(1 << slot);
         }
-        block.groups.push(group);
-        block.ids.push(ids);
-        open[slot].1 = 0;
+        // Lanes without contact keep the link 0: any contact, and the world on both sides.
+        let sides = links.map(|link| [&left[link.a as usize], &right[link.b as usize]]);
+        let full = links.map(|link| &contacts[(link.id & !SWAPPED) as usize]);
+        block.groups.push(Group::new(links.map(|link| [link.a, link.b]), sides));
+        block.ids.push(std::array::from_fn(|lane| if lane < *filled { links[lane].id } else { EMPTY }));
+        if let Some(group) = block.groups.last_mut() {
+            for lane in 0..*filled {
+                group.set_contact(lane, full[lane], links[lane].id & SWAPPED != 0);
+            }
+        }
+        open[slot] = ([Link::default(); GROUP], 0);
     };
     for link in links {
         let (a, b) = (link.a as usize, link.b as usize + offset);

@@ -15,6 +15,7 @@ mod team;
 
 pub use lanes::Instructions;
 
+#[cfg(doc)]
 use crate::rows::WORLD;
 use kernel::{One, Pass, State, Two};
 use layout::{Block, Layout, EMPTY, SWAPPED};
@@ -38,7 +39,7 @@ pub struct Body {
 
 impl Body {
     pub fn is_fixed(&self) -> bool {
-        self.inv_mass == 0.0 && self.inv_inertia == 0.0
+        self.inv_mass == 0.0
     }
 }
 
@@ -78,7 +79,7 @@ pub enum SpheresError {
 impl fmt::Display for SpheresError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Body { body } => write!(f, "body {body}: inverse mass, inverse inertia and radius must be finite and not negative"),
+            Self::Body { body } => write!(f, "body {body}: inverse mass, inverse inertia and radius must be finite and at least 0, and what turns must be free to move"),
             Self::Places { body } => write!(f, "body {body}: a place of three finite numbers is needed for each body"),
             Self::Index { contact, body } => write!(f, "contact {contact}: there is no body {body}"),
             Self::Immovable { contact } => write!(f, "contact {contact}: its sides are one body, or none of them can move"),
@@ -115,9 +116,9 @@ impl Sweeps {
         places: Option<&[Place]>,
         threads: usize,
     ) -> Result<Self, SpheresError> {
-        check(bodies, contacts, places)?;
+        check(bodies, contacts.len(), places)?;
         let (mut layout, states) = Layout::new(bodies, places);
-        let blocks = layout.blocks(contacts, &states, threads);
+        let blocks = layout.blocks(contacts, &states, threads)?;
         Ok(Self {
             layout,
             states,
@@ -134,7 +135,7 @@ impl Sweeps {
         if contacts.len() != self.pairs {
             return Err(SpheresError::Changed { contact: self.pairs.min(contacts.len()) });
         }
-        contacts.iter().enumerate().try_for_each(|(index, c)| check_numbers(index, c))?;
+        contacts.iter().enumerate().try_for_each(|(index, c)| c.check(index))?;
         let changed = team::map(self.threads, self.blocks.iter_mut().collect(), |block: &mut Block| {
             for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
                 for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
@@ -281,43 +282,39 @@ pub struct Shape {
 /// Largest deviation of the squared length of a normal from 1.
 const UNIT: f64 = 1e-9;
 
-fn check(bodies: &[Body], contacts: &[Contact], places: Option<&[Place]>) -> Result<(), SpheresError> {
+fn check(bodies: &[Body], contacts: usize, places: Option<&[Place]>) -> Result<(), SpheresError> {
     let most = SWAPPED as usize - 2;
-    if bodies.len() > most || contacts.len() > most {
+    if bodies.len() > most || contacts > most {
         return Err(SpheresError::Size);
     }
     let bad = |x: f64| !(0.0..f64::INFINITY).contains(&x);
-    if let Some(body) = bodies.iter().position(|b| bad(b.inv_mass) || bad(b.inv_inertia) || bad(b.radius)) {
+    let refused = |b: &Body| {
+        let turns_only = b.inv_mass == 0.0 && b.inv_inertia > 0.0;
+        bad(b.inv_mass) || bad(b.inv_inertia) || bad(b.radius) || turns_only
+    };
+    if let Some(body) = bodies.iter().position(refused) {
         return Err(SpheresError::Body { body });
     }
     if let Some(places) = places {
         let finite = places.iter().take_while(|p| p.iter().all(|x| x.is_finite())).count();
         if finite != places.len() || places.len() != bodies.len() {
-            return Err(SpheresError::Places { body: finite.min(bodies.len()) });
+            return Err(SpheresError::Places {
+                body: finite.min(bodies.len()),
+            });
         }
-    }
-    for (contact, c) in contacts.iter().enumerate() {
-        let mut inverse = 0.0;
-        for body in [c.a, c.b].into_iter().filter(|&body| body != WORLD) {
-            let Some(known) = bodies.get(body as usize) else {
-                return Err(SpheresError::Index { contact, body });
-            };
-            inverse += known.inv_mass;
-        }
-        if c.a == c.b || inverse <= 0.0 {
-            return Err(SpheresError::Immovable { contact });
-        }
-        check_numbers(contact, c)?;
     }
     Ok(())
 }
 
-fn check_numbers(contact: usize, c: &Contact) -> Result<(), SpheresError> {
-    let squared = c.normal.iter().map(|x| x * x).sum::<f64>();
-    let numbers = c.slip.iter().all(|x| x.is_finite()) && (0.0..f64::INFINITY).contains(&c.friction);
-    if numbers && (squared - 1.0).abs() <= UNIT {
-        Ok(())
-    } else {
-        Err(SpheresError::Contact { contact })
+impl Contact {
+    /// Whether the numbers of contact `contact` can be used.
+    fn check(&self, contact: usize) -> Result<(), SpheresError> {
+        let [x, y, z] = self.normal;
+        let numbers = self.slip.iter().all(|x| x.is_finite()) && (0.0..f64::INFINITY).contains(&self.friction);
+        if numbers && (x * x + y * y + z * z - 1.0).abs() <= UNIT {
+            Ok(())
+        } else {
+            Err(SpheresError::Contact { contact })
+        }
     }
 }
