@@ -54,6 +54,14 @@ struct Link {
     id: u32,
 }
 
+/// A group that is being filled.
+#[derive(Clone, Default)]
+struct Open {
+    links: [Link; GROUP],
+    contacts: [Contact; GROUP],
+    filled: usize,
+}
+
 /// The links of a piece of the contacts: inside each chunk, and between chunks with their pair.
 type Sorted = (Vec<Vec<Link>>, Vec<(u64, Link)>);
 
@@ -256,24 +264,24 @@ fn pack(links: &[Link], ends: (u32, u32), left: &[State], right: Option<&[State]
     let offset = if right.is_some() { left.len() } else { 0 };
     let right = right.unwrap_or(left);
     let mut masks = vec![0u64; offset + right.len()];
-    let mut open = [([Link::default(); GROUP], 0usize); WINDOW];
-    let mut close = |slot: usize, open: &mut [([Link; GROUP], usize); WINDOW], masks: &mut [u64]| {
-        let (links, filled) = &open[slot];
+    let mut open = vec![Open::default(); WINDOW];
+    let mut close = |slot: usize, open: &mut [Open], masks: &mut [u64]| {
+        let (links, filled) = (&open[slot].links, &open[slot].filled);
         for link in &links[..*filled] {
             masks[link.a as usize] &= !(1 << slot);
             masks[link.b as usize + offset] &= !(1 << slot);
         }
         // Lanes without contact keep the link 0: any contact, and the world on both sides.
         let sides = links.map(|link| [&left[link.a as usize], &right[link.b as usize]]);
-        let full = links.map(|link| &contacts[(link.id & !SWAPPED) as usize]);
         block.groups.push(Group::new(links.map(|link| [link.a, link.b]), sides));
         block.ids.push(std::array::from_fn(|lane| if lane < *filled { links[lane].id } else { EMPTY }));
         if let Some(group) = block.groups.last_mut() {
             for lane in 0..*filled {
-                group.set_contact(lane, full[lane], links[lane].id & SWAPPED != 0);
+                group.set_contact(lane, &open[slot].contacts[lane], links[lane].id & SWAPPED != 0);
             }
         }
-        open[slot] = ([Link::default(); GROUP], 0);
+        open[slot].links = [Link::default(); GROUP];
+        open[slot].filled = 0;
     };
     for link in links {
         let (a, b) = (link.a as usize, link.b as usize + offset);
@@ -284,21 +292,23 @@ fn pack(links: &[Link], ends: (u32, u32), left: &[State], right: Option<&[State]
             taken &= !1;
         }
         let slot = taken.trailing_ones() as usize;
-        let (group, filled) = &mut open[slot];
-        group[*filled] = *link;
-        *filled += 1;
+        let group = &mut open[slot];
+        group.links[group.filled] = *link;
+        // Read now, many at a time: the caller's contacts may be in any order.
+        group.contacts[group.filled] = contacts[(link.id & !SWAPPED) as usize];
+        group.filled += 1;
         // State 0 of a chunk is the world: shared freely.
         for state in [(link.a, a), (link.b, b)] {
             if state.0 != 0 {
                 masks[state.1] |= 1 << slot;
             }
         }
-        if *filled == GROUP {
+        if group.filled == GROUP {
             close(slot, &mut open, &mut masks);
         }
     }
     for slot in 0..WINDOW {
-        if open[slot].1 > 0 {
+        if open[slot].filled > 0 {
             close(slot, &mut open, &mut masks);
         }
     }

@@ -44,7 +44,7 @@ impl Body {
 }
 
 /// A contact with sliding friction.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Contact {
     /// Bodies; [`WORLD`] or a fixed body on one side.
     pub a: u32,
