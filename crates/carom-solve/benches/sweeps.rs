@@ -56,7 +56,15 @@ fn packing(side: usize, shuffle: bool) -> Scene {
                 if z == 0 {
                     contacts.push(contact(a, u32::MAX, [0.0, 0.0, 1.0], seed));
                 }
-                for other in [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]] {
+                for other in [
+                    [1, 0, 0],
+                    [0, 1, 0],
+                    [0, 0, 1],
+                    [1, 1, 0],
+                    [1, 0, 1],
+                    [0, 1, 1],
+                    [1, 1, 1],
+                ] {
                     let (p, q, r) = (x + other[0], y + other[1], z + other[2]);
                     if p.max(q).max(r) >= side {
                         continue;
@@ -102,7 +110,10 @@ fn own_seconds() -> Option<f64> {
 }
 
 fn report(name: &str, scene: &Scene, threads: usize, instructions: Instructions) {
-    let made = || Sweeps::new(&scene.bodies, &scene.contacts, Some(&scene.places), threads).expect("a good problem");
+    let made = || {
+        Sweeps::new(&scene.bodies, &scene.contacts, Some(&scene.places), threads)
+            .expect("a good problem")
+    };
     let mut sweeps = made();
     let mut build = f64::INFINITY;
     for _ in 0..5 {
@@ -123,7 +134,10 @@ fn report(name: &str, scene: &Scene, threads: usize, instructions: Instructions)
         done += repeat;
         best = best.min(clock.elapsed().as_secs_f64() / repeat as f64);
     }
-    let own = own.zip(own_seconds()).map(|(a, b)| (b - a) / done as f64).unwrap_or(f64::NAN);
+    let own = own
+        .zip(own_seconds())
+        .map(|(a, b)| (b - a) / done as f64)
+        .unwrap_or(f64::NAN);
     println!(
         "{name:<15} {threads} threads {:<8} contacts {count:>8} {:>8.3e} updates/s (cpu {:>8.3e})  {:>9.3} ms a sweep  build {:>8.2} ms = {:>4.1} sweeps {:?}",
         format!("{instructions:?}"),
@@ -138,7 +152,11 @@ fn report(name: &str, scene: &Scene, threads: usize, instructions: Instructions)
 
 fn main() {
     let sides: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
-    let sides = if sides.is_empty() { vec![10, 46, 100] } else { sides };
+    let sides = if sides.is_empty() {
+        vec![10, 46, 100]
+    } else {
+        sides
+    };
     for side in sides {
         for (order, shuffle) in [("cells", false), ("random", true)] {
             let scene = packing(side, shuffle);

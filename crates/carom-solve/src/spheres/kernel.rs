@@ -123,17 +123,31 @@ fn map2<S: Lanes>(x: V3<S>, y: V3<S>, f: impl Fn(S::f64s, S::f64s) -> S::f64s) -
 
 #[inline(always)]
 fn add<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
-    map2::<S>(x, y, #[inline(always)] |a, b| s.add_f64s(a, b))
+    map2::<S>(
+        x,
+        y,
+        #[inline(always)]
+        |a, b| s.add_f64s(a, b),
+    )
 }
 
 #[inline(always)]
 fn sub<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
-    map2::<S>(x, y, #[inline(always)] |a, b| s.sub_f64s(a, b))
+    map2::<S>(
+        x,
+        y,
+        #[inline(always)]
+        |a, b| s.sub_f64s(a, b),
+    )
 }
 
 #[inline(always)]
 fn scale<S: Lanes>(s: S, f: S::f64s, x: V3<S>) -> V3<S> {
-    [s.mul_f64s(f, x[0]), s.mul_f64s(f, x[1]), s.mul_f64s(f, x[2])]
+    [
+        s.mul_f64s(f, x[0]),
+        s.mul_f64s(f, x[1]),
+        s.mul_f64s(f, x[2]),
+    ]
 }
 
 #[inline(always)]
@@ -144,8 +158,16 @@ fn dot<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> S::f64s {
 
 #[inline(always)]
 fn cross<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
-    let left = [s.mul_f64s(x[1], y[2]), s.mul_f64s(x[2], y[0]), s.mul_f64s(x[0], y[1])];
-    let right = [s.mul_f64s(x[2], y[1]), s.mul_f64s(x[0], y[2]), s.mul_f64s(x[1], y[0])];
+    let left = [
+        s.mul_f64s(x[1], y[2]),
+        s.mul_f64s(x[2], y[0]),
+        s.mul_f64s(x[0], y[1]),
+    ];
+    let right = [
+        s.mul_f64s(x[2], y[1]),
+        s.mul_f64s(x[0], y[2]),
+        s.mul_f64s(x[1], y[0]),
+    ];
     sub(s, left, right)
 }
 
@@ -157,14 +179,21 @@ fn part<S: Lanes>(column: &Column, at: usize) -> S::f64s {
 
 #[inline(always)]
 fn parts<S: Lanes>(columns: &[Column; 3], at: usize) -> V3<S> {
-    [part::<S>(&columns[0], at), part::<S>(&columns[1], at), part::<S>(&columns[2], at)]
+    [
+        part::<S>(&columns[0], at),
+        part::<S>(&columns[1], at),
+        part::<S>(&columns[2], at),
+    ]
 }
 
 /// Relative velocity without spin, and the sum of surface velocities, of the lanes from `at`. Rows are summed before they are
 /// turned to columns: half as many turns, and the same bits.
 #[inline(always)]
 fn gather<S: Lanes>(s: S, bodies: &impl Bodies, group: &Group, at: usize) -> [V3<S>; 2] {
-    let (ia, ib) = (&group.a[at..at + S::F64_LANES], &group.b[at..at + S::F64_LANES]);
+    let (ia, ib) = (
+        &group.a[at..at + S::F64_LANES],
+        &group.b[at..at + S::F64_LANES],
+    );
     let linear = s.columns(
         #[inline(always)]
         |l| {
@@ -184,7 +213,12 @@ fn gather<S: Lanes>(s: S, bodies: &impl Bodies, group: &Group, at: usize) -> [V3
 
 /// New impulses of the lanes from `at`; returns their change `d` and `n x d`.
 #[inline(always)]
-fn solve<S: Lanes>(s: S, [linear, surface]: [V3<S>; 2], group: &mut Group, at: usize) -> [V3<S>; 2] {
+fn solve<S: Lanes>(
+    s: S,
+    [linear, surface]: [V3<S>; 2],
+    group: &mut Group,
+    at: usize,
+) -> [V3<S>; 2] {
     let n = parts::<S>(&group.normal, at);
     let old = parts::<S>(&group.impulse, at);
     let z = add(s, linear, parts::<S>(&group.slip, at));
@@ -216,8 +250,17 @@ fn solve<S: Lanes>(s: S, [linear, surface]: [V3<S>; 2], group: &mut Group, at: u
 
 /// Adds the changes of the lanes from `at` to their bodies.
 #[inline(always)]
-fn scatter<S: Lanes>(s: S, [change, turn]: [V3<S>; 2], bodies: &mut impl Bodies, group: &Group, at: usize) {
-    let (ia, ib) = (&group.a[at..at + S::F64_LANES], &group.b[at..at + S::F64_LANES]);
+fn scatter<S: Lanes>(
+    s: S,
+    [change, turn]: [V3<S>; 2],
+    bodies: &mut impl Bodies,
+    group: &Group,
+    at: usize,
+) {
+    let (ia, ib) = (
+        &group.a[at..at + S::F64_LANES],
+        &group.b[at..at + S::F64_LANES],
+    );
     s.rows(
         change,
         turn,
@@ -248,7 +291,10 @@ impl<B: Bodies> Work for Pass<'_, B> {
             // Two sets of lanes at a time: each is one long chain of dependent operations.
             for at in (0..GROUP).step_by(2 * S::F64_LANES) {
                 let next = at + S::F64_LANES;
-                let (one, two) = (gather(simd, &self.bodies, group, at), gather(simd, &self.bodies, group, next));
+                let (one, two) = (
+                    gather(simd, &self.bodies, group, at),
+                    gather(simd, &self.bodies, group, next),
+                );
                 let one = solve(simd, one, group, at);
                 let two = solve(simd, two, group, next);
                 scatter(simd, one, &mut self.bodies, group, at);

@@ -19,7 +19,12 @@ pub trait Lanes: Simd {
 
     /// The inverse of [`Lanes::columns`] with 0 as the fourth number, for two sets of columns: hands rows `l` to
     /// `take(l, row of x, row of y)`, in order.
-    fn rows(self, x: [Self::f64s; 3], y: [Self::f64s; 3], take: impl FnMut(usize, Self::Row, Self::Row));
+    fn rows(
+        self,
+        x: [Self::f64s; 3],
+        y: [Self::f64s; 3],
+        take: impl FnMut(usize, Self::Row, Self::Row),
+    );
 }
 
 /// Rows as plain arrays.
@@ -98,8 +103,14 @@ impl Lanes for pulp::x86::V3 {
         let avx = self.avx;
         let [r0, r1, r2, r3] = [row(0), row(1), row(2), row(3)].map(|r| pulp::cast(r));
         // x0 x1 z0 z1 and x2 x3 z2 z3, the same of y
-        let (xz01, xz23) = (avx._mm256_unpacklo_pd(r0, r1), avx._mm256_unpacklo_pd(r2, r3));
-        let (yw01, yw23) = (avx._mm256_unpackhi_pd(r0, r1), avx._mm256_unpackhi_pd(r2, r3));
+        let (xz01, xz23) = (
+            avx._mm256_unpacklo_pd(r0, r1),
+            avx._mm256_unpacklo_pd(r2, r3),
+        );
+        let (yw01, yw23) = (
+            avx._mm256_unpackhi_pd(r0, r1),
+            avx._mm256_unpackhi_pd(r2, r3),
+        );
         [
             pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xz01, xz23)),
             pulp::cast(avx._mm256_permute2f128_pd::<0x20>(yw01, yw23)),
@@ -129,7 +140,10 @@ fn turned(simd: pulp::x86::V3, columns: [pulp::f64x4; 3]) -> [pulp::f64x4; 4] {
     let [x, y, z] = columns.map(|c| pulp::cast(c));
     let zero = avx._mm256_setzero_pd();
     let (xy02, xy13) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
-    let (z02, z13) = (avx._mm256_unpacklo_pd(z, zero), avx._mm256_unpackhi_pd(z, zero));
+    let (z02, z13) = (
+        avx._mm256_unpacklo_pd(z, zero),
+        avx._mm256_unpackhi_pd(z, zero),
+    );
     [
         pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy02, z02)),
         pulp::cast(avx._mm256_permute2f128_pd::<0x20>(xy13, z13)),
@@ -155,9 +169,14 @@ impl Lanes for pulp::aarch64::Neon {
         y: [Self::f64s; 3],
         mut take: impl FnMut(usize, [f64; 4], [f64; 4]),
     ) {
-        let (x, y): ([[f64; 2]; 3], [[f64; 2]; 3]) = (x.map(|c| pulp::cast(c)), y.map(|c| pulp::cast(c)));
+        let (x, y): ([[f64; 2]; 3], [[f64; 2]; 3]) =
+            (x.map(|c| pulp::cast(c)), y.map(|c| pulp::cast(c)));
         for l in 0..2 {
-            take(l, [x[0][l], x[1][l], x[2][l], 0.0], [y[0][l], y[1][l], y[2][l], 0.0]);
+            take(
+                l,
+                [x[0][l], x[1][l], x[2][l], 0.0],
+                [y[0][l], y[1][l], y[2][l], 0.0],
+            );
         }
     }
 }
@@ -185,11 +204,17 @@ impl Instructions {
         if self == Self::Widest {
             #[cfg(target_arch = "x86_64")]
             if let Some(simd) = pulp::x86::V3::try_new() {
-                return simd.vectorize(#[inline(always)] || work.run(simd));
+                return simd.vectorize(
+                    #[inline(always)]
+                    || work.run(simd),
+                );
             }
             #[cfg(target_arch = "aarch64")]
             if let Some(simd) = pulp::aarch64::Neon::try_new() {
-                return simd.vectorize(#[inline(always)] || work.run(simd));
+                return simd.vectorize(
+                    #[inline(always)]
+                    || work.run(simd),
+                );
             }
         }
         work.run(pulp::Scalar)

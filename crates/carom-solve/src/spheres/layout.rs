@@ -98,9 +98,16 @@ impl Layout {
         threads: usize,
     ) -> Result<Vec<Block>, SpheresError> {
         let pieces: Vec<(usize, &[Contact])> = contacts.chunks(PIECE).enumerate().collect();
-        let pieces = team::map(threads, pieces, |(k, piece)| self.sort_piece(k * PIECE, piece));
-        let mut pieces = pieces.into_iter().collect::<Result<Vec<Sorted>, SpheresError>>()?;
-        let mut between: Vec<(u64, Link)> = pieces.iter_mut().flat_map(|p| std::mem::take(&mut p.1)).collect();
+        let pieces = team::map(threads, pieces, |(k, piece)| {
+            self.sort_piece(k * PIECE, piece)
+        });
+        let mut pieces = pieces
+            .into_iter()
+            .collect::<Result<Vec<Sorted>, SpheresError>>()?;
+        let mut between: Vec<(u64, Link)> = pieces
+            .iter_mut()
+            .flat_map(|p| std::mem::take(&mut p.1))
+            .collect();
         between.sort_unstable_by_key(|(pair, link)| (*pair, link.b, link.id));
         let pairs: Vec<&[(u64, Link)]> = between.chunk_by(|x, y| x.0 == y.0).collect();
         let ends = |pair: u64| ((pair >> 32) as u32, pair as u32);
@@ -120,7 +127,13 @@ impl Layout {
             let pair = pairs[order[index - self.chunks] as usize];
             let (left, right) = ends(pair[0].0);
             let links: Vec<Link> = pair.iter().map(|p| p.1).collect();
-            pack(&links, (left, right), chunk(left), Some(chunk(right)), contacts)
+            pack(
+                &links,
+                (left, right),
+                chunk(left),
+                Some(chunk(right)),
+                contacts,
+            )
         });
         Ok(blocks)
     }
@@ -141,19 +154,33 @@ impl Layout {
         for (id, c) in (first as u32..).zip(contacts) {
             let (a, b) = (state(id, c.a)?, state(id, c.b)?);
             if a == b {
-                return Err(SpheresError::Immovable { contact: id as usize });
+                return Err(SpheresError::Immovable {
+                    contact: id as usize,
+                });
             }
             c.check(id as usize)?;
             let (chunk_a, chunk_b) = (a / stride, b / stride);
             let (a_in, b_in) = (a - chunk_a * stride, b - chunk_b * stride);
             if a == 0 || b == 0 || chunk_a == chunk_b {
-                inside[chunk_a.max(chunk_b) as usize].push(Link { a: a_in, b: b_in, id });
+                inside[chunk_a.max(chunk_b) as usize].push(Link {
+                    a: a_in,
+                    b: b_in,
+                    id,
+                });
             } else if chunk_a < chunk_b {
-                let link = Link { a: a_in, b: b_in, id };
+                let link = Link {
+                    a: a_in,
+                    b: b_in,
+                    id,
+                };
                 between.push((u64::from(chunk_a) << 32 | u64::from(chunk_b), link));
             } else {
                 let id = id | SWAPPED;
-                let link = Link { a: b_in, b: a_in, id };
+                let link = Link {
+                    a: b_in,
+                    b: a_in,
+                    id,
+                };
                 between.push((u64::from(chunk_b) << 32 | u64::from(chunk_a), link));
             }
         }
@@ -207,7 +234,9 @@ fn sorted(bodies: &[Body], places: Option<&[Place]>) -> Vec<u32> {
         })
         .collect();
     keys.sort_unstable();
-    keys.into_iter().map(|key| (key & ((1 << name) - 1)) as u32).collect()
+    keys.into_iter()
+        .map(|key| (key & ((1 << name) - 1)) as u32)
+        .collect()
 }
 
 /// The lower 21 bits, each followed by two zeros.
@@ -253,7 +282,13 @@ fn colour(pairs: impl Iterator<Item = (u32, u32)>, chunks: usize) -> (Vec<u32>, 
 }
 
 /// Packs links, in order, into groups that share no moving body: first fit into a window of open groups.
-fn pack(links: &[Link], ends: (u32, u32), left: &[State], right: Option<&[State]>, contacts: &[Contact]) -> Block {
+fn pack(
+    links: &[Link],
+    ends: (u32, u32),
+    left: &[State],
+    right: Option<&[State]>,
+    contacts: &[Contact],
+) -> Block {
     let mut block = Block {
         left: ends.0,
         right: ends.1,
@@ -273,11 +308,23 @@ fn pack(links: &[Link], ends: (u32, u32), left: &[State], right: Option<&[State]
         }
         // Lanes without contact keep the link 0: any contact, and the world on both sides.
         let sides = links.map(|link| [&left[link.a as usize], &right[link.b as usize]]);
-        block.groups.push(Group::new(links.map(|link| [link.a, link.b]), sides));
-        block.ids.push(std::array::from_fn(|lane| if lane < *filled { links[lane].id } else { EMPTY }));
+        block
+            .groups
+            .push(Group::new(links.map(|link| [link.a, link.b]), sides));
+        block.ids.push(std::array::from_fn(|lane| {
+            if lane < *filled {
+                links[lane].id
+            } else {
+                EMPTY
+            }
+        }));
         if let Some(group) = block.groups.last_mut() {
             for lane in 0..*filled {
-                group.set_contact(lane, &open[slot].contacts[lane], links[lane].id & SWAPPED != 0);
+                group.set_contact(
+                    lane,
+                    &open[slot].contacts[lane],
+                    links[lane].id & SWAPPED != 0,
+                );
             }
         }
         open[slot].links = [Link::default(); GROUP];

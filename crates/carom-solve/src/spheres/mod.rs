@@ -7,12 +7,14 @@
 //!
 //! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
 
+mod convert;
 mod kernel;
 mod lanes;
 mod layout;
 mod residual;
 mod team;
 
+pub use convert::{as_spheres, Spheres};
 pub use lanes::Instructions;
 
 #[cfg(doc)]
@@ -133,16 +135,29 @@ impl Sweeps {
     /// New normals, slips and friction of the same pairs of bodies; impulses stay, velocity corrections follow.
     pub fn set_contacts(&mut self, contacts: &[Contact]) -> Result<(), SpheresError> {
         if contacts.len() != self.pairs {
-            return Err(SpheresError::Changed { contact: self.pairs.min(contacts.len()) });
+            return Err(SpheresError::Changed {
+                contact: self.pairs.min(contacts.len()),
+            });
         }
-        contacts.iter().enumerate().try_for_each(|(index, c)| c.check(index))?;
-        let changed = team::map(self.threads, self.blocks.iter_mut().collect(), |block: &mut Block| {
-            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
-                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
-                    group.set_contact(lane, &contacts[(id & !SWAPPED) as usize], id & SWAPPED != 0);
+        contacts
+            .iter()
+            .enumerate()
+            .try_for_each(|(index, c)| c.check(index))?;
+        let changed = team::map(
+            self.threads,
+            self.blocks.iter_mut().collect(),
+            |block: &mut Block| {
+                for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                    for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                        group.set_contact(
+                            lane,
+                            &contacts[(id & !SWAPPED) as usize],
+                            id & SWAPPED != 0,
+                        );
+                    }
                 }
-            }
-        });
+            },
+        );
         debug_assert_eq!(changed.len(), self.blocks.len());
         self.refresh();
         Ok(())
@@ -151,16 +166,20 @@ impl Sweeps {
     /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
     pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
         assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
-        team::map(self.threads, self.blocks.iter_mut().collect(), |block: &mut Block| {
-            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
-                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
-                    let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
-                    for k in 0..3 {
-                        group.impulse[k][lane] = sign * impulses[(id & !SWAPPED) as usize][k];
+        team::map(
+            self.threads,
+            self.blocks.iter_mut().collect(),
+            |block: &mut Block| {
+                for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                    for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                        let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
+                        for k in 0..3 {
+                            group.impulse[k][lane] = sign * impulses[(id & !SWAPPED) as usize][k];
+                        }
                     }
                 }
-            }
-        });
+            },
+        );
         self.refresh();
     }
 
@@ -179,8 +198,14 @@ impl Sweeps {
         self.stages(count, |block, left, right| {
             let groups = &mut block.groups;
             match right {
-                None => instructions.run(Pass { bodies: One(left), groups }),
-                Some(right) => instructions.run(Pass { bodies: Two(left, right), groups }),
+                None => instructions.run(Pass {
+                    bodies: One(left),
+                    groups,
+                }),
+                Some(right) => instructions.run(Pass {
+                    bodies: Two(left, right),
+                    groups,
+                }),
             }
         });
     }
@@ -189,9 +214,17 @@ impl Sweeps {
     /// the disc that belongs to it, and `w` are the diagonals `w_N`, `w_T`: 0 at solutions, nowhere else.
     pub fn residual(&self) -> f64 {
         let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
-        team::map(self.threads, self.blocks.iter().collect(), |block: &Block| {
-            residual::largest(block, chunks[block.left as usize], chunks[block.right as usize])
-        })
+        team::map(
+            self.threads,
+            self.blocks.iter().collect(),
+            |block: &Block| {
+                residual::largest(
+                    block,
+                    chunks[block.left as usize],
+                    chunks[block.right as usize],
+                )
+            },
+        )
         .into_iter()
         .fold(0.0, |m: f64, r| if r > m || r.is_nan() { r } else { m })
     }
@@ -216,7 +249,8 @@ impl Sweeps {
             for (group, ids) in block.groups.iter().zip(&block.ids) {
                 for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
                     let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
-                    impulses[(id & !SWAPPED) as usize] = [0, 1, 2].map(|k| sign * group.impulse[k][lane]);
+                    impulses[(id & !SWAPPED) as usize] =
+                        [0, 1, 2].map(|k| sign * group.impulse[k][lane]);
                 }
             }
         }
@@ -226,12 +260,20 @@ impl Sweeps {
     /// Corrections of velocity, m/s, and angular velocity, 1/s, of each body.
     pub fn velocities(&self) -> Vec<[f64; 6]> {
         let one = |(&at, &radius): (&u32, &f64)| {
-            let State { linear: v, surface: s } = self.states[at as usize];
+            let State {
+                linear: v,
+                surface: s,
+            } = self.states[at as usize];
             // A body without lever arm is never turned.
             let turn = if radius > 0.0 { 1.0 / radius } else { 0.0 };
             [v[0], v[1], v[2], turn * s[0], turn * s[1], turn * s[2]]
         };
-        self.layout.state.iter().zip(&self.radius).map(one).collect()
+        self.layout
+            .state
+            .iter()
+            .zip(&self.radius)
+            .map(one)
+            .collect()
     }
 
     /// How the problem is cut.
@@ -250,8 +292,16 @@ impl Sweeps {
     }
 
     /// `work(block, left chunk, right chunk)` of every block, `count` times, stage by stage.
-    fn stages(&mut self, count: usize, work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync) {
-        let chunks: Vec<_> = self.states.chunks_mut(self.layout.stride).map(Mutex::new).collect();
+    fn stages(
+        &mut self,
+        count: usize,
+        work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync,
+    ) {
+        let chunks: Vec<_> = self
+            .states
+            .chunks_mut(self.layout.stride)
+            .map(Mutex::new)
+            .collect();
         let blocks: Vec<_> = self.blocks.iter_mut().map(Mutex::new).collect();
         team::run(self.threads, count, &self.layout.stages, |index| {
             let block = &mut **lock(&blocks[index]);
@@ -259,7 +309,11 @@ impl Sweeps {
             if block.left == block.right {
                 work(block, left, None);
             } else {
-                work(block, left, Some(&mut **lock(&chunks[block.right as usize])));
+                work(
+                    block,
+                    left,
+                    Some(&mut **lock(&chunks[block.right as usize])),
+                );
             }
         });
     }
@@ -296,7 +350,10 @@ fn check(bodies: &[Body], contacts: usize, places: Option<&[Place]>) -> Result<(
         return Err(SpheresError::Body { body });
     }
     if let Some(places) = places {
-        let finite = places.iter().take_while(|p| p.iter().all(|x| x.is_finite())).count();
+        let finite = places
+            .iter()
+            .take_while(|p| p.iter().all(|x| x.is_finite()))
+            .count();
         if finite != places.len() || places.len() != bodies.len() {
             return Err(SpheresError::Places {
                 body: finite.min(bodies.len()),
@@ -310,7 +367,8 @@ impl Contact {
     /// Whether the numbers of contact `contact` can be used.
     fn check(&self, contact: usize) -> Result<(), SpheresError> {
         let [x, y, z] = self.normal;
-        let numbers = self.slip.iter().all(|x| x.is_finite()) && (0.0..f64::INFINITY).contains(&self.friction);
+        let numbers = self.slip.iter().all(|x| x.is_finite())
+            && (0.0..f64::INFINITY).contains(&self.friction);
         if numbers && (x * x + y * y + z * z - 1.0).abs() <= UNIT {
             Ok(())
         } else {

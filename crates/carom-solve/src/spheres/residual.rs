@@ -14,16 +14,26 @@ fn head(row: &[f64; 4]) -> DVec3 {
 
 /// Lanes with a contact.
 fn lanes(block: &Block) -> impl Iterator<Item = (&Group, usize)> {
-    block.groups.iter().zip(&block.ids).flat_map(|(group, ids)| {
-        ids.iter().enumerate().filter(|(_, &id)| id != EMPTY).map(move |(lane, _)| (group, lane))
-    })
+    block
+        .groups
+        .iter()
+        .zip(&block.ids)
+        .flat_map(|(group, ids)| {
+            ids.iter()
+                .enumerate()
+                .filter(|(_, &id)| id != EMPTY)
+                .map(move |(lane, _)| (group, lane))
+        })
 }
 
 /// Largest part of the natural map, N s.
 pub fn largest(block: &Block, left: &[State], right: &[State]) -> f64 {
     let mut worst = 0.0f64;
     for (group, lane) in lanes(block) {
-        let (a, b) = (&left[group.a[lane] as usize], &right[group.b[lane] as usize]);
+        let (a, b) = (
+            &left[group.a[lane] as usize],
+            &right[group.b[lane] as usize],
+        );
         let (n, r) = (vector(&group.normal, lane), vector(&group.impulse, lane));
         let spin = head(&a.surface) + head(&b.surface);
         let z = head(&a.linear) - head(&b.linear) + n.cross(spin) + vector(&group.slip, lane);

@@ -24,7 +24,10 @@ impl Barrier {
         }
         let mut spins = 0;
         while self.round.load(Ordering::Acquire) == round {
-            assert!(!self.broken.load(Ordering::Relaxed), "a thread of the sweep has failed");
+            assert!(
+                !self.broken.load(Ordering::Relaxed),
+                "a thread of the sweep has failed"
+            );
             spins += 1;
             if spins < SPINS {
                 std::hint::spin_loop();
@@ -60,8 +63,9 @@ pub fn run(threads: usize, rounds: usize, stages: &[usize], work: impl Fn(usize)
         return;
     }
     // A counter per stage, for two rounds in turn: one is set back while the other counts.
-    let counters: Vec<AtomicUsize> =
-        (0..2 * stages.len()).map(|k| AtomicUsize::new(stages[k % stages.len()])).collect();
+    let counters: Vec<AtomicUsize> = (0..2 * stages.len())
+        .map(|k| AtomicUsize::new(stages[k % stages.len()]))
+        .collect();
     let barrier = Barrier {
         threads,
         arrived: AtomicUsize::new(0),
@@ -95,13 +99,23 @@ pub fn run(threads: usize, rounds: usize, stages: &[usize], work: impl Fn(usize)
 }
 
 /// `work(item)` of every item, in the order of the items.
-pub fn map<T: Send, R: Send>(threads: usize, items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
-    let slots: Vec<Mutex<(Option<T>, Option<R>)>> = items.into_iter().map(|item| Mutex::new((Some(item), None))).collect();
+pub fn map<T: Send, R: Send>(
+    threads: usize,
+    items: Vec<T>,
+    work: impl Fn(T) -> R + Sync,
+) -> Vec<R> {
+    let slots: Vec<Mutex<(Option<T>, Option<R>)>> = items
+        .into_iter()
+        .map(|item| Mutex::new((Some(item), None)))
+        .collect();
     run(threads, 1, &[0, slots.len()], |task| {
         let slot = &mut *lock(&slots[task]);
         slot.1 = slot.0.take().map(&work);
     });
-    slots.into_iter().filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner).1).collect()
+    slots
+        .into_iter()
+        .filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner).1)
+        .collect()
 }
 
 /// A lock that is never waited for: the stages see to that.
