@@ -1,6 +1,9 @@
 //! Contact updates per second of projected Gauss-Seidel: `cargo bench -p carom-solve --bench sweeps`.
 
+use carom_solve::rows::{Linear, RowSystem, NODE_DOF};
 use carom_solve::spheres::{Body, Contact, Instructions, Place, Sweeps};
+use carom_solve::{gauss_seidel, Bounds};
+use glam::DVec3;
 use std::time::Instant;
 
 fn random(seed: &mut u64) -> f64 {
@@ -109,47 +112,113 @@ fn own_seconds() -> Option<f64> {
     Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
 }
 
+/// Seconds of one call of `f`: the fastest batch of at least a millisecond within two seconds, and the processor time of all.
+fn clock(mut f: impl FnMut(usize)) -> [f64; 2] {
+    let started = Instant::now();
+    f(1);
+    let once = started.elapsed().as_secs_f64();
+    let batch = (1e-3 / once).ceil().max(1.0) as usize;
+    let (own, mut done, mut best) = (own_seconds(), 0, f64::INFINITY);
+    while started.elapsed().as_secs_f64() < 2.0 || done == 0 {
+        let clock = Instant::now();
+        f(batch);
+        best = best.min(clock.elapsed().as_secs_f64() / batch as f64);
+        done += batch;
+    }
+    let own = own
+        .zip(own_seconds())
+        .map_or(f64::NAN, |(a, b)| (b - a) / done as f64);
+    [best, own]
+}
+
 fn report(name: &str, scene: &Scene, threads: usize, instructions: Instructions) {
     let made = || {
-        Sweeps::new(&scene.bodies, &scene.contacts, Some(&scene.places), threads)
-            .expect("a good problem")
+        let places = Some(&scene.places[..]);
+        Sweeps::new(&scene.bodies, &scene.contacts, places, threads).expect("a good problem")
     };
     let mut sweeps = made();
     let mut build = f64::INFINITY;
-    for _ in 0..5 {
+    for _ in 0..3 {
         let clock = Instant::now();
         sweeps = made();
         build = build.min(clock.elapsed().as_secs_f64());
     }
     sweeps.instructions = instructions;
-    let count = scene.contacts.len();
-    let repeat = (100_000 / count).max(1);
-    let mut best = f64::INFINITY;
-    sweeps.sweep(1);
-    let started = Instant::now();
-    let (own, mut done) = (own_seconds(), 0);
-    while started.elapsed().as_secs_f64() < 2.0 {
-        let clock = Instant::now();
-        sweeps.sweep(repeat);
-        done += repeat;
-        best = best.min(clock.elapsed().as_secs_f64() / repeat as f64);
-    }
-    let own = own
-        .zip(own_seconds())
-        .map(|(a, b)| (b - a) / done as f64)
-        .unwrap_or(f64::NAN);
+    let count = scene.contacts.len() as f64;
+    let [best, own] = clock(|n| sweeps.sweep(n));
+    // Processor time of one thread says nothing about two.
+    let own = if threads == 1 {
+        format!("{:9.2e}", count / own)
+    } else {
+        "        -".into()
+    };
+    let shape = sweeps.shape();
     println!(
-        "{name:<15} {threads} threads {:<8} contacts {count:>8} {:>8.3e} updates/s (cpu {:>8.3e})  {:>9.3} ms a sweep  build {:>8.2} ms = {:>4.1} sweeps {:?}",
+        "{name:<15} {threads} {:<9} {:>9.2e} {own} {:>9.3} {:>7.1} {:>9.1} ({:>4.1} sweeps)  {} chunks, {} stages, {:.1} % between",
         format!("{instructions:?}"),
-        count as f64 / best,
-        count as f64 / own,
+        count / best,
         best * 1e3,
+        sweeps.traffic() as f64 / best * 1e-9,
         build * 1e3,
         build / best,
-        sweeps.shape(),
+        shape.chunks,
+        shape.stages,
+        100.0 * shape.between as f64 / count,
     );
 }
 
+/// The sweeps over rows, on the same problem.
+fn report_rows(name: &str, scene: &Scene) {
+    let mut system = RowSystem::default();
+    for b in &scene.bodies {
+        system.push_node(1.0 / b.inv_mass, 1.0 / b.inv_inertia, b.radius);
+    }
+    for c in &scene.contacts {
+        let (n, slip) = (DVec3::from_array(c.normal), DVec3::from_array(c.slip));
+        let t1 = n.any_orthonormal_vector();
+        let radius = |body: u32| scene.bodies.get(body as usize).map_or(0.0, |b| b.radius);
+        let row = |t: DVec3, turn: DVec3| {
+            let side = |t: DVec3, w: DVec3| [t.x, t.y, t.z, w.x, w.y, w.z];
+            [side(t, radius(c.a) * turn), side(-t, radius(c.b) * turn)]
+        };
+        let axes = [n, t1, n.cross(t1)];
+        let jac = axes.map(|t| row(t, t.cross(n)));
+        let bounds = Bounds {
+            sliding: c.friction,
+            ..Bounds::default()
+        };
+        system.push_contact(
+            c.a,
+            c.b,
+            bounds,
+            1.0,
+            c.normal,
+            &jac,
+            &axes.map(|t| t.dot(slip)),
+        );
+    }
+    let (mut lambda, mut z) = (vec![0.0; system.rows()], vec![0.0; system.rows()]);
+    let mut u = vec![0.0; NODE_DOF * system.nodes()];
+    let [best, own] = clock(|n| {
+        gauss_seidel::sweeps(
+            &mut system,
+            &mut Linear,
+            n as u32,
+            &mut lambda,
+            &mut u,
+            &mut z,
+        )
+    });
+    let count = scene.contacts.len() as f64;
+    println!(
+        "{name:<15} 1 rows      {:>9.2e} {:>9.2e} {:>9.3}",
+        count / best,
+        count / own,
+        best * 1e3,
+    );
+}
+
+/// Arguments that are numbers: edges of the cubes, in balls, in place of 10, 46 and 100.
 fn main() {
     let sides: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
     let sides = if sides.is_empty() {
@@ -157,6 +226,9 @@ fn main() {
     } else {
         sides
     };
+    println!("updates: contacts per second of the fastest batch; cpu: per second of processor time; GB/s: least traffic");
+    println!("order of bodies and contacts as from cells, or random; threads; instructions");
+    println!("                            updates/s     cpu/s  ms/sweep    GB/s  ms build");
     for side in sides {
         for (order, shuffle) in [("cells", false), ("random", true)] {
             let scene = packing(side, shuffle);
@@ -166,6 +238,7 @@ fn main() {
             }
             if !shuffle {
                 report(&name, &scene, 1, Instructions::Scalar);
+                report_rows(&name, &scene);
             }
         }
     }

@@ -101,7 +101,7 @@ impl Lanes for pulp::x86::V3 {
     #[inline(always)]
     fn columns(self, row: impl Fn(usize) -> Self::Row) -> [Self::f64s; 3] {
         let avx = self.avx;
-        let [r0, r1, r2, r3] = [row(0), row(1), row(2), row(3)].map(|r| pulp::cast(r));
+        let [r0, r1, r2, r3] = [row(0), row(1), row(2), row(3)].map(pulp::cast);
         // x0 x1 z0 z1 and x2 x3 z2 z3, the same of y
         let (xz01, xz23) = (
             avx._mm256_unpacklo_pd(r0, r1),
@@ -137,7 +137,7 @@ impl Lanes for pulp::x86::V3 {
 #[inline(always)]
 fn turned(simd: pulp::x86::V3, columns: [pulp::f64x4; 3]) -> [pulp::f64x4; 4] {
     let avx = simd.avx;
-    let [x, y, z] = columns.map(|c| pulp::cast(c));
+    let [x, y, z] = columns.map(pulp::cast);
     let zero = avx._mm256_setzero_pd();
     let (xy02, xy13) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
     let (z02, z13) = (
@@ -169,8 +169,7 @@ impl Lanes for pulp::aarch64::Neon {
         y: [Self::f64s; 3],
         mut take: impl FnMut(usize, [f64; 4], [f64; 4]),
     ) {
-        let (x, y): ([[f64; 2]; 3], [[f64; 2]; 3]) =
-            (x.map(|c| pulp::cast(c)), y.map(|c| pulp::cast(c)));
+        let (x, y): ([[f64; 2]; 3], [[f64; 2]; 3]) = (x.map(pulp::cast), y.map(pulp::cast));
         for l in 0..2 {
             take(
                 l,

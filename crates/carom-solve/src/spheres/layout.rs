@@ -5,8 +5,8 @@
 //! body depends on the problem alone, not on the threads. Inside a block contacts follow their bodies and fill groups that
 //! share no moving body. All is O(contacts) but for the sort of the bodies and of the few contacts between chunks.
 
-use super::kernel::{Group, State};
-use super::lanes::GROUP;
+use super::groups::{pack, Block, Link, SWAPPED};
+use super::kernel::State;
 use super::{team, Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;
 
@@ -17,23 +17,6 @@ const CHUNK_LEAST: usize = 1024;
 const CHUNK_MOST: usize = 16384;
 /// Contacts that are looked at in one go.
 const PIECE: usize = 1 << 16;
-/// Groups of a block that are open at a time.
-const WINDOW: usize = 64;
-/// Bit of an id: the sides of this contact are exchanged.
-pub const SWAPPED: u32 = 1 << 31;
-/// Id of a lane without contact.
-pub const EMPTY: u32 = u32::MAX;
-
-/// Contacts inside a chunk (`left == right`), or between two.
-#[derive(Debug)]
-pub struct Block {
-    pub left: u32,
-    pub right: u32,
-    pub groups: Vec<Group>,
-    /// Contact of each lane, with [`SWAPPED`]; or [`EMPTY`].
-    pub ids: Vec<[u32; GROUP]>,
-}
-
 /// Where bodies lie.
 #[derive(Debug)]
 pub struct Layout {
@@ -46,22 +29,6 @@ pub struct Layout {
     pub stages: Vec<usize>,
 }
 
-/// A contact on its way to a group: states within the chunks of its block, and its id.
-#[derive(Clone, Copy, Default)]
-struct Link {
-    a: u32,
-    b: u32,
-    id: u32,
-}
-
-/// A group that is being filled.
-#[derive(Clone, Default)]
-struct Open {
-    links: [Link; GROUP],
-    contacts: [Contact; GROUP],
-    filled: usize,
-}
-
 /// The links of a piece of the contacts: inside each chunk, and between chunks with their pair.
 type Sorted = (Vec<Vec<Link>>, Vec<(u64, Link)>);
 
@@ -71,7 +38,9 @@ impl Layout {
         let moving = order.len();
         let size = moving.div_ceil(CHUNKS).clamp(CHUNK_LEAST, CHUNK_MOST);
         let chunks = moving.div_ceil(size).max(1);
+        // Even chunks.
         let size = moving.div_ceil(chunks).max(1);
+        let chunks = moving.div_ceil(size).max(1);
         let mut state = vec![0; bodies.len()];
         let mut states = vec![State::default(); moving + chunks];
         for (rank, &body) in order.iter().enumerate() {
@@ -279,85 +248,4 @@ fn colour(pairs: impl Iterator<Item = (u32, u32)>, chunks: usize) -> (Vec<u32>, 
         starts.push(starts[starts.len() - 1] + colour.len());
     }
     (colours.concat(), starts)
-}
-
-/// Packs links, in order, into groups that share no moving body: first fit into a window of open groups.
-fn pack(
-    links: &[Link],
-    ends: (u32, u32),
-    left: &[State],
-    right: Option<&[State]>,
-    contacts: &[Contact],
-) -> Block {
-    let mut block = Block {
-        left: ends.0,
-        right: ends.1,
-        groups: Vec::with_capacity(links.len() / GROUP + 16),
-        ids: Vec::with_capacity(links.len() / GROUP + 16),
-    };
-    // Per state: the open groups it is in. The right chunk's states follow the left one's.
-    let offset = if right.is_some() { left.len() } else { 0 };
-    let right = right.unwrap_or(left);
-    let mut masks = vec![0u64; offset + right.len()];
-    let mut open = vec![Open::default(); WINDOW];
-    let mut close = |slot: usize, open: &mut [Open], masks: &mut [u64]| {
-        let (links, filled) = (&open[slot].links, &open[slot].filled);
-        for link in &links[..*filled] {
-            masks[link.a as usize] &= !(1 << slot);
-            masks[link.b as usize + offset] &= !(1 << slot);
-        }
-        // Lanes without contact keep the link 0: any contact, and the world on both sides.
-        let sides = links.map(|link| [&left[link.a as usize], &right[link.b as usize]]);
-        block
-            .groups
-            .push(Group::new(links.map(|link| [link.a, link.b]), sides));
-        block.ids.push(std::array::from_fn(|lane| {
-            if lane < *filled {
-                links[lane].id
-            } else {
-                EMPTY
-            }
-        }));
-        if let Some(group) = block.groups.last_mut() {
-            for lane in 0..*filled {
-                group.set_contact(
-                    lane,
-                    &open[slot].contacts[lane],
-                    links[lane].id & SWAPPED != 0,
-                );
-            }
-        }
-        open[slot].links = [Link::default(); GROUP];
-        open[slot].filled = 0;
-    };
-    for link in links {
-        let (a, b) = (link.a as usize, link.b as usize + offset);
-        let mut taken = masks[a] | masks[b];
-        if taken == u64::MAX {
-            // A body with more contacts than open groups.
-            close(0, &mut open, &mut masks);
-            taken &= !1;
-        }
-        let slot = taken.trailing_ones() as usize;
-        let group = &mut open[slot];
-        group.links[group.filled] = *link;
-        // Read now, many at a time: the caller's contacts may be in any order.
-        group.contacts[group.filled] = contacts[(link.id & !SWAPPED) as usize];
-        group.filled += 1;
-        // State 0 of a chunk is the world: shared freely.
-        for state in [(link.a, a), (link.b, b)] {
-            if state.0 != 0 {
-                masks[state.1] |= 1 << slot;
-            }
-        }
-        if group.filled == GROUP {
-            close(slot, &mut open, &mut masks);
-        }
-    }
-    for slot in 0..WINDOW {
-        if open[slot].filled > 0 {
-            close(slot, &mut open, &mut masks);
-        }
-    }
-    block
 }

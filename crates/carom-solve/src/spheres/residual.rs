@@ -1,7 +1,7 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
+use super::groups::{Block, EMPTY};
 use super::kernel::{Group, State};
-use super::layout::{Block, EMPTY};
 use glam::DVec3;
 
 fn vector(columns: &[super::kernel::Column; 3], lane: usize) -> DVec3 {
