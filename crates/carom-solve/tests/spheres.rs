@@ -560,6 +560,33 @@ fn a_hub_of_many_contacts() {
     assert!(bits(&s) == bits(&other));
 }
 
+/// The memory of another problem, also after an error, changes nothing.
+#[test]
+fn renewed_sweeps_are_new_ones() {
+    let (p, q) = (pile(22, 8, 0.4), heap(62, 50, 0.3));
+    let mut s = sweeps(&p, 3);
+    s.sweep(2);
+    for other in [&q, &p, &q] {
+        let mut bad = other.contacts.clone();
+        bad[1].friction = -1.0;
+        let places = Some(&other.places[..]);
+        let refused = s.renew(&other.bodies, &bad, places);
+        assert_eq!(refused, Err(SpheresError::Contact { contact: 1 }));
+        s.sweep(1);
+        assert_eq!(s.residual(), 0.0);
+        assert_eq!(
+            (s.impulses().len(), s.velocities().len(), s.shape().stages),
+            (0, 0, 0)
+        );
+        s.renew(&other.bodies, &other.contacts, places)
+            .expect("a good problem");
+        let mut new = sweeps(other, 1);
+        s.sweep(4);
+        new.sweep(4);
+        assert!(bits(&s) == bits(&new));
+    }
+}
+
 #[test]
 fn nothing_is_no_problem() {
     let p = heap(81, 5, 0.5);

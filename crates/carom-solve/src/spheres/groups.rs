@@ -12,7 +12,7 @@ pub const SWAPPED: u32 = 1 << 31;
 pub const EMPTY: u32 = u32::MAX;
 
 /// Contacts inside a chunk (`left == right`), or between two.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Block {
     pub left: u32,
     pub right: u32,
@@ -37,8 +37,10 @@ struct Open {
     filled: usize,
 }
 
-/// Packs links, in order, into groups that share no moving body: first fit into a window of open groups.
+/// Packs links, in order, into groups that share no moving body: first fit into a window of open groups. The memory is that
+/// of an old block.
 pub fn pack(
+    old: Block,
     links: &[Link],
     ends: (u32, u32),
     left: &[State],
@@ -48,9 +50,12 @@ pub fn pack(
     let mut block = Block {
         left: ends.0,
         right: ends.1,
-        groups: Vec::with_capacity(links.len() / GROUP + 16),
-        ids: Vec::with_capacity(links.len() / GROUP + 16),
+        ..old
     };
+    block.groups.clear();
+    block.groups.reserve(links.len() / GROUP + 16);
+    block.ids.clear();
+    block.ids.reserve(links.len() / GROUP + 16);
     // Per state: the open groups it is in. The right chunk's states follow the left one's.
     let offset = if right.is_some() { left.len() } else { 0 };
     let right = right.unwrap_or(left);

@@ -32,8 +32,21 @@ pub struct Layout {
 /// The links of a piece of the contacts: inside each chunk, and between chunks with their pair.
 type Sorted = (Vec<Vec<Link>>, Vec<(u64, Link)>);
 
+impl Default for Layout {
+    /// No bodies, no contacts.
+    fn default() -> Self {
+        Self {
+            state: Vec::new(),
+            stride: 1,
+            chunks: 0,
+            stages: vec![0],
+        }
+    }
+}
+
 impl Layout {
-    pub fn new(bodies: &[Body], places: Option<&[Place]>) -> (Self, Vec<State>) {
+    /// Places the bodies; `states` are theirs afterwards, at rest.
+    pub fn new(bodies: &[Body], places: Option<&[Place]>, states: &mut Vec<State>) -> Self {
         let order = sorted(bodies, places);
         let moving = order.len();
         let size = moving.div_ceil(CHUNKS).clamp(CHUNK_LEAST, CHUNK_MOST);
@@ -42,7 +55,8 @@ impl Layout {
         let size = moving.div_ceil(chunks).max(1);
         let chunks = moving.div_ceil(size).max(1);
         let mut state = vec![0; bodies.len()];
-        let mut states = vec![State::default(); moving + chunks];
+        states.clear();
+        states.resize(moving + chunks, State::default());
         for (rank, &body) in order.iter().enumerate() {
             let at = rank + rank / size + 1;
             state[body as usize] = at as u32;
@@ -50,21 +64,21 @@ impl Layout {
             states[at].linear[3] = body.inv_mass;
             states[at].surface[3] = body.radius * body.radius * body.inv_inertia;
         }
-        let layout = Self {
+        Self {
             state,
             stride: size + 1,
             chunks,
             stages: Vec::new(),
-        };
-        (layout, states)
+        }
     }
 
-    /// Cuts the contacts into blocks, by stages.
+    /// Cuts the contacts into blocks, by stages, in the memory of `old` ones.
     pub fn blocks(
         &mut self,
         contacts: &[Contact],
         states: &[State],
         threads: usize,
+        old: Vec<Block>,
     ) -> Result<Vec<Block>, SpheresError> {
         let pieces: Vec<(usize, &[Contact])> = contacts.chunks(PIECE).enumerate().collect();
         let pieces = team::map(threads, pieces, |(k, piece)| {
@@ -87,22 +101,21 @@ impl Layout {
             let first = k as usize * self.stride;
             &states[first..states.len().min(first + self.stride)]
         };
-        let blocks = team::map(threads, (0..self.chunks + order.len()).collect(), |index| {
+        let count = self.chunks + order.len();
+        let old = old
+            .into_iter()
+            .chain(std::iter::repeat_with(Block::default));
+        let blocks = team::map(threads, (0..count).zip(old).collect(), |(index, old)| {
             if index < self.chunks {
                 let links = self.inner_links(index, &pieces);
-                let own = chunk(index as u32);
-                return pack(&links, (index as u32, index as u32), own, None, contacts);
+                let own = (index as u32, index as u32);
+                return pack(old, &links, own, chunk(own.0), None, contacts);
             }
             let pair = pairs[order[index - self.chunks] as usize];
-            let (left, right) = ends(pair[0].0);
+            let between = ends(pair[0].0);
             let links: Vec<Link> = pair.iter().map(|p| p.1).collect();
-            pack(
-                &links,
-                (left, right),
-                chunk(left),
-                Some(chunk(right)),
-                contacts,
-            )
+            let (left, right) = (chunk(between.0), chunk(between.1));
+            pack(old, &links, between, left, Some(right), contacts)
         });
         Ok(blocks)
     }

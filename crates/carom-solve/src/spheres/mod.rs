@@ -48,18 +48,38 @@ impl Sweeps {
         places: Option<&[Place]>,
         threads: usize,
     ) -> Result<Self, SpheresError> {
-        problem::check(bodies, contacts.len(), places)?;
-        let (mut layout, states) = Layout::new(bodies, places);
-        let blocks = layout.blocks(contacts, &states, threads)?;
-        Ok(Self {
-            layout,
-            states,
-            blocks,
-            radius: bodies.iter().map(|b| b.radius).collect(),
-            pairs: contacts.len(),
+        let mut sweeps = Self {
+            layout: Layout::default(),
+            states: Vec::new(),
+            blocks: Vec::new(),
+            radius: Vec::new(),
+            pairs: 0,
             threads,
             instructions: Instructions::default(),
-        })
+        };
+        sweeps.renew(bodies, contacts, places)?;
+        Ok(sweeps)
+    }
+
+    /// [`Sweeps::new`] in the memory of this one, as for the next step of a simulation: new memory is a good part of the cost of
+    /// `new`. After an error the problem is empty.
+    pub fn renew(
+        &mut self,
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+    ) -> Result<(), SpheresError> {
+        let old = std::mem::take(&mut self.blocks);
+        self.layout = Layout::default();
+        self.radius.clear();
+        self.pairs = 0;
+        problem::check(bodies, contacts.len(), places)?;
+        let mut layout = Layout::new(bodies, places, &mut self.states);
+        self.blocks = layout.blocks(contacts, &self.states, self.threads, old)?;
+        self.layout = layout;
+        self.radius.extend(bodies.iter().map(|b| b.radius));
+        self.pairs = contacts.len();
+        Ok(())
     }
 
     /// New normals, slips and friction of the same pairs of bodies; impulses stay, velocity corrections follow.
