@@ -4,9 +4,11 @@
 //! `z = v_a - v_b + n x (s_a + s_b) + slip`, and its block of `W = G M^-1 G^T` is diagonal: `w_N = 1/m_a + 1/m_b` along `n`,
 //! `w_T = w_N + r_a^2/I_a + r_b^2/I_b` across. So the contact problem of one contact has the closed solution
 //!
-//!     r_N+ = max(0, r_N - z_N / w_N)
-//!     x    = (r - z / w_T) without its part along n
-//!     r_T+ = x min(1, mu r_N+ / |x|)
+//! ```text
+//! r_N+ = max(0, r_N - z_N / w_N)
+//! x    = (r - z / w_T) without its part along n
+//! r_T+ = x min(1, mu r_N+ / |x|)
+//! ```
 //!
 //! Impulses are vectors of the world: no tangents are needed. Multiplications and additions are never fused and are in
 //! the same order on all instruction sets, so all give the same bits.
