@@ -13,6 +13,7 @@ pub mod report;
 pub mod rows;
 pub mod single;
 pub mod solver;
+pub mod spheres;
 
 pub use cone::{Bounds, Status};
 pub use newton::{Newton, NewtonOptions};
