@@ -216,9 +216,10 @@ class Report:
         if len(mine) < 2 or len(labels) < 2:
             return ""
         times = [[next(e.seconds for e in v if e.label == label) for label in labels] for v in mine]
-        chart = performance(
-            Profile.of(labels, times), f"{len(mine)} problems of three rows, err <= {self.bound:g}"
+        title = (
+            f"Carom auto and solvers of Siconos, {len(mine)} problems of three rows, err <= {self.bound:g}"
         )
+        chart = performance(Profile.of([label.removeprefix("Siconos ") for label in labels], times), title)
         return save(chart, folder, name, ["svg"])[0].name
 
 

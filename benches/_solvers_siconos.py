@@ -45,7 +45,7 @@ class Recipe:
 
 FC3D = "SICONOS_FRICTION_3D_"
 RECIPES = (
-    Recipe("NSGS", "fc3d", FC3D + "NSGS", "block", inner=FC3D + "ONECONTACT_NSN"),
+    Recipe("NSGS", "fc3d", FC3D + "NSGS", "block", inner=FC3D + "ONECONTACT_NSN_GP"),
     Recipe(
         "NSGS x 1.3",
         "fc3d",
