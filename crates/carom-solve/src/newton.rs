@@ -8,6 +8,7 @@
 
 use crate::cone::{self, Block, Status, MAX_ROWS};
 use crate::gauss_seidel;
+use crate::hybrid::Hybrid;
 use crate::linear_step::LinearStep;
 use crate::report::{Rung, SolveReport};
 use crate::rows::{RowSystem, Subproblem, NODE_DOF};
@@ -47,6 +48,12 @@ const DENSE_NODES: usize = 24;
 /// Below this share of the first residual a dense system is tried without shift.
 const NEAR: f64 = 1e-2;
 
+/// Linear problems of a large island; their tolerance relative to that of the island, and how far it may be tightened.
+const MAX_LINEARISATIONS: u32 = 12;
+const LINEAR_SHARE: f64 = 0.1;
+const TIGHTER: f64 = 1e-2;
+const LEAST_TOLERANCE: f64 = 1e-14;
+
 /// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
 const SWEEP_ROUNDS: u32 = 14;
 const POLISH_ITERATIONS: u32 = 15;
@@ -72,6 +79,7 @@ pub struct Newton {
     trial_lambda: Vec<f64>,
     trial_u: Vec<f64>,
     linear: LinearStep,
+    hybrid: Hybrid,
     /// Relative residual (eq. 44) at each iterate of the last solve, all rungs in order.
     pub history: Vec<f64>,
 }
@@ -121,6 +129,11 @@ impl Newton {
         self.start_lambda.copy_from_slice(lambda);
         self.start_u.copy_from_slice(u);
         let mut total = SolveReport::default();
+        if system.contacts.len() > options.dense_contacts && !system.has_load() {
+            self.linearise(system, problem, options, lambda, u, &mut total);
+            lambda.copy_from_slice(&self.phi);
+            return total;
+        }
         for (rung, factor) in [
             (Rung::First, 1.0),
             (Rung::HalfPenalty, 0.5),
@@ -142,6 +155,52 @@ impl Newton {
         // Also an iterate that is accepted unconverged (option `warn`) lies inside its cones.
         lambda.copy_from_slice(&self.phi);
         total
+    }
+
+    /// Large islands: a sequence of linear cone problems, each solved by the hybrid. At the velocity level one is enough; at
+    /// the position level what is left of the gaps and the turning of the normals shrinks with every one.
+    fn linearise<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        lambda: &mut [f64],
+        u: &mut [f64],
+        total: &mut SolveReport,
+    ) {
+        for (p, d) in self.penalty.iter_mut().zip(&system.diag) {
+            *p = options.penalty_scale / d;
+        }
+        let mut tolerance = LINEAR_SHARE * options.tolerance;
+        let mut before = f64::INFINITY;
+        for outer in 0..MAX_LINEARISATIONS {
+            problem.evaluate(system, u, &mut self.z);
+            let norms = self.norms(system, lambda, u);
+            total.residual = norms.relative(options);
+            self.history.push(total.residual);
+            if !norms.residual.is_finite() {
+                return;
+            }
+            if total.residual < options.tolerance && self.gaps_closed(system, options) {
+                total.converged = true;
+                return;
+            }
+            // No gain: ask for more of the linear problem, as far as rounding goes.
+            if outer > 0 && total.residual > 0.5 * before {
+                if tolerance < LEAST_TOLERANCE {
+                    return;
+                }
+                tolerance *= TIGHTER;
+            }
+            before = total.residual;
+            let z = std::mem::take(&mut self.z);
+            let report = self.hybrid.solve(system, &z, tolerance, lambda, u);
+            self.z = z;
+            total.iterations += report.iterations;
+            if report.rung != Rung::First {
+                total.rung = report.rung;
+            }
+        }
     }
 
     /// The last rung: Gauss-Seidel sweeps, twice as many in each round, and a short Newton polish after each. Where

@@ -12,6 +12,8 @@ pub enum Rung {
     DoublePenalty,
     /// Newton after Gauss-Seidel sweeps.
     AfterSweeps,
+    /// A large island that needed path following, or what comes after it, in a linear problem.
+    Path,
 }
 
 /// Counts and quality of one solve of one island.

@@ -5,7 +5,7 @@ use super::{Admm, ConeSolver, GaussSeidel, InteriorPoint, Judge, SemiSmoothNewto
 /// The rule in words, checkpoint by checkpoint; the code below does what it says.
 pub const RULE: &str = "\
 Checkpoints of auto; each starts from the best iterate so far, and the first that reaches the tolerance ends the run.
-1  start     up to 96 rows (dense): Newton at once, at most 20 iterations.
+1  start     up to 96 rows (dense), or a start with err below 1e-3: Newton at once, at most 20 iterations.
 2  sweeps    60 sweeps of Gauss-Seidel, and 60 more as long as 60 sweeps make err 10 times smaller (at most 1200).
 3  polish    Newton, at most 30 iterations; it gives up after 5 that do not halve err.
 4  rounds    240 sweeps and a polish, 960 sweeps and a polish; skipped on as soon as sweeps do not halve err.
@@ -18,6 +18,8 @@ Checkpoints of auto; each starts from the best iterate so far, and the first tha
 /// Rows up to which Newton goes first.
 const SMALL_ROWS: usize = 96;
 const SMALL_ITERATIONS: u32 = 20;
+/// Below this err a start is warm.
+const WARM: f64 = 1e-3;
 const SWEEPS: u32 = 60;
 const MAX_LOTS: u32 = 20;
 /// Sweeps go on while a lot of them makes err smaller by this factor.
@@ -37,6 +39,9 @@ const LAST: u32 = 100_000;
 /// See the module. Keeps what its methods keep: symbolic factorisations of a pattern that stands.
 #[derive(Default)]
 pub struct Auto {
+    /// Contact updates that sweeps may cost in all; nothing is tried after them. None: only time and iterations count.
+    pub sweep_budget: Option<u64>,
+    swept: u64,
     sweeps: GaussSeidel,
     newton: SemiSmoothNewton,
     interior: InteriorPoint,
@@ -60,8 +65,13 @@ impl ConeSolver for Auto {
 impl Auto {
     fn checkpoints(&mut self, judge: &mut Judge<'_>) {
         let rows = judge.source.rows();
-        if rows <= SMALL_ROWS {
-            let why = format!("{rows} rows: a dense factorisation costs no more than some sweeps");
+        self.swept = 0;
+        if rows <= SMALL_ROWS || judge.best_err < WARM {
+            let why = if judge.best_err < WARM {
+                format!("the start has err {:.1e}", judge.best_err)
+            } else {
+                format!("{rows} rows: a dense factorisation costs no more than some sweeps")
+            };
             self.newton.patience = PATIENT;
             if judge.stage("start", &mut self.newton, SMALL_ITERATIONS, why) {
                 return;
@@ -73,7 +83,7 @@ impl Auto {
         for sweeps in EARLY {
             let before = judge.best_err;
             let why = format!("Newton stalled at {before:.1e}: another start for it");
-            if judge.stage("rounds", &mut self.sweeps, sweeps, why) || judge.late() {
+            if self.sweep(judge, "rounds", sweeps, why) || judge.late() {
                 return;
             }
             if judge.best_err > GAIN * before {
@@ -93,11 +103,14 @@ impl Auto {
         for sweeps in LATE {
             let why = format!("stalled at {:.1e}: another start for Newton", judge.best_err);
             if judge.late()
-                || judge.stage("rounds", &mut self.sweeps, sweeps, why)
+                || self.sweep(judge, "rounds", sweeps, why)
                 || self.polish(judge, PATIENT)
             {
                 return;
             }
+        }
+        if self.sweep_budget.is_some() {
+            return;
         }
         if judge.scaled.problem.w.asymmetry() <= UNSYMMETRIC {
             let why = format!("stalled at {:.1e}", judge.best_err);
@@ -118,7 +131,7 @@ impl Auto {
         let mut why = String::from("sweeps are cheap and find most of the active set");
         for _ in 0..MAX_LOTS {
             let before = judge.best_err;
-            if judge.stage("sweeps", &mut self.sweeps, SWEEPS, why) {
+            if self.sweep(judge, "sweeps", SWEEPS, why) {
                 return true;
             }
             if judge.late() || judge.best_err > WORTHWHILE * before {
@@ -127,6 +140,20 @@ impl Auto {
             why = format!("they made err {:.0} times smaller", before / judge.best_err);
         }
         false
+    }
+
+    /// Sweeps within the budget; true where the run is over.
+    fn sweep(&mut self, judge: &mut Judge<'_>, name: &'static str, count: u32, why: String) -> bool {
+        let contacts = judge.source.groups.len().max(1) as u64;
+        let mut allowed = u64::from(count);
+        if let Some(budget) = self.sweep_budget {
+            allowed = allowed.min(budget.saturating_sub(self.swept) / contacts);
+            if allowed == 0 {
+                return true;
+            }
+        }
+        self.swept += allowed * contacts;
+        judge.stage(name, &mut self.sweeps, allowed as u32, why)
     }
 
     /// Newton from the best iterate; true where the run is over.

@@ -1,0 +1,67 @@
+//! Large islands: linearise, solve the linear cone problem by [`Auto`], move, and look again.
+
+use crate::problem::Problem;
+use crate::report::{Rung, SolveReport};
+use crate::rows::{RowSystem, NODE_DOF};
+use crate::solver::{Auto, Settings};
+
+/// Contact updates that the sweeps of one linear problem may cost: some tenths of a second.
+const SWEEP_BUDGET: u64 = 4_000_000;
+
+/// Workspace.
+#[derive(Default)]
+pub(crate) struct Hybrid {
+    auto: Auto,
+    problem: Problem,
+    q: Vec<f64>,
+    force: Vec<f64>,
+}
+
+impl Hybrid {
+    /// Solves the problem linearised at `u`, where the measures are `z`; `lambda` is start and result, `u = M^-1 G^T lambda`.
+    /// The residual of the report is the `err` of the linear problem.
+    pub fn solve(
+        &mut self,
+        system: &RowSystem,
+        z: &[f64],
+        tolerance: f64,
+        lambda: &mut [f64],
+        u: &mut [f64],
+    ) -> SolveReport {
+        self.q.clear();
+        self.q.extend_from_slice(z);
+        for c in &system.contacts {
+            for row in c.row as usize..(c.row + c.dim) as usize {
+                self.q[row] -= system.row_velocity(c, row, u);
+            }
+        }
+        self.problem.fill_rows(system, &self.q);
+        self.auto.sweep_budget = Some(SWEEP_BUDGET);
+        let settings = Settings {
+            tolerance,
+            ..Settings::default()
+        };
+        let outcome = crate::solver::solve(&self.problem, &mut self.auto, settings, lambda);
+        self.force.clear();
+        self.force.resize(NODE_DOF * system.nodes(), 0.0);
+        system.impulses(lambda, &mut self.force);
+        system.apply_inverse_mass(&self.force, u);
+        let factorised = ["newton", "interior-point"];
+        SolveReport {
+            converged: outcome.converged,
+            iterations: outcome
+                .stages
+                .iter()
+                .filter(|s| factorised.contains(&s.solver))
+                .map(|s| s.iterations)
+                .sum(),
+            line_search: 0,
+            residual: outcome.err,
+            rung: if outcome.stages.iter().any(|s| s.name == "path") {
+                Rung::Path
+            } else {
+                Rung::First
+            },
+        }
+    }
+}
