@@ -4,6 +4,7 @@ mod convert;
 mod coupling;
 mod element;
 mod expression;
+mod problem;
 mod simulation;
 mod state;
 mod tables;
