@@ -23,7 +23,7 @@ from carom.cli.progress import facts
 from carom.drive import Progress
 
 COMMANDS = ["demo", "run", "resume", "check", "plot", "view", "info", "schema", "doctor", "cite"]
-COMMANDS += ["compare", "converge", "reproduce", "examples list", "examples copy"]
+COMMANDS += ["compare", "converge", "reproduce", "solve", "examples list", "examples copy"]
 
 
 class Answer(NamedTuple):

@@ -19,6 +19,7 @@ from carom.cli.reproduce import reproduce
 from carom.cli.resume import resume
 from carom.cli.run import run
 from carom.cli.schema import schema
+from carom.cli.solve import solve
 from carom.cli.view import view
 
 app = typer.Typer(
@@ -63,6 +64,7 @@ for _command in (
     plot,
     view,
     reproduce,
+    solve,
     info,
     schema,
     doctor,

@@ -1,4 +1,4 @@
-"""Contact problems as data: read, written, checked and judged without a simulation."""
+"""Contact problems as data: read, written, checked, solved and judged without a simulation."""
 
 from carom.problem.contact import ContactProblem
 from carom.problem.errors import ContactProblemError, ContactProblemWarning
@@ -6,8 +6,10 @@ from carom.problem.fclib import read_fclib, write_fclib
 from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
 from carom.problem.matrix import Csr
+from carom.problem.profile import Profile
 from carom.problem.rank import Rank, rank_of
 from carom.problem.residual import Residual, residual_of
+from carom.problem.solve import Solution, SolveFailed, Stage, solvers
 
 __all__ = [
     "ContactProblem",
@@ -16,10 +18,15 @@ __all__ = [
     "Csr",
     "GlobalProblem",
     "LocalProblem",
+    "Profile",
     "Rank",
     "Residual",
+    "Solution",
+    "SolveFailed",
+    "Stage",
     "rank_of",
     "read_fclib",
     "residual_of",
+    "solvers",
     "write_fclib",
 ]

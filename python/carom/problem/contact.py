@@ -1,4 +1,4 @@
-"""`carom.ContactProblem`: a contact problem from matrices, a file or a run; how well an r solves it."""
+"""`carom.ContactProblem`: a contact problem from matrices, a file or a run; its solution, and how well an r solves it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
 from carom.problem.rank import Rank, rank_of
 from carom.problem.residual import Residual, residual_of
+from carom.problem.solve import TOLERANCE, OnNonconvergence, Solution, solve
 
 
 class ContactProblem:
     """A frictional contact problem, in local or global form; it does not change.
 
     >>> problem = carom.ContactProblem.from_matrices(W, q, mu)
-    >>> problem.residual(r).err
+    >>> solution = problem.solve()
+    >>> problem.residual(solution.r).err
     """
 
     def __init__(self, source: LocalProblem | GlobalProblem) -> None:
@@ -96,6 +98,38 @@ class ContactProblem:
     def title(self) -> str:
         """What the problem is called."""
         return self.source.title
+
+    def solve(
+        self,
+        solver: str = "auto",
+        *,
+        tol: float = TOLERANCE,
+        r0: Any = None,
+        max_iterations: int | None = None,
+        time_limit: float | None = None,
+        threads: int = 1,
+        on_nonconvergence: OnNonconvergence = "raise",
+    ) -> Solution:
+        """Find r with `residual(r).err <= tol`.
+
+        `solver` is one of `carom.problem.solvers()`. `r0` (d C,) is where to begin, by default at 0. The solver stops after
+        `max_iterations` iterations (by default a number of its own) or `time_limit` seconds (by default never).
+        The result does not depend on `threads`.
+
+        Raises `SolveFailed` if there is no such r by then; its `solution` has what was found. With
+        `on_nonconvergence="return"` that is returned instead, and `solution.converged` tells. Ctrl-C raises
+        `KeyboardInterrupt` at once; the core then computes on unheard until it is done or its time is up.
+        """
+        return solve(
+            self,
+            solver,
+            tol=tol,
+            r0=r0,
+            max_iterations=max_iterations,
+            time_limit=time_limit,
+            threads=threads,
+            on_nonconvergence=on_nonconvergence,
+        )
 
     def residual(self, r: Any) -> Residual:
         """How well `r` (d C,) solves the problem: `err` and where it is worst."""

@@ -1,0 +1,303 @@
+"""`carom solve`: contact problems in files, by one solver or several."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from carom.cli.options import Json, Quiet
+from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, guarded, note
+from carom.cli.reproduce import _bar, _terminated_as_interrupted
+
+if TYPE_CHECKING:
+    from carom.cli.solutions import Attempt
+    from carom.problem import ContactProblem, Solution
+
+#: Rank and nullity of problems of up to this many rows cost well below a second.
+RANK_ROWS = 600
+#: Warnings shown of several files.
+WARNINGS = 3
+SUFFIXES = (".hdf5", ".h5")
+
+
+@guarded
+def solve(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="FILE...",
+            help="Contact problems in FCLib's layout; of a directory all its *.hdf5 and *.h5, of a run directory"
+            " what it kept.",
+            show_default=False,
+        ),
+    ] = None,
+    solver: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--solver",
+            metavar="NAME",
+            help="auto (default), another solver, several with commas, or all; may be repeated.",
+        ),
+    ] = None,
+    tol: Annotated[float, typer.Option("--tol", metavar="ERR", help="What err must come below.")] = 1e-8,
+    max_iterations: Annotated[
+        int | None,
+        typer.Option(
+            "--max-iterations", min=1, metavar="N", help="Most iterations; default the solver's own limit."
+        ),
+    ] = None,
+    time_limit: Annotated[
+        float | None,
+        typer.Option("--time-limit", metavar="S", help="Most seconds for a solver and a file; default none."),
+    ] = None,
+    threads: Annotated[
+        int,
+        typer.Option("--threads", min=1, metavar="N", help="Threads; the result is the same for any number."),
+    ] = 1,
+    solution: Annotated[
+        Path | None,
+        typer.Option(
+            "--solution",
+            metavar="HDF5",
+            help="Write the problem with r and u there (of one file and solver).",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", metavar="DIR", help="Write the table as CSV there, of several files profiles too."
+        ),
+    ] = None,
+    format_: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="FORMAT", help="Of the profiles: png, svg, pdf, or several with commas."
+        ),
+    ] = "png",
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Print the rule of auto, and why each stage was entered."),
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> int:
+    """Solve contact problems, and say how well they are solved.
+
+    Several files or solvers give a table. The residual err is computed anew outside of the solvers. Exit code 3 if a
+    problem is not solved, 2 if one cannot be read.
+
+    Example: carom solve Capsules.hdf5
+
+    Example: carom solve problems --solver all --time-limit 10 -o profiles --format svg
+    """
+    from carom.cli import solutions
+
+    names = _solvers(solver or ["auto"])
+    rule = _rule() if explain else None
+    if not files:
+        if rule is None:
+            raise typer.BadParameter("give a file to solve, or --explain for the rule of auto")
+        _show({"rule": rule}, [], rule, quiet=quiet, as_json=as_json)
+        return DONE
+    formats = _formats(format_) if out is not None else []
+    paths = list(dict.fromkeys(path for given in files for path in _expanded(given)))
+    if solution is not None and (len(paths), len(names)) != (1, 1):
+        raise typer.BadParameter("--solution takes the r of one file and one solver; give one of each")
+    how = {"tol": tol, "max_iterations": max_iterations, "time_limit": time_limit, "threads": threads}
+
+    done: list[Attempt] = []
+    interrupted = False
+    with _terminated_as_interrupted():
+        try:
+            with _bar(not (quiet or as_json)) as progress:
+                for attempt, found in _attempts(paths, names, how, rank=len(paths) == 1):
+                    done.append(attempt)
+                    if found is not None and solution is not None:
+                        found.to_fclib(solution)
+                    if progress is not None:
+                        what = " ".join([attempt.name, attempt.solver])
+                        progress(len(done), len(paths) * len(names), what)
+        except KeyboardInterrupt:
+            interrupted = True
+        written = [str(p) for p in solutions.write(done, names, out, formats)] if out is not None else []
+    if solution is not None and done and done[0].solution is not None:
+        written.append(str(solution))
+    code, error = _verdict(done, len(paths), names[-1], interrupted)
+    _warn(done)
+    document: dict[str, Any] = {} if rule is None else {"rule": rule}
+    document |= {"tolerance": tol, "threads": threads, "interrupted": interrupted}
+    document |= {"results": [a.to_dict() for a in done], "solvers": solutions.summary(done, names)}
+    document |= {"files": written} | ({"error": error, "code": code} if error else {})
+    _show(document, done, rule, quiet=quiet, as_json=as_json)
+    if error:
+        note(error)
+    _leave_if_still_computing(code)
+    return code
+
+
+def _attempts(
+    paths: list[Path], names: list[str], how: dict[str, Any], *, rank: bool
+) -> Iterator[tuple[Attempt, Solution | None]]:
+    """Every file by every solver, one after the other; what cannot be done is an attempt with an error."""
+    from carom.cli.solutions import Attempt
+    from carom.errors import CaromError
+    from carom.problem.solve import solve as solve_problem
+
+    for path in paths:
+        try:
+            problem, told = _read(path)
+            facts = _facts(problem, rank=rank) | {"warnings": told}
+        except (CaromError, OSError, MemoryError) as error:
+            yield Attempt(path, error=_told(error, path)), None
+            continue
+        for name in names:
+            try:
+                found = solve_problem(problem, name, **how, on_nonconvergence="return")
+            except (CaromError, MemoryError) as error:
+                yield Attempt(path, facts, name, error=_told(error, path)), None
+                continue
+            yield Attempt(path, facts, name, found.to_dict()), found
+
+
+def _read(path: Path) -> tuple[ContactProblem, list[str]]:
+    """The problem of a file in local form, and what is told about it."""
+    from carom.problem import ContactProblem
+    from carom.problem.errors import ContactProblemWarning, refuse
+
+    if path.is_dir():
+        raise refuse(
+            str(path), f"no {' or '.join('*' + s for s in SUFFIXES)} in this directory", "name a file"
+        )
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", ContactProblemWarning)
+        problem = ContactProblem.from_fclib(path)
+        problem.local  # noqa: B018  # bodies are eliminated here, before anything is timed
+    return problem, [_placed(str(warning.message), path) for warning in told]
+
+
+def _facts(problem: ContactProblem, *, rank: bool) -> dict[str, Any]:
+    from carom.problem import GlobalProblem
+
+    facts: dict[str, Any] = {
+        "title": problem.title,
+        "form": "global" if isinstance(problem.source, GlobalProblem) else "local",
+        "contacts": problem.contacts,
+        "dimension": problem.dimension,
+        "rows": problem.local.rows,
+        "entries": problem.local.W.entries,
+    }
+    if rank and problem.local.rows <= RANK_ROWS:
+        found = problem.rank()
+        facts |= {"rank": found.rank, "nullity": found.nullity}
+    return facts
+
+
+def _expanded(given: Path) -> list[Path]:
+    """The files that an argument names; a directory without any stays, to be told."""
+    if not given.is_dir():
+        return [given]
+    if (given / "run.json").is_file():  # results.h5 is no contact problem
+        kept = [given / "failing_problem.h5", *sorted((given / "problems").glob("*"))]
+        found = [path for path in kept if path.is_file() and path.suffix in SUFFIXES]
+    else:
+        found = sorted(path for path in given.iterdir() if path.suffix in SUFFIXES and path.is_file())
+    return found or [given]
+
+
+def _solvers(given: list[str]) -> list[str]:
+    """The solvers asked for, each once."""
+    from carom.errors import CaromError, did_you_mean
+    from carom.problem import solvers
+
+    known = list(solvers())
+    names = [name.strip() for part in given for name in part.split(",") if name.strip()]
+    for name in names:
+        if name not in [*known, "all"]:
+            raise CaromError(f"--solver: none is called {name!r}; {did_you_mean(name, [*known, 'all'])}")
+    return known if "all" in names else list(dict.fromkeys(names)) or ["auto"]
+
+
+def _formats(text: str) -> list[str]:
+    from carom.errors import CaromError, did_you_mean
+    from carom.plot import FORMATS, require_matplotlib
+
+    formats = [part.strip() for part in text.split(",") if part.strip()]
+    for given in formats:
+        if given not in FORMATS:
+            raise CaromError(f"--format: {given!r} is no format of a figure; {did_you_mean(given, FORMATS)}")
+    require_matplotlib()
+    return formats
+
+
+def _rule() -> str:
+    from carom import _core
+
+    return _core.auto_rule().strip()
+
+
+def _show(
+    document: dict[str, Any], done: list[Attempt], rule: str | None, *, quiet: bool, as_json: bool
+) -> None:
+    from carom.cli import solutions
+
+    if as_json:
+        emit(document)
+    elif not quiet:
+        if rule is not None:
+            print(rule + ("\n" if done else ""))
+        solutions.show(done, document, explain=rule is not None)
+
+
+def _verdict(done: list[Attempt], files: int, last: str, interrupted: bool) -> tuple[int, str]:
+    """Exit code, and one line on what went wrong; `last` is the solver that every file has last."""
+    wrong = [a for a in done if a.error]
+    unsolved = [a for a in done if a.solution is not None and not a.solution["converged"]]
+    if interrupted:
+        whole = sum(not a.solver or a.solver == last for a in done)
+        return INTERRUPTED, f"interrupted: {whole} of {files} files are done"
+    if len(wrong) == 1:
+        return BAD_INPUT, wrong[0].error
+    if wrong:
+        return BAD_INPUT, f"{len(wrong)} of {len(done)} could not be solved for the reasons in the table"
+    if unsolved:
+        one = unsolved[0]
+        told = f"{one.name}: {one.solver} ends with err = {one.err:.3g}"
+        return NOT_CONVERGED, told if len(
+            unsolved
+        ) == 1 else f"{len(unsolved)} of {len(done)} not solved, as {told}"
+    return DONE, ""
+
+
+def _warn(done: list[Attempt]) -> None:
+    """The first few warnings on standard error; `--json` has all."""
+    told = list(dict.fromkeys(text for a in done for text in a.facts.get("warnings", ())))
+    for text in told[:WARNINGS]:
+        note(f"warning: {text}")
+    if len(told) > WARNINGS:
+        note(f"warning: and {len(told) - WARNINGS} more such; --json lists them")
+
+
+def _told(error: BaseException, path: Path) -> str:
+    if isinstance(error, MemoryError):
+        return f"{path}: not enough memory"
+    return _placed(" ".join(str(error).split()), path)
+
+
+def _placed(text: str, path: Path) -> str:
+    return text if text.startswith(str(path)) else f"{path}: {text}"
+
+
+def _leave_if_still_computing(code: int) -> None:
+    """End the process though a solver that was interrupted still computes: Python would not survive its return."""
+    from carom.problem.solve import is_abandoned
+
+    if is_abandoned():
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)

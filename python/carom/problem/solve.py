@@ -1,0 +1,321 @@
+"""Solves a contact problem, and says how well: `carom.ContactProblem.solve` and what it returns.
+
+Solvers are those of the core (crate `carom-solve`); they see the local form alone. Whether a problem counts as solved is
+decided here, by the residual that `carom.problem.residual` computes anew from the r that came back.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import threading
+import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.checkpoint import write_whole
+from carom.errors import CaromError, counted, did_you_mean, one_line
+from carom.problem.errors import ContactProblemWarning, refuse
+from carom.problem.fclib import write_fclib
+from carom.problem.global_ import GlobalProblem, invert
+from carom.problem.residual import Residual, residual_of
+from carom.sheets import seconds
+
+if TYPE_CHECKING:
+    from carom.problem.contact import ContactProblem
+
+F64 = NDArray[np.float64]
+
+#: What to do with an r that is no solution.
+OnNonconvergence = Literal["raise", "return"]
+#: What `err` must come below unless a call says otherwise.
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a solver did up to one checkpoint; `auto` has several, other solvers one."""
+
+    name: str
+    solver: str
+    """Which solver was at work."""
+    iterations: int
+    err: float
+    """The residual after the stage, as the solver saw it."""
+    wall_s: float
+    why: str
+    """Why this stage was entered."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution:
+    """What a solver found, and the judgement on it; arrays are read-only.
+
+    >>> solution = problem.solve()
+    >>> solution.converged, solution.err, solution.r
+    """
+
+    problem: ContactProblem
+    r: F64
+    """(d C,) impulses at velocity level, multipliers at position level."""
+    u: F64
+    """(d C,) relative velocities (displacements) `W r + q`."""
+    residual: Residual
+    """How well r solves the problem, computed outside of the solver."""
+    tol: float
+    """What `err` had to come below."""
+    solver: str
+    """The solver that was asked for."""
+    iterations: int
+    """Iterations of all stages."""
+    wall_s: float
+    """Time of the solver alone, s; neither reading nor the elimination of bodies is in it."""
+    stages: tuple[Stage, ...]
+
+    @property
+    def err(self) -> float:
+        """The residual `|F| / max(|q|, |r|, |u|)`."""
+        return self.residual.err
+
+    @property
+    def converged(self) -> bool:
+        """Whether `err` is at most `tol`."""
+        return self.err <= self.tol
+
+    @cached_property
+    def v(self) -> F64 | None:
+        """(n,) velocities of the bodies `M^-1 (H r + f)` of a problem in global form; None in local form."""
+        source = self.problem.source
+        if not isinstance(source, GlobalProblem):
+            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ContactProblemWarning)  # told when bodies were eliminated
+            v = invert(source.M).dot(source.H.dot(self.r) + source.f)
+        v.setflags(write=False)
+        return v
+
+    def to_fclib(self, path: Path | str) -> Path:
+        """Write the problem and, in the group `solution` as FCLib has it, `r`, `u` and of bodies `v`."""
+        path = Path(path)
+        with tempfile.TemporaryDirectory() as folder:
+            whole = write_fclib(self.problem.source, Path(folder) / "problem.hdf5")
+            with h5py.File(whole, "r+") as file:
+                group = file.create_group("solution")
+                for name, values in (("v", self.v), ("u", self.u), ("r", self.r)):
+                    if values is not None:
+                        group[name] = values
+            write_whole(path, whole.read_bytes(), durable=False, parents=True)
+        return path
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the arrays, for JSON."""
+        return {
+            "solver": self.solver,
+            "converged": self.converged,
+            "err": self.err,
+            "tolerance": self.tol,
+            "iterations": self.iterations,
+            "wall_s": self.wall_s,
+            "residual": self.residual.to_dict(),
+            "stages": [asdict(stage) for stage in self.stages],
+        }
+
+    def __str__(self) -> str:
+        verdict = "solved" if self.converged else "NOT solved"
+        return (
+            f"{verdict} by {self.solver}: err = {self.err:.3g} (tolerance {self.tol:g}),"
+            f" {counted(self.iterations, 'iteration')}, {seconds(self.wall_s)}"
+        )
+
+    def __repr__(self) -> str:
+        what = f" of {one_line(self.problem.title, 80)!r}" if self.problem.title else ""
+        return f"<Solution{what}: {counted(self.problem.contacts, 'contact')} {self}>"
+
+    def _repr_html_(self) -> str:
+        """The verdict and the stages as tables, for notebooks."""
+        worst = self.residual
+        facts = [
+            ("problem", f"{self.problem.title} ({self.problem.contacts} contacts, {len(self.r)} rows)"),
+            ("err", f"{self.err:.3g} (tolerance {self.tol:g})"),
+            ("worst contact", f"{worst.worst}: {worst.worst_natural_map:.3g}"),
+            ("complementarity", f"{worst.complementarity:.3g}"),
+            ("outside the cone", f"{worst.cone_violation:.3g}"),
+            ("penetration", f"{worst.penetration:.3g}"),
+            ("iterations, time", f"{self.iterations}, {seconds(self.wall_s)}"),
+        ]
+        stages = [(*_cells(stage), stage.why) for stage in self.stages]
+        head = ("stage", "solver", "iterations", "err", "time", "why")
+        verdict = "solved" if self.converged else "<b>not</b> solved"
+        return (
+            f"<p>{verdict} by <code>{escape(self.solver)}</code></p>"
+            f"{_html(facts)}{_html(stages, head) if stages else ''}"
+        )
+
+
+class SolveFailed(CaromError):
+    """No r with `err` at most `tol` was found; `solution` holds the last one, with its residual and its stages."""
+
+    def __init__(self, message: str, solution: Solution) -> None:
+        super().__init__(message)
+        self.solution = solution
+
+
+def solvers() -> dict[str, str]:
+    """The solvers by name, `auto` first, and a line on each."""
+    from carom import _core
+
+    return dict(_core.contact_solvers())
+
+
+def solve(
+    problem: ContactProblem,
+    solver: str = "auto",
+    *,
+    tol: float = TOLERANCE,
+    r0: Any = None,
+    max_iterations: int | None = None,
+    time_limit: float | None = None,
+    threads: int = 1,
+    on_nonconvergence: OnNonconvergence = "raise",
+) -> Solution:
+    """`ContactProblem.solve`, which explains the arguments."""
+    from carom import _core
+
+    known = solvers()
+    if solver not in known:
+        raise refuse("solver", f"none is called {solver!r}", did_you_mean(str(solver), list(known)))
+    if on_nonconvergence not in ("raise", "return"):
+        raise refuse("on_nonconvergence", f"{on_nonconvergence!r}", "either 'raise' or 'return'")
+    _positive("tol", tol)
+    _positive("time_limit", math.inf if time_limit is None else time_limit, infinite=True)
+    _count("max_iterations", 1 if max_iterations is None else max_iterations)
+    _count("threads", threads)
+    local = problem.local
+    start = _start(r0, local.rows, local.dimension)
+    zero = np.zeros(local.contacts)
+
+    def call() -> dict[str, Any]:
+        return _core.solve_contact_problem(
+            local.W.indptr,
+            local.W.indices,
+            local.W.data,
+            local.q,
+            local.dimension,
+            local.mu,
+            zero if local.mu_r is None else local.mu_r,
+            zero if local.mu_s is None else local.mu_s,
+            start,
+            solver,
+            float(tol),
+            int(max_iterations or 0),
+            math.inf if time_limit is None else float(time_limit),
+            int(threads),
+        )
+
+    try:
+        found = _interruptible(call)
+    except CaromError:
+        raise
+    except ValueError as error:
+        raise CaromError(one_line(f"{solver}: {error}")) from error
+    r = np.array(found["r"], dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # an r that ran away; its err is infinite
+        u = local.W.dot(r) + local.q
+    for array in (r, u):
+        array.setflags(write=False)
+    solution = Solution(
+        problem=problem,
+        r=r,
+        u=u,
+        residual=residual_of(local, r),
+        tol=float(tol),
+        solver=solver,
+        iterations=int(found["iterations"]),
+        wall_s=float(found["wall_s"]),
+        stages=tuple(Stage(**stage) for stage in found["stages"]),
+    )
+    if not solution.converged and on_nonconvergence == "raise":
+        cure = "error.solution holds what was found; another solver, more iterations or a larger tol may do"
+        raise SolveFailed(one_line(f"{problem.title or 'problem'}: {solution}; {cure}"), solution)
+    return solution
+
+
+#: Threads that compute what Ctrl-C left behind.
+_abandoned: list[threading.Thread] = []
+
+
+def is_abandoned() -> bool:
+    """Whether a solver that Ctrl-C interrupted still computes, in a thread that nobody waits for."""
+    return any(thread.is_alive() for thread in _abandoned)
+
+
+def _interruptible(call: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """`call()` so that Ctrl-C is heard at once, though the core does not look up until it is done.
+
+    It goes on in its own thread to its end or its time limit, and nothing comes of it.
+    """
+    if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
+        return call()
+    answer: Future[dict[str, Any]] = Future()
+
+    def work() -> None:
+        try:
+            answer.set_result(call())
+        except BaseException as error:  # whatever it is, it belongs to the caller
+            answer.set_exception(error)
+
+    thread = threading.Thread(target=work, name="carom solve", daemon=True)
+    thread.start()
+    try:
+        return answer.result()
+    except KeyboardInterrupt:
+        _abandoned.append(thread)
+        raise
+
+
+def _start(r0: Any, rows: int, dimension: int) -> F64 | None:
+    if r0 is None:
+        return None
+    try:
+        start = np.asarray(r0, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise refuse("r0", "not a list of numbers", f"it must be ({rows},)") from error
+    if start.shape not in ((rows,), (rows // dimension, dimension)):
+        raise refuse("r0", f"its shape is {start.shape}", f"it must be ({rows},)")
+    if not np.isfinite(start).all():
+        raise refuse("r0", "not all of it is finite", "start from 0 (leave it out) or from a former r")
+    return np.ascontiguousarray(start.reshape(-1))
+
+
+def _positive(name: str, value: Any, *, infinite: bool = False) -> None:
+    try:
+        good = float(value) > 0.0 and (infinite or math.isfinite(value))
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise refuse(name, f"{value!r}", "it must be a number above 0")
+
+
+def _count(name: str, value: Any) -> None:
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not (whole and 1 <= value < 2**31):
+        raise refuse(name, f"{value!r}", "it must be a whole number above 0")
+
+
+def _cells(stage: Stage) -> tuple[str, ...]:
+    return stage.name, stage.solver, f"{stage.iterations}", f"{stage.err:.2g}", seconds(stage.wall_s)
+
+
+def _html(rows: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
+    lines = ["".join(f"<th>{escape(cell)}</th>" for cell in head)] if head else []
+    lines += ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
