@@ -109,19 +109,19 @@ class Simulation:
         """Seconds by phase, estimated from sampled steps."""
 
     def keep_problems(self, steps: Sequence[tuple[int, int, int]], hardest: int) -> None:
-        """Keep the contact problems of the steps `first, first + stride, ...` up to `last` of each `(first, last, stride)`, and
-        the `hardest` ones of all by iterations. Each is copied as it stands when it is solved; nothing is kept unasked.
+        """Keep the contact problems of the steps `first, first + stride, ...` up to `last` of each `(first, last,
+        stride)`, and the `hardest` ones of all by iterations. Nothing is kept unasked.
         """
 
     def take_problems(self, hardest: bool) -> list[dict[str, Any]]:
-        """Kept problems of the chosen steps since the last call, or the `hardest` so far; both are forgotten by it.
+        """Kept problems of the chosen steps since the last call, or the `hardest` so far; this forgets them.
 
-        Of each, with N nodes (spheres), C contacts, J joints and R rows, 6 for each contact (N, T1, T2, R1, R2, S), then those
-        of the joints: `level, step, time, part` (of a halved step the number of the attempt, else 0), `island, index` (impact
-        problem; 0: loads), `iterations, residual, converged, joints, worst`; `spheres, mass, inertia (N,)`, `bodies (C+J,2)`,
-        `bounds (C,3)` mu, rho, delta; `node (R,2)` of A and B, -1 for none, `gradient (R,2,6)` over them, `q, r (R,)`;
-        `motion` before the problem and `correction` u by it, `load` b(u) (N,6); `load_tangent_row`, `_column`, `_value` of -db/du.
-        It is linear at u: measures are `gradient u + q`.
+        Of each, with N nodes (spheres), C contacts, J joints and R rows, 6 for each contact (N, T1, T2, R1, R2, S),
+        then those of the joints: `level, step, time, part` (0, or the number of the attempt in a halved step),
+        `island, index` (impact problem; 0: loads), `iterations, residual, converged, joints, worst`;
+        `spheres, mass, inertia (N,)`; `bodies (C+J,2)`; `bounds (C,3)` mu, rho, delta; `node (R,2)` of A and B, -1 for
+        none, `gradient (R,2,6)` over them, `q, r (R,)`; `motion` before the problem, its `correction` u, and the `load`
+        b(u) (N,6); `load_tangent_row`, `_column`, `_value` of -db/du. Measures are `gradient u + q`, linear at u.
         """
 
     def failing_problem(self) -> dict[str, Any] | None:

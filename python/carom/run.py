@@ -93,9 +93,7 @@ def simulate(
     return _judged(result, stop, kept=out is not None)
 
 
-def chosen(
-    scene: Scene, problems: Given | None, form: str, label: str = "save_problems"
-) -> Choice | None:
+def chosen(scene: Scene, problems: Given | None, form: str, label: str = "save_problems") -> Choice | None:
     """The contact problems to keep of a run of `scene`; `label` is what messages call the argument."""
     if problems is None:
         return None

@@ -84,8 +84,8 @@ def write_fclib(
 ) -> Path:
     """Write a problem, matrices by compressed rows; the file is there whole or not at all.
 
-    `extra` are numbers, arrays and texts for a group `/carom`, which FCLib does not look at. With `compress` arrays are
-    deflated, which every HDF5 library reads.
+    `extra` goes to a group `/carom`, which FCLib does not look at: arrays as they are, numbers and texts as attributes.
+    With `compress` arrays are deflated, which every HDF5 library reads.
     """
     is_global = isinstance(problem, GlobalProblem)
     with h5py.File("problem", "w", driver="core", backing_store=False) as file:
@@ -107,10 +107,10 @@ def write_fclib(
         if extra is not None:
             own = file.create_group("carom")
             for name, value in extra.items():
-                if isinstance(value, str):
-                    _write_text(own, name, value)
-                else:
+                if np.ndim(value):
                     _write_array(own, name, np.asarray(value), compress)
+                else:
+                    own.attrs[name] = value
         file.flush()
         image = file.id.get_file_image()
     path = Path(path)

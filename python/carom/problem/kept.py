@@ -87,7 +87,9 @@ def state(kept: Mapping[str, Any], form: str = "local") -> LocalProblem | Global
         w = q[contact_rows] - g.dot(motion)
         return GlobalProblem(M=m, H=g.transpose, f=b + m.dot(motion), w=w, **text)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ContactProblemWarning)  # a stiff load may make M indefinite; W says it
+        warnings.simplefilter(
+            "ignore", ContactProblemWarning
+        )  # a stiff load may make M indefinite; W says it
         inverse = invert(m)
     weighted = inverse.multiply(g.transpose)
     v = inverse.dot(b)
@@ -190,8 +192,9 @@ def _inverse_of_joints(matrix: Csr) -> Csr:
         rows.append(np.repeat(members, len(members)))
         columns.append(np.tile(members, len(members)))
         values.append(found.reshape(-1))
-    parts = (np.concatenate(part) for part in (rows, columns, values))
-    return Csr.from_triplets(*parts, matrix.shape)
+    return Csr.from_triplets(
+        np.concatenate(rows), np.concatenate(columns), np.concatenate(values), matrix.shape
+    )
 
 
 def _difference(a: Csr, b: Csr) -> Csr:

@@ -94,7 +94,9 @@ class Problems:
         """Write what was kept since the last call; at the `end` also the hardest problems."""
         kept = simulation.take_problems(False)
         if end:
-            kept += simulation.take_problems(True)[::-1]  # of two that are called the same the harder one stays
+            kept += simulation.take_problems(True)[
+                ::-1
+            ]  # of two that are called the same the harder one stays
         for problem in kept:
             path = self.directory.path / FOLDER / file_name(problem)
             try:
@@ -104,7 +106,9 @@ class Problems:
 
 
 def file_name(kept: Mapping[str, Any]) -> str:
-    """`step_000123_position_0.hdf5`: step, level, island; `_part2` of a halved step; at velocity level the impact problem."""
+    """`step_000123_position_0.hdf5`: step, level, island, and at velocity level the impact problem; in a halved step
+    `_part2` after the step.
+    """
     part = f"_part{kept['part']}" if kept["part"] else ""
     index = f"_{kept['index']}" if kept["level"] == "velocity" else ""
     return f"step_{kept['step']:06d}{part}_{kept['level']}_{kept['island']}{index}.hdf5"
