@@ -5,10 +5,10 @@ it found (docs/theory/algorithm.md, sections 3 and 5):
 
     M u = G^T r + b(u),     z = G u + q,        and the conditions of the contacts on z and r, z = 0 for joints
 
-with `b` the change of the loads that depend on the motion. Every contact has six rows; those that no contact of the
-problem needs are left out here, so that all have 3, 5 or 6. Loads are replaced by their tangent at u,
-`b + B (u - v)` for `-B v`, B the symmetric part of `-db/du`: any B gives the same problem at the solution. Joints are
-eliminated, `z_J = 0`, by the Schur complement of their rows.
+with `b` the change of the loads that depend on the motion. Every contact has six rows;
+those that no contact of the problem needs are left out here, so that all have 3, 5 or 6. Loads are replaced by their
+tangent, `b(v) = b(u) - B (v - u)` with B the symmetric part of `-db/du` (any B gives the same solution), so that
+`M + B` stands for M. Joints are eliminated, `z_J = 0`, by the Schur complement of their rows.
 """
 
 from __future__ import annotations
