@@ -116,12 +116,17 @@ def file_name(kept: Mapping[str, Any]) -> str:
 
 def write_kept(path: Path, kept: Mapping[str, Any], form: str = "local") -> Path:
     """Write a problem as `Simulation.take_problems` and `failing_problem` give it."""
-    contacts = len(kept["bounds"])
+    return write_fclib(state(kept, form), path, extra=origin(kept))
+
+
+def origin(kept: Mapping[str, Any]) -> dict[str, Any]:
+    """The group `/carom` of a file: where the problem is from, its contacts, what the run found."""
     axes = frames(kept)
-    extra = {key: kept[key] for key in ORIGIN}
-    extra |= {"bodies": kept["bodies"][:contacts], "r": multipliers(kept)}
-    extra |= {name: axes[:, k] for k, name in enumerate(("normal", "tangent1", "tangent2"))}
-    return write_fclib(state(kept, form), path, extra=extra)
+    return {
+        **{key: kept[key] for key in ORIGIN},
+        **{"bodies": kept["bodies"][: len(axes)], "r": multipliers(kept)},
+        **{name: axes[:, k] for k, name in enumerate(("normal", "tangent1", "tangent2"))},
+    }
 
 
 @dataclass(frozen=True, order=True)
