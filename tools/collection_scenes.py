@@ -229,8 +229,8 @@ class Source:
     """Options of the run besides those of the tool."""
 
 
-#: Newton alone: what it cannot solve is given up soon, which large scenes need to get on.
-NEWTON = {"gauss_seidel_sweeps": 0}
+#: Newton alone, and impact sequences cut short: large scenes get on where a problem is given up soon.
+NEWTON = {"gauss_seidel_sweeps": 0, "max_problems": 8}
 #: Moreau's scheme takes the contacts as they are, overlapping or not: one step from rest is one problem of all of them.
 REST = {**NEWTON, "method": "moreau", "impact": "one-shot", "max_iterations": 5}
 
@@ -248,8 +248,8 @@ SCENES = (
     Source(
         "pile_40_smooth", lambda: pile(40, 3, friction=0.0, restitution=0.1), 70, least=60, options=NEWTON
     ),
-    Source("pile_40_rolling", lambda: pile(40, 4, **ROLLING), 70, 1, 2, least=60, options=NEWTON),
-    Source("pile_40_spinning", lambda: pile(40, 5, **SPINNING), 70, 1, 2, least=60, options=NEWTON),
+    Source("pile_40_rolling", lambda: pile(40, 4, **ROLLING), 45, 1, 2, least=60, options=NEWTON),
+    Source("pile_40_spinning", lambda: pile(40, 5, **SPINNING), 45, 1, 2, least=60, options=NEWTON),
     Source(
         "pile_40_bouncing",
         lambda: pile(40, 6, friction=0.4, restitution=0.8),
@@ -263,8 +263,8 @@ SCENES = (
     Source(
         "pile_60_masses1000", lambda: pile(60, 8, masses=1000.0, **STICKY), 70, 1, 2, least=60, options=NEWTON
     ),
-    Source("pile_120", lambda: pile(120, 9, **STICKY), 60, 1, 2, least=150, options=NEWTON),
-    Source("pile_300", lambda: pile(300, 10, **STICKY), 50, 1, 1, "global", least=300, options=NEWTON),
+    Source("pile_120", lambda: pile(120, 9, **STICKY), 45, 1, 2, least=100, options=NEWTON),
+    Source("pile_300", lambda: pile(300, 10, **STICKY), 40, 1, 1, "global", least=200, options=NEWTON),
     Source("rest_40", lambda: pile(40, 12, tight=True, **STICKY), 1, 0, 1, options=REST),
     Source("rest_120", lambda: pile(120, 13, tight=True, **STICKY), 1, 0, 1, options=REST),
     Source("rest_120_rolling", lambda: pile(120, 14, tight=True, **ROLLING), 1, 0, 1, options=REST),

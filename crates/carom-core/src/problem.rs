@@ -188,8 +188,7 @@ pub struct Steps {
 
 impl Steps {
     fn contains(&self, step: u64) -> bool {
-        (self.first..=self.last).contains(&step)
-            && (step - self.first).is_multiple_of(self.stride.max(1))
+        (self.first..=self.last).contains(&step) && (step - self.first) % self.stride.max(1) == 0
     }
 }
 
