@@ -31,8 +31,8 @@ from collection_scenes import SCENES, Source
 FOLDER = Path(__file__).parent.parent / "tests" / "data" / "contact_problems"
 #: Problems of a run among which those to keep are looked for.
 LOOKED_AT = 60
-#: Rows of W up to which the rank is worth its time.
-RANK_ROWS = 4000
+#: Rows of W up to which the rank is exact.
+RANK_ROWS = 2000
 
 
 def harvest(source: Source) -> Iterator[dict[str, Any]]:
