@@ -8,4 +8,5 @@ cd "$(dirname "$0")/.."
 cargo bench --workspace --bench '*' --no-run
 for script in benches/[!_]*.py; do
     .venv/bin/python "$script" "$@"
+    echo
 done

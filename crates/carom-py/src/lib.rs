@@ -1,5 +1,6 @@
 //! The skin: converts arrays, releases the interpreter lock, maps errors. No physics.
 
+mod contact_solver;
 mod convert;
 mod coupling;
 mod element;
@@ -48,6 +49,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("ExpressionError", m.py().get_type::<ExpressionError>())?;
     m.add_function(wrap_pyfunction!(defaults, m)?)?;
     m.add_function(wrap_pyfunction!(choices, m)?)?;
+    m.add_function(wrap_pyfunction!(contact_solver::solve_contact_problem, m)?)?;
+    m.add_function(wrap_pyfunction!(contact_solver::contact_solvers, m)?)?;
+    m.add_function(wrap_pyfunction!(contact_solver::auto_rule, m)?)?;
     m.add_function(wrap_pyfunction!(element::tangential_increment, m)?)?;
     m.add_class::<simulation::Simulation>()?;
     m.add_class::<expression::Expression>()?;

@@ -8,9 +8,12 @@ pub mod direct;
 pub mod gauss_seidel;
 pub mod linear_step;
 pub mod newton;
+pub mod problem;
 pub mod report;
 pub mod rows;
 pub mod single;
+pub mod solver;
+pub mod spheres;
 
 pub use cone::{Bounds, Status};
 pub use newton::{Newton, NewtonOptions};

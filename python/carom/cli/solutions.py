@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import math
+import shutil
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -173,26 +175,39 @@ def _stages(a: Attempt) -> str:
 # --- several ----------------------------------------------------------------------------------------------------------
 
 HEAD = ("file", "contacts", "rows", "solver", "iterations", "time", "err", "finished by", "verdict")
+#: Columns that a narrow terminal does without, in this order.
+SPARE = ("rows", "finished by", "iterations", "contacts")
 
 
 def _table(done: Sequence[Attempt], document: Mapping[str, Any]) -> Sheet:
-    from carom.sheets import Sheet
+    from carom.sheets import WIDTH, Sheet
 
-    rows: list[list[str]] = []
+    rows: list[dict[str, str]] = []
     before: Path | None = None
     for a in done:
-        name = "" if a.path == before else _cut(a.name)
-        size = ["", ""] if a.path == before else [str(a.facts.get(k, "-")) for k in ("contacts", "rows")]
+        row = dict.fromkeys(HEAD, "-") | {"verdict": a.verdict, "solver": a.solver or "-"}
+        row |= {key: str(a.facts[key]) for key in ("contacts", "rows") if key in a.facts}
+        row["file"] = _cut(a.name)
+        if a.path == before:
+            row |= {"file": "", "contacts": "", "rows": ""}
+        if a.solution is not None:
+            row["iterations"], row["time"] = f"{a.solution['iterations']}", seconds(a.solution["wall_s"])
+            row["err"], row["finished by"] = _err(a.err), a.finished
+        rows.append(row)
         before = a.path
-        if a.solution is None:
-            rows.append([name, *size, a.solver or "-", "-", "-", "-", "-", a.verdict])
-            continue
-        s = a.solution
-        numbers = [f"{s['iterations']}", seconds(s["wall_s"]), _err(s["err"]), a.finished]
-        rows.append([name, *size, a.solver, *numbers, a.verdict])
     solved = sum(a.verdict == "solved" for a in done)
     title = f"{solved} of {len(done)} solved to err <= {document['tolerance']:g}"
-    return Sheet(title, HEAD, rows)
+    head = list(HEAD)
+    names = list(document["solvers"])
+    if len(names) == 1:
+        title = f"{solved} of {len(done)} solved by {names[0]} to err <= {document['tolerance']:g}"
+        head.remove("solver")
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    for spare in SPARE:
+        if sum(max(len(name), *(len(row[name]) for row in rows)) + 3 for name in head) <= width:
+            break
+        head.remove(spare)
+    return Sheet(title, head, [[row[name] for name in head] for row in rows])
 
 
 def _ranking(solvers: Mapping[str, Mapping[str, Any]]) -> str:

@@ -7,11 +7,9 @@ decided here, by the residual that `carom.problem.residual` computes anew from t
 from __future__ import annotations
 
 import math
-import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from html import escape
@@ -105,6 +103,8 @@ class Solution:
 
     def to_fclib(self, path: Path | str) -> Path:
         """Write the problem and, in the group `solution` as FCLib has it, `r`, `u` and of bodies `v`."""
+        import tempfile
+
         path = Path(path)
         with tempfile.TemporaryDirectory() as folder:
             whole = write_fclib(self.problem.source, Path(folder) / "problem.hdf5")
@@ -265,6 +265,8 @@ def _interruptible(call: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """
     if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
         return call()
+    from concurrent.futures import Future
+
     answer: Future[dict[str, Any]] = Future()
 
     def work() -> None:

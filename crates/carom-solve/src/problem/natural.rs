@@ -1,0 +1,109 @@
+//! The residual by which all solvers are judged: the natural map of the cone problem, computed outside of them.
+
+use super::{Group, Problem};
+use crate::cone::MAX_ROWS;
+
+/// Nearest point of the cone `K = { r_N >= 0, |r_b| <= mu_b r_N }` to `x`, in place.
+///
+/// Given the height `t` of the result each disc is cut to `mu_b t`, so `t` minimises
+/// `(t - x_N)^2 + sum_b max(0, |x_b| - mu_b t)^2`; with the `k` discs of largest `|x_b|/mu_b` cut the minimum is in closed
+/// form, and the first `k` whose `t` is not below the next ratio is right.
+pub fn project_cone(group: &Group, x: &mut [f64]) {
+    if group.bilateral {
+        return;
+    }
+    // (ratio, length, bound) of each disc, by descending ratio.
+    let mut discs = [(0.0, 0.0, 0.0); 3];
+    let mut count = 0;
+    for disc in group.bounds.discs() {
+        let length = norm(&x[disc.start..disc.start + disc.dim]);
+        let mut at = count;
+        let entry = (length / disc.bound, length, disc.bound);
+        while at > 0 && discs[at - 1].0 < entry.0 {
+            discs[at] = discs[at - 1];
+            at -= 1;
+        }
+        discs[at] = entry;
+        count += 1;
+    }
+    let (mut above, mut below) = (x[0], 1.0);
+    let mut height = above;
+    for &(ratio, length, bound) in &discs[..count] {
+        if height >= ratio {
+            break;
+        }
+        above += bound * length;
+        below += bound * bound;
+        height = above / below;
+    }
+    let height = height.max(0.0);
+    x[0] = height;
+    for disc in group.bounds.discs() {
+        let part = &mut x[disc.start..disc.start + disc.dim];
+        let (length, radius) = (norm(part), disc.bound * height);
+        if length > radius {
+            let scale = radius / length;
+            part.iter_mut().for_each(|v| *v *= scale);
+        }
+    }
+}
+
+/// `s(u) = sum_b mu_b |u_b|` of one contact.
+#[inline]
+pub fn shift(group: &Group, u: &[f64]) -> f64 {
+    if group.bilateral {
+        return 0.0;
+    }
+    group
+        .bounds
+        .discs()
+        .map(|d| d.bound * norm(&u[d.start..d.start + d.dim]))
+        .sum()
+}
+
+/// `F = r - P_K(r - (u + s(u) n))` of one contact; for a joint `F = u`.
+#[inline]
+pub fn natural_part(group: &Group, r: &[f64], u: &[f64]) -> [f64; MAX_ROWS] {
+    let mut f = [0.0; MAX_ROWS];
+    if group.bilateral {
+        f[..group.dim].copy_from_slice(u);
+        return f;
+    }
+    let mut x = [0.0; MAX_ROWS];
+    for (x, (r, u)) in x.iter_mut().zip(r.iter().zip(u)) {
+        *x = r - u;
+    }
+    x[0] -= shift(group, u);
+    project_cone(group, &mut x[..group.dim]);
+    for (f, (r, x)) in f.iter_mut().zip(r.iter().zip(&x)) {
+        *f = r - x;
+    }
+    f
+}
+
+/// `err = |F| / max(|q|, |r|, |u|)`; 0 where all three are 0, infinite if `r` or `u` is not finite. Writes `u = W r + q`.
+pub fn residual(problem: &Problem, r: &[f64], u: &mut [f64]) -> f64 {
+    problem.velocity(r, u);
+    let mut sum = 0.0;
+    for group in &problem.groups {
+        let rows = group.rows();
+        let f = natural_part(group, &r[rows.clone()], &u[rows]);
+        sum += f.iter().map(|f| f * f).sum::<f64>();
+    }
+    let scale = norm(&problem.q).max(norm(r)).max(norm(u));
+    let err = if scale > 0.0 { sum.sqrt() / scale } else { 0.0 };
+    if err.is_finite() && scale.is_finite() {
+        err
+    } else {
+        f64::INFINITY
+    }
+}
+
+#[inline]
+fn norm(v: &[f64]) -> f64 {
+    match v {
+        [x] => x.abs(),
+        [x, y] => (x * x + y * y).sqrt(),
+        _ => v.iter().map(|x| x * x).sum::<f64>().sqrt(),
+    }
+}

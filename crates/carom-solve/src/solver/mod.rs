@@ -1,0 +1,225 @@
+//! Solvers of contact problems given as data: one trait, one judge, a family of methods.
+//!
+//! A solver takes a [`Problem`] and a start, and leaves the best multipliers it found. It works on a scaled copy and is
+//! judged by [`natural::residual`] on the problem as given, which no method uses as its own merit.
+
+mod admm;
+mod auto;
+mod gauss_seidel;
+mod interior;
+mod matrix;
+mod newton;
+mod one_contact;
+
+pub use admm::Admm;
+pub use auto::{Auto, RULE};
+pub use gauss_seidel::GaussSeidel;
+pub use interior::InteriorPoint;
+pub use newton::SemiSmoothNewton;
+pub use one_contact::solve_contact;
+
+use crate::problem::{natural, Problem, Scaled};
+use std::time::{Duration, Instant};
+
+/// When to stop.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Natural-map residual `err` that counts as solved, of the problem as given and of the scaled one.
+    pub tolerance: f64,
+    /// Iterations (sweeps, Newton steps); 0: as many as the method takes by itself.
+    pub max_iterations: u32,
+    /// Time after which the best iterate is returned.
+    pub time_limit: Option<Duration>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            tolerance: 1e-8,
+            max_iterations: 0,
+            time_limit: None,
+        }
+    }
+}
+
+/// One stretch of work of one method.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// Checkpoint of `auto`, or the method's name.
+    pub name: &'static str,
+    /// Method.
+    pub solver: &'static str,
+    pub iterations: u32,
+    /// `err` of the best iterate so far, when the stage ended.
+    pub err: f64,
+    pub seconds: f64,
+    /// Why it was taken, in words.
+    pub why: String,
+}
+
+/// What came out.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    pub converged: bool,
+    pub err: f64,
+    pub iterations: u32,
+    pub stages: Vec<Stage>,
+}
+
+/// A method that improves `r`.
+pub trait ConeSolver {
+    /// Name by which it is chosen.
+    fn name(&self) -> &'static str;
+
+    /// Works on the scaled problem of `judge` from `judge.start`, tells the judge about iterates worth keeping, and returns the
+    /// iterations. Stops when the judge says so.
+    fn run(&mut self, judge: &mut Judge<'_>, max_iterations: u32) -> u32;
+}
+
+/// Names and one line each, `auto` first.
+pub const SOLVERS: [(&str, &str); 5] = [
+    ("auto", "hybrid with checkpoints: sweeps, Newton, and what else is needed"),
+    ("newton", "semi-smooth Newton on the multipliers with sparse LU and vanishing proximal shift"),
+    ("gauss-seidel", "block Gauss-Seidel, every contact solved exactly in turn"),
+    ("admm", "alternating directions with one Cholesky factorisation and accelerated restart"),
+    ("interior-point", "primal-dual path following on the cones, slip updated on the way"),
+];
+
+/// A solver by name.
+pub fn by_name(name: &str) -> Option<Box<dyn ConeSolver + Send>> {
+    Some(match name {
+        "auto" => Box::new(Auto::default()),
+        "newton" => Box::new(SemiSmoothNewton::default()),
+        "gauss-seidel" => Box::new(GaussSeidel::default()),
+        "admm" => Box::new(Admm::default()),
+        "interior-point" => Box::new(InteriorPoint::default()),
+        _ => return None,
+    })
+}
+
+/// Keeps the best iterate, measures every candidate by the natural map, and knows when to stop.
+pub struct Judge<'a> {
+    pub source: &'a Problem,
+    pub scaled: &'a Scaled,
+    settings: Settings,
+    began: Instant,
+    /// Best scaled iterate so far; methods start from it.
+    pub best: Vec<f64>,
+    /// Its `err`: the larger of those of the problem as given and as scaled.
+    pub best_err: f64,
+    /// `err` of the problem as given alone, at the best iterate.
+    pub best_given: f64,
+    r: Vec<f64>,
+    u: Vec<f64>,
+    pub stages: Vec<Stage>,
+    done: u32,
+}
+
+impl<'a> Judge<'a> {
+    pub fn new(source: &'a Problem, scaled: &'a Scaled, start: &[f64], settings: Settings) -> Judge<'a> {
+        let n = source.rows();
+        let mut judge = Judge {
+            source,
+            scaled,
+            settings,
+            began: Instant::now(),
+            best: vec![0.0; n],
+            best_err: f64::INFINITY,
+            best_given: f64::INFINITY,
+            r: vec![0.0; n],
+            u: vec![0.0; n],
+            stages: Vec::new(),
+            done: 0,
+        };
+        let mut y = vec![0.0; n];
+        judge.see(&y.clone());
+        scaled.enter(start, &mut y);
+        judge.see(&y);
+        judge
+    }
+
+    /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`.
+    pub fn see(&mut self, y: &[f64]) -> f64 {
+        let scaled = natural::residual(&self.scaled.problem, y, &mut self.u);
+        self.scaled.leave(y, &mut self.r);
+        let given = natural::residual(self.source, &self.r, &mut self.u);
+        let err = scaled.max(given);
+        if err < self.best_err {
+            self.best_err = err;
+            self.best_given = given;
+            self.best.copy_from_slice(y);
+        }
+        err
+    }
+
+    /// The best iterate is good enough.
+    #[inline]
+    pub fn solved(&self) -> bool {
+        self.best_err <= self.settings.tolerance
+    }
+
+    #[inline]
+    pub fn tolerance(&self) -> f64 {
+        self.settings.tolerance
+    }
+
+    /// Solved, or out of time.
+    pub fn stop(&self) -> bool {
+        self.solved() || self.late()
+    }
+
+    pub fn late(&self) -> bool {
+        self.settings
+            .time_limit
+            .is_some_and(|limit| self.began.elapsed() > limit)
+    }
+
+    /// Runs a method and writes down what it did.
+    pub fn stage(
+        &mut self,
+        name: &'static str,
+        solver: &mut dyn ConeSolver,
+        max_iterations: u32,
+        why: String,
+    ) -> bool {
+        let began = Instant::now();
+        let max = match self.settings.max_iterations {
+            0 => max_iterations,
+            cap => max_iterations.min(cap.saturating_sub(self.done)),
+        };
+        let iterations = if max == 0 { 0 } else { solver.run(self, max) };
+        self.done += iterations;
+        self.stages.push(Stage {
+            name,
+            solver: solver.name(),
+            iterations,
+            err: self.best_given,
+            seconds: began.elapsed().as_secs_f64(),
+            why,
+        });
+        self.solved()
+    }
+}
+
+/// Solves `problem` from `r` (scaled inside), leaving the best multipliers in `r`.
+pub fn solve(
+    problem: &Problem,
+    solver: &mut dyn ConeSolver,
+    settings: Settings,
+    r: &mut [f64],
+) -> Outcome {
+    let scaled = Scaled::new(problem);
+    let mut judge = Judge::new(problem, &scaled, r, settings);
+    if solver.name() == "auto" {
+        solver.run(&mut judge, u32::MAX);
+    } else if !judge.solved() {
+        judge.stage(solver.name(), solver, u32::MAX, "asked for".into());
+    }
+    scaled.leave(&judge.best, r);
+    Outcome {
+        converged: judge.best_given <= settings.tolerance,
+        err: judge.best_given,
+        iterations: judge.stages.iter().map(|s| s.iterations).sum(),
+        stages: judge.stages,
+    }
+}

@@ -1,0 +1,270 @@
+//! One contact with all others held: `u = A r + b`, solved exactly for any block `A`.
+
+use crate::cone::MAX_ROWS;
+use crate::direct::dense;
+use crate::problem::Group;
+
+/// Coupling below this share of the diagonal counts as none: spheres, whose blocks are diagonal up to rounding.
+const ISOTROPIC: f64 = 1e-14;
+/// Directions tried when none is known.
+const DIRECTIONS: usize = 16;
+/// Steps of a bracketed root search: more than doubles the bits of a double.
+const ROOT_STEPS: usize = 100;
+/// Rounds between discs of a contact with rolling or spinning rows.
+const ROUNDS: usize = 20;
+
+/// Writes the multipliers `r` of a contact with block `a` (row-major) and free part `b`; `r` holds the last ones.
+pub fn solve_contact(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
+    if group.bilateral {
+        return solve_free(a, b, r);
+    }
+    let sliding = group.bounds.sliding > 0.0;
+    match (group.dim, sliding) {
+        (1, _) => r[0] = normal(a[0], b[0]),
+        (3, true) => {
+            let block = [a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]];
+            let x = coulomb(&block, [b[0], b[1], b[2]], group.bounds.sliding, [r[0], r[1], r[2]]);
+            r.copy_from_slice(&x);
+        }
+        _ => solve_discs(group, a, b, r),
+    }
+}
+
+#[inline]
+fn normal(a: f64, b: f64) -> f64 {
+    if b < 0.0 && a > 0.0 {
+        -b / a
+    } else {
+        0.0
+    }
+}
+
+/// A joint: `A r = -b`; where A is singular its rows are relaxed one by one.
+fn solve_free(a: &[f64], b: &[f64], r: &mut [f64]) {
+    let n = b.len();
+    let mut lu = [0.0; MAX_ROWS * MAX_ROWS];
+    let mut pivots = [0u32; MAX_ROWS];
+    lu[..n * n].copy_from_slice(a);
+    if dense::lu_factor(&mut lu[..n * n], n, &mut pivots[..n]).is_ok() {
+        r.iter_mut().zip(b).for_each(|(r, b)| *r = -b);
+        dense::lu_solve(&lu[..n * n], n, &pivots[..n], r);
+        return;
+    }
+    for i in 0..n {
+        let u: f64 = b[i] + (0..n).map(|j| a[i * n + j] * r[j]).sum::<f64>();
+        if a[i * n + i] > 0.0 {
+            r[i] -= u / a[i * n + i];
+        }
+    }
+}
+
+/// Coulomb's contact: open, sticking, or slipping against `u_T`, whichever holds.
+pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
+    if b[0] >= 0.0 {
+        return [0.0; 3];
+    }
+    let tiny = ISOTROPIC * a[4];
+    if a[1].abs() + a[2].abs() + a[3].abs() + a[6].abs() <= tiny
+        && a[5].abs() + a[7].abs() + (a[4] - a[8]).abs() <= tiny
+    {
+        let n = normal(a[0], b[0]);
+        let (x, y) = (-b[1] / a[4], -b[2] / a[4]);
+        let length = (x * x + y * y).sqrt();
+        let radius = mu * n;
+        let scale = if length > radius { radius / length } else { 1.0 };
+        return [n, scale * x, scale * y];
+    }
+    if let Some(r) = stick(a, b) {
+        if r[0] >= 0.0 && r[1] * r[1] + r[2] * r[2] <= mu * mu * r[0] * r[0] {
+            return r;
+        }
+    }
+    slip(a, b, mu, last).unwrap_or_else(|| {
+        // No direction of slip is consistent (an unsymmetric block, or rounding): a projected step.
+        let n = normal(a[0], b[0] + a[1] * last[1] + a[2] * last[2]);
+        let t = a[4].max(a[8]).max(f64::MIN_POSITIVE);
+        let u1 = b[1] + a[3] * n + a[4] * last[1] + a[5] * last[2];
+        let u2 = b[2] + a[6] * n + a[7] * last[1] + a[8] * last[2];
+        let (x, y) = (last[1] - u1 / t, last[2] - u2 / t);
+        let length = (x * x + y * y).sqrt();
+        let scale = if length > mu * n { mu * n / length } else { 1.0 };
+        [n, scale * x, scale * y]
+    })
+}
+
+/// `-A^-1 b`.
+fn stick(a: &[f64; 9], b: [f64; 3]) -> Option<[f64; 3]> {
+    let c = [
+        a[4] * a[8] - a[5] * a[7],
+        a[5] * a[6] - a[3] * a[8],
+        a[3] * a[7] - a[4] * a[6],
+    ];
+    let det = a[0] * c[0] + a[1] * c[1] + a[2] * c[2];
+    let size = a[0].abs() * a[4].abs() * a[8].abs();
+    if !(det.abs() > 1e-14 * size) {
+        return None;
+    }
+    let (x, y, z) = (-b[0], -b[1], -b[2]);
+    Some([
+        (x * c[0] + y * (a[2] * a[7] - a[1] * a[8]) + z * (a[1] * a[5] - a[2] * a[4])) / det,
+        (x * c[1] + y * (a[0] * a[8] - a[2] * a[6]) + z * (a[2] * a[3] - a[0] * a[5])) / det,
+        (x * c[2] + y * (a[1] * a[6] - a[0] * a[7]) + z * (a[0] * a[4] - a[1] * a[3])) / det,
+    ])
+}
+
+/// Slip with direction `tau` of `u_T`: `u_N = 0`, `r_T = -mu r_N tau`, `u_T` along `tau`; the angle is the root of one
+/// equation, `tau x u_T = 0`.
+fn slip(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> Option<[f64; 3]> {
+    // (tau x u_T, tau . u_T, r), or none where the normal equation has no positive root.
+    let at = |angle: f64| {
+        let (s, c) = angle.sin_cos();
+        let den = a[0] - mu * (a[1] * c + a[2] * s);
+        if den <= 0.0 {
+            return None;
+        }
+        let n = -b[0] / den;
+        let u1 = b[1] + n * (a[3] - mu * (a[4] * c + a[5] * s));
+        let u2 = b[2] + n * (a[6] - mu * (a[7] * c + a[8] * s));
+        Some((c * u2 - s * u1, c * u1 + s * u2, [n, -mu * n * c, -mu * n * s]))
+    };
+    let start = if last[1] != 0.0 || last[2] != 0.0 {
+        (-last[2]).atan2(-last[1])
+    } else {
+        b[2].atan2(b[1])
+    };
+    // Near the last direction first, then all around.
+    if let Some(r) = secant(&at, start) {
+        return Some(r);
+    }
+    let step = std::f64::consts::TAU / DIRECTIONS as f64;
+    let mut before: Option<(f64, f64)> = None;
+    let mut best: Option<(f64, [f64; 3])> = None;
+    for k in 0..=DIRECTIONS {
+        let angle = start + step * k as f64;
+        let here = at(angle);
+        if let (Some((x0, f0)), Some((f1, ..))) = (before, here) {
+            if f0 == 0.0 || (f0 < 0.0) != (f1 < 0.0) {
+                if let Some((dot, r)) = bisect(&at, x0, f0, angle, f1) {
+                    if dot >= 0.0 && best.as_ref().is_none_or(|(d, _)| dot > *d) {
+                        best = Some((dot, r));
+                    }
+                }
+            }
+        }
+        before = here.map(|(f, ..)| (angle, f));
+    }
+    best.map(|(_, r)| r)
+}
+
+type Trial = Option<(f64, f64, [f64; 3])>;
+
+fn secant(at: &impl Fn(f64) -> Trial, start: f64) -> Option<[f64; 3]> {
+    let (mut x0, mut x1) = (start, start + 1e-4);
+    let mut f0 = at(x0)?.0;
+    for _ in 0..12 {
+        let (f1, dot, r) = at(x1)?;
+        let size = f1.abs() + dot.abs();
+        if f1.abs() <= 4.0 * f64::EPSILON * size {
+            return (dot >= 0.0).then_some(r);
+        }
+        let slope = (f1 - f0) / (x1 - x0);
+        let next = x1 - f1 / slope;
+        if !next.is_finite() || (next - x1).abs() > 0.7 {
+            return None;
+        }
+        if (next - x1).abs() < 1e-15 {
+            return (dot >= 0.0).then_some(r);
+        }
+        (x0, f0, x1) = (x1, f1, next);
+    }
+    None
+}
+
+fn bisect(
+    at: &impl Fn(f64) -> Trial,
+    mut x0: f64,
+    mut f0: f64,
+    mut x1: f64,
+    mut f1: f64,
+) -> Option<(f64, [f64; 3])> {
+    // Illinois: a bracketed secant.
+    let mut found = None;
+    let mut side = 0;
+    for _ in 0..ROOT_STEPS {
+        let mut x = (x0 * f1 - x1 * f0) / (f1 - f0);
+        if !(x > x0.min(x1) && x < x0.max(x1)) {
+            x = 0.5 * (x0 + x1);
+        }
+        let (f, dot, r) = at(x)?;
+        found = Some((dot, r));
+        if f == 0.0 || (x1 - x0).abs() < 1e-15 * (1.0 + x.abs()) {
+            break;
+        }
+        if (f < 0.0) == (f1 < 0.0) {
+            (x1, f1) = (x, f);
+            if side == -1 {
+                f0 *= 0.5;
+            }
+            side = -1;
+        } else {
+            (x0, f0) = (x, f);
+            if side == 1 {
+                f1 *= 0.5;
+            }
+            side = 1;
+        }
+    }
+    found
+}
+
+/// Sliding, rolling and spinning in turn, each exactly with the others held, until nothing moves.
+fn solve_discs(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
+    let n = group.dim;
+    let head = if group.bounds.sliding > 0.0 { 3 } else { 1 };
+    let mut before = [0.0; MAX_ROWS];
+    for _ in 0..ROUNDS {
+        before[..n].copy_from_slice(r);
+        let free = |r: &[f64], row: usize, skip: std::ops::Range<usize>| {
+            b[row]
+                + (0..n)
+                    .filter(|j| !skip.contains(j))
+                    .map(|j| a[row * n + j] * r[j])
+                    .sum::<f64>()
+        };
+        if head == 3 {
+            let mut block = [0.0; 9];
+            for i in 0..3 {
+                block[3 * i..3 * i + 3].copy_from_slice(&a[i * n..i * n + 3]);
+            }
+            let rest = [free(r, 0, 0..3), free(r, 1, 0..3), free(r, 2, 0..3)];
+            let x = coulomb(&block, rest, group.bounds.sliding, [r[0], r[1], r[2]]);
+            r[..3].copy_from_slice(&x);
+        } else {
+            r[0] = normal(a[0], free(r, 0, 0..1));
+        }
+        for disc in group.bounds.discs().filter(|d| d.start >= head) {
+            let rows = disc.start..disc.start + disc.dim;
+            let radius = disc.bound * r[0];
+            let largest = rows.clone().map(|i| a[i * n + i]).fold(0.0, f64::max);
+            if largest <= 0.0 {
+                continue;
+            }
+            let mut target = [0.0; 2];
+            let mut length = 0.0;
+            for (t, i) in target.iter_mut().zip(rows.clone()) {
+                *t = r[i] - free(r, i, 0..0) / largest;
+                length += *t * *t;
+            }
+            let length = length.sqrt();
+            let scale = if length > radius { radius / length } else { 1.0 };
+            for (t, i) in target.iter().zip(rows) {
+                r[i] = scale * t;
+            }
+        }
+        let moved = before[..n].iter().zip(r.iter()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+        let size = r.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        if moved <= 1e-15 * size {
+            break;
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! One step of the sweep: the exact solution of one contact, for the contacts of a group at once.
+//!
+//! With `s = r w` (surface velocity of a ball) the relative velocity at a contact is
+//! `z = v_a - v_b + n x (s_a + s_b) + slip`, and its block of `W = G M^-1 G^T` is diagonal: `w_N = 1/m_a + 1/m_b` along `n`,
+//! `w_T = w_N + r_a^2/I_a + r_b^2/I_b` across. So the contact problem of one contact has the closed solution
+//!
+//! ```text
+//! r_N+ = max(0, r_N - z_N / w_N)
+//! x    = (r - z / w_T) without its part along n
+//! r_T+ = x min(1, mu r_N+ / |x|)
+//! ```
+//!
+//! Impulses are vectors of the world: no tangents are needed. Multiplications and additions are never fused and are in
+//! the same order on all instruction sets, so all give the same bits.
+
+use super::lanes::{Lanes, Work, GROUP};
+use super::Contact;
+use pulp::Simd;
+
+/// Velocity correction of a body: one cache line.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub struct State {
+    /// Velocity, m/s, and `1/m`, 1/kg.
+    pub linear: [f64; 4],
+    /// Surface velocity `r w`, m/s, and `r^2/I`, 1/kg.
+    pub surface: [f64; 4],
+}
+
+/// A number of each contact of a group.
+pub type Column = [f64; GROUP];
+
+/// Contacts that share no moving body, column by column. A lane without contact has zeros and both bodies 0.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub struct Group {
+    pub a: [u32; GROUP],
+    pub b: [u32; GROUP],
+    /// Impulse on `a`, N s.
+    pub impulse: [Column; 3],
+    /// Unit normal from `b` to `a`.
+    pub normal: [Column; 3],
+    /// Measures at `u = 0` as a vector, m/s.
+    pub slip: [Column; 3],
+    pub friction: Column,
+    /// `1/w_N` and `1/w_T`, kg.
+    pub mass_normal: Column,
+    pub mass_tangential: Column,
+}
+
+impl Group {
+    /// A group of lanes with sides `a` and `b`: numbers within their chunks, and states. The rest is zeros.
+    #[inline]
+    pub fn new(numbers: [[u32; 2]; GROUP], states: [[&State; 2]; GROUP]) -> Self {
+        let linear = states.map(|[a, b]| a.linear[3] + b.linear[3]);
+        let surface = states.map(|[a, b]| a.surface[3] + b.surface[3]);
+        // The world on both sides: no contact.
+        let inverse = |w: f64| if w > 0.0 { 1.0 / w } else { 0.0 };
+        Self {
+            a: numbers.map(|[a, _]| a),
+            b: numbers.map(|[_, b]| b),
+            mass_normal: linear.map(inverse),
+            mass_tangential: std::array::from_fn(|lane| inverse(linear[lane] + surface[lane])),
+            ..Self::default()
+        }
+    }
+
+    /// Numbers of a lane, of the contact with its sides exchanged where asked for.
+    pub fn set_contact(&mut self, lane: usize, contact: &Contact, swapped: bool) {
+        let sign = if swapped { -1.0 } else { 1.0 };
+        for k in 0..3 {
+            self.normal[k][lane] = sign * contact.normal[k];
+            self.slip[k][lane] = sign * contact.slip[k];
+        }
+        self.friction[lane] = contact.friction;
+    }
+}
+
+/// Where the bodies of a block lie: both sides in one chunk, or one side in each of two.
+pub trait Bodies {
+    fn pair(&self, a: u32, b: u32) -> (&State, &State);
+    fn a(&mut self) -> &mut [State];
+    fn b(&mut self) -> &mut [State];
+}
+
+pub struct One<'a>(pub &'a mut [State]);
+pub struct Two<'a>(pub &'a mut [State], pub &'a mut [State]);
+
+impl Bodies for One<'_> {
+    #[inline(always)]
+    fn pair(&self, a: u32, b: u32) -> (&State, &State) {
+        (&self.0[a as usize], &self.0[b as usize])
+    }
+    #[inline(always)]
+    fn a(&mut self) -> &mut [State] {
+        self.0
+    }
+    #[inline(always)]
+    fn b(&mut self) -> &mut [State] {
+        self.0
+    }
+}
+
+impl Bodies for Two<'_> {
+    #[inline(always)]
+    fn pair(&self, a: u32, b: u32) -> (&State, &State) {
+        (&self.0[a as usize], &self.1[b as usize])
+    }
+    #[inline(always)]
+    fn a(&mut self) -> &mut [State] {
+        self.0
+    }
+    #[inline(always)]
+    fn b(&mut self) -> &mut [State] {
+        self.1
+    }
+}
+
+type V3<S> = [<S as Simd>::f64s; 3];
+
+#[inline(always)]
+fn map2<S: Lanes>(x: V3<S>, y: V3<S>, f: impl Fn(S::f64s, S::f64s) -> S::f64s) -> V3<S> {
+    [f(x[0], y[0]), f(x[1], y[1]), f(x[2], y[2])]
+}
+
+#[inline(always)]
+fn add<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
+    map2::<S>(
+        x,
+        y,
+        #[inline(always)]
+        |a, b| s.add_f64s(a, b),
+    )
+}
+
+#[inline(always)]
+fn sub<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
+    map2::<S>(
+        x,
+        y,
+        #[inline(always)]
+        |a, b| s.sub_f64s(a, b),
+    )
+}
+
+#[inline(always)]
+fn scale<S: Lanes>(s: S, f: S::f64s, x: V3<S>) -> V3<S> {
+    [
+        s.mul_f64s(f, x[0]),
+        s.mul_f64s(f, x[1]),
+        s.mul_f64s(f, x[2]),
+    ]
+}
+
+#[inline(always)]
+fn dot<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> S::f64s {
+    let xy = s.add_f64s(s.mul_f64s(x[0], y[0]), s.mul_f64s(x[1], y[1]));
+    s.add_f64s(xy, s.mul_f64s(x[2], y[2]))
+}
+
+#[inline(always)]
+fn cross<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
+    let left = [
+        s.mul_f64s(x[1], y[2]),
+        s.mul_f64s(x[2], y[0]),
+        s.mul_f64s(x[0], y[1]),
+    ];
+    let right = [
+        s.mul_f64s(x[2], y[1]),
+        s.mul_f64s(x[0], y[2]),
+        s.mul_f64s(x[1], y[0]),
+    ];
+    sub(s, left, right)
+}
+
+/// Lanes `at..` of a column.
+#[inline(always)]
+fn part<S: Lanes>(column: &Column, at: usize) -> S::f64s {
+    S::as_simd_f64s(column).0[at / S::F64_LANES]
+}
+
+#[inline(always)]
+fn parts<S: Lanes>(columns: &[Column; 3], at: usize) -> V3<S> {
+    [
+        part::<S>(&columns[0], at),
+        part::<S>(&columns[1], at),
+        part::<S>(&columns[2], at),
+    ]
+}
+
+/// Relative velocity without spin, and the sum of surface velocities, of the lanes from `at`. Rows are summed before they are
+/// turned to columns: half as many turns, and the same bits.
+#[inline(always)]
+fn gather<S: Lanes>(s: S, bodies: &impl Bodies, group: &Group, at: usize) -> [V3<S>; 2] {
+    let (ia, ib) = (
+        &group.a[at..at + S::F64_LANES],
+        &group.b[at..at + S::F64_LANES],
+    );
+    let linear = s.columns(
+        #[inline(always)]
+        |l| {
+            let (a, b) = bodies.pair(ia[l], ib[l]);
+            s.row_sub(s.row(&a.linear), s.row(&b.linear))
+        },
+    );
+    let surface = s.columns(
+        #[inline(always)]
+        |l| {
+            let (a, b) = bodies.pair(ia[l], ib[l]);
+            s.row_add(s.row(&a.surface), s.row(&b.surface))
+        },
+    );
+    [linear, surface]
+}
+
+/// New impulses of the lanes from `at`; returns their change `d` and `n x d`.
+#[inline(always)]
+fn solve<S: Lanes>(
+    s: S,
+    [linear, surface]: [V3<S>; 2],
+    group: &mut Group,
+    at: usize,
+) -> [V3<S>; 2] {
+    let n = parts::<S>(&group.normal, at);
+    let old = parts::<S>(&group.impulse, at);
+    let z = add(s, linear, parts::<S>(&group.slip, at));
+    let z = add(s, z, cross(s, n, surface));
+    let zero = s.splat_f64s(0.0);
+
+    let old_n = dot(s, old, n);
+    let z_n = dot(s, z, n);
+    let normal = s.sub_f64s(old_n, s.mul_f64s(z_n, part::<S>(&group.mass_normal, at)));
+    let normal = s.select_f64s(s.greater_than_f64s(normal, zero), normal, zero);
+
+    let p = part::<S>(&group.mass_tangential, at);
+    let x = sub(s, old, scale(s, p, z));
+    let x_n = s.sub_f64s(old_n, s.mul_f64s(p, z_n));
+    let x = sub(s, x, scale(s, x_n, n));
+    let squared = dot(s, x, x);
+    let radius = s.mul_f64s(part::<S>(&group.friction, at), normal);
+    let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
+    let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
+    let ratio = s.select_f64s(outside, ratio, s.splat_f64s(1.0));
+
+    let new = add(s, scale(s, normal, n), scale(s, ratio, x));
+    let change = sub(s, new, old);
+    for k in 0..3 {
+        S::as_mut_simd_f64s(&mut group.impulse[k]).0[at / S::F64_LANES] = new[k];
+    }
+    [change, cross(s, n, change)]
+}
+
+/// Adds the changes of the lanes from `at` to their bodies.
+#[inline(always)]
+fn scatter<S: Lanes>(
+    s: S,
+    [change, turn]: [V3<S>; 2],
+    bodies: &mut impl Bodies,
+    group: &Group,
+    at: usize,
+) {
+    let (ia, ib) = (
+        &group.a[at..at + S::F64_LANES],
+        &group.b[at..at + S::F64_LANES],
+    );
+    s.rows(
+        change,
+        turn,
+        #[inline(always)]
+        |l, change, turn| {
+            let a = &mut bodies.a()[ia[l] as usize];
+            a.linear = s.numbers(s.row_add(s.row(&a.linear), s.row_scale(a.linear[3], change)));
+            a.surface = s.numbers(s.row_sub(s.row(&a.surface), s.row_scale(a.surface[3], turn)));
+            let b = &mut bodies.b()[ib[l] as usize];
+            b.linear = s.numbers(s.row_sub(s.row(&b.linear), s.row_scale(b.linear[3], change)));
+            b.surface = s.numbers(s.row_sub(s.row(&b.surface), s.row_scale(b.surface[3], turn)));
+        },
+    );
+}
+
+/// One pass over groups, in order.
+pub struct Pass<'a, B> {
+    pub bodies: B,
+    pub groups: &'a mut [Group],
+}
+
+impl<B: Bodies> Work for Pass<'_, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(mut self, simd: S) {
+        for group in self.groups.iter_mut() {
+            // Two sets of lanes at a time: each is one long chain of dependent operations.
+            for at in (0..GROUP).step_by(2 * S::F64_LANES) {
+                let next = at + S::F64_LANES;
+                let (one, two) = (
+                    gather(simd, &self.bodies, group, at),
+                    gather(simd, &self.bodies, group, next),
+                );
+                let one = solve(simd, one, group, at);
+                let two = solve(simd, two, group, next);
+                scatter(simd, one, &mut self.bodies, group, at);
+                scatter(simd, two, &mut self.bodies, group, next);
+            }
+        }
+    }
+}

@@ -1,0 +1,292 @@
+//! Projected Gauss-Seidel for contacts of spheres, without matrices: piles of millions of balls.
+//!
+//! The problem is that of [`crate::rows`] with linear measures and sliding friction: `M u = G^T r`, `z = z0 + G u`, and for each
+//! contact `r_N >= 0`, `z_N >= 0`, `r_N z_N = 0`, `|r_T| <= mu r_N`, `r_T = -mu r_N z_T/|z_T|` where it slips. A sweep solves one
+//! contact after the other, each exactly (`kernel`). Impulses and slips are vectors of the world; over tangents
+//! `t1, t2` the rows are `lambda = (r.n, r.t1, r.t2)` and `z0 = (s.n, s.t1, s.t2)`.
+//!
+//! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
+
+mod convert;
+mod groups;
+mod kernel;
+mod lanes;
+mod layout;
+mod problem;
+mod residual;
+mod team;
+
+pub use convert::{as_spheres, Spheres};
+pub use lanes::Instructions;
+pub use problem::{Body, Contact, Place, SpheresError};
+
+use groups::{Block, EMPTY, SWAPPED};
+use kernel::{One, Pass, State, Two};
+use layout::Layout;
+use std::sync::Mutex;
+use team::lock;
+
+/// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
+#[derive(Debug)]
+pub struct Sweeps {
+    layout: Layout,
+    states: Vec<State>,
+    blocks: Vec<Block>,
+    radius: Vec<f64>,
+    pairs: usize,
+    /// Threads of all that follows; changes no bit of any result.
+    pub threads: usize,
+    pub instructions: Instructions,
+}
+
+impl Sweeps {
+    /// Sorts bodies and contacts into the order of the sweep. With `places` neighbours in space become neighbours in memory; without
+    /// them the caller's order of the bodies is kept.
+    pub fn new(
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+        threads: usize,
+    ) -> Result<Self, SpheresError> {
+        let mut sweeps = Self {
+            layout: Layout::default(),
+            states: Vec::new(),
+            blocks: Vec::new(),
+            radius: Vec::new(),
+            pairs: 0,
+            threads,
+            instructions: Instructions::default(),
+        };
+        sweeps.renew(bodies, contacts, places)?;
+        Ok(sweeps)
+    }
+
+    /// [`Sweeps::new`] in the memory of this one, as for the next step of a simulation: new memory is a good part of the cost of
+    /// `new`. After an error the problem is empty.
+    pub fn renew(
+        &mut self,
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+    ) -> Result<(), SpheresError> {
+        let old = std::mem::take(&mut self.blocks);
+        self.layout = Layout::default();
+        self.radius.clear();
+        self.pairs = 0;
+        problem::check(bodies, contacts.len(), places)?;
+        let mut layout = Layout::new(bodies, places, &mut self.states);
+        self.blocks = layout.blocks(contacts, &self.states, self.threads, old)?;
+        self.layout = layout;
+        self.radius.extend(bodies.iter().map(|b| b.radius));
+        self.pairs = contacts.len();
+        Ok(())
+    }
+
+    /// New normals, slips and friction of the same pairs of bodies; impulses stay, velocity corrections follow.
+    pub fn set_contacts(&mut self, contacts: &[Contact]) -> Result<(), SpheresError> {
+        if contacts.len() != self.pairs {
+            return Err(SpheresError::Changed {
+                contact: self.pairs.min(contacts.len()),
+            });
+        }
+        contacts
+            .iter()
+            .enumerate()
+            .try_for_each(|(index, c)| c.check(index))?;
+        let changed = team::map(
+            self.threads,
+            self.blocks.iter_mut().collect(),
+            |block: &mut Block| {
+                for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                    for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                        group.set_contact(
+                            lane,
+                            &contacts[(id & !SWAPPED) as usize],
+                            id & SWAPPED != 0,
+                        );
+                    }
+                }
+            },
+        );
+        debug_assert_eq!(changed.len(), self.blocks.len());
+        self.refresh();
+        Ok(())
+    }
+
+    /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
+    pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
+        assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
+        team::map(
+            self.threads,
+            self.blocks.iter_mut().collect(),
+            |block: &mut Block| {
+                for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                    for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                        let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
+                        for k in 0..3 {
+                            group.impulse[k][lane] = sign * impulses[(id & !SWAPPED) as usize][k];
+                        }
+                    }
+                }
+            },
+        );
+        self.refresh();
+    }
+
+    /// Computes `u = M^-1 G^T r` anew: clears what rounding has left after very many sweeps.
+    pub fn refresh(&mut self) {
+        for state in &mut self.states {
+            state.linear[..3].fill(0.0);
+            state.surface[..3].fill(0.0);
+        }
+        self.stages(1, |block, left, right| residual::push(block, left, right));
+    }
+
+    /// Runs `count` sweeps.
+    pub fn sweep(&mut self, count: usize) {
+        let instructions = self.instructions;
+        self.stages(count, |block, left, right| {
+            let groups = &mut block.groups;
+            match right {
+                None => instructions.run(Pass {
+                    bodies: One(left),
+                    groups,
+                }),
+                Some(right) => instructions.run(Pass {
+                    bodies: Two(left, right),
+                    groups,
+                }),
+            }
+        });
+    }
+
+    /// Largest `|r - P(r - z/w)|` of all contacts, N s, where P is the projection on the half-line of the normal impulse and then on
+    /// the disc that belongs to it, and `w` are the diagonals `w_N`, `w_T`: 0 at solutions, nowhere else.
+    pub fn residual(&self) -> f64 {
+        let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
+        team::map(
+            self.threads,
+            self.blocks.iter().collect(),
+            |block: &Block| {
+                residual::largest(
+                    block,
+                    chunks[block.left as usize],
+                    chunks[block.right as usize],
+                )
+            },
+        )
+        .into_iter()
+        .fold(0.0, |m: f64, r| if r > m || r.is_nan() { r } else { m })
+    }
+
+    /// Sweeps until the residual is at most `tolerance` (N s) or `most` sweeps are done; the residual is looked at after every
+    /// `interval` sweeps. Returns the sweeps done and the residual.
+    pub fn solve(&mut self, tolerance: f64, interval: usize, most: usize) -> (usize, f64) {
+        let (mut done, mut residual) = (0, self.residual());
+        while residual > tolerance && done < most {
+            let count = interval.clamp(1, most - done);
+            self.sweep(count);
+            done += count;
+            residual = self.residual();
+        }
+        (done, residual)
+    }
+
+    /// Impulse on body `a` of each contact, N s.
+    pub fn impulses(&self) -> Vec<[f64; 3]> {
+        let mut impulses = vec![[0.0; 3]; self.pairs];
+        for block in &self.blocks {
+            for (group, ids) in block.groups.iter().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
+                    impulses[(id & !SWAPPED) as usize] =
+                        [0, 1, 2].map(|k| sign * group.impulse[k][lane]);
+                }
+            }
+        }
+        impulses
+    }
+
+    /// Corrections of velocity, m/s, and angular velocity, 1/s, of each body.
+    pub fn velocities(&self) -> Vec<[f64; 6]> {
+        let one = |(&at, &radius): (&u32, &f64)| {
+            let State {
+                linear: v,
+                surface: s,
+            } = self.states[at as usize];
+            // A body without lever arm is never turned.
+            let turn = if radius > 0.0 { 1.0 / radius } else { 0.0 };
+            [v[0], v[1], v[2], turn * s[0], turn * s[1], turn * s[2]]
+        };
+        self.layout
+            .state
+            .iter()
+            .zip(&self.radius)
+            .map(one)
+            .collect()
+    }
+
+    /// Bytes a sweep moves at least: groups and bodies in, impulses and bodies out.
+    pub fn traffic(&self) -> usize {
+        let groups: usize = self.blocks.iter().map(|b| b.groups.len()).sum();
+        let impulses = std::mem::size_of::<[kernel::Column; 3]>();
+        let states = 2 * std::mem::size_of_val(&self.states[..]);
+        groups * (std::mem::size_of::<kernel::Group>() + impulses) + states
+    }
+
+    /// How the problem is cut.
+    pub fn shape(&self) -> Shape {
+        let filled = |blocks: &[Block]| {
+            let ids = blocks.iter().flat_map(|b| b.ids.iter().flatten());
+            ids.filter(|&&id| id != EMPTY).count()
+        };
+        Shape {
+            chunks: self.layout.chunks,
+            blocks: self.blocks.len(),
+            stages: self.layout.stages.len() - 1,
+            groups: self.blocks.iter().map(|b| b.groups.len()).sum(),
+            between: filled(&self.blocks[self.layout.chunks..]),
+        }
+    }
+
+    /// `work(block, left chunk, right chunk)` of every block, `count` times, stage by stage.
+    fn stages(
+        &mut self,
+        count: usize,
+        work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync,
+    ) {
+        let chunks: Vec<_> = self
+            .states
+            .chunks_mut(self.layout.stride)
+            .map(Mutex::new)
+            .collect();
+        let blocks: Vec<_> = self.blocks.iter_mut().map(Mutex::new).collect();
+        team::run(self.threads, count, &self.layout.stages, |index| {
+            let block = &mut **lock(&blocks[index]);
+            let left = &mut **lock(&chunks[block.left as usize]);
+            if block.left == block.right {
+                work(block, left, None);
+            } else {
+                work(
+                    block,
+                    left,
+                    Some(&mut **lock(&chunks[block.right as usize])),
+                );
+            }
+        });
+    }
+}
+
+/// How a problem is cut for the sweeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Sets of bodies.
+    pub chunks: usize,
+    /// Sets of contacts, and the stages in which they are swept.
+    pub blocks: usize,
+    pub stages: usize,
+    /// Groups of contacts.
+    pub groups: usize,
+    /// Contacts between chunks.
+    pub between: usize,
+}

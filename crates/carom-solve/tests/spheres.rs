@@ -1,0 +1,664 @@
+//! Matrix-free sweeps against Newton's method, closed forms and conservation laws.
+
+mod common;
+
+use carom_solve::rows::{Linear, RowSystem, WORLD};
+use carom_solve::spheres::{as_spheres, Body, Contact, Instructions, Place, SpheresError, Sweeps};
+use carom_solve::Bounds;
+use common::{cross, dot, scaled, sharp, Rng};
+
+struct Problem {
+    bodies: Vec<Body>,
+    contacts: Vec<Contact>,
+    places: Vec<Place>,
+}
+
+/// Balls at random places, each joined to near ones, some to the world and to a fixed ball.
+fn heap(seed: u64, balls: usize, friction: f64) -> Problem {
+    let mut rng = Rng(seed);
+    let side = (balls as f64).cbrt();
+    let mut bodies: Vec<Body> = (0..balls)
+        .map(|_| {
+            let (mass, radius) = (rng.uniform(0.5, 2.0), rng.uniform(0.4, 0.8));
+            Body {
+                inv_mass: 1.0 / mass,
+                inv_inertia: 1.0 / (rng.uniform(0.3, 0.6) * mass * radius * radius),
+                radius,
+            }
+        })
+        .collect();
+    let mut places: Vec<Place> = (0..balls)
+        .map(|_| [(); 3].map(|()| rng.uniform(0.0, side)))
+        .collect();
+    bodies.push(Body {
+        inv_mass: 0.0,
+        inv_inertia: 0.0,
+        radius: 3.0,
+    });
+    places.push([0.5 * side, 0.5 * side, -3.0]);
+    let mut contacts = Vec::new();
+    for a in 0..=balls {
+        for b in 0..a {
+            let d = [0, 1, 2].map(|k| places[a][k] - places[b][k]);
+            let l = dot(d, d).sqrt();
+            if l < 0.75 * (bodies[a].radius + bodies[b].radius) {
+                contacts.push(touch(
+                    &mut rng,
+                    a as u32,
+                    b as u32,
+                    scaled(1.0 / l, d),
+                    friction,
+                ));
+            }
+        }
+        if a < balls && places[a][0] < 0.3 {
+            contacts.push(touch(&mut rng, a as u32, WORLD, [1.0, 0.0, 0.0], friction));
+        }
+        if a < balls && places[a][1] < 0.3 {
+            contacts.push(touch(&mut rng, WORLD, a as u32, [0.0, -1.0, 0.0], friction));
+        }
+    }
+    Problem {
+        bodies,
+        contacts,
+        places,
+    }
+}
+
+fn touch(rng: &mut Rng, a: u32, b: u32, normal: [f64; 3], friction: f64) -> Contact {
+    let slip = rng.vector(0.6);
+    let slip = [0, 1, 2].map(|k| slip[k] - 0.3 * normal[k]);
+    Contact {
+        a,
+        b,
+        normal,
+        slip,
+        friction,
+    }
+}
+
+fn sweeps(p: &Problem, threads: usize) -> Sweeps {
+    Sweeps::new(&p.bodies, &p.contacts, Some(&p.places), threads).expect("a good problem")
+}
+
+fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
+    let pick = if n[0].abs() < 0.6 {
+        [1.0, 0.0, 0.0]
+    } else {
+        [0.0, 1.0, 0.0]
+    };
+    let t = cross(n, pick);
+    let t = scaled(1.0 / dot(t, t).sqrt(), t);
+    [t, cross(n, t)]
+}
+
+/// The same problem as rows. Fixed bodies are the world; a contact whose first side is fixed is turned round.
+fn rows(p: &Problem) -> RowSystem {
+    let mut system = RowSystem::default();
+    for b in p.bodies.iter().filter(|b| b.inv_mass > 0.0) {
+        system.push_node(1.0 / b.inv_mass, 1.0 / b.inv_inertia, b.radius);
+    }
+    let moving = |body: u32| body != WORLD && p.bodies[body as usize].inv_mass > 0.0;
+    for c in &p.contacts {
+        let (a, b, sign) = if moving(c.a) {
+            (c.a, c.b, 1.0)
+        } else {
+            (c.b, c.a, -1.0)
+        };
+        let (n, slip) = (scaled(sign, c.normal), scaled(sign, c.slip));
+        let radius = |body: u32| {
+            if moving(body) {
+                p.bodies[body as usize].radius
+            } else {
+                0.0
+            }
+        };
+        let side = |v: [f64; 3], w: [f64; 3]| [v[0], v[1], v[2], w[0], w[1], w[2]];
+        let row = |t: [f64; 3]| {
+            let arm = cross(t, n);
+            [
+                side(t, scaled(radius(a), arm)),
+                side(scaled(-1.0, t), scaled(radius(b), arm)),
+            ]
+        };
+        let bounds = Bounds {
+            sliding: c.friction,
+            ..Bounds::default()
+        };
+        let mut axes = vec![n];
+        if c.friction > 0.0 {
+            axes.extend(tangents(n));
+        }
+        let jac: Vec<_> = axes.iter().map(|&t| row(t)).collect();
+        let z0: Vec<f64> = axes.iter().map(|&t| dot(t, slip)).collect();
+        let node_b = if moving(b) { b } else { WORLD };
+        system.push_contact(a, node_b, bounds, 1.0, n, &jac, &z0);
+    }
+    system
+}
+
+/// Impulses of the sweeps as rows of `rows`.
+fn as_rows(p: &Problem, impulses: &[[f64; 3]]) -> Vec<f64> {
+    let moving = |body: u32| body != WORLD && p.bodies[body as usize].inv_mass > 0.0;
+    let mut lambda = Vec::new();
+    for (c, &r) in p.contacts.iter().zip(impulses) {
+        let sign = if moving(c.a) { 1.0 } else { -1.0 };
+        let (n, r) = (scaled(sign, c.normal), scaled(sign, r));
+        lambda.push(dot(n, r));
+        if c.friction > 0.0 {
+            lambda.extend(tangents(n).map(|t| dot(t, r)));
+        }
+    }
+    lambda
+}
+
+fn bits(sweeps: &Sweeps) -> Vec<u64> {
+    let impulses = sweeps.impulses().into_iter().flatten();
+    let velocities = sweeps.velocities().into_iter().flatten();
+    impulses.chain(velocities).map(f64::to_bits).collect()
+}
+
+#[test]
+fn sweeps_reach_a_solution_of_the_rows() {
+    for (seed, balls, friction) in [
+        (1, 4, 0.3),
+        (2, 12, 0.6),
+        (3, 40, 0.2),
+        (4, 60, 0.0),
+        (5, 30, 1.5),
+    ] {
+        let p = heap(seed, balls, friction);
+        let mut s = sweeps(&p, 1);
+        let (done, residual) = s.solve(1e-14, 50, 40_000);
+        assert!(
+            residual <= 1e-14,
+            "seed {seed}: residual {residual:e} after {done} sweeps"
+        );
+        let system = rows(&p);
+        let lambda = as_rows(&p, &s.impulses());
+        let u: Vec<f64> = s.velocities()[..system.nodes()].concat();
+        let mut z = vec![0.0; system.rows()];
+        system.linear_measures(&u, &mut z);
+        let violation = common::violation(&system, &z, &lambda, &u) / common::largest(&lambda);
+        assert!(violation < 1e-12, "seed {seed}: violation {violation:e}");
+        assert!(
+            lambda.iter().any(|&l| l > 1e-3),
+            "seed {seed}: nothing is pressed"
+        );
+    }
+}
+
+/// Rows to spheres and back, and rows that are none of spheres.
+#[test]
+fn rows_of_spheres_are_recognised() {
+    let p = heap(7, 25, 0.4);
+    let system = rows(&p);
+    let spheres = as_spheres(&system).expect("rows of spheres");
+    let mut s = Sweeps::new(&spheres.bodies, &spheres.contacts, None, 1).expect("a good problem");
+    s.solve(1e-14, 50, 40_000);
+    let mut lambda = vec![0.0; system.rows()];
+    spheres.multipliers(&system, &s.impulses(), &mut lambda);
+    let (u, mut z) = (s.velocities().concat(), vec![0.0; system.rows()]);
+    system.linear_measures(&u, &mut z);
+    let violation = common::violation(&system, &z, &lambda, &u) / common::largest(&lambda);
+    assert!(violation < 1e-12, "violation {violation:e}");
+    // World impulses of these multipliers are the impulses.
+    for (r, o) in spheres
+        .impulses(&system, &lambda)
+        .concat()
+        .iter()
+        .zip(s.impulses().concat())
+    {
+        assert!((r - o).abs() < 1e-13);
+    }
+    let with = |change: &dyn Fn(&mut RowSystem)| {
+        let mut system = rows(&p);
+        change(&mut system);
+        as_spheres(&system).is_some()
+    };
+    assert!(with(&|_| ()));
+    assert!(!with(&|s| s.contacts[2].bounds.rolling = 0.1), "rolling");
+    assert!(!with(&|s| s.contacts[2].bilateral = true), "joint");
+    assert!(!with(&|s| s.jac[1][0][3] += 1e-3), "another lever arm");
+    assert!(!with(&|s| s.jac[0][0][0] += 1e-3), "no unit normal");
+    assert!(!with(&|s| s.open_load()), "loads that follow the motion");
+}
+
+/// Without friction velocities are unique: those of Newton's method.
+#[test]
+fn velocities_are_those_of_newton() {
+    for (seed, balls) in [(11, 6), (12, 20), (13, 50)] {
+        let p = heap(seed, balls, 0.0);
+        let mut s = sweeps(&p, 1);
+        s.solve(1e-15, 50, 40_000);
+        let mut system = rows(&p);
+        let newton = common::solve(&mut system, &mut Linear, &sharp());
+        assert!(newton.report.converged);
+        for (x, y) in s.velocities().concat().iter().zip(&newton.u) {
+            assert!((x - y).abs() < 1e-9, "seed {seed}: {x} and {y}");
+        }
+    }
+}
+
+/// One contact: closed form after one sweep.
+#[test]
+fn one_contact_is_solved_at_once() {
+    let body = |mass: f64, radius: f64| Body {
+        inv_mass: 1.0 / mass,
+        inv_inertia: 2.5 / (mass * radius * radius),
+        radius,
+    };
+    let bodies = [body(2.0, 0.5), body(3.0, 0.25)];
+    // w_N = 1/2 + 1/3, w_T = 3.5 w_N for solid spheres.
+    let (w_n, w_t) = (5.0 / 6.0, 3.5 * 5.0 / 6.0);
+    for (approach, across, friction) in [
+        (-1.0, 0.4, 0.5),
+        (-1.0, 3.0, 0.2),
+        (0.5, 1.0, 0.5),
+        (-1.0, 1.0, 0.0),
+    ] {
+        let contact = Contact {
+            a: 0,
+            b: 1,
+            normal: [0.0, 0.0, 1.0],
+            slip: [0.6 * across, -0.8 * across, approach],
+            friction,
+        };
+        let mut s = Sweeps::new(&bodies, &[contact], None, 1).expect("a good problem");
+        s.sweep(1);
+        let normal: f64 = (-approach / w_n).max(0.0);
+        let sliding = (across / w_t).min(friction * normal);
+        let expected = [-0.6 * sliding, 0.8 * sliding, normal];
+        let r = s.impulses()[0];
+        for k in 0..3 {
+            assert!(
+                (r[k] - expected[k]).abs() < 1e-15,
+                "{r:?} is not {expected:?}"
+            );
+        }
+        assert!(s.residual() < 1e-15);
+        // Lever arm of body 0: -r n. Torque of the impulse, over I.
+        let spin = cross(
+            scaled(-0.5, contact.normal),
+            scaled(bodies[0].inv_inertia, r),
+        );
+        for k in 0..3 {
+            assert!((s.velocities()[0][k] - 0.5 * r[k]).abs() < 1e-15);
+            assert!((s.velocities()[0][3 + k] - spin[k]).abs() < 1e-14);
+        }
+    }
+}
+
+/// A long bar of balls, with this share of the possible contacts: many chunks, blocks between them, several stages.
+fn pile(seed: u64, side: usize, share: f64) -> Problem {
+    let mut rng = Rng(seed);
+    let (long, count) = (8 * side, 8 * side * side * side);
+    let mut name: Vec<u32> = (0..count as u32).collect();
+    for i in (1..count).rev() {
+        name.swap(i, rng.below(i + 1));
+    }
+    let number = |x: usize, y: usize, z: usize| name[(x * side + y) * side + z] as usize;
+    let mut places = vec![[0.0; 3]; count];
+    for x in 0..long {
+        for y in 0..side {
+            for z in 0..side {
+                let j = rng.vector(0.1);
+                places[number(x, y, z)] = [x as f64 + j[0], y as f64 + j[1], z as f64 + j[2]];
+            }
+        }
+    }
+    let bodies = (0..count)
+        .map(|_| {
+            let (mass, radius) = (rng.uniform(0.5, 2.0), rng.uniform(0.4, 0.6));
+            Body {
+                inv_mass: 1.0 / mass,
+                inv_inertia: 2.5 / (mass * radius * radius),
+                radius,
+            }
+        })
+        .collect();
+    let mut contacts = Vec::new();
+    for x in 0..long {
+        for y in 0..side {
+            for z in 0..side {
+                let a = number(x, y, z);
+                if z == 0 {
+                    contacts.push(touch(&mut rng, a as u32, WORLD, [0.0, 0.0, 1.0], 0.4));
+                }
+                for [i, j, k] in [[1, 0, 0], [0, 1, 0], [0, 0, 1]] {
+                    if x + i < long && y + j < side && z + k < side && rng.uniform(0.0, 1.0) < share
+                    {
+                        let b = number(x + i, y + j, z + k);
+                        let d = [0, 1, 2].map(|k| places[a][k] - places[b][k]);
+                        let n = scaled(1.0 / dot(d, d).sqrt(), d);
+                        contacts.push(touch(&mut rng, a as u32, b as u32, n, 0.4));
+                    }
+                }
+            }
+        }
+    }
+    Problem {
+        bodies,
+        contacts,
+        places,
+    }
+}
+
+#[test]
+fn the_bits_do_not_depend_on_threads_or_instructions() {
+    let p = pile(21, 10, 1.0);
+    let mut first = sweeps(&p, 1);
+    let shape = first.shape();
+    assert!(
+        shape.chunks > 4 && shape.stages > 2 && shape.between > 100,
+        "{shape:?}"
+    );
+    first.sweep(7);
+    let expected = bits(&first);
+    let residual = first.residual();
+    assert!(residual > 1e-6 && residual.is_finite());
+    for threads in 2..=8 {
+        let mut s = sweeps(&p, threads);
+        s.sweep(3);
+        s.sweep(4);
+        assert!(bits(&s) == expected, "{threads} threads");
+        assert_eq!(s.residual().to_bits(), residual.to_bits());
+    }
+    for threads in [1, 3] {
+        let mut s = sweeps(&p, threads);
+        s.instructions = Instructions::Scalar;
+        s.sweep(7);
+        assert!(bits(&s) == expected, "scalar, {threads} threads");
+    }
+}
+
+/// Blocks between chunks: the whole still converges to a solution, and names of bodies and contacts do not matter for it.
+#[test]
+fn a_pile_in_many_chunks_is_solved_whatever_the_names() {
+    let p = pile(22, 8, 0.4);
+    let mut s = sweeps(&p, 2);
+    assert!(s.shape().between > 0);
+    let (_, residual) = s.solve(1e-13, 100, 2000);
+    assert!(residual <= 1e-13, "{residual:e}");
+    let mut q = Problem {
+        bodies: p.bodies.iter().rev().copied().collect(),
+        places: p.places.iter().rev().copied().collect(),
+        contacts: p.contacts.iter().rev().copied().collect(),
+    };
+    let last = p.bodies.len() as u32 - 1;
+    for c in &mut q.contacts {
+        for body in [&mut c.a, &mut c.b] {
+            if *body != WORLD {
+                *body = last - *body;
+            }
+        }
+    }
+    // The solution under the other names has no residual there.
+    let mut renamed = sweeps(&q, 2);
+    let mut impulses = s.impulses();
+    impulses.reverse();
+    renamed.warm_start(&impulses);
+    let residual = renamed.residual();
+    assert!(residual < 1e-12, "{residual:e}");
+    // Without places the order of the sweep is another one, the residual of the solution is the same.
+    let mut plain = Sweeps::new(&p.bodies, &p.contacts, None, 2).expect("a good problem");
+    plain.warm_start(&s.impulses());
+    assert!(plain.residual() < 1e-12);
+}
+
+#[test]
+fn exchanged_sides_are_the_same_contact() {
+    let p = heap(31, 30, 0.5);
+    let mut q = heap(31, 30, 0.5);
+    for c in &mut q.contacts {
+        (c.a, c.b) = (c.b, c.a);
+        c.normal = scaled(-1.0, c.normal);
+        c.slip = scaled(-1.0, c.slip);
+    }
+    let (mut s, mut t) = (sweeps(&p, 1), sweeps(&q, 1));
+    s.sweep(20);
+    t.sweep(20);
+    for (x, y) in s.velocities().concat().iter().zip(t.velocities().concat()) {
+        assert!((x - y).abs() < 1e-12);
+    }
+    for (r, o) in s.impulses().concat().iter().zip(t.impulses().concat()) {
+        assert!((r + o).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn momentum_is_conserved_and_fixed_bodies_stay() {
+    let mut p = heap(41, 60, 0.4);
+    let fixed = p.bodies.len() - 1;
+    p.contacts
+        .retain(|c| c.a != WORLD && c.b != WORLD && c.a as usize != fixed && c.b as usize != fixed);
+    // Lever arms that meet: r_a + r_b is the distance, so that angular momentum is conserved too.
+    for c in &mut p.contacts {
+        let d = [0, 1, 2].map(|k| p.places[c.a as usize][k] - p.places[c.b as usize][k]);
+        c.normal = scaled(1.0 / dot(d, d).sqrt(), d);
+    }
+    let mut s = sweeps(&p, 1);
+    s.sweep(30);
+    let (mut momentum, mut size) = ([0.0; 3], 0.0f64);
+    for (b, u) in p
+        .bodies
+        .iter()
+        .zip(s.velocities())
+        .filter(|(b, _)| b.inv_mass > 0.0)
+    {
+        for k in 0..3 {
+            momentum[k] += u[k] / b.inv_mass;
+            size += u[k].abs() / b.inv_mass;
+        }
+    }
+    assert!(
+        size > 1.0 && dot(momentum, momentum).sqrt() < 1e-13 * size,
+        "{momentum:?} of {size}"
+    );
+    let with = heap(41, 60, 0.4);
+    let mut s = sweeps(&with, 1);
+    s.sweep(30);
+    assert_eq!(s.velocities()[fixed], [0.0; 6]);
+}
+
+/// Two balls that just touch: also the angular momentum about the origin is that of before.
+#[test]
+fn angular_momentum_is_conserved() {
+    let mut rng = Rng(5);
+    let places = [[0.3, -0.2, 0.1], [0.3, 0.7, 0.1]];
+    let bodies = [0.4, 0.5].map(|radius| Body {
+        inv_mass: 1.0,
+        inv_inertia: 2.5 / (radius * radius),
+        radius,
+    });
+    let contact = touch(&mut rng, 0, 1, [0.0, -1.0, 0.0], 0.3);
+    let mut s = Sweeps::new(&bodies, &[contact], Some(&places), 1).expect("a good problem");
+    s.sweep(1);
+    let mut moment = [0.0; 3];
+    for ((b, x), u) in bodies.iter().zip(places).zip(s.velocities()) {
+        let orbit = cross(x, [u[0], u[1], u[2]]);
+        for k in 0..3 {
+            moment[k] += orbit[k] / b.inv_mass + u[3 + k] / b.inv_inertia;
+        }
+    }
+    assert!(s.impulses()[0][0].abs() > 1e-3, "no friction");
+    assert!(dot(moment, moment).sqrt() < 1e-15, "{moment:?}");
+}
+
+#[test]
+fn friction_zero_gives_normal_impulses() {
+    let p = heap(51, 40, 0.0);
+    let mut s = sweeps(&p, 1);
+    s.sweep(40);
+    for (c, r) in p.contacts.iter().zip(s.impulses()) {
+        let across = [0, 1, 2].map(|k| r[k] - dot(r, c.normal) * c.normal[k]);
+        assert!(dot(across, across).sqrt() <= 1e-15 * (1.0 + dot(r, r)));
+        assert!(dot(r, c.normal) >= 0.0);
+    }
+}
+
+#[test]
+fn a_warm_start_goes_on_where_it_was_left() {
+    let p = heap(61, 50, 0.5);
+    let mut s = sweeps(&p, 1);
+    s.sweep(25);
+    let mut warm = sweeps(&p, 2);
+    warm.warm_start(&s.impulses());
+    for (x, y) in s
+        .velocities()
+        .concat()
+        .iter()
+        .zip(warm.velocities().concat())
+    {
+        assert!((x - y).abs() < 1e-13, "{x} and {y}");
+    }
+    assert!((s.residual() - warm.residual()).abs() < 1e-13);
+    // `set_contacts` with the numbers of another problem on the same pairs: what a new one has.
+    let mut other = heap(61, 50, 0.2);
+    for c in &mut other.contacts {
+        c.slip = scaled(0.5, c.slip);
+    }
+    s.warm_start(&vec![[0.0; 3]; p.contacts.len()]);
+    s.set_contacts(&other.contacts).expect("the same pairs");
+    let mut new = sweeps(&other, 1);
+    s.sweep(9);
+    new.sweep(9);
+    assert!(bits(&s) == bits(&new));
+}
+
+/// One ball with more contacts than groups can be open at a time.
+#[test]
+fn a_hub_of_many_contacts() {
+    let mut rng = Rng(71);
+    let small = Body {
+        inv_mass: 1.0,
+        inv_inertia: 40.0,
+        radius: 0.25,
+    };
+    let hub = Body {
+        inv_mass: 1e-2,
+        inv_inertia: 1e-3,
+        radius: 5.0,
+    };
+    let bodies: Vec<Body> = std::iter::once(hub)
+        .chain((0..200).map(|_| small))
+        .collect();
+    let contacts: Vec<Contact> = (1..=200)
+        .map(|b| {
+            let n = rng.unit();
+            touch(&mut rng, 0, b, n, 0.3)
+        })
+        .collect();
+    let mut s = Sweeps::new(&bodies, &contacts, None, 1).expect("a good problem");
+    let (_, residual) = s.solve(1e-14, 20, 5000);
+    assert!(residual <= 1e-14, "{residual:e}");
+    let mut other = Sweeps::new(&bodies, &contacts, None, 1).expect("a good problem");
+    other.instructions = Instructions::Scalar;
+    s.warm_start(&vec![[0.0; 3]; 200]);
+    s.sweep(5);
+    other.sweep(5);
+    assert!(bits(&s) == bits(&other));
+}
+
+/// The memory of another problem, also after an error, changes nothing.
+#[test]
+fn renewed_sweeps_are_new_ones() {
+    let (p, q) = (pile(22, 8, 0.4), heap(62, 50, 0.3));
+    let mut s = sweeps(&p, 3);
+    s.sweep(2);
+    for other in [&q, &p, &q] {
+        let mut bad = other.contacts.clone();
+        bad[1].friction = -1.0;
+        let places = Some(&other.places[..]);
+        let refused = s.renew(&other.bodies, &bad, places);
+        assert_eq!(refused, Err(SpheresError::Contact { contact: 1 }));
+        s.sweep(1);
+        assert_eq!(s.residual(), 0.0);
+        assert_eq!(
+            (s.impulses().len(), s.velocities().len(), s.shape().stages),
+            (0, 0, 0)
+        );
+        s.renew(&other.bodies, &other.contacts, places)
+            .expect("a good problem");
+        let mut new = sweeps(other, 1);
+        s.sweep(4);
+        new.sweep(4);
+        assert!(bits(&s) == bits(&new));
+    }
+}
+
+#[test]
+fn nothing_is_no_problem() {
+    let p = heap(81, 5, 0.5);
+    let none: [Contact; 0] = [];
+    for bodies in [&p.bodies[..], &p.bodies[5..], &[]] {
+        let mut s = Sweeps::new(bodies, &none, None, 4).expect("a good problem");
+        s.sweep(3);
+        s.refresh();
+        assert_eq!(s.solve(0.0, 1, 10), (0, 0.0));
+        assert_eq!(s.velocities(), vec![[0.0; 6]; bodies.len()]);
+        assert!(s.impulses().is_empty());
+    }
+}
+
+#[test]
+fn bad_input_is_named() {
+    let p = heap(91, 20, 0.5);
+    let last = p.bodies.len() as u32 - 1;
+    let with = |change: &dyn Fn(&mut Problem)| {
+        let mut q = heap(91, 20, 0.5);
+        change(&mut q);
+        Sweeps::new(&q.bodies, &q.contacts, Some(&q.places), 2).map(|_| ())
+    };
+    assert_eq!(with(&|_| ()), Ok(()));
+    assert_eq!(
+        with(&|q| q.bodies[3].inv_mass = -1.0),
+        Err(SpheresError::Body { body: 3 })
+    );
+    assert_eq!(
+        with(&|q| q.bodies[2].radius = f64::NAN),
+        Err(SpheresError::Body { body: 2 })
+    );
+    assert_eq!(
+        with(&|q| q.bodies[2].inv_mass = 0.0),
+        Err(SpheresError::Body { body: 2 })
+    );
+    assert_eq!(
+        with(&|q| q.places[4][1] = f64::NAN),
+        Err(SpheresError::Places { body: 4 })
+    );
+    assert_eq!(
+        with(&|q| q.places.truncate(3)),
+        Err(SpheresError::Places { body: 3 })
+    );
+    let index = SpheresError::Index {
+        contact: 2,
+        body: 99,
+    };
+    assert_eq!(with(&|q| q.contacts[2].b = 99), Err(index));
+    for (a, b) in [(3, 3), (last, WORLD), (WORLD, WORLD), (last, last)] {
+        let change = |q: &mut Problem| (q.contacts[1].a, q.contacts[1].b) = (a, b);
+        assert_eq!(with(&change), Err(SpheresError::Immovable { contact: 1 }));
+    }
+    assert_eq!(
+        with(&|q| q.contacts[0].normal[0] += 0.1),
+        Err(SpheresError::Contact { contact: 0 })
+    );
+    assert_eq!(
+        with(&|q| q.contacts[0].slip[2] = f64::INFINITY),
+        Err(SpheresError::Contact { contact: 0 })
+    );
+    assert_eq!(
+        with(&|q| q.contacts[5].friction = -0.1),
+        Err(SpheresError::Contact { contact: 5 })
+    );
+    assert!(SpheresError::Index {
+        contact: 2,
+        body: 99
+    }
+    .to_string()
+    .contains("no body 99"));
+    let mut s = sweeps(&p, 1);
+    let changed = SpheresError::Changed { contact: 1 };
+    assert_eq!(s.set_contacts(&p.contacts[..1]), Err(changed));
+}
