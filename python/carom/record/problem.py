@@ -124,7 +124,8 @@ def origin(kept: Mapping[str, Any]) -> dict[str, Any]:
     axes = frames(kept)
     return {
         **{key: kept[key] for key in ORIGIN},
-        **{"bodies": kept["bodies"][: len(axes)], "r": multipliers(kept)},
+        "bodies": kept["bodies"][: len(axes)],
+        "r": multipliers(kept),
         **{name: axes[:, k] for k, name in enumerate(("normal", "tangent1", "tangent2"))},
     }
 
