@@ -230,6 +230,7 @@ impl Keeper {
     }
 
     /// Keeps a problem, if it is wanted or was not solved.
+    #[cold]
     pub(crate) fn keep(&mut self, solve: &Solve) {
         let mut problem = solve.state();
         (problem.step, problem.time) = (self.step, self.time);

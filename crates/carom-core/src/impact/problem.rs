@@ -403,6 +403,7 @@ impl ImpactScratch {
     }
 
     /// Hands the problem at hand, with what was found, to the keeper.
+    #[cold]
     fn keep(&mut self, model: &Model, scratch: &mut Scratch, index: u32) {
         let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
         let (mut multiplier, mut correction) = (self.lambda.clone(), self.u.clone());

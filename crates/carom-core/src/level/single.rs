@@ -92,6 +92,7 @@ pub fn correction(model: &Model, c: &Contact, s: &SingleSolution) -> [DVec3; 2] 
 
 /// Keeps a problem that was solved in closed form: its measures `z` before the correction, multipliers, the motion
 /// before (linear, angular) and the correction.
+#[cold]
 #[allow(clippy::too_many_arguments)] // what the two levels have in common, and no more
 pub fn keep(
     model: &Model,

@@ -168,10 +168,10 @@ fn solve_single(
             report.restitution_scale = report.restitution_scale.min(scale);
         }
     }
-    let z = measures(scale);
     if s.normal == 0.0 {
         return;
     }
+    let kept = scratch.keeper.wants(1).then(|| measures(scale));
     report.add_velocity(&SolveReport::CLOSED_FORM);
     report.impact_problems = report.impact_problems.max(1);
     scratch.jump[i] = jump;
@@ -196,7 +196,7 @@ fn solve_single(
     target.lambda = packed;
     target.status = status;
     target.work = done;
-    if scratch.keeper.wants(1) {
+    if let Some(z) = kept {
         let at = (Level::Velocity, u32::from(!resting));
         single::keep(model, scratch, m, at, &z, packed, [v_check, w_check], jump);
     }
