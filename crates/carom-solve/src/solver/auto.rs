@@ -71,10 +71,7 @@ impl Auto {
         }
         for round in 0..ROUNDS {
             let sweeps = ROUND_SWEEPS << round;
-            let why = format!(
-                "stalled at {:.1e}: another start for Newton",
-                judge.best_err
-            );
+            let why = format!("stalled at {:.1e}: another start for Newton", judge.best_err);
             if judge.late()
                 || judge.stage("rounds", &mut self.sweeps, sweeps, why)
                 || self.polish(judge)
@@ -84,9 +81,7 @@ impl Auto {
         }
         if judge.scaled.problem.w.asymmetry() <= UNSYMMETRIC {
             let why = format!("stalled at {:.1e}", judge.best_err);
-            if judge.late()
-                || judge.stage("split", &mut self.admm, SPLIT, why)
-                || self.polish(judge)
+            if judge.late() || judge.stage("split", &mut self.admm, SPLIT, why) || self.polish(judge)
             {
                 return;
             }

@@ -23,12 +23,7 @@ pub fn solve_contact(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
         (1, _) => r[0] = normal(a[0], b[0]),
         (3, true) => {
             let block = [a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]];
-            let x = coulomb(
-                &block,
-                [b[0], b[1], b[2]],
-                group.bounds.sliding,
-                [r[0], r[1], r[2]],
-            );
+            let x = coulomb(&block, [b[0], b[1], b[2]], group.bounds.sliding, [r[0], r[1], r[2]]);
             r.copy_from_slice(&x);
         }
         _ => solve_discs(group, a, b, r),
@@ -76,11 +71,7 @@ pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
         let (x, y) = (-b[1] / a[4], -b[2] / a[4]);
         let length = (x * x + y * y).sqrt();
         let radius = mu * n;
-        let scale = if length > radius {
-            radius / length
-        } else {
-            1.0
-        };
+        let scale = if length > radius { radius / length } else { 1.0 };
         return [n, scale * x, scale * y];
     }
     if let Some(r) = stick(a, b) {
@@ -96,11 +87,7 @@ pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
         let u2 = b[2] + a[6] * n + a[7] * last[1] + a[8] * last[2];
         let (x, y) = (last[1] - u1 / t, last[2] - u2 / t);
         let length = (x * x + y * y).sqrt();
-        let scale = if length > mu * n {
-            mu * n / length
-        } else {
-            1.0
-        };
+        let scale = if length > mu * n { mu * n / length } else { 1.0 };
         [n, scale * x, scale * y]
     })
 }
@@ -138,11 +125,7 @@ fn slip(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> Option<[f64; 3]> 
         let n = -b[0] / den;
         let u1 = b[1] + n * (a[3] - mu * (a[4] * c + a[5] * s));
         let u2 = b[2] + n * (a[6] - mu * (a[7] * c + a[8] * s));
-        Some((
-            c * u2 - s * u1,
-            c * u1 + s * u2,
-            [n, -mu * n * c, -mu * n * s],
-        ))
+        Some((c * u2 - s * u1, c * u1 + s * u2, [n, -mu * n * c, -mu * n * s]))
     };
     let start = if last[1] != 0.0 || last[2] != 0.0 {
         (-last[2]).atan2(-last[1])
@@ -273,20 +256,12 @@ fn solve_discs(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
                 length += *t * *t;
             }
             let length = length.sqrt();
-            let scale = if length > radius {
-                radius / length
-            } else {
-                1.0
-            };
+            let scale = if length > radius { radius / length } else { 1.0 };
             for (t, i) in target.iter().zip(rows) {
                 r[i] = scale * t;
             }
         }
-        let moved = before[..n]
-            .iter()
-            .zip(r.iter())
-            .map(|(x, y)| (x - y).abs())
-            .fold(0.0, f64::max);
+        let moved = before[..n].iter().zip(r.iter()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
         let size = r.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         if moved <= 1e-15 * size {
             break;
