@@ -124,29 +124,40 @@ class Report:
             found.setdefault(e.problem, []).append(e)
         return found
 
-    def summary(self) -> list[str]:
-        """Of each solver: how many of its problems it solved, how many fastest."""
-        text = []
-        problems = self.of_problems().values()
+    def standing(self) -> list[tuple[str, int, int, int]]:
+        """Of each solver: problems, solved, and solved as the fastest."""
+        found = []
         for label in self.labels:
             mine = [e for e in self.entries if e.label == label]
-            first = sum(
-                e.solved and e.seconds <= min(o.seconds for o in all_of if o.solved)
-                for all_of in problems
-                for e in all_of
-                if e.label == label
+            best = sum(
+                e.solved and e.seconds <= min(o.seconds for o in self.of_problems()[e.problem] if o.solved)
+                for e in mine
             )
-            solved = sum(e.solved for e in mine)
-            text.append(f"{label + ':':<24} {solved} of {len(mine)} solved, {first} fastest")
+            found.append((label, len(mine), sum(e.solved for e in mine), best))
+        return found
+
+    def compare(self) -> list[str]:
+        """Carom's `auto` against Siconos over all problems, in words."""
+        text = []
         for name, k in (("the best of Siconos", 0), ("NSN_AC", 1)):
-            known = [r for r in (ratios(found)[k] for found in problems) if math.isfinite(r) and r > 0]
+            known = [
+                r for r in (ratios(v)[k] for v in self.of_problems().values()) if math.isfinite(r) and r > 0
+            ]
             if known:
                 mean = math.exp(sum(map(math.log, known)) / len(known))
                 text.append(
-                    f"Carom auto over {name}: {mean:.3g} in the geometric mean of {len(known)} problems that both"
-                    f" solve, {max(known):.3g} at worst"
+                    f"Carom auto over {name}: {mean:.2g} in the geometric mean of {len(known)} problems that both"
+                    f" solve, {max(known):.2g} at worst"
                 )
         return text
+
+    def summary(self) -> list[str]:
+        """What the table says in all."""
+        rows = [
+            f"{label + ':':<26} {solved} of {n} solved, {best} fastest"
+            for label, n, solved, best in self.standing()
+        ]
+        return rows + self.compare()
 
     def write(self, path: Path) -> None:
         """CSV, and JSON beside it."""
@@ -170,44 +181,38 @@ class Report:
         page.write_text(before + text + after, encoding="utf-8")
 
     def _page(self, folder: Path) -> list[str]:
-        out = [f"{self.header}.", "", f"Solved: err <= {self.bound:g} within {self.limit:g} s.", ""]
-        out += [f"- {line}" for line in self.summary()]
-        options = {f"{e.label} ({e.rows_of_contact} rows)": e.options for e in self.entries}
-        out += ["", "| solver | options |", "| --- | --- |", *(f"| {k} | {v} |" for k, v in options.items())]
+        out = [f"{self.header}. Solved: err <= {self.bound:g} within {self.limit:g} s.", ""]
+        out += [f"- {line}." for line in self.compare()]
+        options = {(e.label, e.rows_of_contact): e.options for e in self.entries if e.program == "Siconos"}
+        out += ["", *_table(["solver", "problems", "solved", "fastest"], self.standing())]
+        out += ["", *_table(["solver", "rows", "options"], [(*k, v) for k, v in options.items()])]
         drawn = self.draw(folder, "solvers_profile")
         if drawn:
             out += ["", f"![performance profile of the solvers on problems of three rows]({drawn})"]
         groups = dict.fromkeys((e.group, e.rows_of_contact) for e in self.entries)
         for group, rows in groups:
-            mine = {
-                k: v
-                for k, v in self.of_problems().items()
-                if (v[0].group, v[0].rows_of_contact) == (group, rows)
-            }
-            labels = [
-                label for label in self.labels if any(e.label == label for v in mine.values() for e in v)
+            mine = [
+                v for v in self.of_problems().values() if (v[0].group, v[0].rows_of_contact) == (group, rows)
             ]
-            out += ["", f"### {group.capitalize()}, {rows} rows for each contact", ""]
-            out.append(
-                "| "
-                + " | ".join(["problem", "contacts", *labels, "auto / best Siconos", "auto / NSN_AC"])
-                + " |"
-            )
-            out.append("| --- |" + " ---: |" * (len(labels) + 3))
-            for name, found in mine.items():
+            labels = [label for label in self.labels if any(e.label == label for v in mine for e in v)]
+            cells = []
+            for found in mine:
                 by = {e.label: e.cell for e in found}
-                cells = [name, str(found[0].contacts), *(by.get(label, "") for label in labels)]
-                out.append("| " + " | ".join([*cells, *map(_ratio, ratios(found))]) + " |")
+                row = [found[0].problem, found[0].contacts, *(by.get(label, "") for label in labels)]
+                cells.append((*row, *map(_ratio, ratios(found))))
+            out += ["", f"### {group.capitalize()}, {rows} rows for each contact", ""]
+            out += _table(["problem", "contacts", *labels, "auto / best Siconos", "auto / NSN_AC"], cells)
         return [*out, ""]
 
     def draw(self, folder: Path, name: str) -> str:
-        """The profile of all solvers that took each problem of three rows; the name of the file, if there is one."""
+        """The profile of `auto` and of Siconos on problems of three rows; the name of the file, if there is one."""
         from carom.plot.profile import performance
         from carom.plot.style import save
         from carom.problem.profile import Profile
 
         mine = [v for v in self.of_problems().values() if v[0].rows_of_contact == 3]
         labels = [label for label in self.labels if all(any(e.label == label for e in v) for v in mine)]
+        labels = [label for label in labels if label == "Carom auto" or not label.startswith("Carom")]
         if len(mine) < 2 or len(labels) < 2:
             return ""
         times = [[next(e.seconds for e in v if e.label == label) for label in labels] for v in mine]
@@ -231,6 +236,12 @@ def ratios(found: Sequence[Entry]) -> tuple[float, float]:
         return auto[0].seconds / min(times) if times else 0.0
 
     return over(peers), over([e for e in peers if e.solver == "NSN_AC"])
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    """A table of Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(map(str, line)) + " |" for line in lines]
 
 
 def _ratio(x: float) -> str:

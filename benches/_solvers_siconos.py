@@ -45,8 +45,9 @@ class Recipe:
 
 FC3D = "SICONOS_FRICTION_3D_"
 RECIPES = (
+    Recipe("NSGS", "fc3d", FC3D + "NSGS", "block", inner=FC3D + "ONECONTACT_NSN"),
     Recipe(
-        "NSGS",
+        "NSGS x 1.3",
         "fc3d",
         FC3D + "NSGS",
         "block",

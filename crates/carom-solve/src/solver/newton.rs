@@ -16,12 +16,13 @@ const SHIFT_FLOOR: f64 = 1e-11;
 /// Factor on the shift where the matrix was singular, and how often.
 const SHIFT_GROWTH: f64 = 1e3;
 const SHIFT_TRIES: u32 = 4;
-/// Iterations without a better residual after which a run gives up.
-const PATIENCE: u32 = 12;
+/// Patience of a run that stands alone.
+const PATIENCE: u32 = 25;
 
 /// See the module. Keeps the symbolic factorisation from run to run while the pattern stands.
-#[derive(Default)]
 pub struct SemiSmoothNewton {
+    /// Iterations that do not halve the residual after which a run gives up.
+    pub patience: u32,
     linear: Linear,
     y: Vec<f64>,
     z: Vec<f64>,
@@ -34,6 +35,25 @@ pub struct SemiSmoothNewton {
     tangents: Vec<Block>,
     /// Statuses of the last iterate.
     pub statuses: Vec<Status>,
+}
+
+impl Default for SemiSmoothNewton {
+    fn default() -> Self {
+        SemiSmoothNewton {
+            patience: PATIENCE,
+            linear: Linear::default(),
+            y: Vec::new(),
+            z: Vec::new(),
+            penalty: Vec::new(),
+            xi: Vec::new(),
+            phi: Vec::new(),
+            residual: Vec::new(),
+            step: Vec::new(),
+            trial: Vec::new(),
+            tangents: Vec::new(),
+            statuses: Vec::new(),
+        }
+    }
 }
 
 impl ConeSolver for SemiSmoothNewton {
@@ -69,10 +89,10 @@ impl ConeSolver for SemiSmoothNewton {
             // What lies in the cones is mostly nearer.
             let err = judge.see(&self.phi).min(judge.see(&y));
             since_better += 1;
-            if err < 0.9 * best {
+            if err < 0.5 * best {
                 (best, since_better) = (err, 0);
             }
-            if judge.stop() || since_better > PATIENCE {
+            if judge.stop() || since_better > self.patience {
                 break;
             }
         }
