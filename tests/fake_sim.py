@@ -211,7 +211,36 @@ class Simulation:
         return {"broad": 0.0, "position": 0.001}
 
     def failing_problem(self) -> dict[str, Any] | None:
-        return {"W": np.eye(3), "q": np.array([-1.0, 0.0, 0.0]), "mu": np.array([0.2]), "law": "newton"}
+        """One ball of 1 kg on the bed that comes down at 1 m/s."""
+        gradient = np.zeros((6, 2, 6))
+        gradient[[0, 1, 2], 0, [2, 0, 1]] = 1.0
+        gradient[[3, 4, 5], 0, [3, 4, 5]] = 1.0
+        none = np.zeros(0, dtype=np.int64)
+        return {
+            "level": "position",
+            "step": self.step + 1,
+            "time": 0.1,
+            "part": 0,
+            "island": 0,
+            "index": 0,
+            "iterations": 3,
+            "residual": 0.5,
+            "converged": False,
+            "joints": 0,
+            "worst": 0,
+            "spheres": np.array([0]),
+            "mass": np.ones(1),
+            "inertia": np.ones(1),
+            "bodies": np.array([[0, 2]]),
+            "bounds": np.array([[0.2, 0.0, 0.0]]),
+            "node": np.tile([0, -1], (6, 1)),
+            "gradient": gradient,
+            "q": np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            "r": np.zeros(6),
+            **{name: np.zeros((1, 6)) for name in ("motion", "correction", "load")},
+            **{f"load_tangent_{name}": none for name in ("row", "column")},
+            "load_tangent_value": np.zeros(0),
+        }
 
 
 @dataclass(frozen=True)

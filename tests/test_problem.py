@@ -31,7 +31,6 @@ from carom.problem import (
     write_fclib,
 )
 from carom.problem.matrix import PRODUCT_TERMS, asymmetry, components
-from carom.record.problem import write_problem
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -758,76 +757,3 @@ def test_the_face_of_it_all(tmp_path: Path) -> None:
     bodies = carom.ContactProblem.from_bodies(2 * np.eye(3), np.eye(3), [-2.0, 1.0, 0.0], np.zeros(3), [0.2])
     assert bodies.residual([2.0, -0.4, 0.0]).err < 1e-15
     assert np.array_equal(bodies.local.W.to_dense(), np.eye(3) / 2)
-
-
-# --- problems of a run ------------------------------------------------------------------------------------------------
-
-
-def a_run(path: Path, problem: dict[str, Any] | None, scenario: str = "") -> Path:
-    path.mkdir()
-    (path / "run.json").write_text('{"status": "failed", "outcome": {"step": 7}}')
-    (path / "scenario.toml").write_text(scenario)
-    if problem is not None:
-        write_problem(path / "failing_problem.h5", problem, {"step": 7, "time": 0.1, "residual": 0.5})
-    return path
-
-
-def kept(bounds: list[tuple[float, float, float]]) -> dict[str, Any]:
-    """A problem as the core keeps it: contacts have only the rows that their bounds ask for."""
-    b = np.array(bounds)
-    rows = 1 + (b > 0.0) @ np.array([2, 2, 1])
-    n = int(rows.sum())
-    rng = numbers(n)
-    g = rng.normal(size=(n, n + 3))
-    names = ("mu", "rolling_radius", "spinning_radius")
-    columns = {name: b[:, k].copy() for k, name in enumerate(names)}
-    first = np.cumsum(rows) - rows
-    return {"W": g @ g.T, "q": rng.normal(size=n), **columns, "rows": rows, "first_row": first, "step": 7}
-
-
-@pytest.mark.parametrize(
-    ("bounds", "d"),
-    [
-        ([(0.3, 0.0, 0.0), (0.2, 0.0, 0.0)], 3),
-        ([(0.0, 0.0, 0.0), (0.2, 0.0, 0.0)], 3),
-        ([(0.3, 0.01, 0.0), (0.0, 0.0, 0.0), (0.3, 0.0, 0.0)], 5),
-        ([(0.3, 0.01, 0.02), (0.0, 0.01, 0.0), (0.0, 0.0, 0.3), (0.1, 0.0, 0.1)], 6),
-    ],
-)
-def test_the_problem_a_run_kept_has_the_rows_of_the_core_and_no_force_in_others(
-    bounds: list[tuple[float, float, float]], d: int, tmp_path: Path
-) -> None:
-    stored = kept(bounds)
-    problem = ContactProblem.from_run(a_run(tmp_path / "run", stored), step=7)
-    assert (problem.dimension, problem.contacts) == (d, len(bounds))
-    present = [[True, *np.repeat(np.array(b) > 0.0, [2, 2, 1])][:d] for b in bounds]
-    at = np.flatnonzero(np.concatenate(present))
-    w = problem.local.W.to_dense()
-    assert np.array_equal(w[np.ix_(at, at)], stored["W"])
-    assert np.array_equal(problem.local.q[at], stored["q"])
-    absent = np.setdiff1d(np.arange(len(w)), at)
-    # Whatever is asked of them, rows with bound 0 take nothing.
-    r = numbers(0).normal(size=(len(bounds), d))
-    forces = cone.project(r, problem.local.bounds).reshape(-1)
-    assert not forces[absent].any()
-    assert np.array_equal(w[absent][:, at], np.zeros((len(absent), len(at))))
-    assert np.all(w[absent, absent] > 0.0)
-
-
-def test_a_run_without_such_a_problem_says_so(tmp_path: Path) -> None:
-    with pytest.raises(ContactProblemError, match="no contact problem was kept"):
-        ContactProblem.from_run(a_run(tmp_path / "good", None))
-    run = a_run(tmp_path / "run", kept([(0.3, 0.0, 0.0)]))
-    with pytest.raises(ContactProblemError, match="no contact problem of step 3; the one kept is of step 7"):
-        ContactProblem.from_run(run, step=3)
-    with pytest.raises(CaromError, match="not a run directory"):
-        ContactProblem.from_run(tmp_path)
-
-
-def test_problems_with_joints_are_refused(tmp_path: Path) -> None:
-    stored = kept([(0.3, 0.0, 0.0)])
-    run = a_run(tmp_path / "run", stored, '[[joint]]\ntype = "fix"\n')
-    with pytest.raises(ContactProblemError, match="the scene has joints"):
-        ContactProblem.from_run(run)
-    with pytest.raises(ContactProblemError, match=r"/carom/rows\[0\]: 3 rows where the bounds .* ask for 1"):
-        ContactProblem.from_run(a_run(tmp_path / "other", {**stored, "mu": np.array([0.0])}))

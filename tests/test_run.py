@@ -321,6 +321,7 @@ def test_a_step_that_cannot_be_solved_stops_with_all_before_it(scene: Any, tmp_p
     with h5py.File(tmp_path / "run" / "failing_problem.h5") as file:
         assert file["fclib_local/vectors/q"][:].tolist() == [-1.0, 0.0, 0.0]
         assert file["fclib_local/W/x"][:].tolist() == [1.0, 1.0, 1.0]
+        assert file["carom"].attrs["level"] == "position"
 
 
 def test_an_error_in_the_callers_code_leaves_an_honest_directory(scene: Any, tmp_path: Path) -> None:

@@ -108,5 +108,21 @@ class Simulation:
     def phases(self) -> dict[str, float]:
         """Seconds by phase, estimated from sampled steps."""
 
+    def keep_problems(self, steps: Sequence[tuple[int, int, int]], hardest: int) -> None:
+        """Keep the contact problems of the steps `first, first + stride, ...` up to `last` of each `(first, last,
+        stride)`, and the `hardest` ones of all by iterations. Nothing is kept unasked.
+        """
+
+    def take_problems(self, hardest: bool) -> list[dict[str, Any]]:
+        """Kept problems of the chosen steps since the last call, or the `hardest` so far; this forgets them.
+
+        Of each, with N nodes (spheres), C contacts, J joints and R rows, 6 for each contact (N, T1, T2, R1, R2, S),
+        then those of the joints: `level, step, time, part` (0, or the number of the attempt in a halved step),
+        `island, index` (impact problem; 0: loads), `iterations, residual, converged, joints, worst`;
+        `spheres, mass, inertia (N,)`; `bodies (C+J,2)`; `bounds (C,3)` mu, rho, delta; `node (R,2)` of A and B, -1 for
+        none, `gradient (R,2,6)` over them, `q, r (R,)`; `motion` before the problem, its `correction` u, and the `load`
+        b(u) (N,6); `load_tangent_row`, `_column`, `_value` of -db/du. Measures are `gradient u + q`, linear at u.
+        """
+
     def failing_problem(self) -> dict[str, Any] | None:
-        """The contact problem that could not be solved (local form W, q, mu and the law), if there was one."""
+        """The contact problem that could not be solved, as `take_problems` gives it, at its last iterate."""

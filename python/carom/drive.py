@@ -26,6 +26,7 @@ from carom.rundir import RunDir
 
 if TYPE_CHECKING:
     from carom._core import Simulation
+    from carom.record.problem import Problems
 
 #: Seconds of computing between two looks at the clock, the progress bar and the interrupt flag.
 BLOCK_SECONDS = 0.1
@@ -141,9 +142,10 @@ def drive(
     checkpoints: bool,
     stop: Interrupt,
     progress: Callable[[Progress], None] | None,
+    problems: Problems | None = None,
 ) -> Ending:
     """Advance from the simulation's step to the plan's last one; everything recorded is committed when it
-    returns.
+    returns. `problems` are the contact problems to keep.
     """
     begin = last_saved = time.perf_counter()
     first_step = simulation.step
@@ -154,6 +156,9 @@ def drive(
     # `until`. The checkpoint is taken before it, so that a later extension of the run is not disturbed by a
     # frame off the grid.
     grid_end = plan.steps if plan.steps % plan.every == 0 else plan.steps - 1
+
+    if problems is not None:
+        problems.begin(simulation)
 
     def save() -> None:
         nonlocal save_s, last_saved, next_save
@@ -180,6 +185,8 @@ def drive(
         core_s += time.perf_counter() - start
         failure = block["outcome"]
         writer.append(block)
+        if problems is not None:
+            problems.take(simulation)
         now = time.perf_counter()
         if progress is not None:
             progress(_progress(block, simulation, plan, now - begin, first_step))
@@ -197,6 +204,8 @@ def drive(
     # After the checkpoint: a run that is continued has frames of the grid only.
     writer.append(_last_frame(simulation, writer, plan))
     writer.commit()
+    if problems is not None:
+        problems.take(simulation, end=True)
     return Ending(outcome, time.perf_counter() - begin, core_s)
 
 

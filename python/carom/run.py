@@ -11,6 +11,7 @@ import warnings
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ from carom.rundir import RunDir, now
 
 if TYPE_CHECKING:
     from carom._core import Simulation
+    from carom.record.problem import Choice, Given
     from carom.scene import Scene
 
 OnProgress = Callable[[Progress], None]
@@ -55,6 +57,8 @@ def simulate(
     progress: OnProgress | None = None,
     case: str | None = None,
     set: Mapping[str, Any] | None = None,
+    save_problems: Given | None = None,
+    problem_form: str = "local",
     **options: Any,
 ) -> Result:
     """Simulate a scene, or the scenario file of that path, and return its result.
@@ -66,6 +70,10 @@ def simulate(
     `Result.save` keeps it. `progress` is called about ten times a second. Ctrl-C stops between two steps with
     everything recorded, then raises `KeyboardInterrupt`.
 
+    `save_problems` keeps contact problems in `problems/` of the run directory (docs/reference/problems.md), in
+    `problem_form` "local" or "global": of one step, of several (`[100, 200]`, `range(200, 301, 50)`, `"100,200:300:50"`,
+    `"all"`), or the hardest of the run (`"worst:10"`).
+
     Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
     so far).
     """
@@ -73,14 +81,27 @@ def simulate(
     scene = scene.with_options(**options) if options else scene
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
+    choice = chosen(scene, save_problems, problem_form)
     stop = Interrupt()
     with stop.listening(signal.SIGINT):
         if out is not None:
-            result = launch(scene, lambda: RunDir.create(out, force=force), stop=stop, progress=progress)
+            create = partial(RunDir.create, out, force=force)
+            result = launch(scene, create, stop=stop, progress=progress, problems=choice)
         else:
-            result = launch(scene, _temporary, stop=stop, progress=progress, keep=False)
+            result = launch(scene, _temporary, stop=stop, progress=progress, keep=False, problems=choice)
             weakref.finalize(result._segments, _discard, RunDir(result.path))
     return _judged(result, stop, kept=out is not None)
+
+
+def chosen(scene: Scene, problems: Given | None, form: str, label: str = "save_problems") -> Choice | None:
+    """The contact problems to keep of a run of `scene`; `label` is what messages call the argument."""
+    if problems is None:
+        return None
+    from carom.record.problem import Choice
+
+    if scene.run.method == "penalty":
+        raise CaromError(f"{label}: method penalty solves no contact problems; take method nsga or moreau")
+    return Choice.of(problems, form, label)
 
 
 def scene_of(
@@ -146,6 +167,7 @@ def launch(
     progress: OnProgress | None = None,
     source: str | None = None,
     keep: bool = True,
+    problems: Choice | None = None,
 ) -> Result:
     """Run a validated scene to its end, failure or interruption: the result says which.
 
@@ -172,6 +194,8 @@ def launch(
         "created": now(),
         "segments": [],
     }
+    if problems is not None:  # a run that is continued goes on keeping them
+        about["save_problems"] = {"choice": problems.text, "form": problems.form}
     directory = create()
     with directory.writing():
         try:
@@ -286,6 +310,12 @@ def _execute(
 ) -> None:
     """Run from `start` into the segment of `writer` and say in `run.json` how it ended."""
     simulation, plan, about = start.simulation, start.plan, start.about
+    problems = None
+    if "save_problems" in about:
+        from carom.record.problem import Choice, Problems
+
+        kept = about["save_problems"]
+        problems = Problems(directory, Choice.of(kept["choice"], kept["form"]))
     segment = {"file": writer.path.name, "from_step": simulation.step, "started": now()}
     directory.log(
         "start", step=simulation.step, steps=plan.steps, segment=writer.path.name, **about["versions"]
@@ -306,6 +336,7 @@ def _execute(
             checkpoints=checkpoints,
             stop=stop,
             progress=progress,
+            problems=problems,
         )
         writer.close()
         _finish(scene, directory, start, segment, ending)
@@ -342,9 +373,13 @@ def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, A
     outcome = summary.named(ending.outcome, scene.names, scene.plane_names)
     problem = simulation.failing_problem() if failed else None
     if problem is not None:
-        from carom.record.problem import write_problem
+        from carom.problem.errors import ContactProblemError
+        from carom.record.problem import FAILING, write_kept
 
-        outcome["problem_file"] = write_problem(directory.path / "failing_problem.h5", problem, outcome).name
+        try:
+            outcome["problem_file"] = write_kept(directory.path / FAILING, problem).name
+        except ContactProblemError as error:
+            directory.log("problem not kept", file=FAILING, message=str(error))
     about["segments"].append(
         {**segment, "to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
     )

@@ -30,6 +30,7 @@ _OWN = (
     "checkpoint-*.npz",
     "log.jsonl",
     "failing_problem.h5",
+    "problems/*.hdf5",
     "plots/*",
     "view.html",
     ".*.tmp",
@@ -199,7 +200,7 @@ class RunDir:
         """Delete what a run writes, and the directory if nothing else is in it."""
         with suppress(OSError):
             self._remove_own()
-            for empty in (self.path / "plots", self.path):
+            for empty in (self.path / "problems", self.path / "plots", self.path):
                 if empty.exists():
                     empty.rmdir()
 

@@ -12,6 +12,7 @@ pub mod level;
 pub mod model;
 pub mod options;
 pub mod penalty;
+pub mod problem;
 pub mod record;
 pub mod report;
 pub mod rotation;

@@ -7,6 +7,7 @@ use crate::level::coupling::Trial;
 use crate::level::smooth::SmoothScratch;
 use crate::model::Model;
 use crate::penalty::Workspace;
+use crate::problem::Keeper;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_geom::NeighbourList;
@@ -39,28 +40,6 @@ pub struct ImpactRecord {
     pub restitution_scale: f64,
 }
 
-/// A contact problem that could not be solved, in local form.
-#[derive(Clone, Debug, Default)]
-pub struct FailedProblem {
-    pub level: &'static str,
-    pub step: u64,
-    pub time: f64,
-    /// Delassus matrix, row-major, and free measures.
-    pub delassus: Vec<f64>,
-    pub free: Vec<f64>,
-    /// Per contact: bodies, first row, rows, mu, rho, delta.
-    pub bodies: Vec<(u32, u32)>,
-    pub first_row: Vec<u32>,
-    pub rows: Vec<u32>,
-    pub bounds: Vec<[f64; 3]>,
-    /// Joints of the island, after its contacts in these lists.
-    pub joints: u32,
-    /// Relative residual reached.
-    pub residual: f64,
-    /// Contact with the largest residual row.
-    pub worst: u32,
-}
-
 /// Scratch memory of a step.
 pub struct Scratch {
     /// Per sphere: translation and rotation predictions.
@@ -87,7 +66,7 @@ pub struct Scratch {
     pub impacts: Vec<ImpactRecord>,
     /// Histories of the longest solve of each level in this step: smooth, position, velocity.
     pub history: [History; 3],
-    pub failed: Option<FailedProblem>,
+    pub keeper: Keeper,
     /// Memory of method `penalty`.
     pub penalty: Workspace,
     /// What a load said that failed.
@@ -134,7 +113,7 @@ impl Scratch {
             warm: Vec::new(),
             impacts: Vec::new(),
             history: Default::default(),
-            failed: None,
+            keeper: Keeper::default(),
             penalty: Workspace::new(model),
             load_error: None,
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],

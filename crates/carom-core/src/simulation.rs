@@ -4,9 +4,10 @@ use crate::force;
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
 use crate::penalty;
+use crate::problem::{Keeper, KeptProblem};
 use crate::record::{Block, Recorder};
 use crate::report::{Level, Monitors, Outcome, StepReport};
-use crate::scratch::{FailedProblem, Scratch};
+use crate::scratch::Scratch;
 use crate::state::State;
 use crate::step::{motion_of, step, Attempt, Failure};
 use crate::stepper::{moreau, Coefficients};
@@ -30,7 +31,8 @@ pub struct Simulation {
     pub recorder: Recorder,
     pub monitors: Monitors,
     pub timers: Timers,
-    pub failed: Option<FailedProblem>,
+    /// The problem that could not be solved.
+    pub failed: Option<KeptProblem>,
     scratch: Scratch,
     /// Coefficients of h, h/2, h/4, ...
     coefficients: Vec<Coefficients>,
@@ -113,6 +115,11 @@ impl Simulation {
         None
     }
 
+    /// Which contact problems are kept, and those that were.
+    pub fn keeper(&mut self) -> &mut Keeper {
+        &mut self.scratch.keeper
+    }
+
     /// Takes the records collected so far.
     pub fn take_block(&mut self) -> Block {
         std::mem::take(&mut self.recorder.block)
@@ -122,6 +129,7 @@ impl Simulation {
         let number = self.state.step + 1;
         let time = number as f64 * self.model.options.step;
         let mut report = StepReport::new(number, time);
+        self.scratch.keeper.begin_step(number, time);
         if let Err(failure) = self.attempt(0, self.time(), recording, &mut report) {
             return Err(self.outcome(failure, number));
         }
@@ -154,6 +162,7 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<(), Failure> {
         let last = depth == self.model.options.max_halvings;
+        self.scratch.keeper.part += u32::from(depth > 0);
         let attempt = Attempt {
             coefficients: self.coefficients[depth as usize],
             time: t,
@@ -189,7 +198,8 @@ impl Simulation {
                 Ok(())
             }
             Err(Failure::NotConverged(level)) => {
-                self.failed = self.scratch.failed.take();
+                self.failed = self.scratch.keeper.failed.take();
+                self.scratch.keeper.discard(None);
                 if last {
                     return Err(Failure::NotConverged(level));
                 }
@@ -240,8 +250,7 @@ impl Simulation {
                         .copied()
                         .unwrap_or(residual);
                 }
-                if let Some(f) = &mut self.failed {
-                    (f.step, f.time) = (step, time);
+                if let Some(f) = &self.failed {
                     bodies = f.bodies.get(f.worst as usize).copied().unwrap_or((0, 0));
                     joints = f.joints;
                     contacts = f.bodies.len() as u32 - f.joints;

@@ -101,7 +101,7 @@ pub(crate) fn predict_and_smooth(
     for history in &mut scratch.history {
         *history = History::default();
     }
-    scratch.failed = None;
+    scratch.keeper.failed = None;
     scratch.joint_reaction.fill([DVec3::ZERO; 2]);
     if !model.loads.is_empty() {
         scratch.power = power(model, &motion_of(state, time));
@@ -298,8 +298,10 @@ pub(crate) fn solve_positions(
     let mut islands = std::mem::take(&mut scratch.islands);
     islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
     let mut converged = true;
-    for island in 0..islands.len() {
-        let island = islands.island(island);
+    scratch.keeper.discard(Some(Level::Position));
+    for number in 0..islands.len() {
+        scratch.keeper.island = number as u32;
+        let island = islands.island(number);
         converged &= position::solve_island(model, state, scratch, island, span, report, accept);
         if !converged {
             break;
@@ -409,8 +411,9 @@ pub(crate) fn correct_velocities(
         c.closed
     });
     let mut converged = true;
-    for island in 0..islands.len() {
-        let island = islands.island(island);
+    for number in 0..islands.len() {
+        scratch.keeper.island = number as u32;
+        let island = islands.island(number);
         let members = island.contacts.len() as u32;
         report.contacts += members;
         report.islands += u32::from(members > 0);

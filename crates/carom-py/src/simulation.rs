@@ -1,6 +1,7 @@
 //! The class `Simulation`.
 
 use crate::convert::{self, flat, put};
+use crate::problem::problem_dict;
 use crate::state::{
     monitor_arrays, monitors_from, open_values, put_kinematics, read_open, read_pairs, read_state,
     six, touch_values,
@@ -9,6 +10,7 @@ use crate::tables::{outcome_dict, put_block};
 use crate::ModelError;
 use carom_core::options::Method;
 use carom_core::penalty::laws;
+use carom_core::problem::Steps;
 use carom_core::report::Spread;
 use carom_core::{Model, Recording};
 use pyo3::prelude::*;
@@ -265,40 +267,37 @@ impl Simulation {
 
     /// The contact problem that could not be solved, or None.
     fn failing_problem<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(f) = &self.inner.failed else {
-            return Ok(None);
-        };
-        let out = PyDict::new(py);
-        out.set_item("level", f.level)?;
-        out.set_item("step", f.step)?;
-        out.set_item("time", f.time)?;
-        out.set_item("residual", f.residual)?;
-        let (rows, contacts) = (f.free.len(), f.bodies.len());
-        if f.delassus.len() == rows * rows {
-            put(&out, "W", f.delassus.clone(), &[rows, rows])?;
-        }
-        put(&out, "q", f.free.clone(), &[rows])?;
-        let bodies = f
-            .bodies
-            .iter()
-            .flat_map(|&(a, b)| [i64::from(a), i64::from(b)])
-            .collect();
-        put::<i64>(&out, "bodies", bodies, &[contacts, 2])?;
-        put(&out, "first_row", f.first_row.clone(), &[contacts])?;
-        put(&out, "rows", f.rows.clone(), &[contacts])?;
-        for (k, name) in ["mu", "rolling_radius", "spinning_radius"]
+        let failed = self.inner.failed.as_ref();
+        failed.map(|p| problem_dict(py, p)).transpose()
+    }
+
+    /// Chooses what `take_problems` gives: steps `(first, last, stride)`, and how many of the hardest problems.
+    fn keep_problems(&mut self, steps: Vec<(u64, u64, u64)>, hardest: usize) {
+        let keeper = self.inner.keeper();
+        keeper.hardest = hardest;
+        keeper.steps = steps
             .into_iter()
-            .enumerate()
-        {
-            put(
-                &out,
-                name,
-                f.bounds.iter().map(|b| b[k]).collect(),
-                &[contacts],
-            )?;
-        }
-        out.set_item("worst", f.worst)?;
-        Ok(Some(out))
+            .map(|(first, last, stride)| Steps {
+                first,
+                last,
+                stride,
+            })
+            .collect();
+    }
+
+    /// Problems of the chosen steps since the last call; with `hardest` the hardest of the run so far instead.
+    fn take_problems<'py>(
+        &mut self,
+        py: Python<'py>,
+        hardest: bool,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let keeper = self.inner.keeper();
+        let taken = if hardest {
+            keeper.take_hardest()
+        } else {
+            keeper.take()
+        };
+        taken.iter().map(|p| problem_dict(py, p)).collect()
     }
 }
 

@@ -35,6 +35,18 @@ def run(
     ] = None,
     case: Case = None,
     set_: Set = None,
+    save_problems: Annotated[
+        str | None,
+        typer.Option(
+            "--save-problems",
+            metavar="STEPS",
+            help="Keep the contact problems of steps, as 100,200:300:50 (first:last:stride) or all, or worst:10 for the 10"
+            " with most iterations, in DIR/problems.",
+        ),
+    ] = None,
+    form: Annotated[
+        str, typer.Option("--form", metavar="local|global", help="Form of these problems.")
+    ] = "local",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
@@ -45,21 +57,29 @@ def run(
     Example: carom run break.toml -o runs/fine --set step=1e-4
 
     Example: carom run cut.toml --case "f=0.25" --set v=2.0
+
+    Example: carom run corner.toml --save-problems 200:300:50,worst:5
     """
     from carom.drive import Interrupt
-    from carom.run import launch
+    from carom.errors import counted
+    from carom.run import chosen, launch
     from carom.rundir import RunDir
 
     described = scene(scenario, case, set_, until)
     for advice in described.validate():
         note(f"warning: {advice}")
+    problems = chosen(described, save_problems, form, "--save-problems")
 
     def create() -> RunDir:
         return RunDir.create(out, force=force) if out is not None else RunDir.next(run_name(scenario, case))
 
     stop = Interrupt()
     with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
-        result = launch(described, create, stop=stop, progress=bar, source=str(scenario))
+        result = launch(described, create, stop=stop, progress=bar, source=str(scenario), problems=problems)
+    if problems is not None and not quiet:
+        from carom.record.problem import FOLDER, kept_files
+
+        note(f"{counted(len(kept_files(result.path)), 'contact problem')} in {result.path / FOLDER}")
     return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
 
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from carom.errors import CaromError
-from carom.problem.errors import refuse
 from carom.problem.fclib import read_fclib, write_fclib
 from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
@@ -53,27 +50,30 @@ class ContactProblem:
         return cls(read_fclib(path))
 
     @classmethod
-    def from_run(cls, run_dir: Path | str, step: int | None = None) -> ContactProblem:
-        """The problem that a run kept: today the one that could not be solved, in `failing_problem.h5`.
+    def from_run(
+        cls,
+        run_dir: Path | str,
+        step: int | None = None,
+        level: str | None = None,
+        island: int | None = None,
+        index: int | None = None,
+        part: int | None = None,
+    ) -> ContactProblem:
+        """A problem that a run kept: one of those that `save_problems` asked for, or the one that could not be solved.
 
-        `step` asks for that of a certain step.
+        Give as much as tells it from the others: its `step`, its `level` ("position" or "velocity"), the number of its
+        `island` and, at velocity level, the `index` of the impact problem (0: the loads, as in the table of impacts); of a
+        step that was halved the `part` (0: none). Without anything it is the one that could not be solved, if there is
+        one. An error lists what there is.
         """
+        from carom.record.problem import find
         from carom.rundir import RunDir  # reads and writes runs; files of problems need none of it
 
         directory = RunDir.open(run_dir)
-        path = directory.path / "failing_problem.h5"
-        if not path.is_file():
-            raise refuse(
-                str(directory.path), "no contact problem was kept", "a run keeps the one it cannot solve"
-            )
-        kept = (directory.read().get("outcome") or {}).get("step")
-        if step is not None and step != kept:
-            raise refuse(
-                str(directory.path), f"no contact problem of step {step}", f"the one kept is of step {kept}"
-            )
-        if _has_joints(directory.scenario):
-            raise refuse(str(path), "the scene has joints", "their rows have no place among contacts")
-        return cls.from_fclib(path)
+        failed = (directory.read().get("outcome") or {}).get("step")
+        return cls.from_fclib(
+            find(directory.path, failed, step=step, level=level, island=island, index=index, part=part)
+        )
 
     def to_fclib(self, path: Path | str) -> Path:
         """Write a file in the layout of FCLib, in the form in which the problem was given."""
@@ -143,12 +143,3 @@ class ContactProblem:
         form = "global" if isinstance(self.source, GlobalProblem) else "local"
         name = f" {self.title!r}" if self.title else ""
         return f"<ContactProblem{name}: {self.contacts} contacts of {self.dimension} rows, {form} form>"
-
-
-def _has_joints(scenario: Path) -> bool:
-    try:
-        return bool(tomllib.loads(scenario.read_text(encoding="utf-8")).get("joint"))
-    except OSError:
-        return False
-    except ValueError as error:
-        raise CaromError(f"{scenario} cannot be read: {error}") from error

@@ -18,6 +18,7 @@ The groups `solution` and `guesses` are not read: what stands there need not be 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,6 @@ from carom.problem.errors import ContactProblemError, ContactProblemWarning, ref
 from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
 from carom.problem.matrix import Csr
-from carom.problem.mixed import uniform
 
 #: (is global, rows of a contact) -> group; and back, in the order in which a file is searched.
 GROUPS = {
@@ -44,6 +44,9 @@ GROUPS = {
     (True, 6): "carom_global_spinning",
 }
 INFO = ("title", "description", "math_info")
+
+#: Bytes of an array from which on a chunk that is deflated is smaller, its header counted.
+LEAST_DEFLATED = 1024
 
 #: What h5py raises over damaged files, besides the errors of its own.
 UNREADABLE = (OSError, RuntimeError, MemoryError, KeyError, TypeError, ValueError, OverflowError)
@@ -72,26 +75,42 @@ def read_fclib(path: Path | str) -> LocalProblem | GlobalProblem:
     return problem
 
 
-def write_fclib(problem: LocalProblem | GlobalProblem, path: Path | str) -> Path:
-    """Write a problem, matrices by compressed rows; the file is there whole or not at all."""
+def write_fclib(
+    problem: LocalProblem | GlobalProblem,
+    path: Path | str,
+    *,
+    extra: Mapping[str, Any] | None = None,
+    compress: bool = False,
+) -> Path:
+    """Write a problem, matrices by compressed rows; the file is there whole or not at all.
+
+    `extra` goes to a group `/carom`, which FCLib does not look at: arrays as they are, numbers and texts as attributes.
+    With `compress` arrays are deflated, which every HDF5 library reads.
+    """
     is_global = isinstance(problem, GlobalProblem)
     with h5py.File("problem", "w", driver="core", backing_store=False) as file:
         group = file.create_group(GROUPS[is_global, problem.dimension])
         _write_int(group, "spacedim", problem.dimension)
         vectors = group.create_group("vectors")
         if isinstance(problem, GlobalProblem):
-            _write_matrix(group.create_group("M"), problem.M)
-            _write_matrix(group.create_group("H"), problem.H)
-            vectors["f"], vectors["w"] = problem.f, problem.w
+            matrices, names = {"M": problem.M, "H": problem.H}, ["f", "w"]
         else:
-            _write_matrix(group.create_group("W"), problem.W)
-            vectors["q"] = problem.q
-        for name in ("mu", "mu_r", "mu_s"):
+            matrices, names = {"W": problem.W}, ["q"]
+        for name, matrix in matrices.items():
+            _write_matrix(group.create_group(name), matrix, compress)
+        for name in (*names, "mu", "mu_r", "mu_s"):
             if getattr(problem, name) is not None:
-                vectors[name] = getattr(problem, name)
+                _write_array(vectors, name, getattr(problem, name), compress)
         info = group.create_group("info")
         for name in INFO:
             _write_text(info, name, getattr(problem, name))
+        if extra is not None:
+            own = file.create_group("carom")
+            for name, value in extra.items():
+                if np.ndim(value):
+                    _write_array(own, name, np.asarray(value), compress)
+                else:
+                    own.attrs[name] = value
         file.flush()
         image = file.id.get_file_image()
     path = Path(path)
@@ -113,8 +132,7 @@ def _read(file: h5py.File) -> LocalProblem | GlobalProblem:
     dimension = _int(group, "spacedim")
     is_global = "global" in name
     allowed = [d for (whole, d), g in GROUPS.items() if g == name and whole == is_global]
-    mixed = name == "fclib_local" and "carom/rows" in file
-    if dimension not in allowed and not mixed:
+    if dimension not in allowed:
         raise refuse(f"{name}/spacedim", str(dimension), f"{' or '.join(map(str, allowed))} are known")
     for constraint in ("G", "V", "R"):
         if constraint in group:
@@ -130,10 +148,6 @@ def _read(file: h5py.File) -> LocalProblem | GlobalProblem:
         return GlobalProblem(M=m, H=h, f=f, w=w, mu=mu, dimension=dimension, **rest)
     q = _floats(vectors, "q")
     matrix = _matrix(group, "W", (len(q), len(q)))
-    if mixed:
-        columns = ("first_row", "rows", "rolling_radius", "spinning_radius")
-        rest |= {key: _floats(file["carom"], key) for key in columns}
-        return uniform(matrix, q, mu, **rest)
     rest |= {key: _floats(vectors, key) for key in ("mu_r", "mu_s") if key in vectors}
     return LocalProblem(W=matrix, q=q, mu=mu, dimension=dimension, **rest)
 
@@ -198,12 +212,21 @@ def _matrix(group: h5py.Group, key: str, shape: tuple[int, int]) -> Csr:
     return Csr.from_triplets(i[:nz], p[:nz], x[:nz], shape, key)
 
 
-def _write_matrix(group: h5py.Group, a: Csr) -> None:
+def _write_matrix(group: h5py.Group, a: Csr, compress: bool) -> None:
     if max(a.entries, *a.shape) > np.iinfo(np.int32).max:
         raise refuse("W, M or H", f"{a.entries} entries", "FCLib counts with 32 bits")
     for name, value in (("nzmax", a.entries), ("m", a.shape[0]), ("n", a.shape[1]), ("nz", -2)):
         _write_int(group, name, value)
-    group["p"], group["i"], group["x"] = a.indptr.astype(np.int32), a.indices.astype(np.int32), a.data
+    for name, values in (("p", a.indptr.astype(np.int32)), ("i", a.indices.astype(np.int32)), ("x", a.data)):
+        _write_array(group, name, values, compress)
+
+
+def _write_array(group: h5py.Group, name: str, values: NDArray[Any], compress: bool) -> None:
+    """An array; deflated only where that makes it smaller: a chunk has a price of its own."""
+    if compress and values.nbytes > LEAST_DEFLATED:
+        group.create_dataset(name, data=values, chunks=values.shape, compression=9, shuffle=True)
+    else:
+        group[name] = values
 
 
 def _write_int(group: h5py.Group, name: str, value: int) -> None:

@@ -3,16 +3,18 @@
 use super::coupled::Velocities;
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
+use crate::level::coupling::Trial;
 use crate::level::position::along;
 use crate::level::velocity::Speeds;
-use crate::level::{keep_failed, newton_options};
+use crate::level::{newton_options, worst_group};
 use crate::model::Model;
-use crate::report::StepReport;
-use crate::scratch::{ImpactRecord, Scratch};
+use crate::problem::Solve;
+use crate::report::{Level, StepReport};
+use crate::scratch::{ImpactRecord, Scratch, SolveScratch};
 use crate::state::State;
 use crate::stepper::Span;
-use carom_solve::rows::{Linear, RowSystem, NODE_DOF};
-use carom_solve::Status;
+use carom_solve::rows::{Linear, RowSystem, Subproblem, NODE_DOF};
+use carom_solve::{SolveReport, Status};
 
 /// Speed over r/h below which the multipliers of joints at rest are rounding.
 const AT_REST: f64 = 1e-3;
@@ -70,6 +72,8 @@ pub struct ImpactScratch {
     /// Rows of stage 0, kept until the step turns out to have an impact in this island.
     resting: Vec<ImpactRecord>,
     accept_unconverged: bool,
+    /// What the last solve told.
+    last: SolveReport,
 }
 
 impl ImpactScratch {
@@ -251,6 +255,9 @@ impl ImpactScratch {
                 return false;
             }
         }
+        if scratch.keeper.wants(self.last.iterations) {
+            self.keep(model, scratch, index.unwrap_or(0));
+        }
         self.commit(&scratch.contacts);
         self.record(scratch, index);
         true
@@ -364,24 +371,21 @@ impl ImpactScratch {
         if self.speeds.speed > 0.0 && !self.chosen.is_empty() {
             options.tolerance = options.tolerance.min(self.tol / (10.0 * self.speeds.speed));
         }
-        let (newton, node_of) = (&mut scratch.solve.newton, &scratch.solve.node_of);
-        let (sub, lambda, u) = (&mut self.sub, &mut self.lambda, &mut self.u);
+        let [mut lambda, mut u] = [&mut self.lambda, &mut self.u].map(std::mem::take);
+        let mut sub = std::mem::take(&mut self.sub);
+        let SolveScratch {
+            newton,
+            bodies,
+            node_of,
+            ..
+        } = &mut scratch.solve;
         let result = if self.loads.is_empty() {
-            newton.solve(sub, &mut Linear, &options, lambda, u)
+            newton.solve(&mut sub, &mut Linear, &options, &mut lambda, &mut u)
         } else {
-            let mut problem = Velocities {
-                model,
-                loads: &self.loads,
-                bodies: &scratch.solve.bodies,
-                node_of,
-                trial: &mut scratch.trial,
-                span: self.span,
-                before: &self.velocity,
-                base: &self.load_base,
-                known: &self.load_impulse,
-            };
-            newton.solve(sub, &mut problem, &options, lambda, u)
+            let mut problem = self.velocities(model, bodies, node_of, &mut scratch.trial);
+            newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         };
+        (self.sub, self.lambda, self.u) = (sub, lambda, u);
         report.add_velocity(&result);
         let history = &mut scratch.history[2];
         if newton.history.len() > history.values.len() {
@@ -389,21 +393,72 @@ impl ImpactScratch {
             history.problem = problem;
             history.contacts = self.chosen.len() as u32;
         }
+        self.last = result;
         if result.converged {
             return true;
         }
-        let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
-        std::mem::swap(&mut scratch.solve.system, &mut self.sub);
-        scratch.failed = Some(keep_failed(
-            &scratch.solve,
-            &scratch.contacts,
-            &members,
-            "velocity",
-            result.residual,
-        ));
-        std::mem::swap(&mut scratch.solve.system, &mut self.sub);
+        self.keep(model, scratch, problem);
         report.unconverged += u32::from(self.accept_unconverged);
         self.accept_unconverged
+    }
+
+    /// Hands the problem at hand, with what was found, to the keeper.
+    #[cold]
+    fn keep(&mut self, model: &Model, scratch: &mut Scratch, index: u32) {
+        let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
+        let (mut multiplier, mut correction) = (self.lambda.clone(), self.u.clone());
+        if !multiplier.iter().chain(&correction).all(|x| x.is_finite()) {
+            multiplier.fill(0.0);
+            correction.fill(0.0);
+        }
+        // On a copy: the step goes on from what its last solve left.
+        let mut system = self.sub.clone();
+        let mut measures = vec![0.0; system.rows()];
+        if self.loads.is_empty() {
+            system.linear_measures(&correction, &mut measures);
+        } else {
+            let SolveScratch {
+                bodies, node_of, ..
+            } = &scratch.solve;
+            self.velocities(model, bodies, node_of, &mut scratch.trial)
+                .evaluate(&mut system, &correction, &mut measures);
+        }
+        scratch.keeper.keep(&Solve {
+            model,
+            contacts: &scratch.contacts,
+            members: &members,
+            spheres: &scratch.solve.bodies,
+            system: &system,
+            measures: &measures,
+            multiplier: &multiplier,
+            correction: &correction,
+            motion: &self.velocity,
+            level: Level::Velocity,
+            index,
+            report: self.last,
+            worst: worst_group(&self.sub, scratch.solve.newton.residual_rows()),
+        });
+    }
+
+    /// The problem at hand where loads depend on the velocities.
+    fn velocities<'a>(
+        &'a self,
+        model: &'a Model,
+        bodies: &'a [u32],
+        node_of: &'a [u32],
+        trial: &'a mut Trial,
+    ) -> Velocities<'a> {
+        Velocities {
+            model,
+            loads: &self.loads,
+            bodies,
+            node_of,
+            trial,
+            span: self.span,
+            before: &self.velocity,
+            base: &self.load_base,
+            known: &self.load_impulse,
+        }
     }
 
     /// Adds the new impulses and their work to the totals.

@@ -11,9 +11,8 @@ pub mod velocity;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::options::{Options, Solver};
-use crate::scratch::{FailedProblem, SolveScratch};
 use carom_solve::single::SingleContact;
-use carom_solve::NewtonOptions;
+use carom_solve::{NewtonOptions, RowSystem};
 
 /// Contacts of an island up to which the gap tolerance is asked for.
 const GAP_CHECK_CONTACTS: usize = 50;
@@ -62,63 +61,17 @@ pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
             || SingleContact::settles(model.mass[i], model.inertia[i], model.radius[i]))
 }
 
-/// Keeps a problem that could not be solved, with the contact that is worst.
-pub(crate) fn keep_failed(
-    scratch: &SolveScratch,
-    contacts: &[Contact],
-    members: &[u32],
-    level: &'static str,
-    residual: f64,
-) -> FailedProblem {
-    let system = &scratch.system;
-    let worst = system
-        .contacts
-        .iter()
-        .enumerate()
-        .map(|(i, c)| {
-            let rows = c.row as usize..(c.row + c.dim) as usize;
-            (
-                i,
-                rows.map(|r| scratch.newton.residual_rows()[r].abs())
-                    .fold(0.0f64, f64::max),
-            )
-        })
-        .fold((0, -1.0), |best, x| if x.1 > best.1 { x } else { best })
-        .0;
-    FailedProblem {
-        level,
-        step: 0,
-        time: 0.0,
-        // A dense matrix of a large island would not help anyone and could fill the memory.
-        delassus: if system.rows() <= 3000 {
-            system.dense_delassus()
-        } else {
-            Vec::new()
-        },
-        free: system.z0.clone(),
-        // Joints stand after the contacts; the ground counts as the joined sphere itself.
-        bodies: system
-            .contacts
-            .iter()
-            .enumerate()
-            .map(|(slot, c)| match members.get(slot) {
-                Some(&m) => (contacts[m as usize].a, contacts[m as usize].b),
-                None => {
-                    let body = |node: u32| scratch.bodies.get(node as usize).copied();
-                    let a = body(c.node_a).unwrap_or(0);
-                    (a, body(c.node_b).unwrap_or(a))
-                }
-            })
-            .collect(),
-        first_row: system.contacts.iter().map(|c| c.row).collect(),
-        rows: system.contacts.iter().map(|c| c.dim).collect(),
-        bounds: system
-            .contacts
-            .iter()
-            .map(|c| [c.bounds.sliding, c.bounds.rolling, c.bounds.spinning])
-            .collect(),
-        joints: (system.contacts.len() - members.len()) as u32,
-        residual,
-        worst: worst as u32,
+/// The contact or joint of a system with the largest residual row.
+pub(crate) fn worst_group(system: &RowSystem, residual: &[f64]) -> usize {
+    let size = |c: &carom_solve::rows::RowContact| {
+        let rows = &residual[c.row as usize..(c.row + c.dim) as usize];
+        rows.iter().fold(0.0f64, |most, r| most.max(r.abs()))
+    };
+    let mut worst = (0, -1.0);
+    for (i, c) in system.contacts.iter().enumerate() {
+        if size(c) > worst.1 {
+            worst = (i, size(c));
+        }
     }
+    worst.0
 }

@@ -5,11 +5,12 @@
 //! contacts, and loads that depend on positions act through their change, `(h^2/2) f_p` (eq. 3).
 
 use super::coupling::{position_rows, Trial};
-use super::{closed_form, keep_failed, newton_options, single};
+use super::{closed_form, newton_options, single, worst_group};
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
 use crate::model::Model;
-use crate::report::StepReport;
+use crate::problem::Solve;
+use crate::report::{Level, StepReport};
 use crate::rotation;
 use crate::scratch::{Scratch, SolveScratch};
 use crate::state::State;
@@ -187,9 +188,14 @@ pub fn solve_island(
             z.normal = c.gap_check;
             let s = single::problem(model, c, &z).solve();
             let nu = single::pack(c, &s);
-            scratch.shift[i] = single::correction(model, c, &s);
+            let shift = single::correction(model, c, &s);
+            scratch.shift[i] = shift;
             scratch.contacts[m as usize].nu = nu;
             report.add_position(&SolveReport::CLOSED_FORM);
+            if scratch.keeper.wants(1) {
+                let at = (Level::Position, 0);
+                single::keep(model, scratch, m, at, &z, nu, [linear, angular], shift);
+            }
             return true;
         }
     }
@@ -221,7 +227,7 @@ fn solve_by_newton(
         position,
         shift,
         history,
-        failed,
+        keeper,
         trial,
         ..
     } = scratch;
@@ -343,17 +349,41 @@ fn solve_by_newton(
         history[1].problem = 0;
     }
     if !result.converged {
-        *failed = Some(keep_failed(
-            solve,
+        report.unconverged += u32::from(accept_unconverged);
+    }
+    if !result.converged || keeper.wants(result.iterations) {
+        let worst = worst_group(system, newton.residual_rows());
+        let mut z = vec![0.0; system.rows()];
+        let (mut multiplier, mut correction) = (lambda.clone(), u.clone());
+        if !multiplier.iter().chain(&correction).all(|x| x.is_finite()) {
+            // An iterate that ran away says nothing: the problem is stated at its start.
+            multiplier.fill(0.0);
+            correction.fill(0.0);
+        }
+        problem.evaluate(system, &correction, &mut z);
+        let motion = bodies.iter().flat_map(|&b| {
+            let (lin, ang) = (&linear[b as usize], &angular[b as usize]);
+            let (d, psi) = (lin.displacement, ang.displacement);
+            [d.x, d.y, d.z, psi.x, psi.y, psi.z]
+        });
+        keeper.keep(&Solve {
+            model,
             contacts,
             members,
-            "position",
-            result.residual,
-        ));
-        if !accept_unconverged {
-            return false;
-        }
-        report.unconverged += 1;
+            spheres: bodies,
+            system,
+            measures: &z,
+            multiplier: &multiplier,
+            correction: &correction,
+            motion: &motion.collect::<Vec<f64>>(),
+            level: Level::Position,
+            index: 0,
+            report: result,
+            worst,
+        });
+    }
+    if !result.converged && !accept_unconverged {
+        return false;
     }
     for (node, &body) in solve.bodies.iter().enumerate() {
         let v = &solve.u[NODE_DOF * node..NODE_DOF * (node + 1)];

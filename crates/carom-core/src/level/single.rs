@@ -1,8 +1,13 @@
 //! A lone contact of a sphere with a plane: both levels in closed form (`carom_solve::single`).
 
-use crate::contact::Contact;
+use crate::contact::{Contact, Rows};
 use crate::model::Model;
+use crate::problem::Solve;
+use crate::report::Level;
+use crate::scratch::Scratch;
+use carom_solve::rows::{RowSystem, WORLD};
 use carom_solve::single::{SingleContact, SingleSolution};
+use carom_solve::SolveReport;
 use glam::DVec3;
 
 /// Measures of a lone sphere-plane contact in its frame: normal, slip (2), turned rolling (2), spin.
@@ -83,4 +88,70 @@ pub fn correction(model: &Model, c: &Contact, s: &SingleSolution) -> [DVec3; 2] 
     );
     let moment = w2 * c.t1 - w1 * c.t2 + s.spinning * c.n0;
     [model.inv_mass[i] * force, model.inv_inertia[i] * moment]
+}
+
+/// Keeps a problem that was solved in closed form: its measures `z` before the correction, multipliers, the motion
+/// before (linear, angular) and the correction.
+#[cold]
+#[allow(clippy::too_many_arguments)] // what the two levels have in common, and no more
+pub fn keep(
+    model: &Model,
+    scratch: &mut Scratch,
+    member: u32,
+    (level, index): (Level, u32),
+    z: &Motion,
+    multiplier: [f64; 6],
+    motion: [DVec3; 2],
+    correction: [DVec3; 2],
+) {
+    let c = scratch.contacts[member as usize];
+    let i = c.a as usize;
+    let mut system = RowSystem::default();
+    let node = system.push_node(model.mass[i], model.inertia[i], model.radius[i]);
+    let mut rows = Rows::default();
+    let dim = c.rows(model, c.n0, &mut rows);
+    let normal = c.n0.to_array();
+    let measured = pack_measures(&c, z);
+    system.push_contact(
+        node,
+        WORLD,
+        c.bounds,
+        c.length,
+        normal,
+        &rows[..dim],
+        &measured[..dim],
+    );
+    let flat = |v: [DVec3; 2]| [v[0].to_array(), v[1].to_array()].concat();
+    let correction = flat(correction);
+    let mut measures = vec![0.0; dim];
+    system.linear_measures(&correction, &mut measures);
+    scratch.keeper.keep(&Solve {
+        model,
+        contacts: &scratch.contacts,
+        members: &[member],
+        spheres: &[c.a],
+        system: &system,
+        measures: &measures,
+        multiplier: &multiplier[..dim],
+        correction: &correction,
+        motion: &flat(motion),
+        level,
+        index,
+        report: SolveReport::CLOSED_FORM,
+        worst: 0,
+    });
+}
+
+/// Packs measures into the contact's rows.
+fn pack_measures(c: &Contact, z: &Motion) -> [f64; 6] {
+    pack(
+        c,
+        &SingleSolution {
+            normal: z.normal,
+            sliding: z.slip,
+            rolling: z.turn,
+            spinning: z.spin,
+            slip: false,
+        },
+    )
 }

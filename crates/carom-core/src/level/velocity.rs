@@ -6,7 +6,7 @@ use crate::impact;
 use crate::islands::Island;
 use crate::model::Model;
 use crate::options::{Impact, Options};
-use crate::report::StepReport;
+use crate::report::{Level, StepReport};
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::State;
 use crate::stepper::Span;
@@ -130,13 +130,14 @@ fn solve_single(
         single::motion(c, radius, state.velocity[i], state.angular_velocity[i]).slip
     };
     let approach = if paper { gamma_n } else { gamma_n.min(0.0) };
-    let solve = |scale: f64| {
+    let measures = |scale: f64| {
         let mut z = check;
         z.normal += scale * e_n * approach;
         z.slip[0] += scale * e_t * before[0];
         z.slip[1] += scale * e_t * before[1];
-        single::problem(model, c, &z).solve()
+        z
     };
+    let solve = |scale: f64| single::problem(model, c, &measures(scale)).solve();
     let mut scale = 1.0;
     let mut s = solve(scale);
     // The velocity jump of a solution and its work: normal, sliding, rolling, spinning.
@@ -170,6 +171,7 @@ fn solve_single(
     if s.normal == 0.0 {
         return;
     }
+    let kept = scratch.keeper.wants(1).then(|| measures(scale));
     report.add_velocity(&SolveReport::CLOSED_FORM);
     report.impact_problems = report.impact_problems.max(1);
     scratch.jump[i] = jump;
@@ -194,4 +196,8 @@ fn solve_single(
     target.lambda = packed;
     target.status = status;
     target.work = done;
+    if let Some(z) = kept {
+        let at = (Level::Velocity, u32::from(!resting));
+        single::keep(model, scratch, m, at, &z, packed, [v_check, w_check], jump);
+    }
 }

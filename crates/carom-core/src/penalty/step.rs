@@ -42,7 +42,7 @@ pub fn step(
     for history in &mut scratch.history {
         *history = History::default();
     }
-    scratch.failed = None;
+    scratch.keeper.failed = None;
     let mut work = std::mem::take(&mut scratch.penalty);
     let made = match work.elastic {
         Some(elastic) => advance(
