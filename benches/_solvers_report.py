@@ -207,7 +207,7 @@ class Report:
     def draw(self, folder: Path, name: str) -> str:
         """The profile of `auto` and of Siconos on problems of three rows; the name of the file, if there is one."""
         from carom.plot.profile import performance
-        from carom.plot.style import save
+        from carom.plot.style import legend, save, styled
         from carom.problem.profile import Profile
 
         mine = [v for v in self.of_problems().values() if v[0].rows_of_contact == 3]
@@ -220,6 +220,9 @@ class Report:
             f"Carom auto and solvers of Siconos, {len(mine)} problems of three rows, err <= {self.bound:g}"
         )
         chart = performance(Profile.of([label.removeprefix("Siconos ") for label in labels], times), title)
+        chart.figure.legends[0].remove()  # one line is too long for so many names
+        with styled():
+            legend(chart.figure, chart.figure.axes[0], columns=4)
         return save(chart, folder, name, ["svg"])[0].name
 
 
