@@ -72,8 +72,9 @@ pub fn solve_contact_problem<'py>(
         tolerance,
         max_iterations,
         time_limit: Duration::try_from_secs_f64(time_limit).ok(),
+        cancel: None,
+        threads,
     };
-    let _ = threads;
     let began = Instant::now();
     let (r, outcome) = py.detach(move || {
         let mut r = start;

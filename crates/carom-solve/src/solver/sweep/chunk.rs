@@ -1,0 +1,258 @@
+//! The contacts of one chunk with all they need, packed for the sweep.
+
+use super::super::one_contact::solve_contact;
+use crate::cone::MAX_ROWS;
+use crate::problem::{Group, Problem};
+use crate::spheres::{Lanes, Work};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Rows of a contact, filled up to two vectors of four.
+const FULL: usize = 8;
+/// Numbers behind the last block that a load of a whole column may touch.
+const TAIL: usize = FULL;
+/// Coupling below this share of the diagonal counts as none.
+const ISOTROPIC: f64 = 1e-14;
+
+/// A contact of three rows whose block is `diag(w_N, w_T, w_T)`, as spheres have it: reciprocal diagonals and friction.
+#[derive(Clone, Copy, Debug)]
+struct Simple {
+    per_normal: f64,
+    per_slip: f64,
+    friction: f64,
+}
+
+/// Contacts in the order of a forward sweep. Blocks `W_ij`, `j` not `i`, stand column-major, so that a product adds whole columns.
+/// Multipliers of the chunk and copies of those that it feels stand together: a sweep looks outside before and after only.
+#[derive(Debug, Default)]
+pub struct Chunk {
+    /// `row` is the first multiplier in `y`.
+    groups: Vec<Group>,
+    simple: Vec<Option<Simple>>,
+    q: Vec<[f64; FULL]>,
+    /// Diagonal blocks, row-major, and where they begin.
+    diagonals: Vec<f64>,
+    diagonal_at: Vec<u32>,
+    /// Other blocks of contact `i`: `ptr[i]..ptr[i + 1]`; the first of their values; of each its first multiplier and columns.
+    ptr: Vec<u32>,
+    value_at: Vec<usize>,
+    col: Vec<u32>,
+    width: Vec<u8>,
+    values: Vec<f64>,
+    /// Own multipliers, `own` of them, then copies of others; `rows` are their rows in the problem.
+    y: Vec<f64>,
+    rows: Vec<u32>,
+    own: usize,
+    all_three: bool,
+}
+
+impl Chunk {
+    /// Packs `contacts`. `local` has `u32::MAX` for every contact, before and after.
+    pub fn new(problem: &Problem, contacts: &[u32], local: &mut [u32]) -> Chunk {
+        let w = &problem.w;
+        let mut chunk = Chunk {
+            all_three: contacts
+                .iter()
+                .all(|&i| problem.groups[i as usize].dim == 3),
+            ..Chunk::default()
+        };
+        for &i in contacts {
+            local[i as usize] = chunk.rows.len() as u32;
+            chunk.rows.extend(problem.groups[i as usize].rows().map(|r| r as u32));
+        }
+        chunk.own = chunk.rows.len();
+        chunk.ptr.push(0);
+        let mut guests = Vec::new();
+        for &i in contacts {
+            let i = i as usize;
+            let mut group = problem.groups[i];
+            let dim = group.dim;
+            let mut q = [0.0; FULL];
+            q[..dim].copy_from_slice(&problem.q[group.rows()]);
+            let diagonal = w.block(i, w.diagonal[i]);
+            chunk.q.push(q);
+            chunk.simple.push(simple(&group, diagonal));
+            chunk.diagonal_at.push(chunk.diagonals.len() as u32);
+            chunk.diagonals.extend_from_slice(diagonal);
+            chunk.value_at.push(chunk.values.len());
+            for k in (w.ptr[i]..w.ptr[i + 1]).filter(|&k| k != w.diagonal[i]) {
+                let j = w.col[k] as usize;
+                let other = &problem.groups[j];
+                if local[j] == u32::MAX {
+                    local[j] = chunk.rows.len() as u32;
+                    chunk.rows.extend(other.rows().map(|r| r as u32));
+                    guests.push(j);
+                }
+                let block = w.block(i, k);
+                // Contacts of three rows have all their neighbours' blocks as three columns as well.
+                chunk.all_three &= other.dim == 3;
+                chunk.col.push(local[j]);
+                chunk.width.push(other.dim as u8);
+                for c in 0..other.dim {
+                    chunk.values.extend((0..dim).map(|r| block[r * other.dim + c]));
+                }
+            }
+            chunk.ptr.push(chunk.col.len() as u32);
+            group.row = local[i] as usize;
+            chunk.groups.push(group);
+        }
+        chunk.values.extend([0.0; TAIL]);
+        chunk.y.resize(chunk.rows.len(), 0.0);
+        for i in contacts.iter().map(|&i| i as usize).chain(guests) {
+            local[i] = u32::MAX;
+        }
+        chunk
+    }
+
+    /// Own multipliers from outside.
+    pub fn enter(&mut self, y: &[f64]) {
+        for (own, &row) in self.y[..self.own].iter_mut().zip(&self.rows) {
+            *own = y[row as usize];
+        }
+    }
+
+    /// Own multipliers to outside.
+    pub fn leave(&self, y: &mut [f64]) {
+        for (own, &row) in self.y[..self.own].iter().zip(&self.rows) {
+            y[row as usize] = *own;
+        }
+    }
+
+    /// Multipliers of others from where all chunks show theirs.
+    pub fn look(&mut self, shown: &[AtomicU64]) {
+        for (copy, &row) in self.y[self.own..].iter_mut().zip(&self.rows[self.own..]) {
+            *copy = f64::from_bits(shown[row as usize].load(Ordering::Relaxed));
+        }
+    }
+
+    /// Shows own multipliers to all chunks.
+    pub fn show(&self, shown: &[AtomicU64]) {
+        for (own, &row) in self.y[..self.own].iter().zip(&self.rows) {
+            shown[row as usize].store(own.to_bits(), Ordering::Relaxed);
+        }
+    }
+}
+
+fn simple(group: &Group, a: &[f64]) -> Option<Simple> {
+    if group.bilateral || group.dim != 3 || group.bounds.sliding <= 0.0 {
+        return None;
+    }
+    let tiny = ISOTROPIC * a[4];
+    let coupling = a[1].abs() + a[2].abs() + a[3].abs() + a[6].abs();
+    let unlike = a[5].abs() + a[7].abs() + (a[4] - a[8]).abs();
+    (coupling <= tiny && unlike <= tiny && a[0] > 0.0 && a[4] > 0.0).then(|| Simple {
+        per_normal: 1.0 / a[0],
+        per_slip: 1.0 / a[4],
+        friction: group.bounds.sliding,
+    })
+}
+
+impl Simple {
+    /// Solves `u = diag(w) r + b`.
+    #[inline(always)]
+    fn solve(&self, b: [f64; 4]) -> [f64; 3] {
+        let normal = (-b[0] * self.per_normal).max(0.0);
+        let (x, y) = (-b[1] * self.per_slip, -b[2] * self.per_slip);
+        let (square, radius) = (x * x + y * y, self.friction * normal);
+        if square > radius * radius {
+            let scale = radius / square.sqrt();
+            [normal, scale * x, scale * y]
+        } else {
+            [normal, x, y]
+        }
+    }
+}
+
+/// One pass over the contacts of a chunk.
+pub struct Pass<'a> {
+    pub chunk: &'a mut Chunk,
+    pub backwards: bool,
+}
+
+impl Work for Pass<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, simd: S) {
+        let Pass { chunk, backwards } = self;
+        let count = chunk.groups.len();
+        let each = |k: usize| if backwards { count - 1 - k } else { k };
+        if chunk.all_three {
+            (0..count).for_each(
+                #[inline(always)]
+                |k| chunk.relax_three(simd, each(k)),
+            );
+        } else {
+            (0..count).for_each(
+                #[inline(always)]
+                |k| chunk.relax_any(simd, each(k)),
+            );
+        }
+    }
+}
+
+/// The four numbers from `at` on.
+#[inline(always)]
+fn four<S: Lanes>(simd: S, numbers: &[f64], at: usize) -> S::Row {
+    simd.row(&[numbers[at], numbers[at + 1], numbers[at + 2], numbers[at + 3]])
+}
+
+impl Chunk {
+    /// Contact `i` where all blocks are three by three.
+    #[inline(always)]
+    fn relax_three<S: Lanes>(&mut self, simd: S, i: usize) {
+        let blocks = self.ptr[i] as usize..self.ptr[i + 1] as usize;
+        let values = &self.values[9 * blocks.start..9 * blocks.end + 1];
+        let mut sum = four(simd, &self.q[i], 0);
+        for (k, &at) in self.col[blocks].iter().enumerate() {
+            let w = &values[9 * k..9 * k + 10];
+            let x = &self.y[at as usize..at as usize + 3];
+            let first = simd.row_add(
+                simd.row_scale(x[0], four(simd, w, 0)),
+                simd.row_scale(x[1], four(simd, w, 3)),
+            );
+            let all = simd.row_add(first, simd.row_scale(x[2], four(simd, w, 6)));
+            sum = simd.row_add(sum, all);
+        }
+        let b = simd.numbers(sum);
+        let row = 3 * i;
+        let r = match &self.simple[i] {
+            Some(simple) => simple.solve(b),
+            None => {
+                let mut r = [self.y[row], self.y[row + 1], self.y[row + 2]];
+                let block = &self.diagonals[9 * i..9 * i + 9];
+                solve_contact(&self.groups[i], block, &b[..3], &mut r);
+                r
+            }
+        };
+        self.y[row..row + 3].copy_from_slice(&r);
+    }
+
+    /// Contact `i` of any rows.
+    #[inline(always)]
+    fn relax_any<S: Lanes>(&mut self, simd: S, i: usize) {
+        let group = &self.groups[i];
+        let dim = group.dim;
+        let blocks = self.ptr[i] as usize..self.ptr[i + 1] as usize;
+        let mut column = self.value_at[i];
+        let (mut low, mut high) = (four(simd, &self.q[i], 0), four(simd, &self.q[i], 4));
+        for (&at, &width) in self.col[blocks.clone()].iter().zip(&self.width[blocks]) {
+            for &x in &self.y[at as usize..at as usize + width as usize] {
+                let w = &self.values[column..column + FULL];
+                low = simd.row_add(low, simd.row_scale(x, four(simd, w, 0)));
+                if dim > 4 {
+                    high = simd.row_add(high, simd.row_scale(x, four(simd, w, 4)));
+                }
+                column += dim;
+            }
+        }
+        let mut b = [0.0; FULL];
+        b[..4].copy_from_slice(&simd.numbers(low));
+        b[4..].copy_from_slice(&simd.numbers(high));
+        let at = self.diagonal_at[i] as usize;
+        let block = &self.diagonals[at..at + dim * dim];
+        let mut r = [0.0; MAX_ROWS];
+        r[..dim].copy_from_slice(&self.y[group.rows()]);
+        solve_contact(group, block, &b[..dim], &mut r[..dim]);
+        self.y[group.rows()].copy_from_slice(&r[..dim]);
+    }
+}
