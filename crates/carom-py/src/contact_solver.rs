@@ -66,7 +66,9 @@ pub fn solve_contact_problem<'py>(
         )));
     };
     if !(tolerance > 0.0 && tolerance.is_finite()) {
-        return Err(value_error(format!("tolerance: {tolerance} is not positive")));
+        return Err(value_error(format!(
+            "tolerance: {tolerance} is not positive"
+        )));
     }
     let settings = Settings {
         tolerance,

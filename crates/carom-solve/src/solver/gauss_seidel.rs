@@ -29,7 +29,9 @@ impl ConeSolver for GaussSeidel {
         let mut done = 0;
         while done < max {
             let first = LOOK_AFTER.into_iter().find(|&look| look > done);
-            let look = first.unwrap_or((done / LOOK_EVERY + 1) * LOOK_EVERY).min(max);
+            let look = first
+                .unwrap_or((done / LOOK_EVERY + 1) * LOOK_EVERY)
+                .min(max);
             sweeps.sweep(look - done, || clock.late());
             done = look;
             sweeps.leave(&mut self.y);

@@ -104,11 +104,26 @@ pub trait ConeSolver {
 
 /// Names and one line each, `auto` first.
 pub const SOLVERS: [(&str, &str); 5] = [
-    ("auto", "hybrid with checkpoints: sweeps, Newton, and what else is needed"),
-    ("newton", "semi-smooth Newton on the multipliers with sparse LU and vanishing proximal shift"),
-    ("gauss-seidel", "block Gauss-Seidel, every contact solved exactly in turn"),
-    ("admm", "alternating directions with one Cholesky factorisation and accelerated restart"),
-    ("interior-point", "primal-dual path following on the cones, slip updated on the way"),
+    (
+        "auto",
+        "hybrid with checkpoints: sweeps, Newton, and what else is needed",
+    ),
+    (
+        "newton",
+        "semi-smooth Newton on the multipliers with sparse LU and vanishing proximal shift",
+    ),
+    (
+        "gauss-seidel",
+        "block Gauss-Seidel, every contact solved exactly in turn",
+    ),
+    (
+        "admm",
+        "alternating directions with one Cholesky factorisation and accelerated restart",
+    ),
+    (
+        "interior-point",
+        "primal-dual path following on the cones, slip updated on the way",
+    ),
 ];
 
 /// A solver by name.
@@ -142,7 +157,12 @@ pub struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    pub fn new(source: &'a Problem, scaled: &'a Scaled, start: &[f64], settings: Settings<'a>) -> Judge<'a> {
+    pub fn new(
+        source: &'a Problem,
+        scaled: &'a Scaled,
+        start: &[f64],
+        settings: Settings<'a>,
+    ) -> Judge<'a> {
         let n = source.rows();
         let mut judge = Judge {
             source,

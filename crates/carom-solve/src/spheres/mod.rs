@@ -20,11 +20,11 @@ pub use lanes::Instructions;
 pub(crate) use lanes::{Lanes, Work};
 pub use problem::{Body, Contact, Place, SpheresError};
 
+use crate::team::{self, lock};
 use groups::{Block, EMPTY, SWAPPED};
 use kernel::{One, Pass, State, Two};
 use layout::Layout;
 use std::sync::Mutex;
-use crate::team::{self, lock};
 
 /// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
 #[derive(Debug)]

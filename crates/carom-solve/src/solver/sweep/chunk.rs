@@ -1,7 +1,7 @@
 //! The contacts of one chunk with all they need, packed for the sweep.
 
-use super::super::one_contact::solve_contact;
-use crate::cone::MAX_ROWS;
+use super::super::solve_contact;
+use super::contact::{Coupled, Simple};
 use crate::problem::{Group, Problem};
 use crate::spheres::{Lanes, Work};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,15 +10,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const FULL: usize = 8;
 /// Numbers behind the last block that a load of a whole column may touch.
 const TAIL: usize = FULL;
-/// Coupling below this share of the diagonal counts as none.
-const ISOTROPIC: f64 = 1e-14;
-
-/// A contact of three rows whose block is `diag(w_N, w_T, w_T)`, as spheres have it: reciprocal diagonals and friction.
+/// Which way a contact is solved.
 #[derive(Clone, Copy, Debug)]
-struct Simple {
-    per_normal: f64,
-    per_slip: f64,
-    friction: f64,
+enum Way {
+    Simple(Simple),
+    /// A place in `coupled`.
+    Coupled(u32),
+    Long,
 }
 
 /// Contacts in the order of a forward sweep. Blocks `W_ij`, `j` not `i`, stand column-major, so that a product adds whole columns.
@@ -27,7 +25,8 @@ struct Simple {
 pub struct Chunk {
     /// `row` is the first multiplier in `y`.
     groups: Vec<Group>,
-    simple: Vec<Option<Simple>>,
+    ways: Vec<Way>,
+    coupled: Vec<Coupled>,
     q: Vec<[f64; FULL]>,
     /// Diagonal blocks, row-major, and where they begin.
     diagonals: Vec<f64>,
@@ -57,7 +56,9 @@ impl Chunk {
         };
         for &i in contacts {
             local[i as usize] = chunk.rows.len() as u32;
-            chunk.rows.extend(problem.groups[i as usize].rows().map(|r| r as u32));
+            chunk
+                .rows
+                .extend(problem.groups[i as usize].rows().map(|r| r as u32));
         }
         chunk.own = chunk.rows.len();
         chunk.ptr.push(0);
@@ -70,7 +71,8 @@ impl Chunk {
             q[..dim].copy_from_slice(&problem.q[group.rows()]);
             let diagonal = w.block(i, w.diagonal[i]);
             chunk.q.push(q);
-            chunk.simple.push(simple(&group, diagonal));
+            let way = chunk.way(&group, diagonal);
+            chunk.ways.push(way);
             chunk.diagonal_at.push(chunk.diagonals.len() as u32);
             chunk.diagonals.extend_from_slice(diagonal);
             chunk.value_at.push(chunk.values.len());
@@ -88,7 +90,9 @@ impl Chunk {
                 chunk.col.push(local[j]);
                 chunk.width.push(other.dim as u8);
                 for c in 0..other.dim {
-                    chunk.values.extend((0..dim).map(|r| block[r * other.dim + c]));
+                    chunk
+                        .values
+                        .extend((0..dim).map(|r| block[r * other.dim + c]));
                 }
             }
             chunk.ptr.push(chunk.col.len() as u32);
@@ -101,6 +105,17 @@ impl Chunk {
             local[i] = u32::MAX;
         }
         chunk
+    }
+
+    fn way(&mut self, group: &Group, block: &[f64]) -> Way {
+        if let Some(simple) = Simple::new(group, block) {
+            return Way::Simple(simple);
+        }
+        let Some(coupled) = Coupled::new(group, block) else {
+            return Way::Long;
+        };
+        self.coupled.push(coupled);
+        Way::Coupled(self.coupled.len() as u32 - 1)
     }
 
     /// Own multipliers from outside.
@@ -128,36 +143,6 @@ impl Chunk {
     pub fn show(&self, shown: &[AtomicU64]) {
         for (own, &row) in self.y[..self.own].iter().zip(&self.rows) {
             shown[row as usize].store(own.to_bits(), Ordering::Relaxed);
-        }
-    }
-}
-
-fn simple(group: &Group, a: &[f64]) -> Option<Simple> {
-    if group.bilateral || group.dim != 3 || group.bounds.sliding <= 0.0 {
-        return None;
-    }
-    let tiny = ISOTROPIC * a[4];
-    let coupling = a[1].abs() + a[2].abs() + a[3].abs() + a[6].abs();
-    let unlike = a[5].abs() + a[7].abs() + (a[4] - a[8]).abs();
-    (coupling <= tiny && unlike <= tiny && a[0] > 0.0 && a[4] > 0.0).then(|| Simple {
-        per_normal: 1.0 / a[0],
-        per_slip: 1.0 / a[4],
-        friction: group.bounds.sliding,
-    })
-}
-
-impl Simple {
-    /// Solves `u = diag(w) r + b`.
-    #[inline(always)]
-    fn solve(&self, b: [f64; 4]) -> [f64; 3] {
-        let normal = (-b[0] * self.per_normal).max(0.0);
-        let (x, y) = (-b[1] * self.per_slip, -b[2] * self.per_slip);
-        let (square, radius) = (x * x + y * y, self.friction * normal);
-        if square > radius * radius {
-            let scale = radius / square.sqrt();
-            [normal, scale * x, scale * y]
-        } else {
-            [normal, x, y]
         }
     }
 }
@@ -190,10 +175,13 @@ impl Work for Pass<'_> {
     }
 }
 
-/// The four numbers from `at` on.
+/// The four numbers from `at` on, which are there.
 #[inline(always)]
 fn four<S: Lanes>(simd: S, numbers: &[f64], at: usize) -> S::Row {
-    simd.row(&[numbers[at], numbers[at + 1], numbers[at + 2], numbers[at + 3]])
+    match numbers[at..].first_chunk() {
+        Some(numbers) => simd.row(numbers),
+        None => unreachable!("shorter than four"),
+    }
 }
 
 impl Chunk {
@@ -215,14 +203,14 @@ impl Chunk {
         }
         let b = simd.numbers(sum);
         let row = 3 * i;
-        let r = match &self.simple[i] {
-            Some(simple) => simple.solve(b),
-            None => {
-                let mut r = [self.y[row], self.y[row + 1], self.y[row + 2]];
-                let block = &self.diagonals[9 * i..9 * i + 9];
-                solve_contact(&self.groups[i], block, &b[..3], &mut r);
-                r
-            }
+        let block = &self.diagonals[9 * i..9 * i + 9];
+        let last = [self.y[row], self.y[row + 1], self.y[row + 2]];
+        let r = match &self.ways[i] {
+            Way::Simple(simple) => simple.solve_three(b),
+            Way::Coupled(k) => self.coupled[*k as usize]
+                .solve(block, [b[0], b[1], b[2]], last)
+                .unwrap_or_else(|| self.solve_long(i, block, &b[..3], last)),
+            Way::Long => self.solve_long(i, block, &b[..3], last),
         };
         self.y[row..row + 3].copy_from_slice(&r);
     }
@@ -248,11 +236,19 @@ impl Chunk {
         let mut b = [0.0; FULL];
         b[..4].copy_from_slice(&simd.numbers(low));
         b[4..].copy_from_slice(&simd.numbers(high));
-        let at = self.diagonal_at[i] as usize;
-        let block = &self.diagonals[at..at + dim * dim];
-        let mut r = [0.0; MAX_ROWS];
-        r[..dim].copy_from_slice(&self.y[group.rows()]);
-        solve_contact(group, block, &b[..dim], &mut r[..dim]);
-        self.y[group.rows()].copy_from_slice(&r[..dim]);
+        let r = &mut self.y[group.rows()];
+        if let Way::Simple(simple) = &self.ways[i] {
+            simple.solve(&b, r);
+        } else {
+            let at = self.diagonal_at[i] as usize;
+            solve_contact(group, &self.diagonals[at..at + dim * dim], &b[..dim], r);
+        }
+    }
+
+    #[cold]
+    fn solve_long(&self, i: usize, block: &[f64], b: &[f64], last: [f64; 3]) -> [f64; 3] {
+        let mut r = last;
+        solve_contact(&self.groups[i], block, b, &mut r);
+        r
     }
 }

@@ -2,10 +2,13 @@
 //!
 //! Few contacts are swept as they come. Many are cut into chunks of neighbours (`order`); inside a chunk contacts follow one
 //! another as they come, and chunks that do not feel each other may be swept at the same time. So every update sees the same
-//! numbers whichever thread makes it.
+//! numbers whichever thread makes it. Every second sweep runs backwards.
 
 mod chunk;
+mod contact;
 mod order;
+#[cfg(test)]
+mod tests;
 
 use crate::problem::Problem;
 use crate::spheres::Instructions;
@@ -13,13 +16,16 @@ use crate::team::{self, lock};
 use chunk::{Chunk, Pass};
 use order::Order;
 use std::sync::atomic::AtomicU64;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
-/// Contacts from which on they are swept in chunks.
-pub const MANY: usize = 1000;
-/// Chunks aimed at, so that every stage has some for each thread, and the contacts of one: so few that they stay in cache,
-/// so many that copies of others' multipliers are few.
-const CHUNKS: usize = 256;
+/// Contacts from which on they are swept in chunks. Below, threads would wait for one another most of the time.
+const MANY: usize = 2000;
+/// Contacts for each thread at least.
+const SHARE: usize = 1000;
+/// Chunks aimed at, so that a stage has some for each thread, and contacts of one: so few that they stay in cache, so many
+/// that copies of others' multipliers are few. The larger, the nearer to sweeps in the order given, and these converge best:
+/// with chunks of one contact a pile needs up to twice the sweeps, with chunks of 32 to 256 at most a few more.
+const CHUNKS: usize = 128;
 const CHUNK_LEAST: usize = 32;
 const CHUNK_MOST: usize = 256;
 
@@ -32,7 +38,9 @@ pub struct Sweeps {
     shown: Vec<AtomicU64>,
     /// Sweeps done: every second one goes backwards.
     done: u32,
-    threads: usize,
+    contacts: usize,
+    /// Threads of all that follows, at most; changes no bit of any result.
+    pub threads: usize,
     pub instructions: Instructions,
 }
 
@@ -47,9 +55,6 @@ impl Sweeps {
         Sweeps::ordered(problem, threads, &order)
     }
 
-    #[doc(hidden)]
-    pub fn sized(p: &Problem, t: usize, size: usize) -> Sweeps { let o = if size == 0 { Order::natural(p.groups.len()) } else { Order::coloured(&p.w, size) }; Sweeps::ordered(p, t, &o) }
-    pub fn shape(&self) -> (usize, usize) { (self.chunks.len(), self.stages.len() - 1) }
     fn ordered(problem: &Problem, threads: usize, order: &Order) -> Sweeps {
         // Room for numbering, one for each thread that packs.
         let rooms: Mutex<Vec<Vec<u32>>> = Mutex::default();
@@ -72,6 +77,7 @@ impl Sweeps {
             stages: order.stages.clone(),
             shown: (0..shown).map(|_| AtomicU64::new(0)).collect(),
             done: 0,
+            contacts: problem.groups.len(),
             threads,
             instructions: Instructions::default(),
         }
@@ -95,6 +101,7 @@ impl Sweeps {
     /// Runs `count` sweeps, forwards and backwards in turn, or ends in the midst of one as soon as `stop` says so.
     pub fn sweep(&mut self, count: u32, stop: impl Fn() -> bool + Sync) {
         let tasks = self.chunks.len();
+        let threads = self.threads.min(self.contacts / SHARE).max(1);
         let backwards = |sweep: usize| (self.done as usize + sweep) % 2 == 1;
         // Stages of all sweeps; task `t` is chunk `t % tasks` of its sweep, counted from the end in a backward one.
         let mut stages = vec![0];
@@ -109,21 +116,18 @@ impl Sweeps {
         }
         let chunks: Vec<Mutex<&mut Chunk>> = self.chunks.iter_mut().map(Mutex::new).collect();
         let (shown, instructions) = (&self.shown, self.instructions);
-        team::run(self.threads, 1, &stages, |task| {
+        team::run(threads, 1, &stages, |task| {
             if stop() {
                 return;
             }
             let backwards = backwards(task / tasks);
             let at = task % tasks;
             let at = if backwards { tasks - 1 - at } else { at };
-            let mut chunk = chunks[at].lock().unwrap_or_else(PoisonError::into_inner);
+            let chunk = &mut **lock(&chunks[at]);
             if !shown.is_empty() {
                 chunk.look(shown);
             }
-            instructions.run(Pass {
-                chunk: &mut chunk,
-                backwards,
-            });
+            instructions.run(Pass { chunk, backwards });
             if !shown.is_empty() {
                 chunk.show(shown);
             }

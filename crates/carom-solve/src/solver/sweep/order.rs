@@ -86,12 +86,15 @@ fn grow(w: &BlockMatrix, size: usize) -> (Vec<u32>, Vec<usize>) {
     while contacts.len() < count {
         let first = contacts.len();
         while contacts.len() < (first + size).min(count) {
-            let i = near.pop_front().or_else(|| border.pop_front()).unwrap_or_else(|| {
-                while taken[next] {
-                    next += 1;
-                }
-                next as u32
-            });
+            let i = near
+                .pop_front()
+                .or_else(|| border.pop_front())
+                .unwrap_or_else(|| {
+                    while taken[next] {
+                        next += 1;
+                    }
+                    next as u32
+                });
             if taken[i as usize] {
                 continue;
             }
@@ -163,6 +166,9 @@ mod tests {
     fn contacts_that_feel_nothing_make_one_stage() {
         let order = Order::coloured(&lattice(10, 0), 8);
         assert_eq!(order.stages, [0, 13]);
-        assert_eq!(Order::coloured(&BlockMatrix::default(), 8).contacts, [0u32; 0]);
+        assert_eq!(
+            Order::coloured(&BlockMatrix::default(), 8).contacts,
+            [0u32; 0]
+        );
     }
 }
