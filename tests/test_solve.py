@@ -148,17 +148,18 @@ def test_all_arguments_reach_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, spy)
     problem = easy(7, d=6)
     first = problem.solve()
-    indptr, indices, data, q, d, mu, mu_r, mu_s, r0, solver, tol, iterations, limit, threads = seen
+    indptr, indices, data, q, d, mu, mu_r, mu_s, r0, solver, tol, iterations, limit, threads, cancel = seen
     assert (indptr.dtype, indices.dtype, data.dtype, q.dtype) == (np.int64, np.int64, np.float64, np.float64)
     assert (d, solver, tol, iterations, limit, threads) == (6, "auto", 1e-8, 0, math.inf, 1)
     assert r0 is None
+    assert not cancel.cancelled
     source = problem.local
     assert all(np.array_equal(a, b) for a, b in zip((mu, mu_r, mu_s), source.bounds.T, strict=True))
     start = first.r.reshape(-1, 6)
     again = problem.solve("sweeps", tol=1e-6, r0=start, max_iterations=50, time_limit=3, threads=2)
     assert again.iterations < first.iterations
     assert np.array_equal(seen[8], first.r)
-    assert seen[9:] == ["sweeps", 1e-6, 50, 3.0, 2]
+    assert seen[9:14] == ["sweeps", 1e-6, 50, 3.0, 2]
     easy(7, d=3).solve()
     assert not seen[6].any()
     assert seen[6].shape == seen[7].shape == (4,)

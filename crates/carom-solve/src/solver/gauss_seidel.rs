@@ -13,6 +13,8 @@ const LOOK_EVERY: u32 = 10;
 #[derive(Default)]
 pub struct GaussSeidel {
     y: Vec<f64>,
+    /// The problem of this judge, packed: the next run of the same solve needs it again.
+    packed: Option<(u64, Sweeps)>,
 }
 
 impl ConeSolver for GaussSeidel {
@@ -23,7 +25,10 @@ impl ConeSolver for GaussSeidel {
     fn run(&mut self, judge: &mut Judge<'_>, max_iterations: u32) -> u32 {
         let (clock, threads) = (judge.clock(), judge.threads());
         self.y.clone_from(&judge.best);
-        let mut sweeps = Sweeps::new(&judge.scaled.problem, threads);
+        let mut sweeps = match self.packed.take() {
+            Some((solve, sweeps)) if solve == judge.number() => sweeps,
+            _ => Sweeps::new(&judge.scaled.problem, threads),
+        };
         sweeps.enter(&self.y);
         let max = max_iterations.min(MAX_SWEEPS);
         let mut done = 0;
@@ -40,6 +45,7 @@ impl ConeSolver for GaussSeidel {
                 break;
             }
         }
+        self.packed = Some((judge.number(), sweeps));
         done
     }
 }

@@ -20,7 +20,7 @@ pub use newton::SemiSmoothNewton;
 pub use one_contact::solve_contact;
 
 use crate::problem::{natural, Problem, Scaled};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// When to stop.
@@ -154,7 +154,11 @@ pub struct Judge<'a> {
     u: Vec<f64>,
     pub stages: Vec<Stage>,
     done: u32,
+    number: u64,
 }
+
+/// Solves begun in this process.
+static SOLVES: AtomicU64 = AtomicU64::new(0);
 
 impl<'a> Judge<'a> {
     pub fn new(
@@ -180,6 +184,7 @@ impl<'a> Judge<'a> {
             u: vec![0.0; n],
             stages: Vec::new(),
             done: 0,
+            number: SOLVES.fetch_add(1, Ordering::Relaxed),
         };
         let mut y = vec![0.0; n];
         judge.see(&y.clone());
@@ -216,6 +221,12 @@ impl<'a> Judge<'a> {
     #[inline]
     pub fn threads(&self) -> usize {
         self.settings.threads
+    }
+
+    /// A number of this solve alone: methods know by it what they may keep from stage to stage.
+    #[inline]
+    pub fn number(&self) -> u64 {
+        self.number
     }
 
     /// What tells when to give up, for other threads and inner loops.

@@ -61,6 +61,7 @@ impl Chunk {
                 .extend(problem.groups[i as usize].rows().map(|r| r as u32));
         }
         chunk.own = chunk.rows.len();
+        chunk.reserve(problem, contacts);
         chunk.ptr.push(0);
         let mut guests = Vec::new();
         for &i in contacts {
@@ -89,10 +90,16 @@ impl Chunk {
                 chunk.all_three &= other.dim == 3;
                 chunk.col.push(local[j]);
                 chunk.width.push(other.dim as u8);
-                for c in 0..other.dim {
-                    chunk
-                        .values
-                        .extend((0..dim).map(|r| block[r * other.dim + c]));
+                match *block {
+                    [a, b, c, d, e, f, g, h, i] if dim == 3 => {
+                        chunk.values.extend_from_slice(&[a, d, g, b, e, h, c, f, i]);
+                    }
+                    _ => {
+                        for c in 0..other.dim {
+                            let column = (0..dim).map(|r| block[r * other.dim + c]);
+                            chunk.values.extend(column);
+                        }
+                    }
                 }
             }
             chunk.ptr.push(chunk.col.len() as u32);
@@ -105,6 +112,31 @@ impl Chunk {
             local[i] = u32::MAX;
         }
         chunk
+    }
+
+    /// Memory for these contacts, in one piece for each array.
+    fn reserve(&mut self, problem: &Problem, contacts: &[u32]) {
+        let w = &problem.w;
+        let (mut blocks, mut values, mut own) = (0, TAIL, 0);
+        for &i in contacts {
+            let row = w.ptr[i as usize]..w.ptr[i as usize + 1];
+            let dim = problem.groups[i as usize].dim;
+            own += dim * dim;
+            blocks += row.len();
+            for &j in &w.col[row] {
+                values += dim * problem.groups[j as usize].dim;
+            }
+        }
+        self.groups.reserve_exact(contacts.len());
+        self.ways.reserve_exact(contacts.len());
+        self.q.reserve_exact(contacts.len());
+        self.ptr.reserve_exact(contacts.len() + 1);
+        self.value_at.reserve_exact(contacts.len());
+        self.diagonal_at.reserve_exact(contacts.len());
+        self.diagonals.reserve_exact(own);
+        self.col.reserve_exact(blocks - contacts.len());
+        self.width.reserve_exact(blocks - contacts.len());
+        self.values.reserve_exact(values - own);
     }
 
     fn way(&mut self, group: &Group, block: &[f64]) -> Way {

@@ -42,7 +42,7 @@ impl Simple {
         }
         debug_assert_eq!(at, n);
         for r in (0..n).rev() {
-            if !(a[r * n + r] > 0.0) {
+            if a[r * n + r] <= 0.0 {
                 return None;
             }
             per[part[r]] = 1.0 / a[r * n + r];
@@ -125,7 +125,7 @@ impl Coupled {
             a[3 * p + r] * a[3 * q + s] - a[3 * p + s] * a[3 * q + r]
         };
         let det = (0..3).map(|j| a[j] * cofactor(0, j)).sum::<f64>();
-        if !(det > SINGULAR * a[0].abs() * a[4].abs() * a[8].abs()) {
+        if det <= SINGULAR * (a[0] * a[4] * a[8]).abs() {
             return None;
         }
         let mut inverse = [0.0; 9];
@@ -174,8 +174,7 @@ impl Coupled {
             let w1 = b[1] * turn + b[0] * mu * (a[5] * c - a[4] * s);
             let w2 = b[2] * turn + b[0] * mu * (a[8] * c - a[7] * s);
             let step = cross / (along - (c * w2 - s * w1));
-            // NaN too.
-            if !(step.abs() <= LONGEST) {
+            if step.is_nan() || step.abs() > LONGEST {
                 return None;
             }
             let shrink = 1.0 / (1.0 + step * step).sqrt();
