@@ -1,7 +1,7 @@
 //! The contacts of one chunk with all they need, packed for the sweep.
 
 use super::super::solve_contact;
-use super::contact::{Coupled, Simple};
+use super::contact::{Coupled, Discs, Simple};
 use crate::problem::{Group, Problem};
 use crate::spheres::{Lanes, Work};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,6 +16,8 @@ enum Way {
     Simple(Simple),
     /// A place in `coupled`.
     Coupled(u32),
+    /// A place in `discs`.
+    Discs(u32),
     Long,
 }
 
@@ -27,6 +29,7 @@ pub struct Chunk {
     groups: Vec<Group>,
     ways: Vec<Way>,
     coupled: Vec<Coupled>,
+    discs: Vec<Discs>,
     q: Vec<[f64; FULL]>,
     /// Diagonal blocks, row-major, and where they begin.
     diagonals: Vec<f64>,
@@ -143,11 +146,15 @@ impl Chunk {
         if let Some(simple) = Simple::new(group, block) {
             return Way::Simple(simple);
         }
-        let Some(coupled) = Coupled::new(group, block) else {
-            return Way::Long;
-        };
-        self.coupled.push(coupled);
-        Way::Coupled(self.coupled.len() as u32 - 1)
+        if let Some(coupled) = Coupled::new(group, block) {
+            self.coupled.push(coupled);
+            return Way::Coupled(self.coupled.len() as u32 - 1);
+        }
+        if let Some(discs) = Discs::new(group, block) {
+            self.discs.push(discs);
+            return Way::Discs(self.discs.len() as u32 - 1);
+        }
+        Way::Long
     }
 
     /// Own multipliers from outside.
@@ -242,7 +249,7 @@ impl Chunk {
             Way::Coupled(k) => self.coupled[*k as usize]
                 .solve(block, [b[0], b[1], b[2]], last)
                 .unwrap_or_else(|| self.solve_long(i, block, &b[..3], last)),
-            Way::Long => self.solve_long(i, block, &b[..3], last),
+            _ => self.solve_long(i, block, &b[..3], last),
         };
         self.y[row..row + 3].copy_from_slice(&r);
     }
@@ -269,11 +276,18 @@ impl Chunk {
         b[..4].copy_from_slice(&simd.numbers(low));
         b[4..].copy_from_slice(&simd.numbers(high));
         let r = &mut self.y[group.rows()];
-        if let Way::Simple(simple) = &self.ways[i] {
-            simple.solve(&b, r);
-        } else {
-            let at = self.diagonal_at[i] as usize;
-            solve_contact(group, &self.diagonals[at..at + dim * dim], &b[..dim], r);
+        let at = self.diagonal_at[i] as usize;
+        let block = &self.diagonals[at..at + dim * dim];
+        let done = match &self.ways[i] {
+            Way::Simple(simple) => {
+                simple.solve(&b, r);
+                true
+            }
+            Way::Discs(k) => self.discs[*k as usize].solve(block, &b[..dim], r),
+            _ => false,
+        };
+        if !done {
+            solve_contact(group, block, &b[..dim], r);
         }
     }
 

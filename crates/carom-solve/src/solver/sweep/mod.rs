@@ -23,8 +23,8 @@ const MANY: usize = 2000;
 /// Contacts for each thread at least.
 const SHARE: usize = 1000;
 /// Chunks aimed at, so that a stage has some for each thread, and contacts of one: so few that they stay in cache, so many
-/// that copies of others' multipliers are few. The larger, the nearer to sweeps in the order given, and these converge best:
-/// with chunks of one contact a pile needs up to twice the sweeps, with chunks of 32 to 256 at most a few more.
+/// that copies of others' multipliers are few, and that the order is nearly the one given, which converges best: after 480
+/// sweeps of heaps and flows `err` is 1.3 to 1.8 times as large with chunks of one contact, at most 1.26 times with 32 to 256.
 const CHUNKS: usize = 128;
 const CHUNK_LEAST: usize = 32;
 const CHUNK_MOST: usize = 256;
