@@ -1,7 +1,8 @@
 //! The contacts of one chunk with all they need, packed for the sweep.
 
 use super::super::solve_contact;
-use super::contact::{Coupled, Discs, Simple};
+use super::contact::{Coupled, Simple};
+use super::discs::Discs;
 use crate::problem::{Group, Problem};
 use crate::spheres::{Lanes, Work};
 use std::sync::atomic::{AtomicU64, Ordering};

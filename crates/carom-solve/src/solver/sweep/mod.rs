@@ -6,6 +6,7 @@
 
 mod chunk;
 mod contact;
+mod discs;
 mod order;
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,32 @@
 use super::*;
-use crate::problem::{natural, BlockMatrix, Group};
+use crate::problem::natural::{self, natural_part};
+use crate::problem::{BlockMatrix, Group};
 use crate::solver::solve_contact;
 use crate::Bounds;
+
+pub fn group(sliding: f64, rolling: f64, spinning: f64) -> Group {
+    let bounds = Bounds {
+        sliding,
+        rolling,
+        spinning,
+    };
+    Group {
+        dim: bounds.dim(),
+        bounds,
+        ..Group::default()
+    }
+}
+
+/// Size of the natural map at `r`, over that of `b`.
+pub fn miss(group: &Group, a: &[f64], b: &[f64], r: &[f64]) -> f64 {
+    let n = group.dim;
+    let u: Vec<f64> = (0..n)
+        .map(|i| b[i] + (0..n).map(|j| a[i * n + j] * r[j]).sum::<f64>())
+        .collect();
+    let f = natural_part(group, r, &u);
+    let size = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    size(&f[..n]) / size(&b[..n])
+}
 
 fn random(seed: &mut u64) -> f64 {
     *seed = seed
