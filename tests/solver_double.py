@@ -16,7 +16,7 @@ RULE = "few contacts: sweeps\nmany contacts: sweeps as well"
 
 def sweeps(
     indptr: Any, indices: Any, data: Any, q: Any, dimension: int, mu: Any, mu_r: Any, mu_s: Any, r0: Any,
-    solver: str, tolerance: float, max_iterations: int, time_limit: float, threads: int,
+    solver: str, tolerance: float, max_iterations: int, time_limit: float, threads: int, cancel: Any = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Projected Gauss-Seidel: slow, but sure where W is well conditioned."""
     start = time.perf_counter()

@@ -31,6 +31,7 @@ from carom.problem import (
     solvers,
     write_fclib,
 )
+from carom.problem.matrix import Csr
 from hypothesis import given, settings
 from solver_double import RULE, install, sweeps
 from test_cli import Answer, cli
@@ -46,6 +47,16 @@ def easy(seed: int, d: int = 3, contacts: int = 4) -> ContactProblem:
     w = 0.05 * a @ a.T + np.diag(rng.uniform(1.0, 2.0, d * contacts))
     bounds = bounds_of(rng, contacts, d)
     return ContactProblem.from_matrices(w, rng.normal(size=d * contacts), **bounds, title=f"seed {seed}")
+
+
+def chain(contacts: int, coupling: float = -0.4) -> ContactProblem:
+    """Contacts in a row, each feels those beside it."""
+    n = 3 * contacts
+    rows = np.arange(n)
+    places = [(rows, rows, 1.0), (rows[3:], rows[:-3], coupling), (rows[:-3], rows[3:], coupling)]
+    triplets = [(i, j, np.full(len(i), w)) for i, j, w in places]
+    w = Csr.from_triplets(*map(np.concatenate, zip(*triplets, strict=True)), (n, n))
+    return ContactProblem.from_matrices(w, numbers(3).normal(size=n), np.full(contacts, 0.5), title="chain")
 
 
 def unlucky(**answer: Any) -> Callable[..., dict[str, Any]]:
@@ -137,17 +148,18 @@ def test_all_arguments_reach_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, spy)
     problem = easy(7, d=6)
     first = problem.solve()
-    indptr, indices, data, q, d, mu, mu_r, mu_s, r0, solver, tol, iterations, limit, threads = seen
+    indptr, indices, data, q, d, mu, mu_r, mu_s, r0, solver, tol, iterations, limit, threads, cancel = seen
     assert (indptr.dtype, indices.dtype, data.dtype, q.dtype) == (np.int64, np.int64, np.float64, np.float64)
     assert (d, solver, tol, iterations, limit, threads) == (6, "auto", 1e-8, 0, math.inf, 1)
     assert r0 is None
+    assert not cancel.cancelled
     source = problem.local
     assert all(np.array_equal(a, b) for a, b in zip((mu, mu_r, mu_s), source.bounds.T, strict=True))
     start = first.r.reshape(-1, 6)
     again = problem.solve("sweeps", tol=1e-6, r0=start, max_iterations=50, time_limit=3, threads=2)
     assert again.iterations < first.iterations
     assert np.array_equal(seen[8], first.r)
-    assert seen[9:] == ["sweeps", 1e-6, 50, 3.0, 2]
+    assert seen[9:14] == ["sweeps", 1e-6, 50, 3.0, 2]
     easy(7, d=3).solve()
     assert not seen[6].any()
     assert seen[6].shape == seen[7].shape == (4,)
@@ -574,6 +586,7 @@ def test_what_is_doubtful_is_told_and_solved(folder: Path) -> None:
 SLOW = """
 import sys, time, pytest
 sys.path.insert(0, {tests!r})
+from carom.problem.matrix import Csr
 from hypothesis import given, settings
 from solver_double import install, sweeps
 def solve(*arguments):
@@ -631,6 +644,57 @@ except KeyboardInterrupt:
     os.kill(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert (out, err) == ("interrupted True True\n", "")
+
+
+ENDLESS = """
+import sys, threading, time
+sys.path.insert(0, {tests!r})
+import numpy as np
+from carom import _core
+from test_solve import chain
+local = chain(4000, -0.5).local  # sweeps take thousands of rounds
+zero = np.zeros(local.contacts)
+def endless(cancel):
+    return _core.solve_contact_problem(local.W.indptr, local.W.indices, local.W.data, local.q, 3, local.mu, zero, zero,
+        None, "gauss-seidel", 1e-300, 0, float("inf"), 2, cancel)
+""".replace("{tests!r}", repr(str(Path(__file__).parent)))
+
+
+def test_the_core_ends_when_it_is_told_to() -> None:
+    program = f"""{ENDLESS}
+cancel, found = _core.Cancel(), []
+thread = threading.Thread(target=lambda: found.append(endless(cancel)))
+thread.start()
+time.sleep(0.2)
+assert thread.is_alive() and not cancel.cancelled
+cancel.cancel()
+thread.join(10.0)
+assert cancel.cancelled
+print(thread.is_alive(), found[0]["converged"], bool(np.isfinite(found[0]["r"]).all()), found[0]["wall_s"] >= 0.2)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.stderr) == ("False False True True\n", "")
+
+
+def test_ctrl_c_ends_the_core_too() -> None:
+    program = f"""{ENDLESS}
+from carom.problem.solve import _interruptible, is_abandoned
+cancel = _core.Cancel()
+print("ready", flush=True)
+try:
+    _interruptible(lambda: endless(cancel), cancel.cancel)
+except KeyboardInterrupt:
+    print("interrupted", is_abandoned())
+"""
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert (out, err, process.returncode) == ("interrupted False\n", "", 0)
 
 
 # --- the solvers of the core ------------------------------------------------------------------------------------------
@@ -713,6 +777,16 @@ def test_threads_do_not_change_a_bit() -> None:
     for threads in (2, 3, 8):
         assert np.array_equal(problem.solve(threads=threads).r, alone.r)
     assert np.array_equal(problem.solve().r, alone.r)
+
+
+def test_threads_do_not_change_a_bit_of_many_contacts() -> None:
+    # More contacts than are swept in the order given (crates/carom-solve/src/solver/sweep).
+    problem = chain(2400)
+    alone = problem.solve("gauss-seidel", max_iterations=30, on_nonconvergence="return")
+    assert alone.err < 1e-2
+    for threads in (2, 5, 8):
+        again = problem.solve("gauss-seidel", threads=threads, max_iterations=30, on_nonconvergence="return")
+        assert np.array_equal(again.r, alone.r)
 
 
 def test_limits_are_kept() -> None:

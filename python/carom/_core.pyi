@@ -64,6 +64,15 @@ def tangential_increment(
 def choices() -> dict[str, list[str]]:
     """Admitted values of the options that are names: method, impact, solver and others."""
 
+class Cancel:
+    """Lets another thread end a solve: `cancel` of `solve_contact_problem`."""
+
+    def cancel(self) -> None:
+        """Solves that were given this return their best iterate as soon as their method looks up."""
+
+    @property
+    def cancelled(self) -> bool: ...
+
 class Simulation:
     """A model, its state and its scratch memory. The interpreter lock is released while it advances.
 

@@ -53,6 +53,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(contact_solver::contact_solvers, m)?)?;
     m.add_function(wrap_pyfunction!(contact_solver::auto_rule, m)?)?;
     m.add_function(wrap_pyfunction!(element::tangential_increment, m)?)?;
+    m.add_class::<contact_solver::Cancel>()?;
     m.add_class::<simulation::Simulation>()?;
     m.add_class::<expression::Expression>()?;
     Ok(())

@@ -76,7 +76,7 @@ class Solution:
     iterations: int
     """Iterations of all stages."""
     wall_s: float
-    """Time of the solver alone, s; neither reading nor the elimination of bodies is in it."""
+    """Time of the core, s: setting up, scaling and solving, but neither reading nor the elimination of bodies."""
     stages: tuple[Stage, ...]
 
     @property
@@ -203,6 +203,8 @@ def solve(
     start = _start(r0, local.rows, local.dimension)
     zero = np.zeros(local.contacts)
 
+    cancel = _core.Cancel()
+
     def call() -> dict[str, Any]:
         return _core.solve_contact_problem(
             local.W.indptr,
@@ -219,10 +221,11 @@ def solve(
             int(max_iterations or 0),
             math.inf if time_limit is None else float(time_limit),
             int(threads),
+            cancel,
         )
 
     try:
-        found = _interruptible(call)
+        found = _interruptible(call, cancel.cancel)
     except CaromError:
         raise
     except ValueError as error:
@@ -251,6 +254,8 @@ def solve(
 
 #: Threads that compute what Ctrl-C left behind.
 _abandoned: list[threading.Thread] = []
+#: How long Ctrl-C waits for a solver to look up, s. Most do so within milliseconds; a large factorisation does not.
+GRACE = 0.5
 
 
 def is_abandoned() -> bool:
@@ -258,11 +263,8 @@ def is_abandoned() -> bool:
     return any(thread.is_alive() for thread in _abandoned)
 
 
-def _interruptible(call: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """`call()` so that Ctrl-C is heard at once, though the core does not look up until it is done.
-
-    It goes on in its own thread to its end or its time limit, and nothing comes of it.
-    """
+def _interruptible(call: Callable[[], dict[str, Any]], cancel: Callable[[], None]) -> dict[str, Any]:
+    """`call()` so that Ctrl-C is heard at once: `cancel` tells the core to end, and soon nobody waits for it any more."""
     if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
         return call()
     from concurrent.futures import Future
@@ -281,6 +283,8 @@ def _interruptible(call: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         return answer.result()
     except KeyboardInterrupt:
         _abandoned.append(thread)
+        cancel()
+        thread.join(GRACE)
         raise
 
 

@@ -107,7 +107,7 @@ impl ConeSolver for Admm {
                 w_hat.copy_from_slice(&w);
                 combined = now / RESTART;
             }
-            if done % LOOK_EVERY == 0 || done == max {
+            if done % LOOK_EVERY == 0 || done == max || judge.late() {
                 let err = judge.see(&y);
                 if judge.stop() || !err.is_finite() {
                     break;

@@ -1,18 +1,31 @@
 //! Block Gauss-Seidel: contact after contact, each solved exactly with the others held.
 
-use super::{solve_contact, ConeSolver, Judge};
-use crate::cone::MAX_ROWS;
-use crate::problem::Problem;
+use super::sweep::Sweeps;
+use super::{ConeSolver, Judge};
 
 /// Sweeps of a run that is not bounded otherwise.
 const MAX_SWEEPS: u32 = 100_000;
-/// Sweeps between looks at the residual: a look costs about one sweep.
+/// Sweeps after which the residual is looked at, at first; then every so many, or this share of those done: a look costs two or
+/// three sweeps, and is made by one thread.
+const LOOK_AFTER: [u32; 3] = [1, 2, 3];
 const LOOK_EVERY: u32 = 10;
+const LOOK_SHARE: u32 = 10;
+
+/// The next look after so many sweeps.
+fn next_look(done: u32) -> u32 {
+    let regular = (done + (done / LOOK_SHARE).max(LOOK_EVERY)) / LOOK_EVERY * LOOK_EVERY;
+    LOOK_AFTER
+        .into_iter()
+        .find(|&look| look > done)
+        .unwrap_or(regular)
+}
 
 /// See the module.
 #[derive(Default)]
 pub struct GaussSeidel {
     y: Vec<f64>,
+    /// The problem of this judge, packed: the next run of the same solve needs it again.
+    packed: Option<(u64, Sweeps)>,
 }
 
 impl ConeSolver for GaussSeidel {
@@ -21,55 +34,43 @@ impl ConeSolver for GaussSeidel {
     }
 
     fn run(&mut self, judge: &mut Judge<'_>, max_iterations: u32) -> u32 {
+        let (clock, threads) = (judge.clock(), judge.threads());
         self.y.clone_from(&judge.best);
-        let problem = &judge.scaled.problem;
-        let mut y = std::mem::take(&mut self.y);
+        let mut sweeps = match self.packed.take() {
+            Some((solve, sweeps)) if solve == judge.number() => sweeps,
+            _ => Sweeps::new(&judge.scaled.problem, threads),
+        };
+        sweeps.enter(&self.y);
         let max = max_iterations.min(MAX_SWEEPS);
         let mut done = 0;
         while done < max {
-            sweep(problem, &mut y, done % 2 == 1);
-            done += 1;
-            if done % LOOK_EVERY == 0 || done == max || done < 4 {
-                let err = judge.see(&y);
-                if judge.stop() || !err.is_finite() {
-                    break;
-                }
+            let look = next_look(done).min(max);
+            sweeps.sweep(look - done, || clock.late());
+            done = look;
+            sweeps.leave(&mut self.y);
+            let err = judge.see(&self.y);
+            if judge.stop() || !err.is_finite() {
+                break;
             }
         }
-        self.y = y;
+        self.packed = Some((judge.number(), sweeps));
         done
     }
 }
 
-/// One sweep, forwards or backwards.
-pub fn sweep(problem: &Problem, y: &mut [f64], backwards: bool) {
-    let count = problem.groups.len();
-    for position in 0..count {
-        let i = if backwards {
-            count - 1 - position
-        } else {
-            position
-        };
-        relax(problem, y, i);
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::next_look;
 
-/// Solves contact `i`.
-#[inline]
-pub fn relax(problem: &Problem, y: &mut [f64], i: usize) {
-    let group = &problem.groups[i];
-    let (rows, dim) = (group.rows(), group.dim);
-    let mut b = [0.0; MAX_ROWS];
-    b[..dim].copy_from_slice(&problem.q[rows.clone()]);
-    problem.w.add_row_product(i, y, &mut b[..dim]);
-    let block = problem.w.block(i, problem.w.diagonal[i]);
-    let mut r = [0.0; MAX_ROWS];
-    r[..dim].copy_from_slice(&y[rows.clone()]);
-    for (b, row) in b.iter_mut().zip(block.chunks_exact(dim)) {
-        for (w, r) in row.iter().zip(&r) {
-            *b -= w * r;
+    #[test]
+    fn looks_are_frequent_at_first_and_never_late_by_much() {
+        let looks: Vec<u32> = std::iter::successors(Some(0), |&done| Some(next_look(done)))
+            .take_while(|&done| done < 10_000)
+            .collect();
+        assert_eq!(looks[..7], [0, 1, 2, 3, 10, 20, 30]);
+        for pair in looks.windows(2) {
+            assert!(pair[1] > pair[0] && pair[1] - pair[0] <= 10 + pair[0] / 10);
         }
+        assert!(looks.len() < 80);
     }
-    solve_contact(group, block, &b[..dim], &mut r[..dim]);
-    y[rows].copy_from_slice(&r[..dim]);
 }

@@ -102,7 +102,7 @@ impl ConeSolver for InteriorPoint {
                 }
                 let length = (SHARE * self.longest()).min(1.0);
                 tries += 1;
-                if length >= SHORT || tries > MAX_TRIES {
+                if length >= SHORT || tries > MAX_TRIES || judge.late() {
                     break length;
                 }
                 shift = (SHIFT_STEP * shift).max(SHIFT_LEAST);

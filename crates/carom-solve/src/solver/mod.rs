@@ -10,6 +10,7 @@ mod interior;
 mod matrix;
 mod newton;
 mod one_contact;
+pub mod sweep;
 
 pub use admm::Admm;
 pub use auto::{Auto, RULE};
@@ -19,26 +20,51 @@ pub use newton::SemiSmoothNewton;
 pub use one_contact::solve_contact;
 
 use crate::problem::{natural, Problem, Scaled};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct Settings<'a> {
     /// Natural-map residual `err` that counts as solved, of the problem as given and of the scaled one.
     pub tolerance: f64,
     /// Iterations (sweeps, Newton steps); 0: as many as the method takes by itself.
     pub max_iterations: u32,
     /// Time after which the best iterate is returned.
     pub time_limit: Option<Duration>,
+    /// Another thread sets it and the best iterate is returned.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Threads for what can use them; they change no bit of the result.
+    pub threads: usize,
 }
 
-impl Default for Settings {
+impl Default for Settings<'_> {
     fn default() -> Self {
         Settings {
             tolerance: 1e-8,
             max_iterations: 0,
             time_limit: None,
+            cancel: None,
+            threads: 1,
         }
+    }
+}
+
+/// Tells when to give up, from any thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock<'a> {
+    began: Instant,
+    time_limit: Option<Duration>,
+    cancel: Option<&'a AtomicBool>,
+}
+
+impl Clock<'_> {
+    /// Out of time, or cancelled.
+    pub fn late(&self) -> bool {
+        self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
+            || self
+                .time_limit
+                .is_some_and(|limit| self.began.elapsed() > limit)
     }
 }
 
@@ -78,11 +104,26 @@ pub trait ConeSolver {
 
 /// Names and one line each, `auto` first.
 pub const SOLVERS: [(&str, &str); 5] = [
-    ("auto", "hybrid with checkpoints: sweeps, Newton, and what else is needed"),
-    ("newton", "semi-smooth Newton on the multipliers with sparse LU and vanishing proximal shift"),
-    ("gauss-seidel", "block Gauss-Seidel, every contact solved exactly in turn"),
-    ("admm", "alternating directions with one Cholesky factorisation and accelerated restart"),
-    ("interior-point", "primal-dual path following on the cones, slip updated on the way"),
+    (
+        "auto",
+        "hybrid with checkpoints: sweeps, Newton, and what else is needed",
+    ),
+    (
+        "newton",
+        "semi-smooth Newton on the multipliers with sparse LU and vanishing proximal shift",
+    ),
+    (
+        "gauss-seidel",
+        "block Gauss-Seidel, every contact solved exactly in turn",
+    ),
+    (
+        "admm",
+        "alternating directions with one Cholesky factorisation and accelerated restart",
+    ),
+    (
+        "interior-point",
+        "primal-dual path following on the cones, slip updated on the way",
+    ),
 ];
 
 /// A solver by name.
@@ -101,8 +142,8 @@ pub fn by_name(name: &str) -> Option<Box<dyn ConeSolver + Send>> {
 pub struct Judge<'a> {
     pub source: &'a Problem,
     pub scaled: &'a Scaled,
-    settings: Settings,
-    began: Instant,
+    settings: Settings<'a>,
+    clock: Clock<'a>,
     /// Best scaled iterate so far; methods start from it.
     pub best: Vec<f64>,
     /// Its `err`: the larger of those of the problem as given and as scaled.
@@ -113,16 +154,29 @@ pub struct Judge<'a> {
     u: Vec<f64>,
     pub stages: Vec<Stage>,
     done: u32,
+    number: u64,
 }
 
+/// Solves begun in this process.
+static SOLVES: AtomicU64 = AtomicU64::new(0);
+
 impl<'a> Judge<'a> {
-    pub fn new(source: &'a Problem, scaled: &'a Scaled, start: &[f64], settings: Settings) -> Judge<'a> {
+    pub fn new(
+        source: &'a Problem,
+        scaled: &'a Scaled,
+        start: &[f64],
+        settings: Settings<'a>,
+    ) -> Judge<'a> {
         let n = source.rows();
         let mut judge = Judge {
             source,
             scaled,
             settings,
-            began: Instant::now(),
+            clock: Clock {
+                began: Instant::now(),
+                time_limit: settings.time_limit,
+                cancel: settings.cancel,
+            },
             best: vec![0.0; n],
             best_err: f64::INFINITY,
             best_given: f64::INFINITY,
@@ -130,6 +184,7 @@ impl<'a> Judge<'a> {
             u: vec![0.0; n],
             stages: Vec::new(),
             done: 0,
+            number: SOLVES.fetch_add(1, Ordering::Relaxed),
         };
         let mut y = vec![0.0; n];
         judge.see(&y.clone());
@@ -163,15 +218,31 @@ impl<'a> Judge<'a> {
         self.settings.tolerance
     }
 
-    /// Solved, or out of time.
+    #[inline]
+    pub fn threads(&self) -> usize {
+        self.settings.threads
+    }
+
+    /// A number of this solve alone: methods know by it what they may keep from stage to stage.
+    #[inline]
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// What tells when to give up, for other threads and inner loops.
+    #[inline]
+    pub fn clock(&self) -> Clock<'a> {
+        self.clock
+    }
+
+    /// Solved, out of time, or cancelled.
     pub fn stop(&self) -> bool {
         self.solved() || self.late()
     }
 
+    /// Out of time, or cancelled.
     pub fn late(&self) -> bool {
-        self.settings
-            .time_limit
-            .is_some_and(|limit| self.began.elapsed() > limit)
+        self.clock.late()
     }
 
     /// Runs a method and writes down what it did.
@@ -205,7 +276,7 @@ impl<'a> Judge<'a> {
 pub fn solve(
     problem: &Problem,
     solver: &mut dyn ConeSolver,
-    settings: Settings,
+    settings: Settings<'_>,
     r: &mut [f64],
 ) -> Outcome {
     let scaled = Scaled::new(problem);

@@ -7,8 +7,9 @@
 
 use super::groups::{pack, Block, Link, SWAPPED};
 use super::kernel::State;
-use super::{team, Body, Contact, Place, SpheresError};
+use super::{Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;
+use crate::team;
 
 /// Chunks aimed at: enough for many threads. Bodies of a chunk: so many that few contacts lie between chunks, so few that
 /// a chunk stays in cache.

@@ -14,17 +14,17 @@ mod lanes;
 mod layout;
 mod problem;
 mod residual;
-mod team;
 
 pub use convert::{as_spheres, Spheres};
 pub use lanes::Instructions;
+pub(crate) use lanes::{Lanes, Work};
 pub use problem::{Body, Contact, Place, SpheresError};
 
+use crate::team::{self, lock};
 use groups::{Block, EMPTY, SWAPPED};
 use kernel::{One, Pass, State, Two};
 use layout::Layout;
 use std::sync::Mutex;
-use team::lock;
 
 /// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
 #[derive(Debug)]

@@ -1,0 +1,138 @@
+//! Sweeps of block Gauss-Seidel over a problem: coloured chunks, several threads, the same bits for any number of them.
+//!
+//! Few contacts are swept as they come. Many are cut into chunks of neighbours (`order`); inside a chunk contacts follow one
+//! another as they come, and chunks that do not feel each other may be swept at the same time. So every update sees the same
+//! numbers whichever thread makes it. Every second sweep runs backwards.
+
+mod chunk;
+mod contact;
+mod discs;
+mod order;
+#[cfg(test)]
+mod tests;
+
+use crate::problem::Problem;
+use crate::spheres::Instructions;
+use crate::team::{self, lock};
+use chunk::{Chunk, Pass};
+use order::Order;
+use std::sync::atomic::AtomicU64;
+use std::sync::Mutex;
+
+/// Contacts from which on they are swept in chunks. Below, threads would wait for one another most of the time.
+const MANY: usize = 2000;
+/// Contacts for each thread at least.
+const SHARE: usize = 1000;
+/// Chunks aimed at, so that a stage has some for each thread, and contacts of one: so few that they stay in cache, so many
+/// that copies of others' multipliers are few, and that the order is nearly the one given, which converges best: after 480
+/// sweeps of heaps and flows `err` is 1.3 to 1.8 times as large with chunks of one contact, at most 1.26 times with 32 to 256.
+const CHUNKS: usize = 128;
+const CHUNK_LEAST: usize = 32;
+const CHUNK_MOST: usize = 256;
+
+/// A problem packed for sweeping, and its multipliers (0 at first).
+#[derive(Debug)]
+pub struct Sweeps {
+    chunks: Vec<Chunk>,
+    stages: Vec<usize>,
+    /// Multipliers as all chunks see them; unused where there is one chunk.
+    shown: Vec<AtomicU64>,
+    /// Sweeps done: every second one goes backwards.
+    done: u32,
+    contacts: usize,
+    /// Threads of all that follows, at most; changes no bit of any result.
+    pub threads: usize,
+    pub instructions: Instructions,
+}
+
+impl Sweeps {
+    pub fn new(problem: &Problem, threads: usize) -> Sweeps {
+        let count = problem.groups.len();
+        let order = if count < MANY {
+            Order::natural(count)
+        } else {
+            Order::coloured(&problem.w, (count / CHUNKS).clamp(CHUNK_LEAST, CHUNK_MOST))
+        };
+        Sweeps::ordered(problem, threads, &order)
+    }
+
+    fn ordered(problem: &Problem, threads: usize, order: &Order) -> Sweeps {
+        // Room for numbering, one for each thread that packs.
+        let rooms: Mutex<Vec<Vec<u32>>> = Mutex::default();
+        let lists: Vec<&[u32]> = order
+            .chunks
+            .windows(2)
+            .map(|c| &order.contacts[c[0]..c[1]])
+            .collect();
+        let shown = if lists.len() > 1 { problem.rows() } else { 0 };
+        let chunks = team::map(threads, lists, |contacts| {
+            let mut room = lock(&rooms)
+                .pop()
+                .unwrap_or_else(|| vec![u32::MAX; problem.groups.len()]);
+            let chunk = Chunk::new(problem, contacts, &mut room);
+            lock(&rooms).push(room);
+            chunk
+        });
+        Sweeps {
+            chunks,
+            stages: order.stages.clone(),
+            shown: (0..shown).map(|_| AtomicU64::new(0)).collect(),
+            done: 0,
+            contacts: problem.groups.len(),
+            threads,
+            instructions: Instructions::default(),
+        }
+    }
+
+    /// Starts from `y`, forwards.
+    pub fn enter(&mut self, y: &[f64]) {
+        self.done = 0;
+        for chunk in &mut self.chunks {
+            chunk.enter(y);
+            if !self.shown.is_empty() {
+                chunk.show(&self.shown);
+            }
+        }
+    }
+
+    pub fn leave(&self, y: &mut [f64]) {
+        self.chunks.iter().for_each(|chunk| chunk.leave(y));
+    }
+
+    /// Runs `count` sweeps, forwards and backwards in turn, or ends in the midst of one as soon as `stop` says so.
+    pub fn sweep(&mut self, count: u32, stop: impl Fn() -> bool + Sync) {
+        let tasks = self.chunks.len();
+        let threads = self.threads.min(self.contacts / SHARE).max(1);
+        let backwards = |sweep: usize| (self.done as usize + sweep) % 2 == 1;
+        // Stages of all sweeps; task `t` is chunk `t % tasks` of its sweep, counted from the end in a backward one.
+        let mut stages = vec![0];
+        for sweep in 0..count as usize {
+            let ends = self.stages.iter().skip(1);
+            if backwards(sweep) {
+                let ends = self.stages.iter().rev().skip(1);
+                stages.extend(ends.map(|end| sweep * tasks + tasks - end));
+            } else {
+                stages.extend(ends.map(|end| sweep * tasks + end));
+            }
+        }
+        let chunks: Vec<Mutex<&mut Chunk>> = self.chunks.iter_mut().map(Mutex::new).collect();
+        let (shown, instructions) = (&self.shown, self.instructions);
+        team::run(threads, 1, &stages, |task| {
+            if stop() {
+                return;
+            }
+            let backwards = backwards(task / tasks);
+            let at = task % tasks;
+            let at = if backwards { tasks - 1 - at } else { at };
+            let chunk = &mut **lock(&chunks[at]);
+            if !shown.is_empty() {
+                chunk.look(shown);
+            }
+            instructions.run(Pass { chunk, backwards });
+            if !shown.is_empty() {
+                chunk.show(shown);
+            }
+        });
+        self.done = self.done.wrapping_add(count);
+    }
+}

@@ -1,0 +1,263 @@
+use super::*;
+use crate::problem::natural::{self, natural_part};
+use crate::problem::{BlockMatrix, Group};
+use crate::solver::solve_contact;
+use crate::Bounds;
+
+pub fn group(sliding: f64, rolling: f64, spinning: f64) -> Group {
+    let bounds = Bounds {
+        sliding,
+        rolling,
+        spinning,
+    };
+    Group {
+        dim: bounds.dim(),
+        bounds,
+        ..Group::default()
+    }
+}
+
+/// Size of the natural map at `r`, over that of `b`.
+pub fn miss(group: &Group, a: &[f64], b: &[f64], r: &[f64]) -> f64 {
+    let n = group.dim;
+    let u: Vec<f64> = (0..n)
+        .map(|i| b[i] + (0..n).map(|j| a[i * n + j] * r[j]).sum::<f64>())
+        .collect();
+    let f = natural_part(group, r, &u);
+    let size = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    size(&f[..n]) / size(&b[..n])
+}
+
+fn random(seed: &mut u64) -> f64 {
+    *seed = seed
+        .wrapping_mul(6364136223846793005)
+        .wrapping_add(1442695040888963407);
+    (*seed >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Contacts on a cubic lattice, with their numbers shuffled where asked, each feeling its six neighbours; blocks symmetric,
+/// loads of both signs. Kinds: Coulomb with diagonal or any blocks, and, where `mixed`, frictionless contacts, joints and
+/// contacts with rolling and spinning rows.
+fn problem(side: usize, mixed: bool, shuffle: bool) -> Problem {
+    let seed = &mut 5;
+    let count = side * side * side;
+    let mut name: Vec<usize> = (0..count).collect();
+    if shuffle {
+        for i in (1..count).rev() {
+            name.swap(i, (random(seed) * (i + 1) as f64) as usize);
+        }
+    }
+    let mut row = 0;
+    let groups: Vec<Group> = (0..count)
+        .map(|_| {
+            let kind = if mixed {
+                (6.0 * random(seed)) as u32
+            } else {
+                0
+            };
+            let on = |yes: bool| if yes { 0.3 } else { 0.0 };
+            let bounds = Bounds {
+                sliding: on(kind != 1),
+                rolling: on(kind >= 4),
+                spinning: on(kind == 5),
+            };
+            let bilateral = kind == 2;
+            let dim = if bilateral { 3 } else { bounds.dim() };
+            row += dim;
+            Group {
+                row: row - dim,
+                dim,
+                bounds: if bilateral { Bounds::default() } else { bounds },
+                bilateral,
+            }
+        })
+        .collect();
+    let at = |x: usize, y: usize, z: usize| name[(x * side + y) * side + z];
+    let mut lists: Vec<Vec<u32>> = (0..count as u32).map(|i| vec![i]).collect();
+    for x in 0..side {
+        for y in 0..side {
+            for z in 0..side {
+                for (p, q, r) in [(x + 1, y, z), (x, y + 1, z), (x, y, z + 1)] {
+                    if p.max(q).max(r) < side {
+                        let (i, j) = (at(x, y, z), at(p, q, r));
+                        lists[i].push(j as u32);
+                        lists[j].push(i as u32);
+                    }
+                }
+            }
+        }
+    }
+    let (mut ptr, mut col) = (vec![0], Vec::new());
+    for list in &mut lists {
+        list.sort_unstable();
+        col.extend_from_slice(list);
+        ptr.push(col.len());
+    }
+    let mut w = BlockMatrix::zeros(&groups, ptr, col);
+    for i in 0..count {
+        for k in w.ptr[i]..w.ptr[i + 1] {
+            let j = w.col[k] as usize;
+            let (rows, cols) = (groups[i].dim, groups[j].dim);
+            if i == j {
+                let coupled = random(seed) < 0.5;
+                let block = w.block_mut(i, k);
+                for r in 0..rows {
+                    block[r * rows + r] = 1.0;
+                    for c in 0..r {
+                        let value = if coupled {
+                            0.1 * (random(seed) - 0.5)
+                        } else {
+                            0.0
+                        };
+                        (block[r * rows + c], block[c * rows + r]) = (value, value);
+                    }
+                }
+            } else if i < j {
+                let values: Vec<f64> = (0..rows * cols)
+                    .map(|_| 0.08 * (random(seed) - 0.5))
+                    .collect();
+                w.block_mut(i, k).copy_from_slice(&values);
+                let other = w.find(j, i).expect("a symmetric pattern");
+                let transposed: Vec<f64> = (0..cols * rows)
+                    .map(|m| values[(m % rows) * cols + m / rows])
+                    .collect();
+                w.block_mut(j, other).copy_from_slice(&transposed);
+            }
+        }
+    }
+    let q = (0..row).map(|_| random(seed) - 0.6).collect();
+    Problem { groups, w, q }
+}
+
+fn swept(
+    problem: &Problem,
+    order: &Order,
+    threads: usize,
+    how: Instructions,
+    count: u32,
+) -> Vec<f64> {
+    let mut sweeps = Sweeps::ordered(problem, threads, order);
+    sweeps.contacts = usize::MAX; // as many threads as asked for
+    sweeps.instructions = how;
+    let mut y = vec![0.0; problem.rows()];
+    sweeps.enter(&y);
+    for part in [1, 2, count - 3] {
+        sweeps.sweep(part, || false);
+    }
+    sweeps.leave(&mut y);
+    y
+}
+
+fn bits(y: &[f64]) -> Vec<u64> {
+    y.iter().map(|v| v.to_bits()).collect()
+}
+
+#[test]
+fn neither_threads_nor_instructions_change_a_bit() {
+    for (mixed, shuffle) in [(false, false), (true, false), (true, true)] {
+        let problem = problem(10, mixed, shuffle);
+        for size in [1, 17, 64] {
+            let order = Order::coloured(&problem.w, size);
+            let one = bits(&swept(&problem, &order, 1, Instructions::Scalar, 10));
+            for threads in 1..=8 {
+                let many = swept(&problem, &order, threads, Instructions::Widest, 10);
+                assert_eq!(one, bits(&many), "{threads} threads, chunks of {size}");
+            }
+        }
+    }
+}
+
+/// Each contact in turn by the exact step alone, products row by row.
+fn plain(problem: &Problem, order: &Order, count: u32) -> Vec<f64> {
+    let mut y = vec![0.0; problem.rows()];
+    let backwards: Vec<u32> = order.contacts.iter().rev().copied().collect();
+    for sweep in 0..count {
+        for &i in if sweep % 2 == 0 {
+            &order.contacts
+        } else {
+            &backwards
+        } {
+            let i = i as usize;
+            let group = &problem.groups[i];
+            let mut r = y[group.rows()].to_vec();
+            y[group.rows()].fill(0.0);
+            let mut b = problem.q[group.rows()].to_vec();
+            problem.w.add_row_product(i, &y, &mut b);
+            solve_contact(group, problem.w.block(i, problem.w.diagonal[i]), &b, &mut r);
+            y[group.rows()].copy_from_slice(&r);
+        }
+    }
+    y
+}
+
+#[test]
+fn a_sweep_is_the_exact_step_of_every_contact_in_turn() {
+    for (mixed, size) in [(false, 0), (false, 20), (true, 0), (true, 20)] {
+        let problem = problem(6, mixed, true);
+        let order = match size {
+            0 => Order::natural(problem.groups.len()),
+            _ => Order::coloured(&problem.w, size),
+        };
+        let fast = swept(&problem, &order, 2, Instructions::Widest, 5);
+        for (x, y) in fast.iter().zip(plain(&problem, &order, 5)) {
+            assert!((x - y).abs() < 1e-12, "{x} {y}");
+        }
+    }
+}
+
+#[test]
+fn sweeps_in_any_order_find_the_solution() {
+    let problem = problem(9, true, true);
+    let natural = swept(
+        &problem,
+        &Order::natural(problem.groups.len()),
+        1,
+        Instructions::Widest,
+        60,
+    );
+    let mut u = vec![0.0; problem.rows()];
+    assert!(natural::residual(&problem, &natural, &mut u) < 1e-13);
+    let coloured = swept(
+        &problem,
+        &Order::coloured(&problem.w, 40),
+        3,
+        Instructions::Widest,
+        60,
+    );
+    assert!(natural::residual(&problem, &coloured, &mut u) < 1e-13);
+}
+
+#[test]
+fn the_order_hangs_on_the_problem_alone() {
+    let many = problem(13, false, true);
+    let shape = |threads| {
+        let sweeps = Sweeps::new(&many, threads);
+        (sweeps.chunks.len(), sweeps.stages)
+    };
+    assert!(shape(1).0 > 8);
+    assert_eq!(shape(1), shape(8));
+    assert_eq!(Sweeps::new(&problem(5, false, true), 8).chunks.len(), 1);
+}
+
+#[test]
+fn a_sweep_that_is_stopped_ends_in_the_midst() {
+    let problem = problem(13, false, true);
+    let mut sweeps = Sweeps::new(&problem, 2);
+    let mut y = vec![0.0; problem.rows()];
+    sweeps.enter(&y);
+    let chunks = std::sync::atomic::AtomicUsize::new(0);
+    sweeps.sweep(1000, || {
+        chunks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 3
+    });
+    sweeps.leave(&mut y);
+    let moved = y.iter().filter(|v| **v != 0.0).count();
+    assert!(moved > 0 && moved < problem.rows() / 2);
+}
+
+#[test]
+fn a_problem_without_contacts_is_swept() {
+    let empty = Problem::default();
+    let mut sweeps = Sweeps::new(&empty, 4);
+    sweeps.sweep(3, || false);
+    sweeps.leave(&mut []);
+}

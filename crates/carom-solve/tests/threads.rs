@@ -1,0 +1,132 @@
+//! Threads change no bit of a solution; another thread can end a solve.
+
+use carom_solve::problem::Problem;
+use carom_solve::solver::{by_name, solve, Outcome, Settings};
+use carom_solve::Bounds;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Contacts on a square lattice of `side`, coupled with those beside them in every pair of like rows.
+fn lattice(side: usize, coupling: f64) -> Problem {
+    let contacts = side * side;
+    let (mut ptr, mut col, mut values) = (vec![0i64], Vec::new(), Vec::new());
+    for i in 0..contacts {
+        let (x, y) = (i / side, i % side);
+        for r in 0..3 {
+            let mut near = vec![(i, 1.0)];
+            for (dx, dy) in [(-1isize, 0isize), (0, -1), (0, 1), (1, 0)] {
+                let (p, q) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
+                if p < side && q < side {
+                    near.push((p * side + q, coupling));
+                }
+            }
+            near.sort_by_key(|n| n.0);
+            for (j, w) in near {
+                col.push((3 * j + r) as i64);
+                values.push(w);
+            }
+            ptr.push(col.len() as i64);
+        }
+    }
+    let q: Vec<f64> = (0..3 * contacts)
+        .map(|k| ((k * k + 7 * k) % 1013) as f64 / 1013.0 - 0.6)
+        .collect();
+    let bounds = vec![
+        Bounds {
+            sliding: 0.4,
+            ..Bounds::default()
+        };
+        contacts
+    ];
+    Problem::from_csr(&ptr, &col, &values, &q, 3, &bounds)
+        .expect("a good problem")
+        .0
+}
+
+fn run(problem: &Problem, name: &str, settings: Settings<'_>) -> (Vec<f64>, Outcome) {
+    let mut r = vec![0.0; problem.rows()];
+    let mut solver = by_name(name).expect("a solver");
+    let outcome = solve(problem, solver.as_mut(), settings, &mut r);
+    (r, outcome)
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let problem = lattice(70, -0.2);
+    for name in ["gauss-seidel", "auto"] {
+        let of = |threads| {
+            let settings = Settings {
+                threads,
+                ..Settings::default()
+            };
+            let (r, outcome) = run(&problem, name, settings);
+            assert!(outcome.converged, "{name}: {}", outcome.err);
+            let bits: Vec<u64> = r.iter().map(|v| v.to_bits()).collect();
+            (bits, outcome.iterations)
+        };
+        let one = of(1);
+        for threads in 2..=8 {
+            assert_eq!(one, of(threads), "{name} on {threads} threads");
+        }
+    }
+}
+
+/// No method reaches this.
+const NEVER: f64 = 1e-300;
+
+#[test]
+fn a_solve_is_ended_from_another_thread() {
+    let problem = lattice(70, -0.249);
+    for name in ["gauss-seidel", "admm", "auto"] {
+        let flag = AtomicBool::new(false);
+        let settings = Settings {
+            tolerance: NEVER,
+            cancel: Some(&flag),
+            threads: 2,
+            ..Settings::default()
+        };
+        let wait = Duration::from_millis(100);
+        let (began, (r, outcome)) = std::thread::scope(|scope| {
+            let began = Instant::now();
+            let solving = scope.spawn(|| run(&problem, name, settings));
+            std::thread::sleep(wait);
+            flag.store(true, Ordering::Relaxed);
+            (began, solving.join().expect("no panic"))
+        });
+        assert!(
+            began.elapsed() < Duration::from_secs(5),
+            "{name}: {:?}",
+            began.elapsed()
+        );
+        assert!(began.elapsed() >= wait && !outcome.converged);
+        assert!(outcome.err.is_finite() && r.iter().all(|v| v.is_finite()));
+    }
+}
+
+#[test]
+fn what_is_cancelled_before_it_begins_does_nothing() {
+    let problem = lattice(70, -0.2);
+    let flag = AtomicBool::new(true);
+    for name in ["gauss-seidel", "auto"] {
+        let settings = Settings {
+            cancel: Some(&flag),
+            ..Settings::default()
+        };
+        let (r, outcome) = run(&problem, name, settings);
+        assert!(!outcome.converged && r.iter().all(|v| *v == 0.0));
+    }
+}
+
+#[test]
+fn a_time_limit_ends_a_round_of_sweeps() {
+    let problem = lattice(70, -0.249);
+    let began = Instant::now();
+    let settings = Settings {
+        tolerance: NEVER,
+        time_limit: Some(Duration::from_millis(100)),
+        ..Settings::default()
+    };
+    let (_, outcome) = run(&problem, "gauss-seidel", settings);
+    assert!(!outcome.converged);
+    assert!(began.elapsed() < Duration::from_secs(5));
+}
