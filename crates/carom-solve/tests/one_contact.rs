@@ -197,7 +197,8 @@ fn stiffness_of_any_size() {
         let b: Vec<f64> = (0..3).map(|_| rng.uniform(-1.0, 1.0)).collect();
         let mu = 10f64.powf(rng.uniform(-6.0, 6.0));
         let (r, e) = solved(&group(coulomb(mu)), &a, &b, &[0.0; 3]);
-        assert!(e < 1e-11, "case {case}: mu {mu:e}, a {a:?}, b {b:?}: {r:?} {e:e}");
+        // The shift mu |u_T| has the rounding of u_T, mu times as large.
+        assert!(e < 1e-14 * (100.0 + mu), "case {case}: mu {mu:e}, a {a:?}, b {b:?}: {r:?} {e:e}");
     }
 }
 

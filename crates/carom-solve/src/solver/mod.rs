@@ -21,6 +21,10 @@ pub use one_contact::solve_contact;
 use crate::problem::{natural, Problem, Scaled};
 use std::time::{Duration, Instant};
 
+/// What the natural map must come below, over velocities alone and scaled, for `err` to mean anything: where contacts
+/// cannot be kept apart forces without bound make `err` small.
+const SHARE_OF_VELOCITY: f64 = 1e-3;
+
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
@@ -140,7 +144,10 @@ impl<'a> Judge<'a> {
 
     /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`.
     pub fn see(&mut self, y: &[f64]) -> f64 {
-        let scaled = natural::residual(&self.scaled.problem, y, &mut self.u);
+        let (mut scaled, share) = natural::residuals(&self.scaled.problem, y, &mut self.u);
+        if share > SHARE_OF_VELOCITY {
+            scaled = share;
+        }
         self.scaled.leave(y, &mut self.r);
         let given = natural::residual(self.source, &self.r, &mut self.u);
         let err = scaled.max(given);

@@ -257,7 +257,10 @@ pub fn bodies(rng: &mut Rng, count: usize, contacts: usize, joints: usize, most:
 /// How far `r`, `u` are from the law, over the largest of both: the cone, the dual cone, complementarity, joints. Written
 /// from the law's words, not from the natural map.
 pub fn distance_from_the_law(groups: &[Group], r: &[f64], u: &[f64]) -> f64 {
-    let scale = norm(r).max(norm(u)).max(f64::MIN_POSITIVE);
+    // In units of the largest number: 1e-200 has no square.
+    let unit = r.iter().chain(u).fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
+    let [r, u] = [r, u].map(|v| v.iter().map(|x| x / unit).collect::<Vec<f64>>());
+    let scale = norm(&r).max(norm(&u)).max(f64::MIN_POSITIVE);
     let mut worst = 0.0f64;
     for g in groups {
         let (r, u) = (&r[g.rows()], &u[g.rows()]);
