@@ -16,6 +16,9 @@ use super::matrix::Linear;
 use super::{ConeSolver, Judge};
 use crate::problem::Problem;
 
+#[cfg(test)]
+mod tests;
+
 const MAX_ITERATIONS: u32 = 200;
 /// Share of the way to the boundary that a step may go.
 const SHARE: f64 = 0.995;
