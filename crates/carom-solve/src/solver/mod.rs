@@ -86,7 +86,7 @@ pub const SOLVERS: [(&str, &str); 5] = [
     ("newton", "semi-smooth Newton on the multipliers with sparse LU and vanishing proximal shift"),
     ("gauss-seidel", "block Gauss-Seidel, every contact solved exactly in turn"),
     ("admm", "alternating directions with one Cholesky factorisation and accelerated restart"),
-    ("interior-point", "primal-dual path following on the cones, slip updated on the way"),
+    ("interior-point", "primal-dual path following on the cones, with Coulomb's slip shift in its equations"),
 ];
 
 /// A solver by name.
