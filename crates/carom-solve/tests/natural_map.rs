@@ -24,7 +24,13 @@ fn nearest(g: &Group, x: &[f64]) -> Vec<f64> {
         }
         p
     };
-    let far = |t: f64| at(t).iter().zip(x).map(|(p, x)| (p - x).powi(2)).sum::<f64>();
+    let far = |t: f64| {
+        at(t)
+            .iter()
+            .zip(x)
+            .map(|(p, x)| (p - x).powi(2))
+            .sum::<f64>()
+    };
     let (mut low, mut high) = (0.0, 10.0 * (1.0 + norm(x)));
     for _ in 0..200 {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
@@ -46,8 +52,15 @@ fn projection_is_the_nearest_point() {
         let mut p = x.clone();
         project_cone(&g, &mut p);
         let wanted = nearest(&g, &x);
-        let apart = p.iter().zip(&wanted).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-        assert!(apart < 1e-7, "case {case}: {:?} {x:?}: {p:?}, not {wanted:?}", g.bounds);
+        let apart = p
+            .iter()
+            .zip(&wanted)
+            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(
+            apart < 1e-7,
+            "case {case}: {:?} {x:?}: {p:?}, not {wanted:?}",
+            g.bounds
+        );
     }
 }
 
@@ -69,7 +82,10 @@ fn projection_splits_into_cone_and_dual_cone() {
             let part = norm(&p[disc.start..disc.start + disc.dim]);
             assert!(part <= disc.bound * p[0] * (1.0 + 1e-15), "case {case}");
         }
-        assert!(p[0] >= 0.0 && d[0] >= shift(&g, &d) - 1e-14, "case {case}: {x:?} {p:?}");
+        assert!(
+            p[0] >= 0.0 && d[0] >= shift(&g, &d) - 1e-14,
+            "case {case}: {x:?} {p:?}"
+        );
         let dot: f64 = p.iter().zip(&d).map(|(a, b)| a * b).sum();
         assert!(dot.abs() < 1e-14, "case {case}: {dot:e}");
         inside += u32::from(p == x);
@@ -82,7 +98,10 @@ fn projection_splits_into_cone_and_dual_cone() {
         project_cone(&g, &mut twice);
         assert!(twice.iter().zip(&p).all(|(a, b)| (a - b).abs() <= 4e-16));
     }
-    assert!(inside > 1000 && zero > 1000, "{inside} {zero}: all three regions are drawn");
+    assert!(
+        inside > 1000 && zero > 1000,
+        "{inside} {zero}: all three regions are drawn"
+    );
 }
 
 #[test]
@@ -97,7 +116,10 @@ fn joints_are_not_projected() {
     project_cone(&g, &mut x);
     assert_eq!(x, [-1.0, 5.0, -7.0]);
     assert_eq!(natural_part(&g, &[9.0, 9.0, 9.0], &[0.0; 3])[..3], [0.0; 3]);
-    assert_eq!(natural_part(&g, &[0.0; 3], &[1.0, 2.0, 3.0])[..3], [1.0, 2.0, 3.0]);
+    assert_eq!(
+        natural_part(&g, &[0.0; 3], &[1.0, 2.0, 3.0])[..3],
+        [1.0, 2.0, 3.0]
+    );
 }
 
 /// Numbers chosen so that nothing rounds: open, sticking, slipping (3-4-5), and slip with the tip of the cone under it.
@@ -121,10 +143,16 @@ fn natural_map_is_exactly_zero_at_solutions() {
         spinning: 0.125,
     });
     // Sliding at its bound, rolling held, spinning at its bound: all three at once.
-    let (r, u) = ([16.0, 0.0, -8.0, 1.0, 2.0, 2.0], [0.0, 0.0, 2.0, 0.0, 0.0, -8.0]);
+    let (r, u) = (
+        [16.0, 0.0, -8.0, 1.0, 2.0, 2.0],
+        [0.0, 0.0, 2.0, 0.0, 0.0, -8.0],
+    );
     assert!(natural_part(&discs, &r, &u).iter().all(|f| f.abs() < 1e-14));
     let r = [16.0, 0.0, -8.0, 1.0, 2.0, 1.5];
-    assert!(norm(&natural_part(&discs, &r, &u)) > 0.1, "spins below its bound");
+    assert!(
+        norm(&natural_part(&discs, &r, &u)) > 0.1,
+        "spins below its bound"
+    );
 }
 
 /// Solutions of one contact drawn status by status, disc by disc; then each condition broken alone.
@@ -160,11 +188,19 @@ fn natural_map_sees_every_condition() {
         let size = |f: &[f64]| norm(&f[..g.dim]);
         let scale = norm(&r).max(norm(&u));
         let here = size(&natural_part(&g, &r, &u));
-        assert!(here <= 4e-15 * scale, "case {case}: {here:e} of {:?} {r:?} {u:?}", g.bounds);
+        assert!(
+            here <= 4e-15 * scale,
+            "case {case}: {here:e} of {:?} {r:?} {u:?}",
+            g.bounds
+        );
         let e = 0.01;
         let broken = |r: &[f64], u: &[f64], what: &str| {
             let f = size(&natural_part(&g, r, u));
-            assert!(f > 1e-4, "case {case}: {what} gives {f:e} for {:?} {r:?} {u:?}", g.bounds);
+            assert!(
+                f > 1e-4,
+                "case {case}: {what} gives {f:e} for {:?} {r:?} {u:?}",
+                g.bounds
+            );
         };
         let (mut r2, mut u2) = (r.clone(), u.clone());
         u2[0] = if open { -e } else { e };
@@ -202,7 +238,10 @@ fn residual_is_relative_and_honest_about_what_is_not_finite() {
     assert_eq!(residual(&p, &[1.0, 0.0, 0.0], &mut u), 0.0);
     assert_eq!(u, [0.0; 3]);
     assert_eq!(residual(&p, &[f64::NAN, 0.0, 0.0], &mut u), f64::INFINITY);
-    assert_eq!(residual(&p, &[f64::INFINITY, 0.0, 0.0], &mut u), f64::INFINITY);
+    assert_eq!(
+        residual(&p, &[f64::INFINITY, 0.0, 0.0], &mut u),
+        f64::INFINITY
+    );
     assert_eq!(residual(&single(g, &a, &[0.0; 3]), &[0.0; 3], &mut u), 0.0);
     // Forces and velocities far from 1: the squares of neither exist.
     for size in [1e-200, 1e200, 1e-300, 1e300] {

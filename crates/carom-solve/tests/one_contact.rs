@@ -12,7 +12,9 @@ use problems::{any_bounds, coulomb, distance_from_the_law, group, norm};
 
 fn velocity(a: &[f64], b: &[f64], r: &[f64]) -> Vec<f64> {
     let n = b.len();
-    (0..n).map(|i| b[i] + (0..n).map(|j| a[n * i + j] * r[j]).sum::<f64>()).collect()
+    (0..n)
+        .map(|i| b[i] + (0..n).map(|j| a[n * i + j] * r[j]).sum::<f64>())
+        .collect()
 }
 
 /// Natural map over the larger of b, r and u.
@@ -30,7 +32,9 @@ fn solved(g: &Group, a: &[f64], b: &[f64], start: &[f64]) -> (Vec<f64>, f64) {
 
 /// `L L^T + shift` with axes of very different lengths, turned: the stronger `skew`, the stronger coupled.
 fn spd(rng: &mut Rng, n: usize, skew: f64) -> Vec<f64> {
-    let l: Vec<f64> = (0..n * n).map(|k| rng.uniform(-1.0, 1.0) * skew.powi((k % n) as i32)).collect();
+    let l: Vec<f64> = (0..n * n)
+        .map(|k| rng.uniform(-1.0, 1.0) * skew.powi((k % n) as i32))
+        .collect();
     let mut a = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..n {
@@ -90,7 +94,11 @@ fn exhaustive(a: &[f64], b: &[f64], mu: f64) -> [bool; 3] {
     };
     let mut held = [0.0; 3];
     solve_contact(&free, a, b, &mut held);
-    [fits(&[0.0; 3]), fits(&held), slips(a, b, mu).iter().any(|r| fits(r))]
+    [
+        fits(&[0.0; 3]),
+        fits(&held),
+        slips(a, b, mu).iter().any(|r| fits(r)),
+    ]
 }
 
 #[test]
@@ -109,15 +117,28 @@ fn coulomb_block_is_solved_whenever_a_solution_exists() {
         };
         let (r, e) = solved(&group(coulomb(mu)), &a, &b, &start);
         // Positive definite: a solution always exists.
-        assert!(e < 1e-12, "case {case}: err {e:e}, mu {mu}, a {a:?}, b {b:?}, r {r:?}");
+        assert!(
+            e < 1e-12,
+            "case {case}: err {e:e}, mu {mu}, a {a:?}, b {b:?}, r {r:?}"
+        );
         let slides = (norm(&r[1..]) - mu * r[0]).abs() < 1e-9 * r[0];
-        met[if r[0] == 0.0 { 0 } else { 1 + usize::from(slides) }] += 1;
+        met[if r[0] == 0.0 {
+            0
+        } else {
+            1 + usize::from(slides)
+        }] += 1;
         if case % 100 == 0 {
             let which = exhaustive(&a, &b, mu);
-            assert!(which.iter().any(|&w| w), "case {case}: the search itself misses it");
+            assert!(
+                which.iter().any(|&w| w),
+                "case {case}: the search itself misses it"
+            );
         }
     }
-    assert!(met.iter().all(|&m| m > 1000), "{met:?}: open, stick and slip are all drawn");
+    assert!(
+        met.iter().all(|&m| m > 1000),
+        "{met:?}: open, stick and slip are all drawn"
+    );
 }
 
 #[test]
@@ -138,10 +159,16 @@ fn unsymmetric_coulomb_block_is_solved_whenever_the_search_finds_something() {
             continue;
         }
         let which = exhaustive(&a, &b, mu);
-        assert_eq!(which, [false; 3], "case {case}: mu {mu}, a {a:?}, b {b:?}: {e:e}");
+        assert_eq!(
+            which, [false; 3],
+            "case {case}: mu {mu}, a {a:?}, b {b:?}: {e:e}"
+        );
         none += 1;
     }
-    assert!(solvable > 1000, "{solvable} solved, {none} without a solution");
+    assert!(
+        solvable > 1000,
+        "{solvable} solved, {none} without a solution"
+    );
 }
 
 /// Diagonal block: normal, then tangent, in closed form by hand.
@@ -150,9 +177,17 @@ fn sphere_block_by_hand() {
     let a = [1.0, 0.0, 0.0, 0.0, 3.5, 0.0, 0.0, 0.0, 3.5];
     let g = group(coulomb(0.5));
     assert_eq!(solved(&g, &a, &[0.1, 1.0, 1.0], &[1.0; 3]).0, [0.0; 3]);
-    assert_eq!(solved(&g, &a, &[-2.0, 1.75, 0.0], &[0.0; 3]).0, [2.0, -0.5, 0.0]);
+    assert_eq!(
+        solved(&g, &a, &[-2.0, 1.75, 0.0], &[0.0; 3]).0,
+        [2.0, -0.5, 0.0]
+    );
     let r = solved(&g, &a, &[-10.0, 30.0, 40.0], &[0.0; 3]).0;
-    assert!(r.iter().zip([10.0, -3.0, -4.0]).all(|(r, x)| (r - x).abs() < 1e-14), "{r:?}");
+    assert!(
+        r.iter()
+            .zip([10.0, -3.0, -4.0])
+            .all(|(r, x)| (r - x).abs() < 1e-14),
+        "{r:?}"
+    );
 }
 
 /// Blocks without stiffness in some rows: no NaN, and the law where it can hold.
@@ -175,9 +210,19 @@ fn zero_rows_of_a_block_are_survived() {
     }
     // Rolling and spinning rows without stiffness.
     for bounds in [
-        Bounds { rolling: 0.3, ..Bounds::default() },
-        Bounds { spinning: 0.3, ..Bounds::default() },
-        Bounds { sliding: 0.5, rolling: 0.3, spinning: 0.2 },
+        Bounds {
+            rolling: 0.3,
+            ..Bounds::default()
+        },
+        Bounds {
+            spinning: 0.3,
+            ..Bounds::default()
+        },
+        Bounds {
+            sliding: 0.5,
+            rolling: 0.3,
+            spinning: 0.2,
+        },
     ] {
         let g = group(bounds);
         let mut a = vec![0.0; g.dim * g.dim];
@@ -198,7 +243,10 @@ fn stiffness_of_any_size() {
         let mu = 10f64.powf(rng.uniform(-6.0, 6.0));
         let (r, e) = solved(&group(coulomb(mu)), &a, &b, &[0.0; 3]);
         // The shift mu |u_T| has the rounding of u_T, mu times as large.
-        assert!(e < 1e-14 * (100.0 + mu), "case {case}: mu {mu:e}, a {a:?}, b {b:?}: {r:?} {e:e}");
+        assert!(
+            e < 1e-14 * (100.0 + mu),
+            "case {case}: mu {mu:e}, a {a:?}, b {b:?}: {r:?} {e:e}"
+        );
     }
 }
 
@@ -221,7 +269,11 @@ fn discs_are_solved_by_repeated_steps() {
         while err(&g, &a, &b, &r) > 1e-12 {
             solve_contact(&g, &a, &b, &mut r);
             steps += 1;
-            assert!(steps < 200, "case {case}: {:?} a {a:?} b {b:?}: {r:?}", g.bounds);
+            assert!(
+                steps < 200,
+                "case {case}: {:?} a {a:?} b {b:?}: {r:?}",
+                g.bounds
+            );
         }
         let u = velocity(&a, &b, &r);
         assert!(distance_from_the_law(&[g], &r, &u) < 1e-11, "case {case}");

@@ -25,7 +25,11 @@ fn csr(matrix: &[f64], n: usize) -> (Vec<i64>, Vec<i64>, Vec<f64>) {
 fn random_w(rng: &mut Rng, n: usize, rank: usize) -> Vec<f64> {
     let h: Vec<f64> = (0..n * rank).map(|_| rng.uniform(-1.0, 1.0)).collect();
     (0..n * n)
-        .map(|k| (0..rank).map(|m| h[k / n * rank + m] * h[k % n * rank + m]).sum())
+        .map(|k| {
+            (0..rank)
+                .map(|m| h[k / n * rank + m] * h[k % n * rank + m])
+                .sum()
+        })
         .collect()
 }
 
@@ -36,12 +40,13 @@ fn what_is_no_problem_is_refused_with_its_place() {
     let mu = [coulomb(0.5)];
     let good = Problem::from_csr(&ptr, &col, &w, &q, 3, &mu);
     assert!(good.is_ok());
-    let refused = |ptr: &[i64], col: &[i64], w: &[f64], q: &[f64], d: usize, mu: &[Bounds], place: &str| {
-        let error = Problem::from_csr(ptr, col, w, q, d, mu).unwrap_err();
-        assert_eq!(error.place, place, "{error}");
-        assert!(!error.to_string().contains('\n'));
-        error.to_string()
-    };
+    let refused =
+        |ptr: &[i64], col: &[i64], w: &[f64], q: &[f64], d: usize, mu: &[Bounds], place: &str| {
+            let error = Problem::from_csr(ptr, col, w, q, d, mu).unwrap_err();
+            assert_eq!(error.place, place, "{error}");
+            assert!(!error.to_string().contains('\n'));
+            error.to_string()
+        };
     for d in [0, 1, 4, 7] {
         refused(&ptr, &col, &w, &q, d, &mu, "dimension");
     }
@@ -63,9 +68,15 @@ fn what_is_no_problem_is_refused_with_its_place() {
         refused(&ptr, &col, &w, &q, 3, &[coulomb(bad)], "mu");
     }
     assert!(refused(&ptr, &col, &w, &q, 3, &[coulomb(-0.1)], "mu").contains("-0.1 at contact 0"));
-    let rolls = Bounds { rolling: -1.0, ..coulomb(0.1) };
+    let rolls = Bounds {
+        rolling: -1.0,
+        ..coulomb(0.1)
+    };
     refused(&ptr, &col, &w, &q, 3, &[rolls], "mu_r");
-    let spins = Bounds { spinning: f64::NAN, ..coulomb(0.1) };
+    let spins = Bounds {
+        spinning: f64::NAN,
+        ..coulomb(0.1)
+    };
     refused(&ptr, &col, &w, &q, 3, &[spins], "mu_s");
     let (empty, map) = Problem::from_csr(&[0], &[], &[], &[], 3, &[]).unwrap();
     assert_eq!(empty.rows(), 0);
@@ -78,7 +89,11 @@ fn rows_without_a_bound_are_left_out() {
     let mut rng = Rng(1);
     let all = [0.0, 0.4];
     let bounds: Vec<Bounds> = (0..8)
-        .map(|k| Bounds { sliding: all[k & 1], rolling: all[k >> 1 & 1], spinning: all[k >> 2] })
+        .map(|k| Bounds {
+            sliding: all[k & 1],
+            rolling: all[k >> 1 & 1],
+            spinning: all[k >> 2],
+        })
         .collect();
     let n = 6 * bounds.len();
     let matrix = random_w(&mut rng, n, n + 5);
@@ -102,7 +117,10 @@ fn rows_without_a_bound_are_left_out() {
     let found = solve(&problem, "auto", 1e-10);
     assert!(found.outcome.converged);
     let r = map.leave(&found.r);
-    assert_eq!(r.iter().filter(|r| **r != 0.0).count(), found.r.iter().filter(|r| **r != 0.0).count());
+    assert_eq!(
+        r.iter().filter(|r| **r != 0.0).count(),
+        found.r.iter().filter(|r| **r != 0.0).count()
+    );
     for (k, b) in bounds.iter().enumerate() {
         let r = &r[6 * k..6 * k + 6];
         assert!(b.sliding > 0.0 || r[1..3] == [0.0; 2]);
@@ -115,7 +133,11 @@ fn rows_without_a_bound_are_left_out() {
 #[test]
 fn bounds_beyond_the_dimension_do_not_act() {
     let (ptr, col, w) = csr(&[2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0], 3);
-    let bounds = Bounds { sliding: 0.5, rolling: 0.3, spinning: 0.2 };
+    let bounds = Bounds {
+        sliding: 0.5,
+        rolling: 0.3,
+        spinning: 0.2,
+    };
     let (problem, _) = Problem::from_csr(&ptr, &col, &w, &[-1.0; 3], 3, &[bounds]).unwrap();
     assert_eq!(problem.groups[0].bounds, coulomb(0.5));
 }
@@ -125,15 +147,22 @@ fn equal_places_add_up_and_one_sided_patterns_are_taken() {
     // Twice the diagonal as halves; the coupling is given in one direction only.
     let ptr = [0, 3, 5, 7, 9, 11, 13];
     let col = [0, 0, 3, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5];
-    let w = [1.0, 1.0, 0.25, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
-    let (problem, _) = Problem::from_csr(&ptr, &col, &w, &[-1.0; 6], 3, &[coulomb(0.5); 2]).unwrap();
+    let w = [
+        1.0, 1.0, 0.25, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0,
+    ];
+    let (problem, _) =
+        Problem::from_csr(&ptr, &col, &w, &[-1.0; 6], 3, &[coulomb(0.5); 2]).unwrap();
     let matrix = full(&problem);
     assert_eq!((matrix[0], matrix[3], matrix[18]), (2.0, 0.25, 0.0));
     assert!((problem.w.asymmetry() - 0.125).abs() < 1e-15);
     for (name, _) in carom_solve::solver::SOLVERS {
         let found = solve(&problem, name, 1e-8);
         assert!(found.r.iter().all(|r| r.is_finite()), "{name}");
-        assert!(found.outcome.converged || name == "admm", "{name}: {:e}", found.outcome.err);
+        assert!(
+            found.outcome.converged || name == "admm",
+            "{name}: {:e}",
+            found.outcome.err
+        );
     }
 }
 
@@ -150,7 +179,9 @@ fn plane_contacts_equal_those_in_space() {
         if case % 5 == 0 {
             q.iter_mut().skip(1).step_by(2).for_each(|q| *q = 0.0);
         }
-        let mu: Vec<Bounds> = (0..contacts).map(|k| coulomb(if k == 3 { 0.0 } else { rng.uniform(0.1, 0.9) })).collect();
+        let mu: Vec<Bounds> = (0..contacts)
+            .map(|k| coulomb(if k == 3 { 0.0 } else { rng.uniform(0.1, 0.9) }))
+            .collect();
         let place = |k: usize| k / 2 * 3 + k % 2;
         let (mut matrix3, mut q3) = (vec![0.0; n3 * n3], vec![0.0; n3]);
         for i in 0..n2 {
@@ -168,18 +199,40 @@ fn plane_contacts_equal_those_in_space() {
         let (space, map3) = Problem::from_csr(&p3, &c3, &v3, &q3, 3, &mu).unwrap();
         for name in ["auto", "gauss-seidel", "interior-point"] {
             let [x, y] = [&flat, &space].map(|p| solve(p, name, 1e-9));
-            assert!(x.outcome.converged && y.outcome.converged, "case {case} {name}");
+            assert!(
+                x.outcome.converged && y.outcome.converged,
+                "case {case} {name}"
+            );
             let (r2, r3) = (map2.leave(&x.r), map3.leave(&y.r));
             assert_eq!(r2.len(), n2);
-            let across: f64 = (0..contacts).map(|c| r3[3 * c + 2].abs()).fold(0.0, f64::max);
-            assert!(across < 1e-8, "case {case} {name}: {across:e} across the plane");
+            let across: f64 = (0..contacts)
+                .map(|c| r3[3 * c + 2].abs())
+                .fold(0.0, f64::max);
+            assert!(
+                across < 1e-8,
+                "case {case} {name}: {across:e} across the plane"
+            );
             // Each one's forces solve the other's problem.
-            let moved: Vec<f64> = (0..n3).map(|k| if k % 3 == 2 { 0.0 } else { r2[k / 3 * 2 + k % 3] }).collect();
+            let moved: Vec<f64> = (0..n3)
+                .map(|k| {
+                    if k % 3 == 2 {
+                        0.0
+                    } else {
+                        r2[k / 3 * 2 + k % 3]
+                    }
+                })
+                .collect();
             let r = map3.enter(&moved);
-            assert!(residual(&space, &r, &mut vec![0.0; r.len()]) < 2e-9, "case {case} {name}");
+            assert!(
+                residual(&space, &r, &mut vec![0.0; r.len()]) < 2e-9,
+                "case {case} {name}"
+            );
             let moved: Vec<f64> = (0..n2).map(|k| r3[place(k)]).collect();
             let r = map2.enter(&moved);
-            assert!(residual(&flat, &r, &mut vec![0.0; r.len()]) < 2e-9, "case {case} {name}");
+            assert!(
+                residual(&flat, &r, &mut vec![0.0; r.len()]) < 2e-9,
+                "case {case} {name}"
+            );
         }
     }
 }
@@ -193,10 +246,15 @@ fn blocks_of_bodies_are_those_of_the_dense_matrix() {
         let data = bodies(&mut rng, count, 3 * count, 2, 0.5);
         let problem = data.problem();
         assert_eq!(full(&problem), data.system.dense_delassus());
-        let r: Vec<f64> = (0..problem.rows()).map(|_| rng.uniform(-1.0, 1.0)).collect();
+        let r: Vec<f64> = (0..problem.rows())
+            .map(|_| rng.uniform(-1.0, 1.0))
+            .collect();
         let mut u = vec![0.0; r.len()];
         problem.velocity(&r, &mut u);
-        assert!(u.iter().zip(data.velocity(&r)).all(|(a, b)| (a - b).abs() < 1e-10));
+        assert!(u
+            .iter()
+            .zip(data.velocity(&r))
+            .all(|(a, b)| (a - b).abs() < 1e-10));
         assert!(problem.w.asymmetry() < 1e-15);
     }
 }
@@ -222,6 +280,9 @@ fn scaling_keeps_cones_and_solutions() {
         problem.velocity(&r, &mut u);
         assert!(distance_from_the_law(&problem.groups, &r, &u) < 1e-8);
         scaled.enter(&r, &mut back);
-        assert!(back.iter().zip(&found.r).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()));
+        assert!(back
+            .iter()
+            .zip(&found.r)
+            .all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()));
     }
 }

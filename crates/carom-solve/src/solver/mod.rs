@@ -21,9 +21,11 @@ pub use one_contact::solve_contact;
 use crate::problem::{natural, Problem, Scaled};
 use std::time::{Duration, Instant};
 
-/// What the natural map must come below, over velocities alone and scaled, for `err` to mean anything: where contacts
-/// cannot be kept apart forces without bound make `err` small.
-const SHARE_OF_VELOCITY: f64 = 1e-3;
+/// Where contacts cannot be kept apart, forces without bound make `err` as small as one likes. Where they are, scaled, this
+/// many times the velocities, the natural map must come below the second number over velocities alone, and stands for
+/// `err` until then.
+const RUNAWAY: f64 = 1e3;
+const EXPLAINED: f64 = 1e-3;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -142,15 +144,14 @@ impl<'a> Judge<'a> {
         judge
     }
 
-    /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`.
+    /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`; of forces that ran away what they
+    /// leave of the velocities.
     pub fn see(&mut self, y: &[f64]) -> f64 {
-        let (mut scaled, share) = natural::residuals(&self.scaled.problem, y, &mut self.u);
-        if share > SHARE_OF_VELOCITY {
-            scaled = share;
-        }
+        let (scaled, share) = natural::residuals(&self.scaled.problem, y, &mut self.u);
         self.scaled.leave(y, &mut self.r);
         let given = natural::residual(self.source, &self.r, &mut self.u);
-        let err = scaled.max(given);
+        let ran_away = share > EXPLAINED && share > RUNAWAY * scaled;
+        let err = if ran_away { share } else { scaled.max(given) };
         if err < self.best_err {
             self.best_err = err;
             self.best_given = given;

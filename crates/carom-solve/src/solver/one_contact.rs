@@ -25,7 +25,12 @@ pub fn solve_contact(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
         (1, _) => r[0] = normal(a[0], b[0]),
         (3, true) => {
             let block = [a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]];
-            let x = coulomb(&block, [b[0], b[1], b[2]], group.bounds.sliding, [r[0], r[1], r[2]]);
+            let x = coulomb(
+                &block,
+                [b[0], b[1], b[2]],
+                group.bounds.sliding,
+                [r[0], r[1], r[2]],
+            );
             r.copy_from_slice(&x);
         }
         _ => solve_discs(group, a, b, r),
@@ -97,7 +102,11 @@ pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
         let u2 = b[2] + a[6] * n + a[7] * last[1] + a[8] * last[2];
         let (x, y) = (last[1] - u1 / t, last[2] - u2 / t);
         let length = (x * x + y * y).sqrt();
-        let scale = if length > mu * n { mu * n / length } else { 1.0 };
+        let scale = if length > mu * n {
+            mu * n / length
+        } else {
+            1.0
+        };
         [n, scale * x, scale * y]
     })
 }
@@ -111,7 +120,7 @@ fn stick(a: &[f64; 9], b: [f64; 3]) -> Option<[f64; 3]> {
     ];
     let det = a[0] * c[0] + a[1] * c[1] + a[2] * c[2];
     let size = a[0].abs() * a[4].abs() * a[8].abs();
-    if !(det.abs() > 1e-14 * size) {
+    if det.is_nan() || det.abs() <= 1e-14 * size {
         return None;
     }
     let (x, y, z) = (-b[0], -b[1], -b[2]);
@@ -168,7 +177,11 @@ fn slip(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> Option<[f64; 3]> 
     let mut keep = |t: Trial| {
         // A contact between sticking and slipping has `u_T = 0` up to rounding.
         let fits = t.den > 0.0 && t.along >= -NEARLY * t.den * (b[1].abs() + b[2].abs());
-        if fits && best.as_ref().is_none_or(|b| t.along * b.den > b.along * t.den) {
+        if fits
+            && best
+                .as_ref()
+                .is_none_or(|b| t.along * b.den > b.along * t.den)
+        {
             best = Some(t);
         }
     };
@@ -304,19 +317,31 @@ fn solve_discs(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
             let (mut length, mut speed) = (0.0, 0.0);
             for (t, i) in target.iter_mut().zip(rows.clone()) {
                 let u = free(r, i, 0..0);
-                *t = if largest > 0.0 { r[i] - u / largest } else { -u };
+                *t = if largest > 0.0 {
+                    r[i] - u / largest
+                } else {
+                    -u
+                };
                 length += *t * *t;
                 speed += u * u;
             }
             // No force holds a disc without stiffness: it moves, at its bound, or nothing is to be held.
             let full = largest <= 0.0 && speed > 0.0;
             let length = length.sqrt();
-            let scale = if length > radius || full { radius / length } else { 1.0 };
+            let scale = if length > radius || full {
+                radius / length
+            } else {
+                1.0
+            };
             for (t, i) in target.iter().zip(rows) {
                 r[i] = scale * t;
             }
         }
-        let moved = before[..n].iter().zip(r.iter()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+        let moved = before[..n]
+            .iter()
+            .zip(r.iter())
+            .map(|(x, y)| (x - y).abs())
+            .fold(0.0, f64::max);
         let size = r.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         if moved <= 1e-15 * size {
             break;

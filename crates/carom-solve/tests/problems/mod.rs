@@ -258,7 +258,10 @@ pub fn bodies(rng: &mut Rng, count: usize, contacts: usize, joints: usize, most:
 /// from the law's words, not from the natural map.
 pub fn distance_from_the_law(groups: &[Group], r: &[f64], u: &[f64]) -> f64 {
     // In units of the largest number: 1e-200 has no square.
-    let unit = r.iter().chain(u).fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
+    let unit = r
+        .iter()
+        .chain(u)
+        .fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
     let [r, u] = [r, u].map(|v| v.iter().map(|x| x / unit).collect::<Vec<f64>>());
     let scale = norm(&r).max(norm(&u)).max(f64::MIN_POSITIVE);
     let mut worst = 0.0f64;

@@ -140,7 +140,10 @@ fn step_solves_the_linearised_equations() {
         for (k, goal) in goal.iter().enumerate() {
             let slope = (plus[k] - minus[k]) / (2.0 * h);
             let wanted = goal - here[k];
-            assert!((slope - wanted).abs() < 2e-6 * (1.0 + wanted.abs()), "case {case}, equation {k}: {slope} {wanted}");
+            assert!(
+                (slope - wanted).abs() < 2e-6 * (1.0 + wanted.abs()),
+                "case {case}, equation {k}: {slope} {wanted}"
+            );
         }
     }
 }
@@ -191,7 +194,10 @@ fn slope_of_the_slip_shift() {
             c.dual[k] = x - h;
             let minus = c.closing().0;
             c.dual[k] = x;
-            assert!(((plus - minus) / (2.0 * h) - slope[k]).abs() < 1e-6, "case {case} {k}");
+            assert!(
+                ((plus - minus) / (2.0 * h) - slope[k]).abs() < 1e-6,
+                "case {case} {k}"
+            );
         }
         // Between once and twice the exact one, mu (l_0 - |l_1|), and zero with it.
         let exact = c.bound * (c.dual[0] - norm(&c.dual[1..=dim]));
@@ -213,16 +219,26 @@ fn scaling_maps_primal_and_dual_to_one_point() {
         };
         c.scale();
         let (a, b) = (c.unscale(&c.primal), c.rescale(&c.dual));
-        let x = [rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0)];
+        let x = [
+            rng.uniform(-1.0, 1.0),
+            rng.uniform(-1.0, 1.0),
+            rng.uniform(-1.0, 1.0),
+        ];
         let back = c.rescale(&c.unscale(&x));
         let quotient = divide(&c.v, &x, dim);
         let product = product(&c.v, &quotient, dim);
         for k in 0..=dim {
-            assert!((a[k] - b[k]).abs() < 1e-9 * a[0], "case {case}: {a:?} {b:?}");
+            assert!(
+                (a[k] - b[k]).abs() < 1e-9 * a[0],
+                "case {case}: {a:?} {b:?}"
+            );
             assert!((b[k] - c.v[k]).abs() < 1e-12 * b[0]);
             // Where points are near the boundary F has large entries that cancel.
             assert!((back[k] - x[k]).abs() < 1e-8, "case {case}: {back:?} {x:?}");
-            assert!((product[k] - x[k]).abs() < 1e-8, "case {case}: {product:?} {x:?}");
+            assert!(
+                (product[k] - x[k]).abs() < 1e-8,
+                "case {case}: {product:?} {x:?}"
+            );
         }
         // Mean complementarity is the same in both pictures.
         let dot = |x: &Vec3, y: &Vec3| (0..=dim).map(|k| x[k] * y[k]).sum::<f64>();
@@ -237,18 +253,30 @@ fn longest_step_ends_on_the_boundary() {
     for case in 0..3000 {
         let dim = case % 3;
         let x = rng.inside(dim);
-        let d = [rng.uniform(-2.0, 2.0), rng.uniform(-2.0, 2.0), rng.uniform(-2.0, 2.0)];
+        let d = [
+            rng.uniform(-2.0, 2.0),
+            rng.uniform(-2.0, 2.0),
+            rng.uniform(-2.0, 2.0),
+        ];
         let length = longest(&x, &d, dim, 1.0);
         let depth = |t: f64| {
             let p: Vec<f64> = (0..=dim).map(|k| x[k] + t * d[k]).collect();
             p[0] - norm(&p[1..])
         };
-        assert!(depth(length) > -1e-12, "case {case}: outside by {:e}", depth(length));
+        assert!(
+            depth(length) > -1e-12,
+            "case {case}: outside by {:e}",
+            depth(length)
+        );
         for t in 1..100 {
             assert!(depth(length * f64::from(t) / 100.0) > -1e-12, "case {case}");
         }
         if length < 1.0 {
-            assert!(depth(length).abs() < 1e-9, "case {case}: {length} leaves {:e}", depth(length));
+            assert!(
+                depth(length).abs() < 1e-9,
+                "case {case}: {length} leaves {:e}",
+                depth(length)
+            );
             ended += 1;
         }
     }
