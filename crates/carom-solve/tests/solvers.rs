@@ -1,55 +1,19 @@
-//! The family of solvers: what each reaches, says, and may not depend on.
+//! The family of solvers: what each reaches, and what it says.
 
 mod common;
 mod problems;
 
-use carom_solve::problem::natural::residual;
-use carom_solve::problem::{Group, Problem};
+use carom_solve::problem::Group;
 use carom_solve::solver::{by_name, Settings, SOLVERS};
 use carom_solve::Bounds;
 use common::Rng;
 use problems::{
-    bodies, coulomb, dense, distance_from_the_law, group, norm, relabelled, rescaled, single,
-    solve, solve_with,
+    bodies, coulomb, dense, distance_from_the_law, group, honest, single, solve, solve_with,
 };
 use std::time::{Duration, Instant};
 
 const TOLERANCE: f64 = 1e-8;
 const METHODS: [&str; 4] = ["newton", "gauss-seidel", "admm", "interior-point"];
-
-/// Solves and holds what the solver says against what was found.
-fn honest(problem: &Problem, name: &str, tolerance: f64, case: &str) -> problems::Solved {
-    let limited = if name == "auto" { 0 } else { 3000 };
-    let found = solve_with(
-        problem,
-        name,
-        Settings {
-            tolerance,
-            max_iterations: limited,
-            ..Settings::default()
-        },
-    );
-    let err = residual(problem, &found.r, &mut vec![0.0; problem.rows()]);
-    assert!(found.r.iter().all(|r| r.is_finite()), "{case} {name}");
-    assert_eq!(
-        found.outcome.converged,
-        err <= tolerance,
-        "{case} {name}: {err:e}"
-    );
-    assert!(
-        (found.outcome.err - err).abs() <= 1e-3 * err + 1e-15,
-        "{case} {name}: says {:e}, is {err:e}",
-        found.outcome.err
-    );
-    if found.outcome.converged {
-        let law = distance_from_the_law(&problem.groups, &found.r, &found.u);
-        assert!(
-            law <= 10.0 * tolerance,
-            "{case} {name}: err {err:e}, but {law:e} from the law"
-        );
-    }
-    found
-}
 
 /// Mixed cones with joints; in three of four cases more rows than the bodies have velocities. `auto` always arrives.
 #[test]
@@ -160,120 +124,6 @@ fn problems_above_the_dense_bound_are_solved() {
     }
 }
 
-/// Units of mass, length and time, and a scale for each contact: solvers see the same scaled problem.
-#[test]
-fn units_change_nothing() {
-    let mut rng = Rng(4);
-    for case in 0..20 {
-        let problem = bodies(&mut rng, 3, 5, 0, 0.6).problem();
-        let n = problem.rows();
-        for kind in 0..3 {
-            // Powers of 2: no rounding, so that iterates agree bit for bit.
-            let power = |e: i32| 2f64.powi(e);
-            let mut scale = vec![1.0; n];
-            for g in &problem.groups {
-                let head = if g.bounds.sliding > 0.0 { 3 } else { 1 };
-                let (force, moment) = match kind {
-                    0 => (power(-13), power(-13)),
-                    1 => (power(7), power(17)),
-                    _ => (
-                        power(rng.below(21) as i32 - 10),
-                        power(rng.below(21) as i32 - 10),
-                    ),
-                };
-                for k in 0..g.dim {
-                    scale[g.row + k] = if k < head { force } else { moment };
-                }
-            }
-            let load = power(-9);
-            let other = rescaled(&problem, &scale, load);
-            for (name, _) in SOLVERS {
-                // Far below what is asked for, so that both measures of err end the run together.
-                let settings = Settings {
-                    tolerance: 1e-30,
-                    max_iterations: 12,
-                    ..Settings::default()
-                };
-                if name == "auto" {
-                    let (x, y) = (solve(&problem, name, 1e-10), solve(&other, name, 1e-10));
-                    assert!(
-                        x.outcome.converged && y.outcome.converged,
-                        "case {case} {kind}"
-                    );
-                    continue;
-                }
-                let [x, y] = [&problem, &other].map(|p| best_scaled(p, name, settings));
-                assert_eq!(x, y, "case {case} {kind} {name}");
-            }
-        }
-    }
-}
-
-/// The scaled residual's course does not depend on units, so neither do the iterates: the last err that the judge of the
-/// scaled problem saw.
-fn best_scaled(problem: &Problem, name: &str, settings: Settings) -> Vec<f64> {
-    let scaled = carom_solve::problem::Scaled::new(problem);
-    let found = solve_with(&scaled.problem, name, settings);
-    found.r
-}
-
-#[test]
-fn order_of_contacts_changes_nothing_but_the_way() {
-    let mut rng = Rng(5);
-    for case in 0..25 {
-        let count = 2 + rng.below(5);
-        // Fewer rows than velocities: W is regular.
-        let problem = bodies(&mut rng, count, count, 0, 0.4).problem();
-        let mut order: Vec<usize> = (0..problem.groups.len()).collect();
-        for i in (1..order.len()).rev() {
-            order.swap(i, rng.below(i + 1));
-        }
-        let (other, rows) = relabelled(&problem, &order);
-        let u: Vec<f64> = rows.iter().map(|&r| problem.q[r]).collect();
-        assert_eq!(u, other.q);
-        for (name, tolerance) in [("auto", 1e-11), ("interior-point", 1e-9)] {
-            let [x, y] = [&problem, &other].map(|p| solve(p, name, tolerance));
-            assert!(
-                x.outcome.converged && y.outcome.converged,
-                "case {case} {name}: {:e} {:e}",
-                x.outcome.err,
-                y.outcome.err
-            );
-            let apart: Vec<f64> = rows.iter().zip(&y.u).map(|(&r, u)| x.u[r] - u).collect();
-            assert!(
-                norm(&apart) <= 1e-6 * norm(&x.u).max(norm(&x.r)),
-                "case {case} {name}: {:e}",
-                norm(&apart)
-            );
-            // The solution of the one solves the other.
-            let moved: Vec<f64> = rows.iter().map(|&r| x.r[r]).collect();
-            let err = residual(&other, &moved, &mut vec![0.0; moved.len()]);
-            assert!(err <= 1.1 * tolerance, "case {case} {name}: {err:e}");
-        }
-    }
-}
-
-#[test]
-fn same_bits_twice() {
-    let mut rng = Rng(6);
-    let small = bodies(&mut rng, 4, 12, 1, 0.7).problem();
-    let large = bodies(&mut rng, 30, 70, 3, 0.5).problem();
-    for problem in [small, large] {
-        for (name, _) in SOLVERS {
-            let settings = Settings {
-                max_iterations: 300,
-                ..Settings::default()
-            };
-            let (x, y) = (
-                solve_with(&problem, name, settings),
-                solve_with(&problem, name, settings),
-            );
-            assert_eq!(x.r, y.r, "{name}");
-            assert_eq!(x.outcome.iterations, y.outcome.iterations, "{name}");
-        }
-    }
-}
-
 #[test]
 fn limits_are_kept_and_stages_add_up() {
     let mut rng = Rng(7);
@@ -310,6 +160,9 @@ fn limits_are_kept_and_stages_add_up() {
                 let sum: u32 = found.outcome.stages.iter().map(|s| s.iterations).sum();
                 assert_eq!(sum, found.outcome.iterations, "{name}");
                 assert!(sum <= max_iterations, "{name}: {sum} of {max_iterations}");
+                // No stage is listed that had no iterations left.
+                let idle = found.outcome.stages.iter().filter(|s| s.iterations == 0);
+                assert!(idle.count() <= 1, "{name}: {:?}", found.outcome.stages);
                 let errs: Vec<f64> = found.outcome.stages.iter().map(|s| s.err).collect();
                 assert_eq!(errs.last().copied(), Some(found.outcome.err), "{name}");
             }
@@ -409,80 +262,4 @@ fn small_and_degenerate_problems() {
             found.r
         );
     }
-}
-
-/// Numbers of any size; the only honest failures left are those of a plain method.
-#[test]
-fn numbers_of_any_size() {
-    let mut rng = Rng(8);
-    let problem = bodies(&mut rng, 3, 4, 0, 0.6).problem();
-    for (force, load) in [
-        (1e100, 1e-150),
-        (1e-100, 1.0),
-        (1.0, 1e-200),
-        (1.0, 1e200),
-        (1e-50, 1e250),
-    ] {
-        let p = rescaled(&problem, &vec![force; problem.rows()], load);
-        for name in ["auto", "interior-point"] {
-            let found = honest(
-                &p,
-                name,
-                TOLERANCE,
-                &format!("W x {force:e}^2, q x {load:e}"),
-            );
-            assert!(
-                found.outcome.converged,
-                "{name}, {force:e} {load:e}: {:e}",
-                found.outcome.err
-            );
-        }
-    }
-    for mu in [1e-8, 1e-3, 1e3, 1e6] {
-        let mut p = problem.clone();
-        for g in &mut p.groups {
-            if g.bounds.sliding > 0.0 {
-                g.bounds.sliding = mu;
-            }
-        }
-        let found = honest(&p, "auto", TOLERANCE, &format!("mu = {mu:e}"));
-        assert!(
-            found.outcome.converged,
-            "mu = {mu:e}: {:e}",
-            found.outcome.err
-        );
-    }
-}
-
-/// The start is used, and a start of rubbish does no harm.
-#[test]
-fn starts() {
-    let mut rng = Rng(9);
-    let problem = bodies(&mut rng, 4, 8, 0, 0.6).problem();
-    let known = solve(&problem, "auto", 1e-11);
-    assert!(known.outcome.converged);
-    for (name, _) in SOLVERS {
-        let mut method = by_name(name).unwrap();
-        let mut r = known.r.clone();
-        let outcome =
-            carom_solve::solver::solve(&problem, method.as_mut(), Settings::default(), &mut r);
-        assert!(outcome.converged && outcome.iterations == 0, "{name}");
-        assert!(
-            r.iter()
-                .zip(&known.r)
-                .all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()),
-            "{name}"
-        );
-        let mut r = vec![f64::NAN; problem.rows()];
-        carom_solve::solver::solve(&problem, method.as_mut(), Settings::default(), &mut r);
-        assert!(r.iter().all(|r| r.is_finite()), "{name}");
-    }
-    let mut r = vec![1e30; problem.rows()];
-    let outcome = carom_solve::solver::solve(
-        &problem,
-        by_name("auto").unwrap().as_mut(),
-        Settings::default(),
-        &mut r,
-    );
-    assert!(outcome.converged);
 }

@@ -88,7 +88,7 @@ pub const SOLVERS: [(&str, &str); 5] = [
     ("newton", "semi-smooth Newton on the multipliers with sparse LU and vanishing proximal shift"),
     ("gauss-seidel", "block Gauss-Seidel, every contact solved exactly in turn"),
     ("admm", "alternating directions with one Cholesky factorisation and accelerated restart"),
-    ("interior-point", "primal-dual path following on the cones, with Coulomb's slip shift in its equations"),
+    ("interior-point", "primal-dual path following on the cones, slip updated on the way"),
 ];
 
 /// A solver by name.
@@ -195,7 +195,10 @@ impl<'a> Judge<'a> {
             0 => max_iterations,
             cap => max_iterations.min(cap.saturating_sub(self.done)),
         };
-        let iterations = if max == 0 { 0 } else { solver.run(self, max) };
+        if max == 0 {
+            return self.solved(); // the settings' iterations are used up
+        }
+        let iterations = solver.run(self, max);
         self.done += iterations;
         self.stages.push(Stage {
             name,

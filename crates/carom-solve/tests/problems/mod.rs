@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test file uses its part
 
 use carom_solve::cone::MAX_ROWS;
+use carom_solve::problem::natural::residual;
 use carom_solve::problem::{BlockMatrix, Group, Problem};
 use carom_solve::rows::{RowSystem, NODE_DOF, WORLD};
 use carom_solve::solver::{self, Outcome, Settings};
@@ -313,4 +314,38 @@ pub fn solve_with(problem: &Problem, name: &str, settings: Settings) -> Solved {
     let mut u = vec![0.0; problem.rows()];
     problem.velocity(&r, &mut u);
     Solved { outcome, r, u }
+}
+
+/// Solves and holds what the solver says against what was found.
+pub fn honest(problem: &Problem, name: &str, tolerance: f64, case: &str) -> Solved {
+    let limited = if name == "auto" { 0 } else { 3000 };
+    let found = solve_with(
+        problem,
+        name,
+        Settings {
+            tolerance,
+            max_iterations: limited,
+            ..Settings::default()
+        },
+    );
+    let err = residual(problem, &found.r, &mut vec![0.0; problem.rows()]);
+    assert!(found.r.iter().all(|r| r.is_finite()), "{case} {name}");
+    assert_eq!(
+        found.outcome.converged,
+        err <= tolerance,
+        "{case} {name}: {err:e}"
+    );
+    assert!(
+        (found.outcome.err - err).abs() <= 1e-3 * err + 1e-15,
+        "{case} {name}: says {:e}, is {err:e}",
+        found.outcome.err
+    );
+    if found.outcome.converged {
+        let law = distance_from_the_law(&problem.groups, &found.r, &found.u);
+        assert!(
+            law <= 10.0 * tolerance,
+            "{case} {name}: err {err:e}, but {law:e} from the law"
+        );
+    }
+    found
 }
