@@ -73,6 +73,39 @@ class Cancel:
     @property
     def cancelled(self) -> bool: ...
 
+def solve_contact_problem(
+    indptr: I64,
+    indices: I64,
+    data: F64,
+    q: F64,
+    dimension: int,
+    mu: F64,
+    mu_r: F64,
+    mu_s: F64,
+    r0: F64 | None,
+    solver: str,
+    tolerance: float,
+    max_iterations: int,
+    time_limit: float,
+    threads: int,
+    cancel: Cancel | None = None,
+) -> dict[str, Any]:
+    """Solve `u = W r + q` for the multipliers `r` of C contacts of `dimension` d rows each (2, 3, 5, 6).
+
+    W (d C, d C) in compressed rows `indptr` (d C + 1,), `indices`, `data` (nnz,); `q` (d C,); bounds `mu` (C,) and lengths
+    `mu_r`, `mu_s` (C,), 0 where there is none; start `r0` (d C,), None: 0; `solver` of `contact_solvers()`; `max_iterations`
+    0: the solver's own; `time_limit` s, infinite: none.
+
+    Returns `r` (d C,), `converged` (as the solver sees it), `iterations`, `wall_s` and `stages`: of each its `name`,
+    `solver`, `iterations`, `err` (after it), `wall_s`, `why`. `ValueError` in one line for what is no problem.
+    """
+
+def contact_solvers() -> list[tuple[str, str]]:
+    """Names of the solvers, `auto` first, and a line on each."""
+
+def auto_rule() -> str:
+    """What `auto` does, in words, checkpoint by checkpoint."""
+
 class Simulation:
     """A model, its state and its scratch memory. The interpreter lock is released while it advances.
 

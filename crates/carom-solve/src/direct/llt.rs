@@ -38,6 +38,10 @@ impl Factor for Llt {
         Ok(need)
     }
 
+    fn fill(&self) -> Option<usize> {
+        self.symbolic.as_ref().map(SymbolicCholesky::len_val)
+    }
+
     fn factor(
         &mut self,
         a: SparseColMatRef<'_, usize, f64>,

@@ -20,6 +20,11 @@ pub trait Factor: Default {
     /// Plans for a pattern; returns the scratch memory that factoring and solving need.
     fn analyse(&mut self, a: SymbolicSparseColMatRef<'_, usize>) -> Result<StackReq, DirectError>;
 
+    /// Numbers in the factors of the analysed pattern, where the plan tells.
+    fn fill(&self) -> Option<usize> {
+        None
+    }
+
     /// Factors values of the analysed pattern.
     fn factor(
         &mut self,
@@ -80,6 +85,11 @@ impl<F: Factor> Sparse<F> {
     /// Symbolic analyses so far: grows only when the pattern changes.
     pub fn analyses(&self) -> u64 {
         self.analyses
+    }
+
+    /// Numbers in the factors of the analysed pattern: what a factorisation costs (Cholesky only).
+    pub fn fill(&self) -> Option<usize> {
+        self.factor.fill()
     }
 
     /// See [`LinearBackend::analyse`].

@@ -100,11 +100,7 @@ impl Problem {
             }
         }
         for (c, b) in bounds.iter().enumerate() {
-            for (name, v) in [
-                ("mu", b.sliding),
-                ("mu_r", b.rolling),
-                ("mu_s", b.spinning),
-            ] {
+            for (name, v) in [("mu", b.sliding), ("mu_r", b.rolling), ("mu_s", b.spinning)] {
                 if !(v >= 0.0 && v.is_finite()) {
                     return refuse(name, format!("{v} at contact {c} (from 0)"));
                 }
@@ -197,13 +193,12 @@ impl Problem {
     /// [`Problem::from_rows`] into an existing problem.
     pub fn fill_rows(&mut self, system: &RowSystem, q: &[f64]) {
         self.groups.clear();
-        self.groups
-            .extend(system.contacts.iter().map(|c| Group {
-                row: c.row as usize,
-                dim: c.dim as usize,
-                bounds: c.bounds,
-                bilateral: c.bilateral,
-            }));
+        self.groups.extend(system.contacts.iter().map(|c| Group {
+            row: c.row as usize,
+            dim: c.dim as usize,
+            bounds: c.bounds,
+            bilateral: c.bilateral,
+        }));
         self.q.clear();
         self.q.extend_from_slice(q);
         let neighbours = system.neighbours();

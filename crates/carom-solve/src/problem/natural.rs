@@ -81,22 +81,59 @@ pub fn natural_part(group: &Group, r: &[f64], u: &[f64]) -> [f64; MAX_ROWS] {
     f
 }
 
+/// Sizes between these have squares, and so have parts of them that are 1e-20 times as large.
+const SQUARES: std::ops::Range<f64> = 1e-130..1e130;
+
 /// `err = |F| / max(|q|, |r|, |u|)`; 0 where all three are 0, infinite if `r` or `u` is not finite. Writes `u = W r + q`.
 pub fn residual(problem: &Problem, r: &[f64], u: &mut [f64]) -> f64 {
+    residuals(problem, r, u).0
+}
+
+/// [`residual`], and `|F| / max(|q|, |u|)`: forces that run away on a singular W make the first as small as one likes where
+/// contacts cannot be kept apart, but not the second.
+pub fn residuals(problem: &Problem, r: &[f64], u: &mut [f64]) -> (f64, f64) {
     problem.velocity(r, u);
+    let (moves, force) = (norm(&problem.q).max(norm(u)), norm(r));
+    if SQUARES.contains(&moves.max(force)) {
+        let f = natural_map(problem, r, u);
+        return quotients(f, moves, force);
+    }
+    // Homogeneous of degree 1: measured in units of the largest number. A NaN is lost neither here nor above.
+    let mut largest = 0.0;
+    for v in problem.q.iter().chain(r).chain(u.iter()) {
+        if !v.is_finite() {
+            return (f64::INFINITY, f64::INFINITY);
+        }
+        largest = v.abs().max(largest);
+    }
+    if largest == 0.0 {
+        return (0.0, 0.0);
+    }
+    let units = |v: &[f64]| -> Vec<f64> { v.iter().map(|x| x / largest).collect() };
+    let (q, r, u) = (units(&problem.q), units(r), units(u));
+    let f = natural_map(problem, &r, &u);
+    quotients(f, norm(&q).max(norm(&u)), norm(&r))
+}
+
+fn quotients(f: f64, moves: f64, force: f64) -> (f64, f64) {
+    if !f.is_finite() {
+        (f64::INFINITY, f64::INFINITY)
+    } else if f == 0.0 {
+        (0.0, 0.0)
+    } else {
+        (f / moves.max(force), f / moves)
+    }
+}
+
+/// `|F|`.
+fn natural_map(problem: &Problem, r: &[f64], u: &[f64]) -> f64 {
     let mut sum = 0.0;
     for group in &problem.groups {
         let rows = group.rows();
         let f = natural_part(group, &r[rows.clone()], &u[rows]);
         sum += f.iter().map(|f| f * f).sum::<f64>();
     }
-    let scale = norm(&problem.q).max(norm(r)).max(norm(u));
-    let err = if scale > 0.0 { sum.sqrt() / scale } else { 0.0 };
-    if err.is_finite() && scale.is_finite() {
-        err
-    } else {
-        f64::INFINITY
-    }
+    sum.sqrt()
 }
 
 #[inline]

@@ -1,17 +1,21 @@
 //! The hybrid: cheap sweeps first, Newton to finish, and stronger means only where these do not do.
 
+use super::gauss_seidel::RELAXATION;
 use super::{Admm, ConeSolver, GaussSeidel, InteriorPoint, Judge, SemiSmoothNewton};
+use crate::direct::SparseLlt;
+use crate::problem::Problem;
 
 /// The rule in words, checkpoint by checkpoint; the code below does what it says.
 pub const RULE: &str = "\
 Checkpoints of auto; each starts from the best iterate so far, and the first that reaches the tolerance ends the run.
 1  start     up to 96 rows (dense), or a start with err below 1e-3: Newton at once, at most 20 iterations.
-2  sweeps    60 sweeps of Gauss-Seidel, and 60 more as long as 60 sweeps make err 10 times smaller (at most 1200).
+2  sweeps    60 sweeps of Gauss-Seidel (relaxation 1.3), and 60 more while 60 make err 10 times smaller (at most 1200).
+   sweeps    only, up to 100 000, where Cholesky factors of W would hold more than 3e7 numbers: the rest would take too long.
 3  polish    Newton, at most 30 iterations; it gives up after 5 that do not halve err.
 4  rounds    240 sweeps and a polish, 960 sweeps and a polish; skipped on as soon as sweeps do not halve err.
 5  path      interior point, from scratch: at most 200 iterations, given up after 40 without a better err; then a polish
              that gives up after 12 such iterations.
-6  rounds    500 sweeps and a polish, then 1000, 2000, 4000: redundant contacts find a consistent set in the end.
+6  rounds    1000 sweeps (relaxation 1.5) and a polish, then 2000 (1.3), 5000 (1.5), 10 000 (1.3), 30 000 (1.5).
 7  split     ADMM, at most 5000 iterations, and a polish; left out where W is unsymmetric by more than 1e-6.
 8  last      sweeps until the time is up, at most 100 000. The best iterate is returned with its err, solved or not.";
 
@@ -30,7 +34,18 @@ const PATIENT: u32 = 12;
 /// Rounds before the path, the gain in sweeps that they need, and rounds after it.
 const EARLY: [u32; 2] = [240, 960];
 const GAIN: f64 = 0.5;
-const LATE: [u32; 4] = [500, 1000, 2000, 4000];
+const LATE: [(u32, f64); 5] = [
+    (1000, STRONG),
+    (2000, RELAXATION),
+    (5000, STRONG),
+    (10_000, RELAXATION),
+    (30_000, STRONG),
+];
+/// Relaxation that is faster on most piles at rest, and too much for some others.
+const STRONG: f64 = 1.5;
+/// Numbers in Cholesky factors of W up to which factorising methods are tried; problems of so few rows are not asked.
+const MAX_FILL: usize = 30_000_000;
+const SURELY_SPARSE: usize = 3000;
 const PATH: u32 = 200;
 const SPLIT: u32 = 5000;
 const UNSYMMETRIC: f64 = 1e-6;
@@ -77,7 +92,16 @@ impl Auto {
                 return;
             }
         }
-        if self.sweep_while_worthwhile(judge) || self.polish(judge, QUICK) {
+        self.sweeps.relaxation = RELAXATION;
+        if self.sweep_while_worthwhile(judge) {
+            return;
+        }
+        if let Some(fill) = too_full(&judge.scaled.problem) {
+            let why = format!("Cholesky factors of W would hold {fill:.0e} numbers");
+            self.sweep(judge, "sweeps", LAST, why);
+            return;
+        }
+        if self.polish(judge, QUICK) {
             return;
         }
         for sweeps in EARLY {
@@ -100,7 +124,8 @@ impl Auto {
         {
             return;
         }
-        for sweeps in LATE {
+        for (sweeps, relaxation) in LATE {
+            self.sweeps.relaxation = relaxation;
             let why = format!("stalled at {:.1e}: another start for Newton", judge.best_err);
             if judge.late()
                 || self.sweep(judge, "rounds", sweeps, why)
@@ -165,4 +190,15 @@ impl Auto {
         self.newton.patience = patience;
         judge.stage("polish", &mut self.newton, POLISH, why)
     }
+}
+
+/// Size of the Cholesky factors of W where it is above [`MAX_FILL`].
+fn too_full(problem: &Problem) -> Option<f64> {
+    if problem.rows() <= SURELY_SPARSE {
+        return None;
+    }
+    let (col_ptr, row_idx, ..) = super::admm::lower_half(problem);
+    let mut plan = SparseLlt::new();
+    plan.analyse(problem.rows(), &col_ptr, &row_idx).ok()?;
+    plan.fill().filter(|&fill| fill > MAX_FILL).map(|fill| fill as f64)
 }

@@ -16,6 +16,9 @@ use super::matrix::Linear;
 use super::{ConeSolver, Judge};
 use crate::problem::Problem;
 
+#[cfg(test)]
+mod tests;
+
 const MAX_ITERATIONS: u32 = 200;
 /// Share of the way to the boundary that a step may go.
 const SHARE: f64 = 0.995;
@@ -234,8 +237,7 @@ impl InteriorPoint {
                 for a in 1..=c.dim {
                     normal += slope[a] * theta(a, b);
                     let value = theta(a, b) * factor;
-                    self.linear
-                        .add(problem, c.group, first + a - 1, col, value);
+                    self.linear.add(problem, c.group, first + a - 1, col, value);
                 }
                 self.linear.add(problem, c.group, 0, col, normal * factor);
             }
@@ -323,7 +325,9 @@ impl Cone {
             return (self.dual[0], [1.0, 0.0, 0.0]);
         }
         let inverse = 1.0 / self.dual[0];
-        let square: f64 = (1..=self.dim).map(|k| (self.dual[k] * inverse).powi(2)).sum();
+        let square: f64 = (1..=self.dim)
+            .map(|k| (self.dual[k] * inverse).powi(2))
+            .sum();
         let mut slope = [self.bound * (1.0 + square), 0.0, 0.0];
         for k in 1..=self.dim {
             slope[k] = -2.0 * self.bound * self.dual[k] * inverse;
@@ -407,7 +411,11 @@ fn norm(x: &[f64]) -> f64 {
 /// Longest `length <= bound` with `x + length d` in the cone, `x` inside.
 fn longest(x: &Vec3, d: &Vec3, dim: usize, bound: f64) -> f64 {
     if dim == 0 {
-        return if d[0] < 0.0 { bound.min(-x[0] / d[0]) } else { bound };
+        return if d[0] < 0.0 {
+            bound.min(-x[0] / d[0])
+        } else {
+            bound
+        };
     }
     let a = d[0] * d[0] - (1..=dim).map(|k| d[k] * d[k]).sum::<f64>();
     let b = x[0] * d[0] - (1..=dim).map(|k| x[k] * d[k]).sum::<f64>();

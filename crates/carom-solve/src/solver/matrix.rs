@@ -161,3 +161,125 @@ impl Linear {
         self.lu.solve(rhs, out).is_ok()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cone::Bounds;
+    use crate::problem::BlockMatrix;
+
+    /// Contacts in pairs at one place: W has half the rank.
+    fn pairs(count: usize) -> Problem {
+        let bounds = Bounds {
+            sliding: 0.5,
+            ..Bounds::default()
+        };
+        let groups: Vec<Group> = (0..2 * count)
+            .map(|i| Group {
+                row: 3 * i,
+                dim: 3,
+                bounds,
+                bilateral: false,
+            })
+            .collect();
+        let ptr = (0..=2 * count).map(|i| 2 * i).collect();
+        let col = (0..2 * count)
+            .flat_map(|i| [2 * (i / 2) as u32, 2 * (i / 2) as u32 + 1])
+            .collect();
+        let mut w = BlockMatrix::zeros(&groups, ptr, col);
+        for block in w.values.chunks_exact_mut(9) {
+            block.copy_from_slice(&[1.0, 0.1, 0.2, 0.1, 3.0, 0.3, 0.2, 0.3, 2.0]);
+        }
+        Problem {
+            groups,
+            w,
+            q: vec![0.0; 6 * count],
+        }
+    }
+
+    /// A singular W gives no direction for a right side out of its range, and with a shift an accurate one.
+    #[test]
+    fn singular_w_is_noticed_and_a_shift_cures_it() {
+        for count in [1, 5, 40] {
+            let problem = pairs(count);
+            let n = problem.rows();
+            let mut linear = Linear::default();
+            linear.plan(&problem);
+            assert_eq!(linear.is_dense(), n <= DENSE_ROWS);
+            let rhs: Vec<f64> = (0..n).map(|k| if k % 6 < 3 { 1.0 } else { -1.0 }).collect();
+            let mut x = vec![0.0; n];
+            linear.copy(&problem);
+            assert!(!(linear.factor() && linear.solve(&rhs, &mut x)), "{n} rows");
+            linear.copy(&problem);
+            for i in 0..problem.groups.len() {
+                for r in 0..3 {
+                    linear.add(&problem, i, r, r, 1e-6);
+                }
+            }
+            assert!(linear.factor() && linear.solve(&rhs, &mut x), "{n} rows");
+            let mut u = vec![0.0; n];
+            problem.velocity(&x, &mut u);
+            for k in 0..n {
+                assert!(
+                    (u[k] + 1e-6 * x[k] - rhs[k]).abs() < 1e-8,
+                    "{n} rows, row {k}"
+                );
+            }
+        }
+    }
+
+    /// Newton's matrix entry by entry, with unsymmetric tangents and a shift, dense and sparse.
+    #[test]
+    fn newton_matrix_is_the_formula() {
+        for count in [2, 40] {
+            let mut problem = pairs(count);
+            for (k, v) in problem.w.values.iter_mut().enumerate() {
+                *v += 0.01 * (k % 17) as f64;
+            }
+            let n = problem.rows();
+            let tangents: Vec<Block> = (0..problem.groups.len())
+                .map(|i| {
+                    let mut block = Block::default();
+                    for r in 0..3 {
+                        for c in 0..3 {
+                            block[r][c] = 0.1 * ((3 * r + 2 * c + i) % 7) as f64;
+                        }
+                    }
+                    block
+                })
+                .collect();
+            let penalty: Vec<f64> = (0..n).map(|r| 0.3 + 0.05 * (r % 5) as f64).collect();
+            let shift = 0.07;
+            let mut linear = Linear::default();
+            linear.plan(&problem);
+            linear.assemble(&problem, &tangents, &penalty, shift);
+            assert!(linear.factor());
+            // (1 - D) x + D p (W x + shift x) for an x, then back.
+            let x: Vec<f64> = (0..n).map(|k| ((k * 7) % 11) as f64 - 5.0).collect();
+            let mut wx = vec![0.0; n];
+            problem.velocity(&x, &mut wx);
+            let rhs: Vec<f64> = (0..n)
+                .map(|row| {
+                    let (first, d) = (row / 3 * 3, &tangents[row / 3]);
+                    let sum: f64 = (0..3)
+                        .map(|m| {
+                            let k = first + m;
+                            d[row % 3][m] * (penalty[k] * (wx[k] + shift * x[k]) - x[k])
+                        })
+                        .sum();
+                    x[row] + sum
+                })
+                .collect();
+            let mut out = vec![0.0; n];
+            assert!(linear.solve(&rhs, &mut out));
+            for k in 0..n {
+                assert!(
+                    (out[k] - x[k]).abs() < 1e-9,
+                    "{n} rows, row {k}: {} {}",
+                    out[k],
+                    x[k]
+                );
+            }
+        }
+    }
+}

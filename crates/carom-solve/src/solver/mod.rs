@@ -23,6 +23,12 @@ use crate::problem::{natural, Problem, Scaled};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+/// Where contacts cannot be kept apart, forces without bound make `err` as small as one likes. Where they are, scaled, this
+/// many times the velocities, the natural map must come below the second number over velocities alone, and stands for
+/// `err` until then.
+const RUNAWAY: f64 = 1e3;
+const EXPLAINED: f64 = 1e-3;
+
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
@@ -193,12 +199,14 @@ impl<'a> Judge<'a> {
         judge
     }
 
-    /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`.
+    /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`; of forces that ran away what they
+    /// leave of the velocities.
     pub fn see(&mut self, y: &[f64]) -> f64 {
-        let scaled = natural::residual(&self.scaled.problem, y, &mut self.u);
+        let (scaled, share) = natural::residuals(&self.scaled.problem, y, &mut self.u);
         self.scaled.leave(y, &mut self.r);
         let given = natural::residual(self.source, &self.r, &mut self.u);
-        let err = scaled.max(given);
+        let ran_away = share > EXPLAINED && share > RUNAWAY * scaled;
+        let err = if ran_away { share } else { scaled.max(given) };
         if err < self.best_err {
             self.best_err = err;
             self.best_given = given;
@@ -258,7 +266,10 @@ impl<'a> Judge<'a> {
             0 => max_iterations,
             cap => max_iterations.min(cap.saturating_sub(self.done)),
         };
-        let iterations = if max == 0 { 0 } else { solver.run(self, max) };
+        if max == 0 {
+            return self.solved(); // the settings' iterations are used up
+        }
+        let iterations = solver.run(self, max);
         self.done += iterations;
         self.stages.push(Stage {
             name,

@@ -75,7 +75,7 @@ impl ConeSolver for SemiSmoothNewton {
         let (mut done, mut since_better, mut best) = (0, 0, f64::INFINITY);
         while done < max {
             merits[done as usize % MEMORY] = merit;
-            let shift = SHIFT * (merit / first).min(1.0).max(SHIFT_FLOOR / SHIFT);
+            let shift = SHIFT * (merit / first).clamp(SHIFT_FLOOR / SHIFT, 1.0);
             if !self.direction(problem, shift) {
                 break;
             }

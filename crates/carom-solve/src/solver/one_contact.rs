@@ -7,7 +7,9 @@ use crate::problem::Group;
 /// Coupling below this share of the diagonal counts as none: spheres, whose blocks are diagonal up to rounding.
 const ISOTROPIC: f64 = 1e-14;
 /// Directions tried when none is known.
-const DIRECTIONS: usize = 16;
+const DIRECTIONS: usize = 24;
+/// Rounding of an angle's equation.
+const NEARLY: f64 = 1e-13;
 /// Steps of a bracketed root search: more than doubles the bits of a double.
 const ROOT_STEPS: usize = 100;
 /// Rounds between discs of a contact with rolling or spinning rows.
@@ -23,7 +25,12 @@ pub fn solve_contact(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
         (1, _) => r[0] = normal(a[0], b[0]),
         (3, true) => {
             let block = [a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]];
-            let x = coulomb(&block, [b[0], b[1], b[2]], group.bounds.sliding, [r[0], r[1], r[2]]);
+            let x = coulomb(
+                &block,
+                [b[0], b[1], b[2]],
+                group.bounds.sliding,
+                [r[0], r[1], r[2]],
+            );
             r.copy_from_slice(&x);
         }
         _ => solve_discs(group, a, b, r),
@@ -68,10 +75,18 @@ pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
         && a[5].abs() + a[7].abs() + (a[4] - a[8]).abs() <= tiny
     {
         let n = normal(a[0], b[0]);
-        let (x, y) = (-b[1] / a[4], -b[2] / a[4]);
-        let length = (x * x + y * y).sqrt();
         let radius = mu * n;
-        let scale = if length > radius { radius / length } else { 1.0 };
+        let (x, y) = if a[4] > 0.0 {
+            (-b[1] / a[4], -b[2] / a[4])
+        } else {
+            (-b[1], -b[2]) // no force holds it: slip, or nothing to hold
+        };
+        let length = (x * x + y * y).sqrt();
+        let scale = if length > radius || a[4] <= 0.0 {
+            radius / length.max(f64::MIN_POSITIVE)
+        } else {
+            1.0
+        };
         return [n, scale * x, scale * y];
     }
     if let Some(r) = stick(a, b) {
@@ -87,7 +102,11 @@ pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
         let u2 = b[2] + a[6] * n + a[7] * last[1] + a[8] * last[2];
         let (x, y) = (last[1] - u1 / t, last[2] - u2 / t);
         let length = (x * x + y * y).sqrt();
-        let scale = if length > mu * n { mu * n / length } else { 1.0 };
+        let scale = if length > mu * n {
+            mu * n / length
+        } else {
+            1.0
+        };
         [n, scale * x, scale * y]
     })
 }
@@ -101,7 +120,7 @@ fn stick(a: &[f64; 9], b: [f64; 3]) -> Option<[f64; 3]> {
     ];
     let det = a[0] * c[0] + a[1] * c[1] + a[2] * c[2];
     let size = a[0].abs() * a[4].abs() * a[8].abs();
-    if !(det.abs() > 1e-14 * size) {
+    if det.is_nan() || det.abs() <= 1e-14 * size {
         return None;
     }
     let (x, y, z) = (-b[0], -b[1], -b[2]);
@@ -112,20 +131,37 @@ fn stick(a: &[f64; 9], b: [f64; 3]) -> Option<[f64; 3]> {
     ])
 }
 
-/// Slip with direction `tau` of `u_T`: `u_N = 0`, `r_T = -mu r_N tau`, `u_T` along `tau`; the angle is the root of one
-/// equation, `tau x u_T = 0`.
+/// Slip with direction `tau` of `u_T`: `u_N = 0`, `r_T = -mu r_N tau`, `u_T` along `tau`. The angle of `tau` is a root of
+/// `tau x u_T`; times the positive `-b_N / r_N` that is a trigonometric polynomial of degree 2, finite all around:
+/// at most four roots, and at most four extrema between them.
 fn slip(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> Option<[f64; 3]> {
-    // (tau x u_T, tau . u_T, r), or none where the normal equation has no positive root.
+    // v = p + q cos + r sin, by rows of the tangent.
+    let row = |k: usize| {
+        [
+            b[k] * a[0] - b[0] * a[3 * k],
+            mu * (b[0] * a[3 * k + 1] - b[k] * a[1]),
+            mu * (b[0] * a[3 * k + 2] - b[k] * a[2]),
+        ]
+    };
+    let rows = [row(1), row(2)];
     let at = |angle: f64| {
         let (s, c) = angle.sin_cos();
-        let den = a[0] - mu * (a[1] * c + a[2] * s);
-        if den <= 0.0 {
-            return None;
+        let [v1, v2] = rows.map(|[p, q, r]| p + q * c + r * s);
+        let [d1, d2] = rows.map(|[_, q, r]| r * c - q * s);
+        let along = c * v1 + s * v2;
+        Trial {
+            angle,
+            cross: c * v2 - s * v1,
+            slope: c * d2 - s * d1 - along,
+            along,
+            size: v1.abs() + v2.abs(),
+            den: a[0] - mu * (a[1] * c + a[2] * s),
         }
-        let n = -b[0] / den;
-        let u1 = b[1] + n * (a[3] - mu * (a[4] * c + a[5] * s));
-        let u2 = b[2] + n * (a[6] - mu * (a[7] * c + a[8] * s));
-        Some((c * u2 - s * u1, c * u1 + s * u2, [n, -mu * n * c, -mu * n * s]))
+    };
+    let force = |t: &Trial| {
+        let n = -b[0] / t.den;
+        let (s, c) = t.angle.sin_cos();
+        [n, -mu * n * c, -mu * n * s]
     };
     let start = if last[1] != 0.0 || last[2] != 0.0 {
         (-last[2]).atan2(-last[1])
@@ -133,70 +169,101 @@ fn slip(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> Option<[f64; 3]> 
         b[2].atan2(b[1])
     };
     // Near the last direction first, then all around.
-    if let Some(r) = secant(&at, start) {
-        return Some(r);
+    if let Some(t) = secant(&at, start).filter(|t| t.den > 0.0 && t.along >= 0.0) {
+        return Some(force(&t));
     }
     let step = std::f64::consts::TAU / DIRECTIONS as f64;
-    let mut before: Option<(f64, f64)> = None;
-    let mut best: Option<(f64, [f64; 3])> = None;
-    for k in 0..=DIRECTIONS {
-        let angle = start + step * k as f64;
-        let here = at(angle);
-        if let (Some((x0, f0)), Some((f1, ..))) = (before, here) {
-            if f0 == 0.0 || (f0 < 0.0) != (f1 < 0.0) {
-                if let Some((dot, r)) = bisect(&at, x0, f0, angle, f1) {
-                    if dot >= 0.0 && best.as_ref().is_none_or(|(d, _)| dot > *d) {
-                        best = Some((dot, r));
-                    }
-                }
+    let mut best: Option<Trial> = None;
+    let mut keep = |t: Trial| {
+        // A contact between sticking and slipping has `u_T = 0` up to rounding.
+        let fits = t.den > 0.0 && t.along >= -NEARLY * t.den * (b[1].abs() + b[2].abs());
+        if fits
+            && best
+                .as_ref()
+                .is_none_or(|b| t.along * b.den > b.along * t.den)
+        {
+            best = Some(t);
+        }
+    };
+    let mut before = at(start);
+    for k in 1..=DIRECTIONS {
+        let here = at(start + step * k as f64);
+        if before.differs(&here) {
+            keep(bracketed(&at, before, here, |t| t.cross));
+        } else if before.cross * before.slope < 0.0 && here.cross * here.slope > 0.0 {
+            // Towards zero and away again: two roots may hide around the extremum.
+            let low = bracketed(&at, before, here, |t| t.slope);
+            if before.differs(&low) {
+                keep(bracketed(&at, before, low, |t| t.cross));
+                keep(bracketed(&at, low, here, |t| t.cross));
+            } else if low.cross.abs() <= NEARLY * low.size {
+                keep(low);
             }
         }
-        before = here.map(|(f, ..)| (angle, f));
+        before = here;
     }
-    best.map(|(_, r)| r)
+    best.map(|t| force(&t))
 }
 
-type Trial = Option<(f64, f64, [f64; 3])>;
+/// One direction of slip: `tau x v` and its slope over the angle, `tau . v` and the size of `v = u_T den`, with
+/// `den = -b_N / r_N`.
+#[derive(Clone, Copy)]
+struct Trial {
+    angle: f64,
+    cross: f64,
+    slope: f64,
+    along: f64,
+    size: f64,
+    den: f64,
+}
 
-fn secant(at: &impl Fn(f64) -> Trial, start: f64) -> Option<[f64; 3]> {
+impl Trial {
+    fn differs(&self, other: &Trial) -> bool {
+        (self.cross < 0.0) != (other.cross < 0.0)
+    }
+}
+
+fn secant(at: &impl Fn(f64) -> Trial, start: f64) -> Option<Trial> {
     let (mut x0, mut x1) = (start, start + 1e-4);
-    let mut f0 = at(x0)?.0;
+    let mut f0 = at(x0).cross;
     for _ in 0..12 {
-        let (f1, dot, r) = at(x1)?;
-        let size = f1.abs() + dot.abs();
-        if f1.abs() <= 4.0 * f64::EPSILON * size {
-            return (dot >= 0.0).then_some(r);
+        let t = at(x1);
+        if t.cross.abs() <= 4.0 * f64::EPSILON * t.size {
+            return Some(t);
         }
-        let slope = (f1 - f0) / (x1 - x0);
-        let next = x1 - f1 / slope;
+        let slope = (t.cross - f0) / (x1 - x0);
+        let next = x1 - t.cross / slope;
         if !next.is_finite() || (next - x1).abs() > 0.7 {
             return None;
         }
         if (next - x1).abs() < 1e-15 {
-            return (dot >= 0.0).then_some(r);
+            return Some(t);
         }
-        (x0, f0, x1) = (x1, f1, next);
+        (x0, f0, x1) = (x1, t.cross, next);
     }
     None
 }
 
-fn bisect(
+/// The root of `of` between two directions where it differs in sign: a bracketed secant (Illinois).
+fn bracketed(
     at: &impl Fn(f64) -> Trial,
-    mut x0: f64,
-    mut f0: f64,
-    mut x1: f64,
-    mut f1: f64,
-) -> Option<(f64, [f64; 3])> {
-    // Illinois: a bracketed secant.
-    let mut found = None;
+    low: Trial,
+    high: Trial,
+    of: impl Fn(&Trial) -> f64,
+) -> Trial {
+    let (mut x0, mut f0, mut x1, mut f1) = (low.angle, of(&low), high.angle, of(&high));
+    let mut found = if f0.abs() < f1.abs() { low } else { high };
     let mut side = 0;
     for _ in 0..ROOT_STEPS {
         let mut x = (x0 * f1 - x1 * f0) / (f1 - f0);
         if !(x > x0.min(x1) && x < x0.max(x1)) {
             x = 0.5 * (x0 + x1);
         }
-        let (f, dot, r) = at(x)?;
-        found = Some((dot, r));
+        let here = at(x);
+        let f = of(&here);
+        if f.abs() <= of(&found).abs() {
+            found = here;
+        }
         if f == 0.0 || (x1 - x0).abs() < 1e-15 * (1.0 + x.abs()) {
             break;
         }
@@ -246,22 +313,35 @@ fn solve_discs(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
             let rows = disc.start..disc.start + disc.dim;
             let radius = disc.bound * r[0];
             let largest = rows.clone().map(|i| a[i * n + i]).fold(0.0, f64::max);
-            if largest <= 0.0 {
-                continue;
-            }
             let mut target = [0.0; 2];
-            let mut length = 0.0;
+            let (mut length, mut speed) = (0.0, 0.0);
             for (t, i) in target.iter_mut().zip(rows.clone()) {
-                *t = r[i] - free(r, i, 0..0) / largest;
+                let u = free(r, i, 0..0);
+                *t = if largest > 0.0 {
+                    r[i] - u / largest
+                } else {
+                    -u
+                };
                 length += *t * *t;
+                speed += u * u;
             }
+            // No force holds a disc without stiffness: it moves, at its bound, or nothing is to be held.
+            let full = largest <= 0.0 && speed > 0.0;
             let length = length.sqrt();
-            let scale = if length > radius { radius / length } else { 1.0 };
+            let scale = if length > radius || full {
+                radius / length
+            } else {
+                1.0
+            };
             for (t, i) in target.iter().zip(rows) {
                 r[i] = scale * t;
             }
         }
-        let moved = before[..n].iter().zip(r.iter()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+        let moved = before[..n]
+            .iter()
+            .zip(r.iter())
+            .map(|(x, y)| (x - y).abs())
+            .fold(0.0, f64::max);
         let size = r.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         if moved <= 1e-15 * size {
             break;

@@ -3,6 +3,8 @@
 use super::super::solve_contact;
 use super::contact::{Coupled, Simple};
 use super::discs::Discs;
+use crate::cone::MAX_ROWS;
+use crate::problem::natural::project_cone;
 use crate::problem::{Group, Problem};
 use crate::spheres::{Lanes, Work};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -190,7 +192,7 @@ impl Chunk {
 /// One pass over the contacts of a chunk.
 pub struct Pass<'a> {
     pub chunk: &'a mut Chunk,
-    pub backwards: bool,
+    pub relaxation: f64,
 }
 
 impl Work for Pass<'_> {
@@ -198,18 +200,17 @@ impl Work for Pass<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, simd: S) {
-        let Pass { chunk, backwards } = self;
+        let Pass { chunk, relaxation } = self;
         let count = chunk.groups.len();
-        let each = |k: usize| if backwards { count - 1 - k } else { k };
         if chunk.all_three {
             (0..count).for_each(
                 #[inline(always)]
-                |k| chunk.relax_three(simd, each(k)),
+                |k| chunk.relax_three(simd, k, relaxation),
             );
         } else {
             (0..count).for_each(
                 #[inline(always)]
-                |k| chunk.relax_any(simd, each(k)),
+                |k| chunk.relax_any(simd, k, relaxation),
             );
         }
     }
@@ -227,7 +228,7 @@ fn four<S: Lanes>(simd: S, numbers: &[f64], at: usize) -> S::Row {
 impl Chunk {
     /// Contact `i` where all blocks are three by three.
     #[inline(always)]
-    fn relax_three<S: Lanes>(&mut self, simd: S, i: usize) {
+    fn relax_three<S: Lanes>(&mut self, simd: S, i: usize, relaxation: f64) {
         let blocks = self.ptr[i] as usize..self.ptr[i + 1] as usize;
         let values = &self.values[9 * blocks.start..9 * blocks.end + 1];
         let mut sum = four(simd, &self.q[i], 0);
@@ -253,11 +254,25 @@ impl Chunk {
             _ => self.solve_long(i, block, &b[..3], last),
         };
         self.y[row..row + 3].copy_from_slice(&r);
+        if relaxation != 1.0 {
+            self.overshoot(i, &last, relaxation);
+        }
+    }
+
+    /// Goes `relaxation` times as far as the solution of contact `i`, and back into its cone.
+    #[inline(always)]
+    fn overshoot(&mut self, i: usize, last: &[f64], relaxation: f64) {
+        let group = &self.groups[i];
+        let r = &mut self.y[group.rows()];
+        for (r, last) in r.iter_mut().zip(last) {
+            *r = last + relaxation * (*r - last);
+        }
+        project_cone(group, r);
     }
 
     /// Contact `i` of any rows.
     #[inline(always)]
-    fn relax_any<S: Lanes>(&mut self, simd: S, i: usize) {
+    fn relax_any<S: Lanes>(&mut self, simd: S, i: usize, relaxation: f64) {
         let group = &self.groups[i];
         let dim = group.dim;
         let blocks = self.ptr[i] as usize..self.ptr[i + 1] as usize;
@@ -276,6 +291,8 @@ impl Chunk {
         let mut b = [0.0; FULL];
         b[..4].copy_from_slice(&simd.numbers(low));
         b[4..].copy_from_slice(&simd.numbers(high));
+        let mut last = [0.0; MAX_ROWS];
+        last[..dim].copy_from_slice(&self.y[group.rows()]);
         let r = &mut self.y[group.rows()];
         let at = self.diagonal_at[i] as usize;
         let block = &self.diagonals[at..at + dim * dim];
@@ -289,6 +306,9 @@ impl Chunk {
         };
         if !done {
             solve_contact(group, block, &b[..dim], r);
+        }
+        if relaxation != 1.0 {
+            self.overshoot(i, &last[..dim], relaxation);
         }
     }
 
