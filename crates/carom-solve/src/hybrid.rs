@@ -5,8 +5,9 @@ use crate::report::{Rung, SolveReport};
 use crate::rows::{RowSystem, NODE_DOF};
 use crate::solver::{Auto, Settings};
 
-/// Contact updates that the sweeps of one linear problem may cost: some tenths of a second.
+/// Contact updates, and sweeps, that one linear problem may cost: some tenths of a second.
 const SWEEP_BUDGET: u64 = 4_000_000;
+const MAX_SWEEPS: u64 = 6_000;
 
 /// Workspace.
 #[derive(Default)]
@@ -36,7 +37,8 @@ impl Hybrid {
             }
         }
         self.problem.fill_rows(system, &self.q);
-        self.auto.sweep_budget = Some(SWEEP_BUDGET);
+        let contacts = system.contacts.len() as u64;
+        self.auto.sweep_budget = Some(SWEEP_BUDGET.min(MAX_SWEEPS * contacts));
         let settings = Settings {
             tolerance,
             ..Settings::default()

@@ -364,8 +364,13 @@ impl ImpactScratch {
             // Joints are solved at rest too, where every speed is 0.
             speed = speed.max(AT_REST * self.sub.node_length[0] / self.span.h);
         }
-        let floor = model.options.tolerance_floor * mass * speed;
         let groups = self.sub.contacts.len();
+        let mut floor = model.options.tolerance_floor * mass * speed;
+        if groups > model.options.dense_contacts as usize {
+            // The speed that would open or close the gap tolerance in this step (`position_floor`).
+            let length = self.sub.node_length.iter().sum::<f64>() / nodes;
+            floor = floor.max(model.options.gap_tolerance * length / self.span.h * mass);
+        }
         let mut options = newton_options(&model.options, groups, floor, false);
         // The closing tolerance must stand clear of what the solver leaves (rule R3).
         if self.speeds.speed > 0.0 && !self.chosen.is_empty() {

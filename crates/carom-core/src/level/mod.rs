@@ -51,6 +51,16 @@ pub(crate) fn newton_options(
     }
 }
 
+/// Absolute floor of eq. 44 over m r. Large islands are often hyperstatic: gaps, and slips around closed chains of contacts,
+/// contradict one another by what earlier steps left. What is below the gap tolerance is no error there.
+pub(crate) fn position_floor(options: &Options, contacts: usize) -> f64 {
+    if contacts > options.dense_contacts as usize {
+        options.tolerance_floor.max(options.gap_tolerance)
+    } else {
+        options.tolerance_floor
+    }
+}
+
 /// Whether a lone contact goes to the closed form.
 pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
     let bounds = contact.bounds;

@@ -5,7 +5,7 @@
 //! contacts, and loads that depend on positions act through their change, `(h^2/2) f_p` (eq. 3).
 
 use super::coupling::{position_rows, Trial};
-use super::{closed_form, newton_options, single, worst_group};
+use super::{closed_form, newton_options, position_floor, single, worst_group};
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
 use crate::model::Model;
@@ -328,10 +328,9 @@ fn solve_by_newton(
             .iter()
             .map(|x| x.abs().max_element())
             .fold(0.0, f64::max);
-    let floor = mean(&|i| {
-        model.mass[i] * (model.options.tolerance_floor * model.radius[i]).max(4.0 * rounding)
-    });
     let groups = members.len() + island.joints.len();
+    let share = position_floor(&model.options, groups);
+    let floor = mean(&|i| model.mass[i] * (share * model.radius[i]).max(4.0 * rounding));
     let mut options = newton_options(&model.options, groups, floor, true);
     options.gap_floor = 16.0 * rounding;
     let mut problem = Positions {
