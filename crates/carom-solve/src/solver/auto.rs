@@ -126,7 +126,10 @@ impl Auto {
         }
         for (sweeps, relaxation) in LATE {
             self.sweeps.relaxation = relaxation;
-            let why = format!("stalled at {:.1e}: another start for Newton", judge.best_err);
+            let why = format!(
+                "stalled at {:.1e}: another start for Newton",
+                judge.best_err
+            );
             if judge.late()
                 || self.sweep(judge, "rounds", sweeps, why)
                 || self.polish(judge, PATIENT)
@@ -168,7 +171,13 @@ impl Auto {
     }
 
     /// Sweeps within the budget; true where the run is over.
-    fn sweep(&mut self, judge: &mut Judge<'_>, name: &'static str, count: u32, why: String) -> bool {
+    fn sweep(
+        &mut self,
+        judge: &mut Judge<'_>,
+        name: &'static str,
+        count: u32,
+        why: String,
+    ) -> bool {
         let contacts = judge.source.groups.len().max(1) as u64;
         let mut allowed = u64::from(count);
         if let Some(budget) = self.sweep_budget {
@@ -200,5 +209,7 @@ fn too_full(problem: &Problem) -> Option<f64> {
     let (col_ptr, row_idx, ..) = super::admm::lower_half(problem);
     let mut plan = SparseLlt::new();
     plan.analyse(problem.rows(), &col_ptr, &row_idx).ok()?;
-    plan.fill().filter(|&fill| fill > MAX_FILL).map(|fill| fill as f64)
+    plan.fill()
+        .filter(|&fill| fill > MAX_FILL)
+        .map(|fill| fill as f64)
 }
