@@ -276,7 +276,10 @@ fn discs_are_solved_by_repeated_steps() {
             );
         }
         let u = velocity(&a, &b, &r);
-        assert!(distance_from_the_law(&[g], &r, &u) < 1e-11, "case {case}");
+        assert!(
+            distance_from_the_law(&[g], &b, &r, &u) < 1e-11,
+            "case {case}"
+        );
     }
 }
 

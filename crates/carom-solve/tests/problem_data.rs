@@ -278,7 +278,7 @@ fn scaling_keeps_cones_and_solutions() {
         let (mut r, mut u, mut back) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         scaled.leave(&found.r, &mut r);
         problem.velocity(&r, &mut u);
-        assert!(distance_from_the_law(&problem.groups, &r, &u) < 1e-8);
+        assert!(distance_from_the_law(&problem.groups, &problem.q, &r, &u) < 1e-8);
         scaled.enter(&r, &mut back);
         assert!(back
             .iter()

@@ -43,7 +43,7 @@ fn random_problems_are_solved_or_said_not_to_be() {
         );
         // u of the bodies, without W.
         let u = data.velocity(&best.r);
-        let law = distance_from_the_law(&problem.groups, &best.r, &u);
+        let law = distance_from_the_law(&problem.groups, &problem.q, &best.r, &u);
         assert!(
             law <= 10.0 * TOLERANCE,
             "{name}: {law:e} from the law on the bodies"

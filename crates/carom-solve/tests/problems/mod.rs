@@ -255,16 +255,16 @@ pub fn bodies(rng: &mut Rng, count: usize, contacts: usize, joints: usize, most:
     Bodies { system, q }
 }
 
-/// How far `r`, `u` are from the law, over the largest of both: the cone, the dual cone, complementarity, joints. Written
-/// from the law's words, not from the natural map.
-pub fn distance_from_the_law(groups: &[Group], r: &[f64], u: &[f64]) -> f64 {
+/// How far `r`, `u` are from the law, over the largest of q and both: the cones, power, joints. Written from the law's words, not
+/// from the natural map.
+pub fn distance_from_the_law(groups: &[Group], q: &[f64], r: &[f64], u: &[f64]) -> f64 {
     // In units of the largest number: 1e-200 has no square.
     let unit = r
         .iter()
         .chain(u)
         .fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
-    let [r, u] = [r, u].map(|v| v.iter().map(|x| x / unit).collect::<Vec<f64>>());
-    let scale = norm(&r).max(norm(&u)).max(f64::MIN_POSITIVE);
+    let [q, r, u] = [q, r, u].map(|v| v.iter().map(|x| x / unit).collect::<Vec<f64>>());
+    let scale = norm(&q).max(norm(&r)).max(norm(&u)).max(f64::MIN_POSITIVE);
     let mut worst = 0.0f64;
     for g in groups {
         let (r, u) = (&r[g.rows()], &u[g.rows()]);
@@ -272,20 +272,22 @@ pub fn distance_from_the_law(groups: &[Group], r: &[f64], u: &[f64]) -> f64 {
             worst = worst.max(norm(u) / scale);
             continue;
         }
-        worst = worst.max(-r[0] / scale).max(-u[0] / scale);
-        worst = worst.max(r[0].abs().min(u[0].abs()) / scale);
+        let mut sum = 1.0;
+        // Forces and velocities times each other: their sizes alone follow from err with its root only.
+        let mut power = (r[0] * u[0]).abs();
+        let mut outside = (-r[0]).max(-u[0]);
         for d in g.bounds.discs() {
             let (r_b, u_b) = (&r[d.start..d.start + d.dim], &u[d.start..d.start + d.dim]);
             let radius = d.bound * r[0].max(0.0);
-            worst = worst.max((norm(r_b) - radius) / scale / (1.0 + d.bound));
-            // Against the motion, at the bound: r_b |u_b| = -radius u_b.
-            let against: Vec<f64> = r_b
-                .iter()
-                .zip(u_b)
-                .map(|(r, u)| (r * norm(u_b) + radius * u) / scale / scale)
-                .collect();
-            worst = worst.max(norm(&against) / (1.0 + d.bound));
+            let along: f64 = r_b.iter().zip(u_b).map(|(r, u)| r * u).sum();
+            outside = outside.max(norm(r_b) - radius);
+            // At the bound and against the motion: r_b . u_b = -radius |u_b|.
+            power = power.max((along + radius * norm(u_b)).abs());
+            sum += d.bound;
         }
+        worst = worst
+            .max(outside / scale / sum)
+            .max(power / scale / scale / sum);
     }
     worst
 }
@@ -341,7 +343,7 @@ pub fn honest(problem: &Problem, name: &str, tolerance: f64, case: &str) -> Solv
         found.outcome.err
     );
     if found.outcome.converged {
-        let law = distance_from_the_law(&problem.groups, &found.r, &found.u);
+        let law = distance_from_the_law(&problem.groups, &problem.q, &found.r, &found.u);
         assert!(
             law <= 10.0 * tolerance,
             "{case} {name}: err {err:e}, but {law:e} from the law"
