@@ -201,9 +201,11 @@ options! {
     tolerance: f64 = 1e-8,
     /// tol_r in larger islands, where rounding sits nearer; never below `tolerance`.
     pile_tolerance: f64 = 1e-7,
-    /// Absolute floor of eq. 44 over m r (position, kg m) and m V (velocity, kg m/s).
+    /// Absolute floor of eq. 44 over m r (position, kg m) and m V (velocity, kg m/s); in larger islands at least
+    /// `touching_tolerance`, over h for velocities.
     tolerance_floor: f64 = 1e-12,
-    /// |gap| of closed contacts after the position solve, over r_c; asked in islands of up to 50 contacts.
+    /// |gap| of closed contacts after the position solve, over r_c: asked in islands of up to `dense_contacts` contacts, aimed at in
+    /// those of up to 50.
     gap_tolerance: f64 = 1e-10,
     /// Gap over r_c up to which a contact without multiplier counts as closed.
     touching_tolerance: f64 = 1e-9,
@@ -233,7 +235,7 @@ options! {
     max_line_search: u32 = 10,
     /// Gauss-Seidel sweeps before the last restart of a solve.
     gauss_seidel_sweeps: u32 = 15,
-    /// Islands of up to this many contacts are solved dense, with the exact Hessian.
+    /// Islands of up to this many contacts are solved dense, with the exact Hessian; larger ones by `auto` of `carom solve`.
     dense_contacts: u32 = 10,
     /// How often a step that fails may be halved.
     max_halvings: u32 = 4,

@@ -61,8 +61,12 @@ OPTIONS: dict[str, Option] = {
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
     "max_iterations": Option("Newton iterations per sub-problem before the fallbacks begin", _COUNT),
     "penalty_scale": Option("p of eq. 5 in units of 1/D_cc (rule R1)", Bounds(gt=0, lt=2)),
-    "tolerance_floor": Option("absolute floor of eq. 44, relative to m r", POSITIVE),
-    "gap_tolerance": Option("largest gap of a closed contact after a solve, relative to r", _FRACTION),
+    "tolerance_floor": Option(
+        "absolute floor of eq. 44, relative to m r (larger islands: touching_tolerance)", POSITIVE
+    ),
+    "gap_tolerance": Option(
+        "largest gap of a closed contact after a solve, relative to r (an aim in larger islands)", _FRACTION
+    ),
     "touching_tolerance": Option("gap below which a contact counts as touching, relative to r", _FRACTION),
     "proximal_shift": Option("shift of the multiplier block where contacts are redundant", _FRACTION),
     "line_search": Option("halve a Newton step that does not reduce the residual"),
@@ -79,7 +83,8 @@ OPTIONS: dict[str, Option] = {
     "energy_safeguard": Option("scale restitution down where an impact problem would create energy (R4)"),
     "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),
     "dense_contacts": Option(
-        "largest island, in contacts, solved by the dense exact Newton method", _COUNT_OR_NONE
+        "largest island, in contacts, solved by the dense exact Newton method; larger ones by `auto`",
+        _COUNT_OR_NONE,
     ),
     "gauss_seidel_sweeps": Option("sweeps of the fallback before Newton is tried again", _COUNT_OR_NONE),
     "max_halvings": Option(

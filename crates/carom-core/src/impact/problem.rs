@@ -367,9 +367,9 @@ impl ImpactScratch {
         let groups = self.sub.contacts.len();
         let mut floor = model.options.tolerance_floor * mass * speed;
         if groups > model.options.dense_contacts as usize {
-            // The speed that would open or close the gap tolerance in this step (`position_floor`).
+            // The speed that would open or close the touching tolerance in this step (`position_floor`).
             let length = self.sub.node_length.iter().sum::<f64>() / nodes;
-            floor = floor.max(model.options.gap_tolerance * length / self.span.h * mass);
+            floor = floor.max(model.options.touching_tolerance * length / self.span.h * mass);
         }
         let mut options = newton_options(&model.options, groups, floor, false);
         // The closing tolerance must stand clear of what the solver leaves (rule R3).

@@ -128,7 +128,7 @@ pub const SOLVERS: [(&str, &str); 5] = [
     ),
     (
         "interior-point",
-        "primal-dual path following on the cones, slip updated on the way",
+        "primal-dual path following on the cones, the slip shift in its equations",
     ),
 ];
 

@@ -170,13 +170,8 @@ fn neither_threads_nor_instructions_change_a_bit() {
 /// Each contact in turn by the exact step alone, products row by row.
 fn plain(problem: &Problem, order: &Order, count: u32) -> Vec<f64> {
     let mut y = vec![0.0; problem.rows()];
-    let backwards: Vec<u32> = order.contacts.iter().rev().copied().collect();
-    for sweep in 0..count {
-        for &i in if sweep % 2 == 0 {
-            &order.contacts
-        } else {
-            &backwards
-        } {
+    for _ in 0..count {
+        for &i in &order.contacts {
             let i = i as usize;
             let group = &problem.groups[i];
             let mut r = y[group.rows()].to_vec();
