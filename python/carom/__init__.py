@@ -63,6 +63,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return _version()
+    if name == "problem":  # a package whose parts are public: `carom.problem.Profile`
+        return import_module("carom.problem")
     home = _HOMES.get(name)
     if home is None:
         raise AttributeError(f"module 'carom' has no attribute '{name}'")

@@ -121,6 +121,7 @@ pub fn solve_contact_problem<'py>(
     let out = PyDict::new(py);
     out.set_item("r", PyArray1::from_vec(py, r))?;
     out.set_item("converged", outcome.converged)?;
+    out.set_item("explained", !outcome.ran_away)?;
     out.set_item("iterations", outcome.iterations)?;
     out.set_item("wall_s", began.elapsed().as_secs_f64())?;
     out.set_item("stages", stages)?;

@@ -133,8 +133,12 @@ impl Newton {
         let mut total = SolveReport::default();
         if system.contacts.len() > options.dense_contacts && !system.has_load() {
             self.linearise(system, problem, options, lambda, u, &mut total);
-            lambda.copy_from_slice(&self.phi);
-            return total;
+            if total.converged {
+                lambda.copy_from_slice(&self.phi);
+                return total;
+            }
+            lambda.copy_from_slice(&self.start_lambda);
+            u.copy_from_slice(&self.start_u);
         }
         for (rung, factor) in [
             (Rung::First, 1.0),

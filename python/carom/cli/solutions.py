@@ -124,7 +124,7 @@ def write(done: Sequence[Attempt], names: Sequence[str], out: Path, formats: Seq
         from carom.plot import profile as drawn
         from carom.plot.style import save
 
-        tolerance = next(a.solution["tolerance"] for a in done if a.solution is not None)
+        tolerance = next((a.solution["tolerance"] for a in done if a.solution is not None), 0.0)
         title = f"{counted(profile.problems, 'contact problem')} to err <= {tolerance:g}"
         if len(names) > 1:
             files += save(drawn.performance(profile, title), out, "profile", formats)

@@ -54,7 +54,11 @@ def solve(
     ] = None,
     time_limit: Annotated[
         float | None,
-        typer.Option("--time-limit", metavar="S", help="Most seconds for a solver and a file; default none."),
+        typer.Option(
+            "--time-limit",
+            metavar="S",
+            help="Most seconds for a solver and a file (a factorisation is not broken off); default none.",
+        ),
     ] = None,
     threads: Annotated[
         int,

@@ -155,6 +155,14 @@ class Csr:
         # Of no terms at all bincount gives whole numbers.
         return np.bincount(self.rows, terms, self.shape[0]).astype(np.float64, copy=False)
 
+    def __matmul__(self, vector: F64) -> F64:
+        """`W @ r` with an (n,) vector."""
+        return self.dot(np.asarray(vector, dtype=np.float64))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """Dense, for `numpy.asarray`."""
+        return self.to_dense() if dtype is None else self.to_dense().astype(dtype)
+
     def multiply(self, other: Csr) -> Csr:
         """The product `self @ other`, in groups of rows that keep the terms below `PRODUCT_TERMS`."""
         if self.shape[1] != other.shape[0]:

@@ -78,6 +78,8 @@ class Solution:
     wall_s: float
     """Time of the core, s: setting up, scaling and solving, but neither reading nor the elimination of bodies."""
     stages: tuple[Stage, ...]
+    explained: bool = True
+    """False where forces grew so large that `err` means nothing: contacts that cannot all be kept apart."""
 
     @property
     def err(self) -> float:
@@ -86,8 +88,8 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether `err` is at most `tol`."""
-        return self.err <= self.tol
+        """Whether `err` is at most `tol`, with forces that did not run away (`explained`)."""
+        return self.err <= self.tol and self.explained
 
     @cached_property
     def v(self) -> F64 | None:
@@ -245,6 +247,7 @@ def solve(
         iterations=int(found["iterations"]),
         wall_s=float(found["wall_s"]),
         stages=tuple(Stage(**stage) for stage in found["stages"]),
+        explained=bool(found.get("explained", True)),
     )
     if not solution.converged and on_nonconvergence == "raise":
         cure = "error.solution holds what was found; another solver, more iterations or a larger tol may do"

@@ -7,11 +7,12 @@ use crate::problem::Problem;
 
 /// The rule in words, checkpoint by checkpoint; the code below does what it says.
 pub const RULE: &str = "\
-Checkpoints of auto; each starts from the best iterate so far, and the first that reaches the tolerance ends the run.
-1  start     up to 96 rows (dense), or a start with err below 1e-3: Newton at once, at most 20 iterations.
+Checkpoints of auto; each starts from the best iterate so far, and the first that reaches the tolerance ends the run. Best is
+judged by the larger of two: err, and err of the problem scaled to diagonals of 1 (the reasons name this one).
+1  start     up to 96 rows (dense), or a start with err below 1e-3: Newton at once, at most 20 iterations, 12 that do not halve err.
 2  sweeps    60 sweeps of Gauss-Seidel (relaxation 1.3), and 60 more while 60 make err 10 times smaller (at most 1200).
-   sweeps    only, up to 100 000, where Cholesky factors of W would hold more than 3e7 numbers: the rest would take too long.
-3  polish    Newton, at most 30 iterations; it gives up after 5 that do not halve err.
+   sweeps    only, up to 100 000, where Cholesky factors of W would hold more than 8e6 numbers: the rest would take too long.
+3  polish    Newton, at most 30 iterations; it gives up after 8 that do not halve err.
 4  rounds    240 sweeps and a polish, 960 sweeps and a polish; skipped on as soon as sweeps do not halve err.
 5  path      interior point, from scratch: at most 200 iterations, given up after 40 without a better err; then a polish
              that gives up after 12 such iterations.
@@ -29,7 +30,7 @@ const MAX_LOTS: u32 = 20;
 /// Sweeps go on while a lot of them makes err smaller by this factor.
 const WORTHWHILE: f64 = 0.1;
 const POLISH: u32 = 30;
-const QUICK: u32 = 5;
+const QUICK: u32 = 8;
 const PATIENT: u32 = 12;
 /// Rounds before the path, the gain in sweeps that they need, and rounds after it.
 const EARLY: [u32; 2] = [240, 960];
@@ -44,7 +45,7 @@ const LATE: [(u32, f64); 5] = [
 /// Relaxation that is faster on most piles at rest, and too much for some others.
 const STRONG: f64 = 1.5;
 /// Numbers in Cholesky factors of W up to which factorising methods are tried; problems of so few rows are not asked.
-const MAX_FILL: usize = 30_000_000;
+const MAX_FILL: usize = 8_000_000;
 const SURELY_SPARSE: usize = 3000;
 const PATH: u32 = 200;
 const SPLIT: u32 = 5000;
@@ -151,6 +152,7 @@ impl Auto {
         }
         if !judge.late() {
             let why = format!("stalled at {:.1e}: whatever time is left", judge.best_err);
+            self.sweeps.relaxation = RELAXATION;
             judge.stage("last", &mut self.sweeps, LAST, why);
         }
     }
@@ -162,7 +164,7 @@ impl Auto {
             if self.sweep(judge, "sweeps", SWEEPS, why) {
                 return true;
             }
-            if judge.late() || judge.best_err > WORTHWHILE * before {
+            if judge.late() || !judge.best_err.is_finite() || judge.best_err > WORTHWHILE * before {
                 return false;
             }
             why = format!("they made err {:.0} times smaller", before / judge.best_err);

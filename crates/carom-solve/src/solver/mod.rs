@@ -93,6 +93,8 @@ pub struct Stage {
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     pub converged: bool,
+    /// Forces grew so large that `err` means nothing.
+    pub ran_away: bool,
     pub err: f64,
     pub iterations: u32,
     pub stages: Vec<Stage>,
@@ -156,6 +158,8 @@ pub struct Judge<'a> {
     pub best_err: f64,
     /// `err` of the problem as given alone, at the best iterate.
     pub best_given: f64,
+    /// Its forces ran away: whatever `err` says, they are no solution.
+    best_ran_away: bool,
     r: Vec<f64>,
     u: Vec<f64>,
     pub stages: Vec<Stage>,
@@ -186,6 +190,7 @@ impl<'a> Judge<'a> {
             best: vec![0.0; n],
             best_err: f64::INFINITY,
             best_given: f64::INFINITY,
+            best_ran_away: false,
             r: vec![0.0; n],
             u: vec![0.0; n],
             stages: Vec::new(),
@@ -210,6 +215,7 @@ impl<'a> Judge<'a> {
         if err < self.best_err {
             self.best_err = err;
             self.best_given = given;
+            self.best_ran_away = ran_away;
             self.best.copy_from_slice(y);
         }
         err
@@ -299,7 +305,8 @@ pub fn solve(
     }
     scaled.leave(&judge.best, r);
     Outcome {
-        converged: judge.best_given <= settings.tolerance,
+        converged: judge.best_given <= settings.tolerance && !judge.best_ran_away,
+        ran_away: judge.best_ran_away,
         err: judge.best_given,
         iterations: judge.stages.iter().map(|s| s.iterations).sum(),
         stages: judge.stages,

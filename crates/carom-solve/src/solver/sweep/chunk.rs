@@ -55,9 +55,11 @@ impl Chunk {
     pub fn new(problem: &Problem, contacts: &[u32], local: &mut [u32]) -> Chunk {
         let w = &problem.w;
         let mut chunk = Chunk {
-            all_three: contacts
-                .iter()
-                .all(|&i| problem.groups[i as usize].dim == 3),
+            all_three: contacts.iter().all(|&i| {
+                // Three rows may also be normal and rolling.
+                let group = &problem.groups[i as usize];
+                group.dim == 3 && (group.bilateral || group.bounds.sliding > 0.0)
+            }),
             ..Chunk::default()
         };
         for &i in contacts {
