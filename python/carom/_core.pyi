@@ -96,7 +96,8 @@ def solve_contact_problem(
     `mu_r`, `mu_s` (C,), 0 where there is none; start `r0` (d C,), None: 0; `solver` of `contact_solvers()`; `max_iterations`
     0: the solver's own; `time_limit` s, infinite: none.
 
-    Returns `r` (d C,), `converged` (as the solver sees it), `explained` (false: forces ran away), `iterations`, `wall_s` and `stages`: of each its `name`,
+    Returns `r` (d C,), `converged` (as the solver sees it), `explained` (false: forces ran away), `iterations`, `wall_s`
+    and `stages`: of each its `name`,
     `solver`, `iterations`, `err` (after it), `wall_s`, `why`. `ValueError` in one line for what is no problem.
     """
 
