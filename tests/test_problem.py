@@ -72,6 +72,11 @@ def a_problem(seed: int, d: int = 3, contacts: int = 5, bodies: int = 3) -> Glob
     return GlobalProblem(M=m, H=h, **vectors, **bounds_of(rng, contacts, d), title=f"seed {seed}")
 
 
+def test_no_friction_at_all_is_told_how_to_say_it() -> None:
+    with pytest.raises(ContactProblemError, match=r"^mu: there is none; give a number for each contact"):
+        ContactProblem.from_matrices(np.eye(3), np.zeros(3), None)
+
+
 # --- cones ------------------------------------------------------------------------------------------------------------
 
 seeds = st.integers(0, 2**32 - 1)

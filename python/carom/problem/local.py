@@ -70,6 +70,8 @@ class Bounds:
 
     def _check_bounds(self, rows: int, name: str) -> None:
         """Check bounds and dimension against the `rows` rows of the vector `name`."""
+        if self.mu is None:
+            raise refuse("mu", "there is none", "give a number for each contact, 0 without friction")
         for key in ("mu", "mu_r", "mu_s"):
             if getattr(self, key) is not None:
                 self._set(key, vector(getattr(self, key), key, len(np.atleast_1d(self.mu))))
