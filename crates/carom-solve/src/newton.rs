@@ -37,6 +37,9 @@ pub struct NewtonOptions {
     pub dense_contacts: usize,
 }
 
+/// Most that the floor of a large island counts for, over the terms of eq. 44; and the share of it that stands where there are none.
+const FLOOR_OVER_TERMS: f64 = 9.0;
+const LEAST_FLOOR: f64 = 1e-3;
 /// Merits of this many last iterates a new one may reach (non-monotone line search).
 const MEMORY: usize = 5;
 /// The shift never falls below these shares of `proximal_shift`, in dense and in large islands: a redundant system
@@ -95,8 +98,16 @@ struct Norms {
 
 impl Norms {
     /// `|r| / (sum |r_k| + tol_f)`: converged below tol_r (eq. 44).
-    fn relative(&self, options: &NewtonOptions) -> f64 {
-        self.residual / (self.terms + options.floor / options.tolerance)
+    ///
+    /// In large islands callers give a floor of lengths (decision record 015), far above rounding where steps are
+    /// short: there it may count for [`FLOOR_OVER_TERMS`] times the terms, so the tolerance is never more than ten times
+    /// what was asked for.
+    fn relative(&self, options: &NewtonOptions, large: bool) -> f64 {
+        let mut floor = options.floor / options.tolerance;
+        if large {
+            floor = floor.min(FLOOR_OVER_TERMS * self.terms.max(LEAST_FLOOR * floor));
+        }
+        self.residual / (self.terms + floor)
     }
 }
 
@@ -131,7 +142,8 @@ impl Newton {
         self.start_lambda.copy_from_slice(lambda);
         self.start_u.copy_from_slice(u);
         let mut total = SolveReport::default();
-        if system.contacts.len() > options.dense_contacts && !system.has_load() {
+        let linearised = system.contacts.len() > options.dense_contacts && !system.has_load();
+        if linearised {
             self.linearise(system, problem, options, lambda, u, &mut total);
             if total.converged {
                 lambda.copy_from_slice(&self.phi);
@@ -158,6 +170,9 @@ impl Newton {
         if !total.converged {
             self.sweep_and_polish(system, problem, options, lambda, u, &mut total);
         }
+        if linearised && total.rung == Rung::First {
+            total.rung = Rung::Path; // what failed before is a fallback too
+        }
         // Also an iterate that is accepted unconverged (option `warn`) lies inside its cones.
         lambda.copy_from_slice(&self.phi);
         total
@@ -183,7 +198,8 @@ impl Newton {
         for _ in 0..MAX_LINEARISATIONS {
             problem.evaluate(system, u, &mut self.z);
             let norms = self.norms(system, lambda, u);
-            total.residual = norms.relative(options);
+            total.residual =
+                norms.relative(options, system.contacts.len() > options.dense_contacts);
             self.history.push(total.residual);
             if !norms.residual.is_finite() {
                 return;
@@ -312,7 +328,8 @@ impl Newton {
             SHIFT_FLOOR_LARGE
         };
         loop {
-            report.residual = norms.relative(options);
+            report.residual =
+                norms.relative(options, system.contacts.len() > options.dense_contacts);
             self.history.push(report.residual);
             if !norms.residual.is_finite() {
                 return report;

@@ -14,7 +14,7 @@ judged by the larger of two: err, and err of the problem scaled to diagonals of 
    sweeps    only, up to 100 000, where Cholesky factors of W would hold more than 8e6 numbers: the rest would take too long.
 3  polish    Newton, at most 30 iterations; it gives up after 8 that do not halve err.
 4  rounds    240 sweeps and a polish, 960 sweeps and a polish; skipped on as soon as sweeps do not halve err.
-5  path      interior point, from scratch: at most 200 iterations, given up after 40 without a better err; then a polish
+5  path      interior point, from scratch: at most 200 iterations, given up after 40 that do not make err a tenth smaller; then a polish
              that gives up after 12 such iterations.
 6  rounds    1000 sweeps (relaxation 1.5) and a polish, then 2000 (1.3), 5000 (1.5), 10 000 (1.3), 30 000 (1.5).
 7  split     ADMM, at most 5000 iterations, and a polish; left out where W is unsymmetric by more than 1e-6.
