@@ -106,8 +106,8 @@ class Bench:
             "end": str(self.folder / "end.npz"),
         }
 
-    def carom(self, grains: int, threads: int, law: str, **more: Any) -> Row:
-        """One run of Carom."""
+    def carom(self, grains: int, threads: int, law: str, label: str = "", **more: Any) -> Row:
+        """One run of Carom; `label` in place of the name of the impact law in the table."""
         chosen = {"impact": law, "threads": threads, "step": self.options.step}
         ask = (
             self.base(grains, threads)
@@ -117,7 +117,7 @@ class Bench:
         told, why = answered(
             command("Carom", [], threads, str(self.folder / "request.json")), ask, self.folder
         )
-        return Row("Carom", law, grains, threads, ask["seed"], ask["until"], told=told, why=why)
+        return Row("Carom", label or law, grains, threads, ask["seed"], ask["until"], told=told, why=why)
 
     def peer(self, program: str, grains: int, threads: int) -> Row:
         """One run of another program, or why there is none."""
@@ -172,7 +172,7 @@ class Bench:
         more = {"heap": str(heap), "copies": COPIES, "until": until}
         grains = HEAP * int(np.prod(COPIES))
         for threads in self.options.threads:
-            yield self.carom(grains, threads, "sequence", **more)
+            yield self.carom(grains, threads, "sequence", report.COPIES, **more)
 
 
 def arguments() -> argparse.Namespace:

@@ -20,6 +20,8 @@ GOALS = {
     (8000, 1): (60.0, 5e-4, 1e-4, 15.0),
     (64_000, 2): (500.0, 2e-3, 1e-3, 120.0),
 }
+#: Law and start of the scene made of copies; bounds of its memory (bytes) and residual, and the time of a step aimed at (s).
+COPIES, MEMORY, COPIES_RESIDUAL, COPIES_AIM = "sequence, copies", 3e9, 1e-3, 3.0
 #: Where the tables stand in a page of the documentation.
 BEGIN, END = "<!-- printed by benches/scale.py -->", "<!-- end of what is printed -->"
 HEAD = (
@@ -142,6 +144,29 @@ def goals(rows: Sequence[Row]) -> list[str]:
     return found
 
 
+def copies(rows: Sequence[Row]) -> list[str]:
+    """Steps of the scene made of copies of a heap."""
+    found = []
+    for row in rows:
+        if row.law != COPIES or not row.told:
+            continue
+        told = row.told
+        steps = round(told["time"] / told["step"])
+        each = row.wall / steps if steps else math.nan
+        parts = {
+            f"below {MEMORY / 1e9:g} GB": told["memory"] < MEMORY,
+            f"residual {COPIES_RESIDUAL:g}": told["residual"] <= COPIES_RESIDUAL,
+            "all steps": row.complete,
+        }
+        said = ", ".join(f"{name} {'met' if held else 'SHORT'}" for name, held in parts.items())
+        found.append(
+            f"N = {row.grains}, {row.threads} thread(s): {steps} steps of {each:.3g} s, "
+            f"the slowest {told['slowest']:.3g} s, {told['memory'] / 1e9:.2g} GB; floors: {said}; aim of {COPIES_AIM:g} s a step "
+            f"{'met' if each <= COPIES_AIM else 'SHORT'}"
+        )
+    return found
+
+
 def ratios(rows: Sequence[Row]) -> list[str]:
     """Carom over each peer, same size and threads, and the peers with real stiffness."""
     found = []
@@ -202,7 +227,7 @@ def lines(rows: Sequence[Row]) -> list[str]:
     """All there is to say."""
     table = aligned([HEAD, *(row.cells() for row in rows)])
     remarks = [text for row in rows if (text := row.remark())]
-    parts = [table, remarks, goals(rows), ratios(rows), growth(rows), same_bits(rows)]
+    parts = [table, remarks, goals(rows), copies(rows), ratios(rows), growth(rows), same_bits(rows)]
     return [line for part in parts if part for line in (*part, "")][:-1]
 
 

@@ -156,6 +156,23 @@ def test_a_run_of_carom_and_peers_that_are_not_there(monkeypatch: pytest.MonkeyP
     assert written[0]["hash"] == rows[0].told["hash"]
 
 
+def test_steps_of_copies_of_a_heap(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(bench, "HEAP", 30)
+    monkeypatch.setattr(bench, "COPIES", (2, 2, 1))
+    monkeypatch.setattr(bench, "MILLION_STEPS", 3)
+    given = ("--sizes", "--million", "--until", "0.02")
+    heap, copies = bench.Bench(parsed(monkeypatch, *given), tmp_path).rows()
+    assert heap.complete
+    assert copies.complete
+    assert (heap.grains, copies.grains) == (30, 120)
+    (line,) = report.copies([heap, copies])
+    assert line.startswith("N = 120, 1 thread(s): 3 steps of ")
+    assert "below 3 GB met" in line
+    assert "all steps met" in line
+    # Another start than the others: no size among those that show how time grows.
+    assert not any("120" in line for line in report.growth([heap, copies]))
+
+
 def test_a_program_that_fails_is_told_with_its_last_words(tmp_path: Path) -> None:
     ask = {"told": str(tmp_path / "told.json"), "limit": 5.0, "threads": 1}
     line = [sys.executable, "-c", "raise SystemExit('no such grain')"]
