@@ -161,8 +161,8 @@ def copies(rows: Sequence[Row]) -> list[str]:
         said = ", ".join(f"{name} {'met' if held else 'SHORT'}" for name, held in parts.items())
         found.append(
             f"N = {row.grains}, {row.threads} thread(s): {steps} steps of {each:.3g} s, "
-            f"the slowest {told['slowest']:.3g} s, {told['memory'] / 1e9:.2g} GB; floors: {said}; aim of {COPIES_AIM:g} s a step "
-            f"{'met' if each <= COPIES_AIM else 'SHORT'}"
+            f"the slowest {told['slowest']:.3g} s, {told['memory'] / 1e9:.2g} GB; floors: {said}; "
+            f"aim of {COPIES_AIM:g} s a step {'met' if each <= COPIES_AIM else 'SHORT'}"
         )
     return found
 
