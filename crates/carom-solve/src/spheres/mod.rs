@@ -7,7 +7,9 @@
 //!
 //! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
 
+mod accelerate;
 mod convert;
+mod goal;
 mod groups;
 mod kernel;
 mod lanes;
@@ -16,6 +18,7 @@ mod problem;
 mod residual;
 
 pub use convert::{as_spheres, Spheres};
+pub use goal::{Goal, Norms, Progress};
 pub use lanes::Instructions;
 pub(crate) use lanes::{Lanes, Work};
 pub use problem::{Body, Contact, Place, SpheresError};
@@ -34,6 +37,7 @@ pub struct Sweeps {
     blocks: Vec<Block>,
     radius: Vec<f64>,
     pairs: usize,
+    memory: accelerate::Memory,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
     pub instructions: Instructions,
@@ -54,11 +58,26 @@ impl Sweeps {
             blocks: Vec::new(),
             radius: Vec::new(),
             pairs: 0,
+            memory: accelerate::Memory::default(),
             threads,
             instructions: Instructions::default(),
         };
         sweeps.renew(bodies, contacts, places)?;
         Ok(sweeps)
+    }
+
+    /// No bodies and no contacts: a place for [`Sweeps::renew`].
+    pub fn empty() -> Self {
+        Self {
+            layout: Layout::default(),
+            states: Vec::new(),
+            blocks: Vec::new(),
+            radius: Vec::new(),
+            pairs: 0,
+            memory: accelerate::Memory::default(),
+            threads: 1,
+            instructions: Instructions::default(),
+        }
     }
 
     /// [`Sweeps::new`] in the memory of this one, as for the next step of a simulation: new memory is a good part of the cost of
@@ -177,6 +196,35 @@ impl Sweeps {
         )
         .into_iter()
         .fold(0.0, |m: f64, r| if r > m || r.is_nan() { r } else { m })
+    }
+
+    /// Norms of eq. 44 at the present impulses. Momentum balance holds by construction (see [`Sweeps::refresh`]), so the residual is that
+    /// of the contacts. Sums are taken in the order of the blocks, whatever the threads.
+    pub fn norms(&self, penalty_scale: f64) -> Norms {
+        let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
+        let parts = team::map(
+            self.threads,
+            self.blocks.iter().collect(),
+            |block: &Block| {
+                residual::norms(
+                    block,
+                    chunks[block.left as usize],
+                    chunks[block.right as usize],
+                    penalty_scale,
+                )
+            },
+        );
+        let mut sum = residual::Sums::default();
+        for part in &parts {
+            sum.add(part);
+        }
+        let momenta = team::map(self.threads, chunks, residual::momentum);
+        let momentum = momenta.iter().sum::<f64>().sqrt();
+        Norms {
+            residual: sum.residual.sqrt(),
+            terms: 2.0 * momentum + sum.projected.sqrt() + sum.impulse.sqrt(),
+            closing: sum.closing,
+        }
     }
 
     /// Sweeps until the residual is at most `tolerance` (N s) or `most` sweeps are done; the residual is looked at after every

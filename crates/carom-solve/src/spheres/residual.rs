@@ -68,3 +68,66 @@ pub fn push(block: &Block, left: &mut [State], mut right: Option<&mut [State]>) 
         }
     }
 }
+
+/// Sums of squares of eq. 44 over a block, and its worst closing measure.
+#[derive(Clone, Copy, Default)]
+pub struct Sums {
+    pub residual: f64,
+    pub projected: f64,
+    pub impulse: f64,
+    pub closing: f64,
+}
+
+impl Sums {
+    pub fn add(&mut self, part: &Sums) {
+        self.residual += part.residual;
+        self.projected += part.projected;
+        self.impulse += part.impulse;
+        if part.closing > self.closing || part.closing.is_nan() {
+            self.closing = part.closing;
+        }
+    }
+}
+
+/// Residual rows `P(r - p z) - r` with `p = penalty_scale / w`, and what they are compared with.
+pub fn norms(block: &Block, left: &[State], right: &[State], penalty_scale: f64) -> Sums {
+    let mut sums = Sums::default();
+    for (group, lane) in lanes(block) {
+        let (a, b) = (
+            &left[group.a[lane] as usize],
+            &right[group.b[lane] as usize],
+        );
+        let (n, r) = (vector(&group.normal, lane), vector(&group.impulse, lane));
+        let spin = head(&a.surface) + head(&b.surface);
+        let z = head(&a.linear) - head(&b.linear) + n.cross(spin) + vector(&group.slip, lane);
+        let (r_n, z_n) = (r.dot(n), z.dot(n));
+        let normal = (r_n - penalty_scale * group.mass_normal[lane] * z_n).max(0.0);
+        let across =
+            (r - penalty_scale * group.mass_tangential[lane] * z).reject_from_normalized(n);
+        // Without friction the impulse has no part across, whatever the slip.
+        let disc = across.clamp_length_max(group.friction[lane] * normal);
+        let projected = normal * n + disc;
+        sums.residual += (projected - r).length_squared();
+        sums.projected += projected.length_squared();
+        sums.impulse += r.length_squared();
+        if -z_n > sums.closing || z_n.is_nan() {
+            sums.closing = if z_n.is_nan() { f64::NAN } else { -z_n };
+        }
+    }
+    sums
+}
+
+/// Sum of squares of `M u`, moments over the radius.
+pub fn momentum(states: &[State]) -> f64 {
+    let part = |row: &[f64; 4]| {
+        if row[3] > 0.0 {
+            head(row).length_squared() / (row[3] * row[3])
+        } else {
+            0.0
+        }
+    };
+    states
+        .iter()
+        .map(|s| part(&s.linear) + part(&s.surface))
+        .sum()
+}
