@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from carom import granular
 from carom.errors import CaromError
-from carom.granular import Snapshot
+from carom.granular import Cylinder, Snapshot
+from carom.packing import Equal, pack
 
 R = 0.004
 
@@ -35,6 +36,12 @@ def test_a_cone_has_its_angle(degrees: float) -> None:
     assert found.error < math.radians(0.05)
     assert found.apex == pytest.approx(0.2 * math.tan(math.radians(degrees)) + R, abs=2e-3)
     assert found.used.any()
+
+
+def test_many_points_are_looked_at_in_part() -> None:
+    found = granular.heap_angle(cone(math.radians(25), n=40_000), cell=0.5)
+    assert found.used.sum() > 1500
+    assert found.degrees == pytest.approx(25, abs=0.05)
 
 
 def test_noise_makes_an_error_that_holds() -> None:
@@ -81,6 +88,21 @@ def test_a_plane_slope_has_its_angle() -> None:
     assert found.degrees == pytest.approx(31.0, abs=0.1)
     upwards = granular.heap_angle(s, shape="planar", direction=(-3, -4, 0))
     assert upwards.degrees == pytest.approx(-31.0, abs=0.1)
+
+
+@pytest.mark.parametrize("degrees", [22.0, 30.0])
+def test_a_heap_cut_out_of_a_packing_has_its_angle(degrees: float) -> None:
+    """Real balls, of which every surface is rough: those of a random packing whose tops are below a cone."""
+    radius, d = 0.09, 0.006
+    packed = pack(Cylinder((0, 0, 0.03), (0, 0, 1), radius, 0.06), Equal(d), fraction=0.55, seed=1)
+    x = packed.position
+    surface = math.tan(math.radians(degrees)) * (radius - np.hypot(x[:, 0], x[:, 1]))
+    inside = x[:, 2] + d / 2 < surface
+    strays = np.array([[0.4, 0.1, d / 2], [-0.3, -0.3, d / 2]])
+    heap = Snapshot(np.concatenate([x[inside], strays]), np.full(inside.sum() + 2, d / 2))
+    found = granular.heap_angle(heap)
+    assert abs(found.degrees - degrees) < max(3 * np.degrees(found.error), 0.5)
+    assert np.degrees(found.error) < 1.0
 
 
 def test_what_is_no_heap_is_refused() -> None:

@@ -16,6 +16,8 @@ from carom.packing.neighbours import pairs
 if TYPE_CHECKING:
     from carom.result import Result
 
+_LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
+_ALL_PAIRS = 1500  # points of which all pairs are looked at: a million
 _ROUNDS = 3  # of choosing the part of the slope from the line fitted before
 
 
@@ -50,27 +52,33 @@ def heap_angle(
     centre: Sequence[float] | None = None,
     direction: Sequence[float] = (1.0, 0.0, 0.0),
     sectors: int = 12,
-    bins: int = 24,
+    cell: float = 2.0,
     between: tuple[float, float] = (0.2, 0.8),
 ) -> HeapAngle:
     """Angle of the free surface of a heap against the horizontal.
 
     `shape` "radial": a heap about an axis through `centre` (by default that of the mass); "planar": a slope that falls along
-    `direction`. Seen from above it is cut in `sectors` about the axis (planar: strips across the direction) and each of
-    these in `bins` by distance; the highest ball of every cell is taken for the surface. The line through them is that of
-    Theil and Sen, the median of the slopes of all pairs, of which a quarter may be wild. It is fitted to the part of the
-    slope whose height, on the line, lies `between` two parts of the whole: apex and foot are round.
+    `direction`. Seen from above it is cut in cells of equal area, about `cell` mean diameters wide, and the highest ball of
+    each is taken for the surface: in larger cells the highest would be higher. Balls apart from the largest group (as in
+    `run_out`) do not count. The line through the highest balls is that of Theil and Sen, the median of the slopes of all
+    pairs, of which a quarter may be wild. It is fitted to the part of the slope whose height, on the line, lies `between`
+    two parts of the whole: apex and foot are round. The error is from `sectors` about the axis (planar: strips along it).
     """
-    s = snapshot(source, frame)
-    there = s.present
-    x, radius = s.position[there], s.radius[there]
+    s, _ = _deposit(snapshot(source, frame), _LOOSE)
+    x, radius = s.position, s.radius
     height = x @ s.up + radius
-    distance, sector = _seen_from_above(s, x, shape, centre, direction, sectors)
-    width = float(np.ptp(distance)) / bins if len(distance) else 0.0
-    if len(there) < 3 or width == 0.0:
+    distance, sector, aside = _seen_from_above(s, x, shape, centre, direction, sectors)
+    if len(x) < 3 or np.ptp(distance) == 0.0:
         raise CaromError("a heap has at least three balls side by side; take another frame")
-    place = np.minimum(((distance - distance.min()) / width).astype(np.int64), bins - 1)
-    top = _highest(sector * bins + place, height)
+    width = cell * 2.0 * float(radius.mean())
+    row = np.floor((distance - (distance.min() if shape == "planar" else 0.0)) / width)
+    if shape == "planar":
+        column = np.floor(aside / width)
+    else:  # turns: as many cells to a ring as its length has room for
+        around = np.rint(2.0 * np.pi * (row + 0.5))
+        column = np.minimum(np.floor(aside * around), around - 1.0)
+    _, place = np.unique(np.stack([row, column], axis=1), axis=0, return_inverse=True)
+    top = _highest(place.ravel(), height)
     distance, height, sector = distance[top], height[top], sector[top]
     low, high = float(np.quantile(height, 0.02)), float(height.max())
     used = (height >= low + between[0] * (high - low)) & (height <= low + between[1] * (high - low))
@@ -89,24 +97,37 @@ def heap_angle(
     return HeapAngle(float(np.arctan(-slope)), error, apex, distance, height, used)
 
 
+def _deposit(s: Snapshot, loose: float) -> tuple[Snapshot, int]:
+    """The largest group of balls whose neighbours are nearer than `loose` mean diameters, and how many others there are."""
+    there = s.present
+    x, radius = s.position[there], s.radius[there]
+    a, b = pairs(x, radius + loose * float(radius.mean())) if len(there) else (there, there)
+    label = components(len(there), a, b)
+    main = label == np.bincount(label, minlength=1).argmax()
+    return Snapshot(x[main], radius[main], gravity=s.gravity), int((~main).sum())
+
+
 def _seen_from_above(
     s: Snapshot, x: F64, shape: str, centre: Sequence[float] | None, direction: Sequence[float], sectors: int
-) -> tuple[F64, I64]:
-    """Distance of each ball from the axis or along the direction, and the number of its sector or strip."""
+) -> tuple[F64, I64, F64]:
+    """Distance of each ball from the axis or along the direction, its sector or strip, and its place across: the part of a
+    turn, or m from the first strip.
+    """
     up = s.up
     if shape not in ("radial", "planar"):
         raise CaromError(f"unknown shape {shape!r}; known: radial, planar")
     if shape == "planar":
         along, across = _horizontal(up, direction)
         aside = x @ across
-        span = max(float(np.ptp(aside)), 1e-300)
-        return x @ along, np.minimum(((aside - aside.min()) / span * sectors).astype(np.int64), sectors - 1)
+        aside = aside - aside.min(initial=np.inf)
+        part = aside / max(float(aside.max(initial=0.0)), 1e-300)
+        return x @ along, np.minimum((part * sectors).astype(np.int64), sectors - 1), aside
     first, second = _horizontal(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
     mass = s.volume[s.present]
     middle = mass @ x / mass.sum() if centre is None else np.asarray(centre, dtype=np.float64)
     u, v = (x - middle) @ first, (x - middle) @ second
     turn = np.arctan2(v, u) / (2.0 * np.pi) + 0.5
-    return np.hypot(u, v), np.minimum((turn * sectors).astype(np.int64), sectors - 1)
+    return np.hypot(u, v), np.minimum((turn * sectors).astype(np.int64), sectors - 1), turn
 
 
 def _horizontal(up: F64, direction: Sequence[float]) -> tuple[F64, F64]:
@@ -127,7 +148,12 @@ def _highest(cell: I64, height: F64) -> I64:
 
 
 def _theil_sen(x: F64, y: F64) -> tuple[float, float]:
-    i, j = np.triu_indices(len(x), 1)
+    n = len(x)
+    if n <= _ALL_PAIRS:
+        i, j = np.triu_indices(n, 1)
+    else:  # as many of the pairs, evenly
+        i, shift = np.divmod(np.arange(n * (_ALL_PAIRS // 2)), _ALL_PAIRS // 2)
+        j = (i + 1 + shift * (n // _ALL_PAIRS)) % n
     apart = np.abs(x[i] - x[j]) > 0.1 * np.ptp(x)  # neighbours say nothing of the slope
     slope = float(np.median((y[i] - y[j])[apart] / (x[i] - x[j])[apart]))
     return slope, float(np.median(y - slope * x))
@@ -181,7 +207,7 @@ def run_out(
     centre: Sequence[float] | None = None,
     direction: Sequence[float] = (1.0, 0.0, 0.0),
     sectors: int = 12,
-    loose: float = 0.5,
+    loose: float = _LOOSE,
 ) -> RunOut:
     """Run-out of a column between two frames, or two snapshots.
 
@@ -195,16 +221,11 @@ def run_out(
     if centre is None:
         mass = before.volume[before.present]
         centre = (mass @ before.position[before.present] / mass.sum()).tolist()
-    there = after.present
-    x, radius = after.position[there], after.radius[there]
-    a, b = pairs(x, radius + loose * float(radius.mean()))
-    label = components(len(there), a, b)
-    main = label == np.bincount(label).argmax()
-    deposit = Snapshot(x[main], radius[main], gravity=after.gravity)
+    deposit, strays = _deposit(after, loose)
     views = []
     for s in (before, deposit):
         at = s.position[s.present]
-        distance, sector = _seen_from_above(s, at, shape, centre, direction, sectors)
+        distance, sector, _ = _seen_from_above(s, at, shape, centre, direction, sectors)
         views.append((distance, sector, s.radius[s.present], at @ s.up))
     rear = 0.0
     if shape == "planar":
@@ -218,4 +239,4 @@ def run_out(
         errors.append(float(front.std(ddof=1) / np.sqrt(len(front))) if len(front) > 1 else float("nan"))
     ground = float((views[0][3] - views[0][2]).min())
     heights = [float((z + r).max()) - ground for _, _, r, z in views]
-    return RunOut(fronts[0], fronts[1], errors[1], heights[0], heights[1], int((~main).sum()))
+    return RunOut(fronts[0], fronts[1], errors[1], heights[0], heights[1], strays)
