@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from carom.result import Result
 
 _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
-_ALL_PAIRS = 1500  # points of which all pairs are looked at: a million
+_MOST_PAIRS = 500_000  # of the points of a surface
 _ROUNDS = 3  # of choosing the part of the slope from the line fitted before
 
 
@@ -149,11 +149,12 @@ def _highest(cell: I64, height: F64) -> I64:
 
 def _theil_sen(x: F64, y: F64) -> tuple[float, float]:
     n = len(x)
-    if n <= _ALL_PAIRS:
+    if n * n <= 2 * _MOST_PAIRS:
         i, j = np.triu_indices(n, 1)
-    else:  # as many of the pairs, evenly
-        i, shift = np.divmod(np.arange(n * (_ALL_PAIRS // 2)), _ALL_PAIRS // 2)
-        j = (i + 1 + shift * (n // _ALL_PAIRS)) % n
+    else:  # each with some others, evenly spread
+        others = max(1, _MOST_PAIRS // n)
+        i, k = np.divmod(np.arange(n * others), others)
+        j = (i + (2 * k + 1) * n // (2 * others)) % n
     apart = np.abs(x[i] - x[j]) > 0.1 * np.ptp(x)  # neighbours say nothing of the slope
     slope = float(np.median((y[i] - y[j])[apart] / (x[i] - x[j])[apart]))
     return slope, float(np.median(y - slope * x))
