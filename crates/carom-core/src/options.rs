@@ -242,8 +242,6 @@ options! {
     /// Islands of more contacts than this are solved by sweeps over spheres, from the impulses of the last step (`auto` takes over
     /// where these do not converge).
     pile_contacts: u32 = 10,
-    /// Overlap over the smallest radius that piles may be left with.
-    pile_gap_tolerance: f64 = 5e-5,
     /// How often a step that fails may be halved.
     max_halvings: u32 = 4,
     /// stop or warn.
@@ -278,7 +276,6 @@ impl Options {
             ("pile_tolerance", self.pile_tolerance),
             ("tolerance_floor", self.tolerance_floor),
             ("gap_tolerance", self.gap_tolerance),
-            ("pile_gap_tolerance", self.pile_gap_tolerance),
             ("touching_tolerance", self.touching_tolerance),
             ("closing_tolerance_load", self.closing_tolerance_load),
             ("pile_closing_tolerance", self.pile_closing_tolerance),

@@ -17,7 +17,7 @@ use carom_solve::{SolveReport, Status};
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Contacts beyond which an island is a pile whose closing tolerance is its own.
-const MANY: usize = 100;
+pub(crate) const MANY: usize = 100;
 
 /// Speeds of an island that set its closing tolerance (rule R3).
 #[derive(Clone, Copy, Debug, Default)]

@@ -5,12 +5,14 @@
 
 use super::group::{Group, Law};
 use super::velocity::{self, Memory as Velocity};
-use super::{Pile, LEFT};
+use super::{keep, Pile, LEFT};
+use crate::contact::Contact;
 use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::model::Model;
-use crate::report::StepReport;
+use crate::report::{Level, StepReport};
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal};
+use glam::DVec3;
 
 /// Memory of a cascade.
 #[derive(Default)]
@@ -78,10 +80,11 @@ impl Pile {
     pub(super) fn cascade(
         &mut self,
         model: &Model,
+        contacts: &[Contact],
         report: &mut StepReport,
     ) -> Option<(u32, bool)> {
         let mut memory = std::mem::take(&mut self.velocity.cascade);
-        let outcome = self.run_cascade(&mut memory, model, report);
+        let outcome = self.run_cascade(&mut memory, model, contacts, report);
         self.velocity.cascade = memory;
         outcome
     }
@@ -90,6 +93,7 @@ impl Pile {
         &mut self,
         memory: &mut Memory,
         model: &Model,
+        contacts: &[Contact],
         report: &mut StepReport,
     ) -> Option<(u32, bool)> {
         let velocity = &mut self.velocity;
@@ -105,6 +109,10 @@ impl Pile {
         }
         memory.open(&velocity.members, self.bodies.len());
         for problem in 2..=model.options.max_problems {
+            let before = self
+                .keeper
+                .wants(1)
+                .then(|| self.velocity.state_of(model, &chosen));
             let pushed = problem_of(
                 memory,
                 &mut self.velocity,
@@ -114,6 +122,9 @@ impl Pile {
                 problem,
                 report,
             )?;
+            if let Some(before) = before {
+                self.keep_round(model, contacts, problem, &chosen, before);
+            }
             if !pushed {
                 return Some((problem, false));
             }
@@ -137,6 +148,71 @@ impl Pile {
             chosen.sort_unstable();
         }
         Some((model.options.max_problems, false))
+    }
+}
+
+/// Velocities, jumps and impulses before a problem of the cascade, and the measures of its contacts.
+struct Before {
+    motion: Vec<[DVec3; 2]>,
+    jump: Vec<[DVec3; 2]>,
+    impulse: Vec<DVec3>,
+    slip: Vec<DVec3>,
+}
+
+impl Velocity {
+    #[cold]
+    fn state_of(&self, model: &Model, chosen: &[u32]) -> Before {
+        let members = || chosen.iter().map(|&slot| &self.members[slot as usize]);
+        Before {
+            motion: self.velocities(),
+            jump: self.jump.clone(),
+            impulse: members().map(|m| m.impulse).collect(),
+            slip: members()
+                .map(|m| self.measures(model, m, Law::Later, 1.0))
+                .collect(),
+        }
+    }
+}
+
+impl Pile {
+    /// Keeps a problem of the cascade: all its little islands as one. (Restitution that the safeguard scaled is stated unscaled.)
+    #[cold]
+    fn keep_round(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        index: u32,
+        chosen: &[u32],
+        before: Before,
+    ) {
+        let velocity = &self.velocity;
+        let stated: Vec<keep::Stated> = chosen
+            .iter()
+            .zip(before.slip.iter().zip(&before.impulse))
+            .map(|(&slot, (&slip, &impulse))| {
+                let m = &velocity.members[slot as usize];
+                keep::Stated::of(m, slip, m.impulse - impulse)
+            })
+            .collect();
+        let correction: Vec<[f64; 6]> = velocity
+            .jump
+            .iter()
+            .zip(&before.jump)
+            .map(|([v, w], [v0, w0])| {
+                let (v, w) = (*v - *v0, *w - *w0);
+                [v.x, v.y, v.z, w.x, w.y, w.z]
+            })
+            .collect();
+        let at = keep::Place {
+            model,
+            contacts,
+            spheres: &self.spheres,
+            bodies: &self.bodies,
+            level: Level::Velocity,
+            index,
+            report: keep::solved_report(1, 0.0),
+        };
+        keep::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
     }
 }
 
@@ -266,7 +342,7 @@ fn solve_little(
         let before = velocity.now(&m);
         let r = group.impulse(k);
         let done = velocity::work(&m, r, before, before + group.change(k));
-        pushed |= r != glam::DVec3::ZERO;
+        pushed |= r != DVec3::ZERO;
         let tol = velocity.tol;
         velocity.members[slot as usize].add(problem, r, before.dot(m.normal), done, scale, tol);
     }

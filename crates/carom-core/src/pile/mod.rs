@@ -7,6 +7,7 @@
 
 mod cascade;
 mod group;
+mod keep;
 mod position;
 mod record;
 mod velocity;
@@ -19,6 +20,7 @@ use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
 use crate::options::{Impact, Solver};
+use crate::problem::Keeper;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Body, Place, Progress, Sweeps};
 
@@ -29,7 +31,7 @@ const LEAST_UPDATES: usize = 2_000_000;
 const ALONE: usize = 20_000;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
-/// Share of the closing tolerance, and of the bound of overlaps, that solvers may leave.
+/// Share of the closing tolerance that solvers may leave.
 const LEFT: f64 = 0.5;
 
 /// Memory of the pile solver.
@@ -43,6 +45,8 @@ pub struct Pile {
     /// Impulses that a solve starts from.
     start: Vec<[f64; 3]>,
     velocity: velocity::Memory,
+    /// That of the step, while an island is solved.
+    keeper: Keeper,
 }
 
 impl Pile {
@@ -55,6 +59,7 @@ impl Pile {
             spheres: Vec::new(),
             start: Vec::new(),
             velocity: velocity::Memory::default(),
+            keeper: Keeper::default(),
         }
     }
 

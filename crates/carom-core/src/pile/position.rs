@@ -1,13 +1,14 @@
 //! Position sub-problem of a pile (eqs. 1c-e, 14, 21): linear problems of spheres, one after the other, each at the positions
 //! that the last one led to.
 
-use super::{budget, node, told, warm::Cursor, Pile};
+use super::{budget, keep, node, told, warm::Cursor, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
 use crate::level::position_floor;
+use crate::level::velocity::MANY;
 use crate::model::Model;
-use crate::report::StepReport;
+use crate::report::{Level, StepReport};
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
@@ -54,6 +55,7 @@ fn solve(
         angular,
         shift,
         solve,
+        keeper,
         ..
     } = scratch;
     let members = island.contacts;
@@ -96,11 +98,12 @@ fn solve(
         .iter()
         .map(|&i| model.radius[i as usize])
         .fold(f64::INFINITY, f64::min);
+    let tolerance = o.tolerance.max(o.pile_tolerance);
     let goal = Goal {
-        tolerance: o.tolerance.max(o.pile_tolerance),
+        tolerance,
         floor: pile.mean(|i| model.mass[i] * share * model.radius[i]),
         scale: 0.0,
-        closing: o.pile_gap_tolerance * smallest,
+        closing: overlap(tolerance, members.len()) * smallest,
         penalty_scale: o.penalty_scale,
         most: budget(members.len()),
     };
@@ -139,12 +142,54 @@ fn solve(
         shift[i as usize] = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
     }
     let impulses = pile.sweeps.impulses();
+    if keeper.wants(sweeps as u32) {
+        let stated: Vec<keep::Stated> = members
+            .iter()
+            .zip(impulses.iter().zip(&pile.contacts))
+            .map(|(&contact, (r, z))| keep::Stated {
+                contact,
+                nodes: (z.a, z.b),
+                normal: DVec3::from(z.normal),
+                slip: DVec3::from(z.slip),
+                impulse: DVec3::from(*r),
+            })
+            .collect();
+        let motion: Vec<[DVec3; 2]> = pile
+            .spheres
+            .iter()
+            .map(|&i| {
+                [
+                    linear[i as usize].displacement,
+                    angular[i as usize].displacement,
+                ]
+            })
+            .collect();
+        let at = keep::Place {
+            model,
+            contacts,
+            spheres: &pile.spheres,
+            bodies: &pile.bodies,
+            level: Level::Position,
+            index: 0,
+            report: keep::solved_report(sweeps as u32, told.residual),
+        };
+        keep::keep(keeper, &at, &stated, &velocities, &motion);
+    }
     for ((&m, r), z) in members.iter().zip(&impulses).zip(&pile.contacts) {
         let c = &mut contacts[m as usize];
         (c.t1, c.t2) = tangent_frame(DVec3::from(z.normal));
         c.nu = super::record::packed(c, DVec3::from(z.normal), DVec3::from(*r));
     }
     true
+}
+
+/// Overlap over the smallest radius that may be left. Islands of up to 100 contacts are asked for more.
+fn overlap(tolerance: f64, contacts: usize) -> f64 {
+    if contacts > MANY {
+        0.5 * tolerance
+    } else {
+        5e-3 * tolerance
+    }
 }
 
 /// Position measures of an island, to be linearised.

@@ -2,7 +2,7 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::group::Law;
-use super::{budget, node, record, told, warm::Cursor, Pile, LEFT};
+use super::{budget, node, record, warm::Cursor, Pile, LEFT};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::islands::Island;
@@ -14,7 +14,7 @@ use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::{State, Warm};
 use crate::stepper::Span;
 use carom_solve::rows::WORLD;
-use carom_solve::spheres::{self, Goal};
+use carom_solve::spheres::{self, Goal, Progress};
 use carom_solve::Status;
 use glam::DVec3;
 
@@ -152,7 +152,9 @@ pub fn solve_velocities(
     report: &mut StepReport,
 ) -> bool {
     let mut pile = std::mem::take(&mut scratch.pile);
+    pile.keeper = std::mem::take(&mut scratch.keeper);
     let solved = pile.impacts(model, state, scratch, island, span, report);
+    scratch.keeper = std::mem::take(&mut pile.keeper);
     scratch.pile = pile;
     solved
 }
@@ -176,7 +178,7 @@ impl Pile {
             ..StepReport::default()
         };
         let problems = match model.options.impact {
-            Impact::OneShot => self.one_shot(model, &mut own),
+            Impact::OneShot => self.one_shot(model, scratch, &mut own),
             _ => self.sequence(model, state, scratch, island, span, &mut own),
         };
         let Some(problems) = problems else {
@@ -305,7 +307,7 @@ impl Pile {
                 warm.map_or([0.0; 3], |w| (ratio * w.impulse).to_array())
             }));
             debug_assert_eq!(island.contacts.len(), members.len());
-            self.solve_chosen(model, Law::Plastic, 0, report)?;
+            self.solve_chosen(model, &scratch.contacts, Law::Plastic, 0, report)?;
             let memory = &mut self.velocity;
             for &slot in &memory.chosen {
                 let member = &mut memory.members[slot as usize];
@@ -334,9 +336,9 @@ impl Pile {
                 .iter()
                 .map(|&slot| memory.members[slot as usize].load.to_array()),
         );
-        self.solve_chosen(model, Law::First, 1, report)?;
+        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
         // Later problems, where something closes.
-        let (last, done) = self.cascade(model, report)?;
+        let (last, done) = self.cascade(model, &scratch.contacts, report)?;
         problems += last - 1;
         if done {
             return Some(problems);
@@ -345,16 +347,21 @@ impl Pile {
         self.velocity.choose(|_, _| true);
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
-        self.solve_chosen(model, Law::Plastic, last + 1, report)?;
+        self.solve_chosen(model, &scratch.contacts, Law::Plastic, last + 1, report)?;
         Some(problems + 1)
     }
 
     /// Newton's law on all closed contacts at once.
-    fn one_shot(&mut self, model: &Model, report: &mut StepReport) -> Option<u32> {
+    fn one_shot(
+        &mut self,
+        model: &Model,
+        scratch: &Scratch,
+        report: &mut StepReport,
+    ) -> Option<u32> {
         self.velocity.choose(|_, _| true);
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
-        self.solve_chosen(model, Law::First, 1, report)?;
+        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
         Some(1)
     }
 
@@ -382,6 +389,7 @@ impl Pile {
     fn solve_chosen(
         &mut self,
         model: &Model,
+        contacts: &[Contact],
         law: Law,
         problem: u32,
         report: &mut StepReport,
@@ -402,24 +410,23 @@ impl Pile {
             penalty_scale: o.penalty_scale,
             most: budget(self.contacts.len()),
         };
-        self.settle(&goal, report)?;
+        let mut progress = self.settle(&goal, report)?;
         let scale = if law == Law::First && o.energy_safeguard {
-            self.safeguard(model, law, scale, &goal, report)?
+            self.safeguard(model, law, scale, &goal, &mut progress, report)?
         } else {
             scale
         };
+        let (sweeps, residual) = (progress.sweeps as u32, progress.residual);
+        self.keep_velocity(model, contacts, problem, sweeps, residual);
         self.commit(problem, &scale);
         Some(())
     }
 
-    fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Option<()> {
+    fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Option<Progress> {
         let progress = self.sweeps.settle(goal);
         report.sweeps_velocity += progress.sweeps as u32;
-        if !progress.converged {
-            return None;
-        }
-        report.residual_velocity = report.residual_velocity.max(told(&progress, 1).residual);
-        Some(())
+        report.residual_velocity = report.residual_velocity.max(progress.residual);
+        progress.converged.then_some(progress)
     }
 
     /// The chosen contacts as spheres.
@@ -447,6 +454,7 @@ impl Pile {
         law: Law,
         scale: Vec<f64>,
         goal: &Goal,
+        progress: &mut Progress,
         report: &mut StepReport,
     ) -> Option<Vec<f64>> {
         let groups = self.gaining(goal);
@@ -482,7 +490,7 @@ impl Pile {
         let found = factor(&bounds, |b| b[0]);
         self.write(model, law, &found);
         self.sweeps.set_contacts(&self.contacts).ok()?;
-        self.settle(goal, report)?;
+        *progress = self.settle(goal, report)?;
         let least = found.iter().copied().fold(1.0, f64::min);
         report.restitution_scale = report.restitution_scale.min(least);
         Some(found)

@@ -8,7 +8,7 @@
 
 use super::groups::Block;
 use super::kernel::{Column, State};
-use super::lanes::GROUP;
+use super::lanes::{Lanes, Work, GROUP};
 use super::Sweeps;
 use crate::team;
 
@@ -47,16 +47,16 @@ impl Sweeps {
     /// Copies impulses and velocities.
     fn keep(&mut self) {
         let fresh = self.memory.length == 0.0;
+        let threads = self.threads();
         let Sweeps {
             blocks,
             memory,
             states,
-            threads,
             ..
         } = self;
         memory.blocks.resize_with(blocks.len(), Part::default);
         team::map(
-            *threads,
+            threads,
             blocks.iter().zip(&mut memory.blocks).collect(),
             |(block, part): (&Block, &mut Part)| {
                 part.before.clear();
@@ -78,17 +78,19 @@ impl Sweeps {
 
     /// Goes on along the direction after a sweep.
     fn step(&mut self) {
+        let threads = self.threads();
         let Sweeps {
             blocks,
             memory,
             states,
-            threads,
+            instructions,
+            layout,
             ..
         } = self;
         let parts = team::map(
-            *threads,
+            threads,
             blocks.iter().zip(&memory.blocks).collect(),
-            |(block, part): (&Block, &Part)| squared(block, part),
+            |(block, part): (&Block, &Part)| instructions.run(Squared(block, part)),
         );
         let length: f64 = parts.iter().sum();
         let ratio = length / memory.length;
@@ -96,19 +98,36 @@ impl Sweeps {
         let beta = if ratio <= 1.0 { ratio } else { 0.0 };
         memory.length = length;
         team::map(
-            *threads,
+            threads,
             blocks.iter_mut().zip(&mut memory.blocks).collect(),
-            |(block, part): (&mut Block, &mut Part)| advance(block, part, beta),
+            |(block, part): (&mut Block, &mut Part)| instructions.run(Advance(block, part, beta)),
         );
-        for ([before, direction], state) in memory.states.iter_mut().zip(states) {
-            for (x, (b, p)) in [
-                (&mut state.linear, (&before.linear, &mut direction.linear)),
-                (
-                    &mut state.surface,
-                    (&before.surface, &mut direction.surface),
-                ),
+        let stride = layout.stride;
+        let chunks = memory
+            .states
+            .chunks_mut(stride)
+            .zip(states.chunks_mut(stride));
+        team::map(threads, chunks.collect(), |(kept, states)| {
+            instructions.run(Follow(kept, states, beta));
+        });
+    }
+}
+
+/// The same step for the bodies of a chunk. The inverse masses beside the velocities do not change: `d` is 0 there.
+struct Follow<'a>(&'a mut [[State; 2]], &'a mut [State], f64);
+
+impl Work for Follow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _simd: S) {
+        let Follow(kept, states, beta) = self;
+        for ([before, direction], state) in kept.iter_mut().zip(states) {
+            for (x, b, p) in [
+                (&mut state.linear, &before.linear, &mut direction.linear),
+                (&mut state.surface, &before.surface, &mut direction.surface),
             ] {
-                for k in 0..3 {
+                for k in 0..4 {
                     let d = x[k] - b[k];
                     let carried = beta * p[k];
                     x[k] += carried;
@@ -119,35 +138,52 @@ impl Sweeps {
     }
 }
 
-/// `|d|^2` of a block's contacts, over their masses. Lane by lane and without branches, so that it becomes vector code.
-fn squared(block: &Block, part: &Part) -> f64 {
-    let mut sums = [0.0; GROUP];
-    for (group, before) in block.groups.iter().zip(&part.before) {
-        let mut d = [0.0; GROUP];
-        for k in 0..3 {
+/// `|d|^2` of a block's contacts, over their masses. Plain loops over lanes: they become vector code of the instruction set at
+/// hand, and without fused operations they give the same bits on all.
+struct Squared<'a>(&'a Block, &'a Part);
+
+impl Work for Squared<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _simd: S) -> f64 {
+        let mut sums = [0.0; GROUP];
+        for (group, before) in self.0.groups.iter().zip(&self.1.before) {
+            let mut d = [0.0; GROUP];
+            for k in 0..3 {
+                for lane in 0..GROUP {
+                    let x = group.impulse[k][lane] - before[k][lane];
+                    d[lane] += x * x;
+                }
+            }
             for lane in 0..GROUP {
-                let x = group.impulse[k][lane] - before[k][lane];
-                d[lane] += x * x;
+                // Lanes without contact have no impulse and the mass 0.
+                sums[lane] += d[lane] / group.mass_normal[lane].max(f64::MIN_POSITIVE);
             }
         }
-        for lane in 0..GROUP {
-            // Lanes without contact have no impulse and the mass 0.
-            sums[lane] += d[lane] / group.mass_normal[lane].max(f64::MIN_POSITIVE);
-        }
+        sums.iter().sum()
     }
-    sums.iter().sum()
 }
 
-fn advance(block: &mut Block, part: &mut Part, beta: f64) {
-    let kept = part.before.iter().zip(&mut part.direction);
-    for (group, (before, direction)) in block.groups.iter_mut().zip(kept) {
-        for k in 0..3 {
-            for lane in 0..GROUP {
-                let x = &mut group.impulse[k][lane];
-                let d = *x - before[k][lane];
-                let carried = beta * direction[k][lane];
-                *x += carried;
-                direction[k][lane] = carried + d;
+/// `r <- r + beta p`, `p <- d + beta p`.
+struct Advance<'a>(&'a mut Block, &'a mut Part, f64);
+
+impl Work for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _simd: S) {
+        let Advance(block, part, beta) = self;
+        let kept = part.before.iter().zip(&mut part.direction);
+        for (group, (before, direction)) in block.groups.iter_mut().zip(kept) {
+            for k in 0..3 {
+                for lane in 0..GROUP {
+                    let x = &mut group.impulse[k][lane];
+                    let d = *x - before[k][lane];
+                    let carried = beta * direction[k][lane];
+                    *x += carried;
+                    direction[k][lane] = carried + d;
+                }
             }
         }
     }
