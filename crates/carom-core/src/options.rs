@@ -240,8 +240,8 @@ options! {
     /// Islands of up to this many contacts are solved dense, with the exact Hessian; larger ones by `auto` of `carom solve`.
     dense_contacts: u32 = 10,
     /// Islands of more contacts than this are solved by sweeps over spheres, from the impulses of the last step (`auto` takes over
-    /// where these do not converge).
-    pile_contacts: u32 = 10,
+    /// where these do not converge); with a `pile_tolerance` of 1e-5 and more all those above `dense_contacts` are.
+    pile_contacts: u32 = 100,
     /// How often a step that fails may be halved.
     max_halvings: u32 = 4,
     /// stop or warn.

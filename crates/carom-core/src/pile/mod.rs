@@ -31,6 +31,8 @@ const LEAST_UPDATES: usize = 2_000_000;
 const ALONE: usize = 20_000;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
+/// Tolerance of piles from which on every island without dense matrix is swept.
+const COARSE: f64 = 1e-5;
 /// Share of the closing tolerance that solvers may leave.
 const LEFT: f64 = 0.5;
 
@@ -110,7 +112,13 @@ impl Default for Pile {
 /// Whether an island is solved here.
 pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
     let o = &model.options;
-    island.contacts.len() > o.pile_contacts as usize
+    // Sweeps converge linearly: the coarser the tolerance, the smaller the islands in which they are the faster ones.
+    let least = if o.pile_tolerance >= COARSE {
+        o.pile_contacts.min(o.dense_contacts)
+    } else {
+        o.pile_contacts
+    };
+    island.contacts.len() > least as usize
         && island.is_free()
         && o.solver == Solver::Auto
         && o.impact != Impact::SequencePaper
