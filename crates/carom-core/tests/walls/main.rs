@@ -94,18 +94,3 @@ pub fn integrate(start: [f64; 2], until: f64, f: impl Fn(f64) -> f64) -> [f64; 2
 
 /// Inertia of a homogeneous ball over m r^2.
 pub const SHARE: f64 = 0.4;
-/// A cage of six planes that no ball of these scenes leaves.
-pub fn cage(half: f64) -> Vec<([f64; 3], [f64; 3])> {
-    let mut planes = Vec::new();
-    for k in 0..3 {
-        for sign in [-1.0, 1.0] {
-            let (mut point, mut normal) = ([0.0; 3], [0.0; 3]);
-            point[k] = sign * half;
-            normal[k] = -sign;
-            planes.push((point, normal));
-        }
-    }
-    planes
-}
-
-pub const SMALL: f64 = 1e-13 * R;
