@@ -247,11 +247,16 @@ pub struct Walls {
 impl Walls {
     pub fn new(model: &Model) -> Walls {
         let shapes: Vec<Shape> = model.walls.iter().map(|w| w.shape).collect();
-        let moving = model.walls.iter().filter(|w| w.motion.is_some()).count();
+        let walls = model.walls.iter().enumerate();
+        let moving = walls.filter(|(_, w)| w.motion.is_some());
+        let course = |(index, _)| Course {
+            wall: index as u32,
+            ..Course::default()
+        };
         Walls {
             start: shapes.clone(),
             now: shapes,
-            courses: vec![Course::default(); moving],
+            courses: moving.map(course).collect(),
             span: Span::default(),
         }
     }
