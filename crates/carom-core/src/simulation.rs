@@ -12,6 +12,8 @@ use crate::state::State;
 use crate::step::{motion_of, step, Attempt, Failure};
 use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
+use crate::wall::Walls;
+use carom_geom::Overlap;
 use std::time::{Duration, Instant};
 
 /// Systems of this many spheres and more are timed and checked against the clock in every step.
@@ -113,6 +115,15 @@ impl Simulation {
             }
         }
         None
+    }
+
+    /// At most `cap` of the pairs that overlap by more than `tolerance r_c` in the present state, walls where they are now.
+    pub fn overlaps(&self, tolerance: f64, cap: usize) -> Vec<Overlap> {
+        let mut walls = Walls::new(&self.model);
+        walls.place(&self.model, self.time());
+        let state = &self.state;
+        let radius = &self.model.radius;
+        carom_geom::overlaps(&state.position, radius, &walls.now, tolerance, cap)
     }
 
     /// Which contact problems are kept, and those that were.

@@ -24,6 +24,9 @@ const BISECTIONS: u32 = 6;
 /// solution does a little work.
 pub(super) const GAIN_SHARE: f64 = 1e-2;
 
+/// No moving wall.
+const FIXED: u32 = u32::MAX;
+
 /// A closed contact of the pile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Member {
@@ -31,6 +34,8 @@ pub(super) struct Member {
     pub contact: u32,
     pub a: u32,
     pub b: u32,
+    /// Place among the velocities of moving walls, [`FIXED`] where none moves.
+    pub driven: u32,
     pub normal: DVec3,
     /// Lever arms, m.
     pub arms: [f64; 2],
@@ -58,6 +63,8 @@ pub(super) struct Memory {
     pub jump: Vec<[DVec3; 2]>,
     /// Jump of the loads alone.
     pub offset: Vec<[DVec3; 2]>,
+    /// Velocities of moving walls at their contacts, at t_n and t_{n+1}: along the normal of the shape, across of the material.
+    pub driven: Vec<[DVec3; 2]>,
     pub chosen: Vec<u32>,
     pub tol: f64,
     pub floor: f64,
@@ -80,9 +87,24 @@ impl Memory {
         d + m.normal.cross(spin)
     }
 
-    /// The same at `v_check + jump`.
+    /// Velocity of a moving wall at a contact, at t_n (0) or t_{n+1} (1).
+    #[inline]
+    fn wall(&self, m: &Member, end: usize) -> DVec3 {
+        let moving = self.driven.get(m.driven as usize);
+        moving.map_or(DVec3::ZERO, |v| v[end])
+    }
+
+    /// Relative velocity at `v_n`, `v_check` and `v_check + jump`.
+    pub fn before(&self, m: &Member) -> DVec3 {
+        Self::relative(m, &self.old) - self.wall(m, 0)
+    }
+
+    pub fn free(&self, m: &Member) -> DVec3 {
+        Self::relative(m, &self.check) - self.wall(m, 1)
+    }
+
     pub fn now(&self, m: &Member) -> DVec3 {
-        Self::relative(m, &self.check) + Self::relative(m, &self.jump)
+        self.free(m) + Self::relative(m, &self.jump)
     }
 
     /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27), restitution scaled.
@@ -91,7 +113,7 @@ impl Memory {
         if law == Law::Plastic {
             return z;
         }
-        let mut minus = Self::relative(m, &self.old);
+        let mut minus = self.before(m);
         if law == Law::Later {
             minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
         }
@@ -210,6 +232,7 @@ impl Pile {
             linear,
             angular,
             solve,
+            walls,
             ..
         } = scratch;
         self.begin(
@@ -220,14 +243,28 @@ impl Pile {
             position,
         );
         let memory = &mut self.velocity;
+        let mut speeds = Speeds::default();
+        let driven = &mut memory.driven;
+        driven.clear();
         memory.members.clear();
         memory.members.extend(island.contacts.iter().map(|&index| {
             let c = &contacts[index as usize];
             let law = c.law(model);
+            let i = c.a as usize;
+            let mut place = FIXED;
+            if let (Some(old), Some(new)) = (
+                walls.start_twist(model, c, state.position[i]),
+                walls.end_twist(model, c, position[i]),
+            ) {
+                place = driven.len() as u32;
+                driven.push([old, new].map(|t| t.at(c.n1)));
+                speeds.add_wall(&old, &new);
+            }
             Member {
                 contact: index,
                 a: node(model, &solve.node_of, c.a),
                 b: node(model, &solve.node_of, c.b),
+                driven: place,
                 normal: c.n1,
                 arms: [model.radius[c.a as usize], c.radius_b(model)],
                 friction: c.bounds.sliding,
@@ -250,7 +287,6 @@ impl Pile {
             v.clear();
             v.resize(nodes, [DVec3::ZERO; 2]);
         }
-        let mut speeds = Speeds::default();
         for &body in &self.spheres {
             let i = body as usize;
             memory.check.push([linear[i].velocity, angular[i].velocity]);
@@ -285,7 +321,7 @@ impl Pile {
         let resting: Vec<bool> = memory
             .members
             .iter()
-            .map(|m| Memory::relative(m, &memory.old).dot(m.normal) >= -tol)
+            .map(|m| memory.before(m).dot(m.normal) >= -tol)
             .collect();
         let loaded: Vec<bool> = memory
             .members
@@ -379,7 +415,7 @@ impl Pile {
         }
         for slot in 0..memory.members.len() {
             let m = memory.members[slot];
-            let before = Memory::relative(&m, &memory.check);
+            let before = memory.free(&m);
             let work = work(&m, m.impulse, before, memory.now(&m));
             memory.members[slot].work = work;
         }
@@ -616,7 +652,7 @@ impl Pile {
                     position: c.nu[0] * m.normal + c.nu[1] * c.t1 + c.nu[2] * c.t2,
                 });
             }
-            let free = Memory::relative(m, &memory.check).dot(m.normal);
+            let free = memory.free(m).dot(m.normal);
             let touching = c.gap_start <= model.options.touching_tolerance * c.length;
             if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > memory.tol && !touching {
                 report.missed_impacts += 1;
