@@ -362,11 +362,13 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
     complete(neighbours)?;
     let known = contacts.len();
     let mut new = known;
+    let mut next = 0;
     for &(a, b) in neighbours.pairs() {
-        if contacts[..known]
-            .binary_search_by_key(&(a, b), |c| (c.a, c.b))
-            .is_ok()
-        {
+        // Both lists are sorted by key.
+        while next < known && (contacts[next].a, contacts[next].b) < (a, b) {
+            next += 1;
+        }
+        if next < known && (contacts[next].a, contacts[next].b) == (a, b) {
             continue;
         }
         if push_candidate(model, state, position, (a, b), 0.0, contacts)? {

@@ -316,6 +316,85 @@ fn infinite_needs_and_nans_do_no_harm() {
 }
 
 #[test]
+fn the_list_is_the_same_for_any_number_of_threads() {
+    let mut scene = lattice(30);
+    scene.radius[100] = 0.5;
+    scene.need[17] = 0.3;
+    let lists = [1, 2, 3, 8].map(|threads| {
+        let mut list = NeighbourList::new();
+        list.set_threads(threads);
+        scene.refresh(&mut list);
+        list.pairs().to_vec()
+    });
+    assert!(lists[0].len() > 3 * 27_000);
+    assert!(lists.iter().all(|pairs| *pairs == lists[0]));
+    let mut list = NeighbourList::new();
+    list.set_threads(3);
+    list.set_limit(1000);
+    scene.refresh(&mut list);
+    assert!(list.is_truncated());
+    assert_eq!(list.pairs().len(), 1000);
+}
+
+/// Balls that shake about their places by `amplitude` radii, for 400 calls; pairs a ball in the last list, and rebuilds.
+fn shake(amplitude: f64) -> (f64, u64) {
+    let mut scene = lattice(12);
+    let sites = scene.x.clone();
+    let n = sites.len();
+    let mut list = NeighbourList::new();
+    for step in 0..400 {
+        for (i, (x, site)) in scene.x.iter_mut().zip(&sites).enumerate() {
+            let phase = 0.1 * step as f64 + i as f64;
+            *x = *site + 0.03 * amplitude * DVec3::new(phase.sin(), phase.cos(), 0.0);
+        }
+        scene.refresh(&mut list);
+    }
+    scene.check(&list);
+    (list.pairs().len() as f64 / n as f64, list.rebuilds())
+}
+
+#[test]
+fn the_skin_follows_the_motion() {
+    let ((still, few), (wild, many)) = (shake(1e-3), shake(1.0));
+    assert!(
+        few <= 4,
+        "what does not move is listed again to save pairs, and then kept: {few}"
+    );
+    assert!(many > 5 && many < 200, "{many} rebuilds in 400 steps");
+    assert!(still < 3.2 && wild > 4.0, "{still} and {wild} pairs a ball");
+    let (some, rebuilds) = shake(0.2);
+    assert!(
+        rebuilds < 40 && some <= wild,
+        "{rebuilds}, {some} and {wild} pairs a ball"
+    );
+}
+
+#[test]
+fn a_giant_in_dust_keeps_a_list_of_the_dust_it_touches() {
+    // A giant of 20 radii in a lattice of dust: its skin is that of the dust, not a share of its own radius.
+    let mut scene = lattice(30);
+    scene.planes.clear();
+    let centre = DVec3::splat(0.06 * 14.5);
+    let giant = 20.0 * 0.03;
+    scene.x.retain(|x| x.distance(centre) > giant + 0.03);
+    scene.x.push(centre);
+    let n = scene.x.len();
+    scene.radius = vec![0.03; n];
+    scene.radius[n - 1] = giant;
+    scene.need = vec![1e-4; n];
+    let mut list = NeighbourList::new();
+    scene.refresh(&mut list);
+    let of_giant = list
+        .pairs()
+        .iter()
+        .filter(|p| p.1 as usize == n - 1)
+        .count();
+    // Dust with a centre in a shell of twice 0.3 small radii and what the lattice leaves.
+    let shell = 4.0 * std::f64::consts::PI * 21.0f64.powi(2) * 0.65 / 8.0;
+    assert!((of_giant as f64) < 1.2 * shell, "{of_giant}, shell {shell}");
+}
+
+#[test]
 fn nothing_at_all() {
     let mut list = NeighbourList::default();
     assert!(Scene::default().refresh(&mut list));
@@ -328,6 +407,7 @@ fn rebuilds_only_when_it_must() {
     for side in [3, 4] {
         let mut scene = lattice(side);
         let mut list = NeighbourList::new();
+        list.set_skin(0.3);
         assert!(scene.refresh(&mut list));
         // Skin 0.3 r = 9 mm; need 0.1 mm. Body 1 may move 9 mm.
         scene.x[1].x += 0.0089;

@@ -80,25 +80,65 @@ impl CellList {
     where
         F: FnMut(u32, u32) -> ControlFlow<()>,
     {
-        let mut emit = |a: &Entry, b: &Entry| visit(a.id.min(b.id), a.id.max(b.id));
-        let grids = &self.grids[..self.levels];
-        for (level, grid) in grids.iter().enumerate() {
-            grid.pairs(&mut emit)?;
-            for coarser in &grids[..level] {
-                for a in grid.entries() {
-                    coarser.around(a, &mut emit)?;
-                }
+        self.parts(usize::MAX)
+            .iter()
+            .try_for_each(|part| self.pairs_of(part, &mut visit))
+    }
+
+    /// The search in parts of up to `size` bodies: the union of their pairs is [`Self::pairs`], each pair once.
+    pub fn parts(&self, size: usize) -> Vec<Part> {
+        let mut parts = Vec::new();
+        for (level, grid) in self.grids[..self.levels].iter().enumerate() {
+            let count = grid.entries().len();
+            let mut first = 0;
+            while first < count {
+                let end = first.saturating_add(size).min(count);
+                parts.push(Part::Level(level, first, end));
+                first = end;
             }
         }
-        for (i, a) in self.unbounded.iter().enumerate() {
-            for b in self.unbounded[i + 1..].iter().chain(&self.all) {
-                if a.is_close(b) {
-                    emit(a, b)?;
+        if !self.unbounded.is_empty() {
+            parts.push(Part::Unbounded);
+        }
+        parts
+    }
+
+    /// The pairs of one part, as [`Self::pairs`] gives them.
+    pub fn pairs_of<F>(&self, part: &Part, mut visit: F) -> ControlFlow<()>
+    where
+        F: FnMut(u32, u32) -> ControlFlow<()>,
+    {
+        let mut emit = |a: &Entry, b: &Entry| visit(a.id.min(b.id), a.id.max(b.id));
+        match *part {
+            Part::Level(level, first, end) => {
+                let grid = &self.grids[level];
+                grid.pairs(first..end, &mut emit)?;
+                for coarser in &self.grids[..level] {
+                    for a in &grid.entries()[first..end] {
+                        coarser.around(a, &mut emit)?;
+                    }
+                }
+            }
+            Part::Unbounded => {
+                for (i, a) in self.unbounded.iter().enumerate() {
+                    for b in self.unbounded[i + 1..].iter().chain(&self.all) {
+                        if a.is_close(b) {
+                            emit(a, b)?;
+                        }
+                    }
                 }
             }
         }
         ControlFlow::Continue(())
     }
+}
+
+/// A part of the search: some bodies of a level, or the bodies without bound.
+#[derive(Clone, Copy, Debug)]
+pub enum Part {
+    /// Level, first body in the order of its cells, and the one after the last.
+    Level(usize, usize, usize),
+    Unbounded,
 }
 
 /// Moves the bodies with an extent of at least `bound` to the front and counts them. Already in place - one level - it

@@ -11,19 +11,67 @@
 //! `need_i` (m) is what the caller must not miss: how far body `i` may travel before the next call, plus its share
 //! of any gap that has to count as touching.
 
-use super::cell_list::CellList;
+use super::cell_list::{CellList, Part};
+use super::share::{cut, share};
 use crate::pair::{sphere_plane, sphere_sphere, Proximity};
 use glam::DVec3;
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Up to here all pairs are tried at a rebuild: less than sorting them into cells costs.
 const BRUTE_FORCE: usize = 32;
-/// Default skin, in radii: balls in a settled pile then hardly ever cause a rebuild, and a list holds about twice
-/// the pairs that touch.
+/// Skin of the first list, in radii; a list of a dense packing then holds about twice the pairs that touch. Later lists
+/// have the skin that the motion asks for, within these bounds: little where nothing moves.
 const SKIN: f64 = 0.3;
-/// Default limit on the length of the list, per body and at least.
-const PAIRS_PER_BODY: usize = 256;
+const SKIN_LEAST: f64 = 0.05;
+const SKIN_MOST: f64 = 0.5;
+/// A moving body has this many times its need as skin, at a skin of one radius: it stays valid for as many steps as those
+/// at rest do.
+const SKIN_IN_NEEDS: f64 = 10.0;
+/// What a rebuild costs per body, in pairs passed over by a step.
+const REBUILD_COST: f64 = 50.0;
+/// Default limit on the length of the list, per body and at least; beyond the second number per body the skin is given up.
+const PAIRS_PER_BODY: usize = 64;
+const PAIRS_WITH_SKIN: usize = 24;
 const PAIRS_AT_LEAST: usize = 1 << 16;
+
+/// Bodies of one part of the search, and bodies for which a thread is worth starting.
+const PART: usize = 4096;
+const BODIES_PER_THREAD: usize = 4096;
+
+/// A part of the search for pairs.
+enum Task {
+    Cells(Part),
+    /// First of [`PART`] bodies that may meet walls.
+    Walls(usize),
+}
+
+/// The rows of consecutive bodies in the sorted list.
+struct Rows<'a> {
+    /// Of the first body, and where its row begins in the whole list.
+    body: usize,
+    first: usize,
+    pairs: &'a mut [(u32, u32)],
+    /// Per body, where its next pair goes in the whole list.
+    next: &'a mut [u32],
+}
+
+impl Rows<'_> {
+    fn fill(self, raw: &[Vec<(u32, u32)>]) {
+        for &(a, b) in raw.iter().flatten() {
+            if let Some(to) = self.next.get_mut((a as usize).wrapping_sub(self.body)) {
+                self.pairs[*to as usize - self.first] = (a, b);
+                *to += 1;
+            }
+        }
+        let mut from = 0;
+        for end in self.next {
+            let to = *end as usize - self.first;
+            self.pairs[from..to].sort_unstable_by_key(|pair| pair.1);
+            from = to;
+        }
+    }
+}
 
 /// Where a body was at the last rebuild.
 #[derive(Clone, Copy, Debug)]
@@ -55,14 +103,19 @@ pub struct NeighbourList {
     reference: Vec<Reference>,
     planes: Vec<(DVec3, DVec3)>,
     skin: f64,
+    adapt: bool,
     limit: Option<usize>,
     rebuilds: u64,
+    /// Calls of [`Self::refresh`] that the present list has served.
+    served: u32,
     truncated: bool,
     valid: bool,
     cells: CellList,
     extent: Vec<f64>,
-    raw: Vec<(u32, u32)>,
+    /// Pairs as they are found, part by part of the search.
+    raw: Vec<Vec<(u32, u32)>>,
     start: Vec<u32>,
+    threads: usize,
 }
 
 impl Default for NeighbourList {
@@ -79,25 +132,34 @@ impl NeighbourList {
             reference: Vec::new(),
             planes: Vec::new(),
             skin: SKIN,
+            adapt: true,
             limit: None,
             rebuilds: 0,
+            served: 0,
             truncated: false,
             valid: false,
             cells: CellList::new(),
             extent: Vec::new(),
             raw: Vec::new(),
             start: Vec::new(),
+            threads: 1,
         }
     }
 
-    /// Sets the least skin, in radii (default 0.3). Larger: fewer rebuilds, longer lists. Never changes
-    /// what [`Self::within`] yields.
+    /// Sets how many threads a rebuild may use (default 1). The list is the same for any number.
+    pub fn set_threads(&mut self, threads: usize) {
+        self.threads = threads.max(1);
+    }
+
+    /// Fixes the least skin, in radii (default: 0.3 at first, then as the motion asks). Larger: fewer rebuilds, longer lists.
+    /// Never changes what [`Self::within`] yields.
     pub fn set_skin(&mut self, radii: f64) {
         self.skin = radii.max(0.0);
+        self.adapt = false;
         self.valid = false;
     }
 
-    /// Sets the most pairs the list may hold (default 256 per body, at least 65 536).
+    /// Sets the most pairs the list may hold (default 64 per body, at least 65 536).
     pub fn set_limit(&mut self, pairs: usize) {
         self.limit = Some(pairs);
         self.valid = false;
@@ -146,7 +208,8 @@ impl NeighbourList {
             x.len() == radius.len() && x.len() == need.len(),
             "one radius and one need per sphere"
         );
-        if self.still_valid(x, radius, planes, need) {
+        if self.still_valid(x, radius, planes, need) && !self.is_wasteful() {
+            self.served = self.served.saturating_add(1);
             return false;
         }
         self.rebuild(x, radius, planes, need);
@@ -190,26 +253,72 @@ impl NeighbourList {
     fn rebuild(&mut self, x: &[DVec3], radius: &[f64], planes: &[(DVec3, DVec3)], need: &[f64]) {
         self.rebuilds += 1;
         self.valid = true;
-        self.truncated = false;
         self.planes.clear();
         self.planes.extend_from_slice(planes);
-        self.reference.clear();
-        self.reference
-            .extend(x.iter().zip(radius).zip(need).map(|((&x, &r), &need)| {
-                // A fast body doubles its need: half of that is travel before the next rebuild.
-                Reference {
-                    x,
-                    extent: r + need + (self.skin * r).max(need),
-                }
-            }));
         let limit = self
             .limit
             .unwrap_or((PAIRS_PER_BODY * x.len()).max(PAIRS_AT_LEAST));
         if x.len() <= BRUTE_FORCE {
+            self.refer(x, radius, need, self.skin);
             self.try_all(radius, limit);
-        } else {
+            return;
+        }
+        self.choose_skin();
+        self.refer(x, radius, need, self.skin);
+        let sparing = (PAIRS_WITH_SKIN * x.len()).max(PAIRS_AT_LEAST).min(limit);
+        self.search(radius, sparing);
+        if self.truncated {
+            self.refer(x, radius, need, 0.0);
             self.search(radius, limit);
         }
+    }
+
+    /// What the skin has cost since the rebuild, in pairs per body passed over for nothing.
+    fn spent(&self) -> f64 {
+        let pairs = self.pairs.len() as f64 / self.reference.len().max(1) as f64;
+        // In a dense packing a skin of 0.3 radii doubles the pairs that touch.
+        f64::from(self.served + 1) * pairs * self.skin / (SKIN + self.skin)
+    }
+
+    /// Nothing moves, and the skin has cost far more than a list with a smaller one.
+    #[inline]
+    fn is_wasteful(&self) -> bool {
+        self.reference.len() > BRUTE_FORCE
+            && self.adapt
+            && self.skin > SKIN_LEAST
+            && self.spent() > 4.0 * REBUILD_COST
+    }
+
+    /// The skin whose surplus of pairs, over the steps that the list serves, costs as much as a rebuild. From the history of
+    /// the list alone, not from a clock.
+    fn choose_skin(&mut self) {
+        if self.adapt && self.rebuilds > 1 {
+            let factor = (REBUILD_COST / self.spent().max(1e-3)).clamp(0.5, 1.25);
+            self.skin = (self.skin * factor).clamp(SKIN_LEAST, SKIN_MOST);
+        }
+        self.served = 0;
+    }
+
+    /// Takes the reference positions and reaches. Bodies of all sizes move at like speeds: the skin of a large one is that of
+    /// the mean radius.
+    fn refer(&mut self, x: &[DVec3], radius: &[f64], need: &[f64], skin: f64) {
+        let mean = radius.iter().sum::<f64>() / radius.len() as f64;
+        let most = if mean > 0.0 { mean } else { f64::INFINITY };
+        let in_needs = if skin > 0.0 {
+            (SKIN_IN_NEEDS * skin).max(1.0)
+        } else {
+            0.0
+        };
+        self.reference.clear();
+        self.reference.extend(
+            x.iter()
+                .zip(radius)
+                .zip(need)
+                .map(|((&x, &r), &need)| Reference {
+                    x,
+                    extent: r + need + (skin * r.min(most)).max(in_needs * need),
+                }),
+        );
     }
 
     /// All pairs in the order of the result.
@@ -233,54 +342,120 @@ impl NeighbourList {
         self.pairs.truncate(limit);
     }
 
-    /// Cells, then a counting sort by `a`, then each short row by `b`.
+    /// Cells, then a counting sort by `a`, then each short row by `b`: an order that follows from the pairs alone, whoever
+    /// found them.
     fn search(&mut self, radius: &[f64], limit: usize) {
         let n = self.reference.len();
+        let threads = self.threads.min(n.div_ceil(BODIES_PER_THREAD));
         self.extent.clear();
         self.extent.extend(self.reference.iter().map(|r| r.extent));
         let reference = &self.reference;
         self.cells
             .build(reference.iter().map(|r| r.x), &self.extent);
-        let raw = &mut self.raw;
-        raw.clear();
-        let mut push = |a: u32, b: u32| {
-            if raw.len() == limit {
-                return ControlFlow::Break(());
-            }
-            raw.push((a, b));
-            ControlFlow::Continue(())
-        };
-        let mut end = self.cells.pairs(&mut push);
-        for (p, plane) in self.planes.iter().enumerate() {
-            for (a, r) in reference.iter().enumerate() {
-                if end.is_continue() && reaches_plane(r, radius[a], plane) {
-                    end = push(a as u32, (n + p) as u32);
-                }
-            }
-        }
-        self.truncated = end.is_break();
+        self.find(radius, limit, threads);
+        self.sort(limit, threads);
+    }
 
-        self.start.clear();
-        self.start.resize(n + 1, 0);
-        for (a, _) in &self.raw {
-            self.start[*a as usize] += 1;
+    /// Fills `raw`, a list per part of the search.
+    fn find(&mut self, radius: &[f64], limit: usize, threads: usize) {
+        let Self {
+            cells,
+            raw,
+            reference,
+            planes,
+            ..
+        } = self;
+        let n = reference.len();
+        let mut tasks: Vec<Task> = cells.parts(PART).into_iter().map(Task::Cells).collect();
+        if !planes.is_empty() {
+            tasks.extend((0..n).step_by(PART).map(Task::Walls));
         }
+        raw.resize_with(tasks.len(), Vec::new);
+        let total = AtomicUsize::new(0);
+        let pieces = tasks.into_iter().zip(raw.iter_mut()).collect();
+        share(threads, pieces, |(task, raw): (Task, &mut Vec<_>)| {
+            raw.clear();
+            // One more than the limit tells that it was passed; whatever the order of the parts, the sum is then above it.
+            let room = (limit + 1).saturating_sub(total.load(Ordering::Relaxed));
+            let mut push = |a: u32, b: u32| {
+                if raw.len() >= room {
+                    return ControlFlow::Break(());
+                }
+                raw.push((a, b));
+                ControlFlow::Continue(())
+            };
+            // Broken off, the list is too long anyway.
+            let _ = match task {
+                Task::Cells(part) => cells.pairs_of(&part, push),
+                Task::Walls(first) => {
+                    let some = &reference[first..n.min(first + PART)];
+                    some.iter().zip(first..).try_for_each(|(r, a)| {
+                        planes.iter().enumerate().try_for_each(|(p, plane)| {
+                            if reaches_plane(r, radius[a], plane) {
+                                push(a as u32, (n + p) as u32)?;
+                            }
+                            ControlFlow::Continue(())
+                        })
+                    })
+                }
+            };
+            total.fetch_add(raw.len(), Ordering::Relaxed);
+        });
+    }
+
+    /// Makes `pairs` of `raw`, with the bodies shared among the threads.
+    fn sort(&mut self, limit: usize, threads: usize) {
+        let Self {
+            pairs, raw, start, ..
+        } = self;
+        let n = self.reference.len();
+        let found: usize = raw.iter().map(Vec::len).sum();
+        self.truncated = found > limit;
+        let mut over = found.saturating_sub(limit);
+        for part in raw.iter_mut().rev() {
+            let cut = over.min(part.len());
+            part.truncate(part.len() - cut);
+            over -= cut;
+        }
+        let raw = &*raw;
+        let bound = |k: usize| k * n / threads;
+        let rows = |k: usize| bound(k + 1) - bound(k);
+        start.clear();
+        start.resize(n, 0);
+        let pieces = cut(start, (0..threads).map(rows));
+        share(
+            threads,
+            pieces.into_iter().enumerate().collect(),
+            |(k, count): (usize, &mut [u32])| {
+                let first = bound(k);
+                for &(a, _) in raw.iter().flatten() {
+                    if let Some(count) = count.get_mut((a as usize).wrapping_sub(first)) {
+                        *count += 1;
+                    }
+                }
+            },
+        );
         let mut sum = 0;
-        for s in &mut self.start {
+        for s in start.iter_mut() {
             sum += std::mem::replace(s, sum);
         }
-        self.pairs.clear();
-        self.pairs.resize(self.raw.len(), (0, 0));
-        for &(a, b) in &self.raw {
-            let to = &mut self.start[a as usize];
-            self.pairs[*to as usize] = (a, b);
-            *to += 1;
-        }
-        let mut first = 0;
-        for end in &self.start[..n] {
-            self.pairs[first..*end as usize].sort_unstable_by_key(|pair| pair.1);
-            first = *end as usize;
-        }
+        let total = sum as usize;
+        let begin = |k: usize| start.get(bound(k)).map_or(total, |&s| s as usize);
+        let lengths: Vec<usize> = (0..threads).map(|k| begin(k + 1) - begin(k)).collect();
+        let firsts: Vec<usize> = (0..threads).map(begin).collect();
+        pairs.clear();
+        pairs.resize(total, (0, 0));
+        let blocks = cut(pairs, lengths.into_iter())
+            .into_iter()
+            .zip(cut(start, (0..threads).map(rows)))
+            .enumerate()
+            .map(|(k, (pairs, next))| Rows {
+                body: bound(k),
+                first: firsts[k],
+                pairs,
+                next,
+            });
+        share(threads, blocks.collect(), |block: Rows| block.fill(raw));
     }
 
     /// The pairs that meet within their needs, sorted by `(a, b)`: exactly those the guarantee of
