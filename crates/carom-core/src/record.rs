@@ -72,6 +72,14 @@ pub struct Recorder {
     merged: Vec<ContactRecord>,
 }
 
+/// A point to which a recorder can go back.
+pub struct Mark {
+    impacts: usize,
+    residuals: usize,
+    open: Vec<ContactRecord>,
+    open_joints: Vec<[DVec3; 2]>,
+}
+
 impl Recorder {
     pub fn new(model: &Model) -> Recorder {
         Recorder {
@@ -103,6 +111,24 @@ impl Recorder {
         if contacts {
             self.accumulate(&scratch.contacts);
         }
+    }
+
+    /// What has to be remembered to undo the steps that follow.
+    pub fn mark(&self) -> Mark {
+        Mark {
+            impacts: self.block.impacts.len(),
+            residuals: self.block.residuals.len(),
+            open: self.open.clone(),
+            open_joints: self.open_joints.clone(),
+        }
+    }
+
+    /// Undoes what was added by [`Self::add_step`] since a mark. Frames are added between steps, never within one.
+    pub fn rewind(&mut self, mark: Mark) {
+        self.block.impacts.truncate(mark.impacts);
+        self.block.residuals.truncate(mark.residuals);
+        self.open = mark.open;
+        self.open_joints = mark.open_joints;
     }
 
     /// Merges the step's contacts into the open records; both are sorted by key.

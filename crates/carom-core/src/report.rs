@@ -88,7 +88,8 @@ step_report! {
     relisted: u32,
     /// Smallest factor of the energy safeguard (1: never needed).
     restitution_scale: f64,
-    /// Substeps of method `penalty` and the smallest, s; 0 with other methods.
+    /// Parts of the step and the smallest, s: the substeps of method `penalty`; with others the parts into which a step was
+    /// cut so that nothing passes through anything, 0 where it was not.
     substeps: u32,
     substep_min: f64,
 }
@@ -117,6 +118,18 @@ impl StepReport {
         self.fallbacks += u32::from(r.rung != Rung::First);
     }
 
+    /// Adds substeps and the smallest of them, s; it says nothing where there are none.
+    pub(crate) fn take_substeps(&mut self, count: u32, smallest: f64) {
+        if count > 0 {
+            self.substep_min = if self.substeps == 0 {
+                smallest
+            } else {
+                self.substep_min.min(smallest)
+            };
+            self.substeps += count;
+        }
+    }
+
     /// Merges the second half of a halved step into the first.
     pub(crate) fn merge(&mut self, later: &StepReport) {
         let earlier = *self;
@@ -140,8 +153,7 @@ impl StepReport {
         self.missed_impacts += earlier.missed_impacts;
         self.relisted += earlier.relisted;
         self.restitution_scale = self.restitution_scale.min(earlier.restitution_scale);
-        self.substeps += earlier.substeps;
-        self.substep_min = self.substep_min.min(earlier.substep_min);
+        self.take_substeps(earlier.substeps, earlier.substep_min);
     }
 }
 
@@ -194,7 +206,7 @@ pub struct Monitors {
     pub energy_rises: u64,
     /// Largest `|v| h / r` of any sphere after any step (rule R6).
     pub travel: f64,
-    /// Substeps of method `penalty` and the smallest, s; 0 if there were none.
+    /// Substeps and the smallest, s; 0 if there were none.
     pub substeps: u64,
     pub substep_min: f64,
 }
@@ -291,6 +303,13 @@ pub enum Outcome {
     TooManyPairs { step: u64, time: f64 },
     /// Method `penalty` would need more substeps for a step than it may take.
     TooManySubsteps { step: u64, time: f64 },
+    /// A sphere would pass through a body within the smallest part of a step.
+    TooFast {
+        step: u64,
+        time: f64,
+        bodies: (u32, u32),
+        message: String,
+    },
     /// Two bodies met whose materials have no law.
     MissingLaw {
         step: u64,
@@ -320,6 +339,7 @@ impl Outcome {
             Outcome::MissingLaw { .. } => "missing_law",
             Outcome::LoadFailed { .. } => "load_failed",
             Outcome::FrictionFailed { .. } => "friction_failed",
+            Outcome::TooFast { .. } => "too_fast",
             Outcome::TooManyPairs { .. } => "too_many_pairs",
             Outcome::TooManySubsteps { .. } => "too_many_substeps",
         }
@@ -343,6 +363,9 @@ impl Outcome {
                 "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations"
             }
             Outcome::NotFinite { .. } => "look for extreme speeds, masses or radii; try a smaller step",
+            Outcome::TooFast { .. } => {
+                "take the step that the message names, or more max_halvings; if the speed is not meant, look at what made it"
+            }
             Outcome::TooManyPairs { .. } => {
                 "the step is far too long for the speeds: spheres travel radii per step; take a smaller step"
             }

@@ -15,6 +15,7 @@ use crate::state::State;
 use crate::stepper::Coefficients;
 use crate::stepper::Span;
 use crate::timers::{Phase, Timers};
+use crate::travel;
 use carom_geom::tangent_frame;
 use carom_solve::{Bounds, Status};
 use glam::DVec3;
@@ -34,6 +35,12 @@ pub enum Failure {
     TooManyPairs,
     /// Method `penalty` would need more substeps than it may take.
     TooManySubsteps,
+    /// A pair would meet after a relative travel (m) of the radius `length` (m) of one or more.
+    TooFar {
+        bodies: (u32, u32),
+        travel: f64,
+        length: f64,
+    },
     /// A load could not be evaluated.
     Load,
     /// A friction law gave `mu` at a slip speed, m/s: no coefficient.
@@ -72,6 +79,7 @@ pub fn step(
     predict_and_smooth(model, state, scratch, coefficients, *time, report)?;
     timers.mark(Phase::Predict);
     list_pairs(model, state, scratch)?;
+    travel::check(model, state, scratch)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);

@@ -227,6 +227,7 @@ impl Simulation {
             ("truncated_sequences", m.truncated),
             ("unconverged", m.unconverged),
             ("halvings", m.halvings),
+            ("substeps", m.substeps),
             ("missed_impacts", m.missed_impacts),
             ("relisted", m.relisted),
             ("safeguarded", m.safeguarded),

@@ -49,6 +49,12 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             time,
             bodies,
             message,
+        }
+        | Outcome::TooFast {
+            step,
+            time,
+            bodies,
+            message,
         } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
