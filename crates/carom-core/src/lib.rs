@@ -24,6 +24,7 @@ pub mod step;
 pub mod stepper;
 pub mod timers;
 mod travel;
+pub mod wall;
 
 pub use model::{InitialState, Model, ModelError, ModelInput};
 pub use options::{Options, Value};

@@ -8,8 +8,11 @@ use crate::model::Model;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::step::Failure;
-use carom_geom::sphere_plane;
+use crate::wall::Walls;
 use glam::DVec3;
+
+/// Points looked at on the way to a wall: two per radius, up to so many.
+const WAY_POINTS: f64 = 1e3;
 
 /// Refuses the step if a sphere would travel its radius or more against a body on its way; names the worst pair. After the
 /// smooth step and the listing of pairs.
@@ -21,7 +24,7 @@ pub(crate) fn check(model: &Model, state: &State, scratch: &Scratch) -> Result<(
         smallest = smallest.min(r);
     }
     // Relative to one another two spheres travel at most twice as far as the faster.
-    if 4.0 * fastest < smallest * smallest {
+    if 4.0 * fastest < smallest * smallest && !scratch.walls.any_moves() {
         return Ok(());
     }
     let mut worst: Option<((u32, u32), f64, f64)> = None;
@@ -52,12 +55,8 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
         model.radius[i],
         scratch.linear[i].displacement,
     );
-    if let Some(other) = j.checked_sub(model.spheres()) {
-        let plane = &model.planes[other];
-        // Along a plane nothing is passed through.
-        let approach = -plane.normal.dot(d);
-        let gap = sphere_plane(x, r, plane.point, plane.normal).gap;
-        return (approach >= r && gap < approach).then_some((approach, r));
+    if j >= model.spheres() {
+        return met_wall(model, &scratch.walls, (a, b), x, d);
     }
     let (from, along) = (x - state.position[j], d - scratch.linear[j].displacement);
     let length = r.min(model.radius[j]);
@@ -66,6 +65,36 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
     }
     let touch = r + model.radius[j];
     (closest(from, along) < touch).then_some((along.length(), length))
+}
+
+/// The same at a wall, which may move besides. A plane is met from its free side only, and along it nothing is passed
+/// through; other walls are looked for all along the way.
+fn met_wall(
+    model: &Model,
+    walls: &Walls,
+    (a, b): (u32, u32),
+    x: DVec3,
+    d: DVec3,
+) -> Option<(f64, f64)> {
+    let r = model.radius[a as usize];
+    let start = walls.meet_at_start(model, a, b, x);
+    let end = walls.meet(model, a, b, x + d);
+    if model.wall(b).is_steady_plane() {
+        let approach = start.gap - end.gap;
+        return (approach >= r && end.gap < 0.0).then_some((approach, r));
+    }
+    // Against the wall where it was: what it moves by, the sphere moves back.
+    let d = d - walls.shift(model, b, x);
+    let travel = d.length();
+    if travel < r {
+        return None;
+    }
+    let parts = (2.0 * travel / r).ceil().min(WAY_POINTS);
+    let first = (1..=parts as u32)
+        .map(|k| walls.meet_at_start(model, a, b, x + f64::from(k) / parts * d))
+        .find(|p| p.gap < 0.0)?;
+    let approach = -first.normal.dot(d);
+    (approach >= r).then_some((approach, r))
 }
 
 /// Least distance from the origin to the way from `from` along `along`, for a pair that comes nearer; else infinite.

@@ -153,7 +153,7 @@ impl Simulation {
     /// Takes a state back. Refuses one of another model size.
     fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let n = self.inner.model.spheres();
-        let bodies = n + self.inner.model.planes.len();
+        let bodies = n + self.inner.model.walls.len();
         let loaded = read_state(state, bodies as u64)?;
         for (name, found) in [
             ("position", loaded.position.len()),

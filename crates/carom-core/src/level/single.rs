@@ -31,6 +31,28 @@ pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> Motion
     }
 }
 
+impl Motion {
+    /// Against that of a moving wall.
+    #[inline]
+    pub fn subtract(&mut self, wall: &Motion) {
+        self.normal -= wall.normal;
+        self.spin -= wall.spin;
+        for k in 0..2 {
+            self.slip[k] -= wall.slip[k];
+            self.turn[k] -= wall.turn[k];
+        }
+    }
+}
+
+/// Measures of a wall's own motion at the contact: of its shape, of its material, and rotation.
+#[inline]
+pub fn driven(c: &Contact, shape: DVec3, material: DVec3, rotation: DVec3) -> Motion {
+    Motion {
+        normal: c.n0.dot(shape),
+        ..motion(c, 0.0, material, rotation)
+    }
+}
+
 /// The one-contact problem with the given measures.
 #[inline]
 pub fn problem(model: &Model, c: &Contact, z: &Motion) -> SingleContact {
