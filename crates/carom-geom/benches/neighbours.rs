@@ -82,7 +82,10 @@ fn packing(n: usize, scrambled: bool) -> Scene {
     Scene {
         x,
         radius: vec![1.0; n],
-        planes: vec![(DVec3::ZERO, DVec3::Z)],
+        walls: vec![Shape::HalfSpace {
+            point: DVec3::ZERO,
+            normal: DVec3::Z,
+        }],
         need: vec![0.01; n],
     }
 }
@@ -95,9 +98,8 @@ fn sized(radius: Vec<f64>) -> Scene {
     for x in &mut scene.x {
         *x *= scale;
     }
-    for (point, _) in &mut scene.planes {
-        *point *= scale;
-    }
+    // Those through the origin stay where they are.
+    scene.walls.truncate(3);
     scene.need = radius.iter().map(|r| 0.01 * r).collect();
     scene.radius = radius;
     scene

@@ -30,8 +30,9 @@ const SKIN_MOST: f64 = 0.5;
 /// A moving body has this many times its need as skin, at a skin of one radius: it stays valid for as many steps as those
 /// at rest do.
 const SKIN_IN_NEEDS: f64 = 10.0;
-/// What a rebuild costs per body, in pairs passed over by a step.
-const REBUILD_COST: f64 = 50.0;
+/// A rebuild costs about as much as passing over each pair so often; bodies with fewer pairs cost as if they had these.
+const REBUILD_PER_PAIR: f64 = 8.0;
+const FEW_PAIRS: f64 = 4.0;
 /// Default limit on the length of the list, per body and at least; beyond the second number per body the skin is given up.
 const PAIRS_PER_BODY: usize = 64;
 const PAIRS_WITH_SKIN: usize = 24;
@@ -272,11 +273,12 @@ impl NeighbourList {
         }
     }
 
-    /// What the skin has cost since the rebuild, in pairs per body passed over for nothing.
+    /// What the skin has cost since the rebuild, over the cost of a rebuild.
     fn spent(&self) -> f64 {
         let pairs = self.pairs.len() as f64 / self.reference.len().max(1) as f64;
         // In a dense packing a skin of 0.3 radii doubles the pairs that touch.
-        f64::from(self.served + 1) * pairs * self.skin / (SKIN + self.skin)
+        let surplus = pairs * self.skin / (SKIN + self.skin);
+        f64::from(self.served + 1) * surplus / (REBUILD_PER_PAIR * pairs.max(FEW_PAIRS))
     }
 
     /// Nothing moves, and the skin has cost far more than a list with a smaller one.
@@ -285,14 +287,14 @@ impl NeighbourList {
         self.reference.len() > BRUTE_FORCE
             && self.adapt
             && self.skin > SKIN_LEAST
-            && self.spent() > 4.0 * REBUILD_COST
+            && self.spent() > 4.0
     }
 
     /// The skin whose surplus of pairs, over the steps that the list serves, costs as much as a rebuild. From the history of
     /// the list alone, not from a clock.
     fn choose_skin(&mut self) {
         if self.adapt && self.rebuilds > 1 {
-            let factor = (REBUILD_COST / self.spent().max(1e-3)).clamp(0.5, 1.25);
+            let factor = (1.0 / self.spent().max(1e-3)).clamp(0.5, 1.25);
             self.skin = (self.skin * factor).clamp(SKIN_LEAST, SKIN_MOST);
         }
         self.served = 0;
