@@ -4,7 +4,11 @@
 //! loops over contacts must not call through a pointer. A new shape is a variant here, a row and a column in
 //! [`crate::pair::table`], and one file per cell it fills.
 
-use crate::pair::{sphere_plane, Proximity};
+use crate::pair;
+use crate::pair::{
+    sphere_ball, sphere_cone, sphere_cylinder, sphere_disc, sphere_plane, sphere_rectangle,
+};
+use crate::pair::{Ball, Cone, Cylinder, Disc, Proximity, Rectangle};
 use glam::{DQuat, DVec3};
 
 /// A shape. A sphere is placed by its body's centre, walls stand where they are. Lengths in metres.
@@ -22,6 +26,16 @@ pub enum Shape {
         /// Unit normal, out of the solid and into the free space.
         normal: DVec3,
     },
+    /// One face with edges and corners.
+    Rectangle(Rectangle),
+    /// One face with a rim, and a hole if it is a ring.
+    Disc(Disc),
+    /// The inside or the outside of a cylinder.
+    Cylinder(Cylinder),
+    /// The inside or the outside of a ball.
+    Ball(Ball),
+    /// The inside or the outside of a frustum.
+    Cone(Cone),
 }
 
 /// A rigid displacement: the point `y` moves to `about + shift + turn (y - about)`.
@@ -59,6 +73,11 @@ impl Shape {
         match *self {
             Shape::HalfSpace { point, normal } => Some(sphere_plane(x, r, point, normal)),
             Shape::Sphere { .. } => None,
+            Shape::Rectangle(ref wall) => Some(sphere_rectangle(x, r, wall)),
+            Shape::Disc(ref wall) => Some(sphere_disc(x, r, wall)),
+            Shape::Cylinder(ref wall) => Some(sphere_cylinder(x, r, wall)),
+            Shape::Ball(ref wall) => Some(sphere_ball(x, r, wall)),
+            Shape::Cone(ref wall) => Some(sphere_cone(x, r, wall)),
         }
     }
 
@@ -69,6 +88,11 @@ impl Shape {
         match *self {
             Shape::HalfSpace { point, normal } => normal.dot(x - point) - r,
             Shape::Sphere { .. } => f64::INFINITY,
+            Shape::Rectangle(ref wall) => pair::sphere_rectangle::distance(x, wall) - r,
+            Shape::Disc(ref wall) => pair::sphere_disc::distance(x, wall) - r,
+            Shape::Cylinder(ref wall) => pair::sphere_cylinder::distance(x, wall) - r,
+            Shape::Ball(ref wall) => sphere_ball(x, r, wall).gap,
+            Shape::Cone(ref wall) => pair::sphere_cone::distance(x, wall) - r,
         }
     }
 
@@ -78,6 +102,11 @@ impl Shape {
         match *self {
             Shape::HalfSpace { point, .. } => point,
             Shape::Sphere { .. } => DVec3::ZERO,
+            Shape::Rectangle(wall) => wall.centre,
+            Shape::Disc(wall) => wall.centre,
+            Shape::Cylinder(wall) => wall.centre,
+            Shape::Ball(wall) => wall.centre,
+            Shape::Cone(wall) => wall.point,
         }
     }
 
@@ -89,6 +118,31 @@ impl Shape {
                 normal: by.direction(normal),
             },
             sphere @ Shape::Sphere { .. } => sphere,
+            Shape::Rectangle(wall) => Shape::Rectangle(Rectangle {
+                centre: by.point(wall.centre),
+                normal: by.direction(wall.normal),
+                side: by.direction(wall.side),
+                ..wall
+            }),
+            Shape::Disc(wall) => Shape::Disc(Disc {
+                centre: by.point(wall.centre),
+                normal: by.direction(wall.normal),
+                ..wall
+            }),
+            Shape::Cylinder(wall) => Shape::Cylinder(Cylinder {
+                centre: by.point(wall.centre),
+                axis: by.direction(wall.axis),
+                ..wall
+            }),
+            Shape::Ball(wall) => Shape::Ball(Ball {
+                centre: by.point(wall.centre),
+                ..wall
+            }),
+            Shape::Cone(wall) => Shape::Cone(Cone {
+                point: by.point(wall.point),
+                axis: by.direction(wall.axis),
+                ..wall
+            }),
         }
     }
 }

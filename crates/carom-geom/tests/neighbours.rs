@@ -1,6 +1,9 @@
 //! The neighbour list against brute force: random, moving, mixed, and absurd configurations.
 
+mod common;
+
 use carom_geom::{overlaps, sphere_sphere, DVec3, Displacement, NeighbourList, Shape};
+use common::{vector, wall};
 use glam::DQuat;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -71,16 +74,8 @@ impl Scene {
     }
 }
 
-fn vector(size: f64) -> impl Strategy<Value = DVec3> {
-    (-size..size, -size..size, -size..size).prop_map(|(x, y, z)| DVec3::new(x, y, z))
-}
-
 fn half_space(point: DVec3, normal: DVec3) -> Shape {
     Shape::HalfSpace { point, normal }
-}
-
-fn wall(size: f64) -> impl Strategy<Value = Shape> {
-    (vector(size), vector(1.0)).prop_map(|(p, v)| half_space(p, v.normalize_or(DVec3::Z)))
 }
 
 /// Up to 300 spheres with radii of 0.02 to `0.02 ratio`, in a box that makes them crowded or sparse.
@@ -90,7 +85,7 @@ fn scene(largest: usize, ratio: f64) -> impl Strategy<Value = Scene> {
             prop::collection::vec(vector(size), n),
             prop::collection::vec(0.02..0.02 * ratio, n),
             prop::collection::vec(prop_oneof![4 => 0.0..0.02f64, 1 => 0.0..0.5f64], n),
-            prop::collection::vec(wall(size), 0..5),
+            prop::collection::vec(wall(), 0..5),
         )
             .prop_map(|(x, radius, need, walls)| Scene {
                 x,

@@ -1,10 +1,21 @@
 //! How two shapes meet: one file per pair, and the table that says which pairs exist.
 
+mod ring;
+pub(crate) mod sphere_ball;
+pub(crate) mod sphere_cone;
+pub(crate) mod sphere_cylinder;
+pub(crate) mod sphere_disc;
 mod sphere_plane;
+pub(crate) mod sphere_rectangle;
 mod sphere_sphere;
 pub mod table;
 
+pub use sphere_ball::{sphere_ball, Ball};
+pub use sphere_cone::{sphere_cone, Cone};
+pub use sphere_cylinder::{sphere_cylinder, Cylinder};
+pub use sphere_disc::{sphere_disc, Disc};
 pub use sphere_plane::sphere_plane;
+pub use sphere_rectangle::{sphere_rectangle, Rectangle};
 pub use sphere_sphere::sphere_sphere;
 pub use table::proximity;
 
