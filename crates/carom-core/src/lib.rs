@@ -12,6 +12,7 @@ pub mod level;
 pub mod model;
 pub mod options;
 pub mod penalty;
+mod periodic;
 pub mod problem;
 pub mod record;
 pub mod report;

@@ -98,6 +98,7 @@ impl Scratch {
     pub fn new(model: &Model) -> Scratch {
         let n = model.spheres();
         let mut neighbours = NeighbourList::new();
+        neighbours.set_periodic(model.periodic);
         neighbours.set_threads(model.options.threads as usize);
         Scratch {
             linear: vec![Prediction::default(); n],

@@ -199,16 +199,18 @@ pub(crate) fn push_candidate(
     }
     let length = ra.min(model.radius[j]);
     let reach = ra + model.radius[j] + margin * length;
-    let between = position[i] - position[j];
+    let periodic = &model.periodic;
+    let between = periodic.nearest(position[i] - position[j]);
     if between.length_squared() > reach * reach {
         return Ok(false);
     }
-    let gap = carom_geom::sphere_sphere(position[i], ra, position[j], model.radius[j]).gap;
+    let gap = periodic
+        .sphere_sphere(position[i], ra, position[j], model.radius[j])
+        .gap;
     let Some(law) = law_or_miss(model, a, b, gap)? else {
         return Ok(false);
     };
-    let start =
-        carom_geom::sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
+    let start = periodic.sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
     let (t1, t2) = tangent_frame(start.normal);
     let frame = (start.normal, t1, t2);
     let mut contact = new_contact((a, b), law, frame, start.gap, gap, length);

@@ -58,7 +58,8 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
     if j >= model.spheres() {
         return met_wall(model, &scratch.walls, (a, b), x, d);
     }
-    let (from, along) = (x - state.position[j], d - scratch.linear[j].displacement);
+    let from = model.periodic.nearest(x - state.position[j]);
+    let along = d - scratch.linear[j].displacement;
     let length = r.min(model.radius[j]);
     if along.length_squared() < length * length {
         return None;

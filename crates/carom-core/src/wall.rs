@@ -390,7 +390,7 @@ impl Walls {
             let on_ball = c.to_world(c.n1, &c.lambda);
             let x = position[i];
             let wall = c.b as usize - model.spheres();
-            let lever = x - model.radius[i] * c.n1 - self.now[wall].place();
+            let lever = model.periodic.nearest(x - self.now[wall].place()) - model.radius[i] * c.n1;
             out[wall][0] -= on_ball.impulse;
             out[wall][1] -= lever.cross(on_ball.impulse) + on_ball.moment;
             let start = self.start_twist(model, c, state.position[i]);

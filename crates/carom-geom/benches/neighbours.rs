@@ -1,6 +1,6 @@
 //! How long finding neighbours takes: `cargo bench -p carom-geom`. Best of several runs, one thread.
 
-use carom_geom::{overlaps, DVec3, NeighbourList, Shape};
+use carom_geom::{overlaps, DVec3, NeighbourList, Periodic, Shape};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -240,6 +240,7 @@ fn main() {
             &scene.x,
             &scene.radius,
             &scene.walls,
+            &Periodic::default(),
             1e-9,
             usize::MAX,
         ));

@@ -2,7 +2,7 @@
 
 mod common;
 
-use carom_geom::{overlaps, sphere_sphere, DVec3, Displacement, NeighbourList, Shape};
+use carom_geom::{overlaps, sphere_sphere, DVec3, Displacement, NeighbourList, Periodic, Shape};
 use common::{vector, wall};
 use glam::DQuat;
 use proptest::prelude::*;
@@ -10,6 +10,7 @@ use std::collections::BTreeSet;
 
 #[derive(Clone, Debug, Default)]
 struct Scene {
+    periodic: Periodic,
     x: Vec<DVec3>,
     radius: Vec<f64>,
     walls: Vec<Shape>,
@@ -24,7 +25,12 @@ impl Scene {
         for a in 0..n {
             for b in a + 1..n {
                 let reach = self.radius[a] + self.radius[b] + (self.need[a] + self.need[b]);
-                if (self.x[a] - self.x[b]).length_squared() <= reach * reach {
+                if self
+                    .periodic
+                    .nearest(self.x[a] - self.x[b])
+                    .length_squared()
+                    <= reach * reach
+                {
                     pairs.push((a as u32, b as u32));
                 }
             }
@@ -63,7 +69,12 @@ impl Scene {
             within.push((m.a, m.b));
             let (i, j) = (m.a as usize, m.b as usize);
             let expected = match j.checked_sub(self.x.len()) {
-                None => sphere_sphere(self.x[i], self.radius[i], self.x[j], self.radius[j]),
+                None => (self.periodic).sphere_sphere(
+                    self.x[i],
+                    self.radius[i],
+                    self.x[j],
+                    self.radius[j],
+                ),
                 Some(w) => self.walls[w]
                     .meet(self.x[i], self.radius[i])
                     .expect("a wall"),
@@ -92,6 +103,7 @@ fn scene(largest: usize, ratio: f64) -> impl Strategy<Value = Scene> {
                 radius,
                 need,
                 walls,
+                ..Scene::default()
             })
     })
 }
@@ -189,8 +201,46 @@ proptest! {
     }
 
     #[test]
+    fn images_across_the_border(
+        mut scene in scene(150, 8.0),
+        length in prop::array::uniform3(prop_oneof![Just(0.0), 0.7..3.0f64]),
+        origin in vector(5.0),
+        shift in vector(40.0),
+        moves in prop::collection::vec(vector(0.01), 1..20),
+    ) {
+        scene.periodic = Periodic::new(DVec3::from(length), origin);
+        for x in scene.x.iter_mut().step_by(3) {
+            *x += (shift / 7.0).round() * DVec3::from(length);
+        }
+        let mut list = NeighbourList::new();
+        list.set_periodic(scene.periodic);
+        list.set_threads(2);
+        for step in 0..6 {
+            scene.refresh(&mut list);
+            scene.check(&list);
+            advance(&mut scene, &moves, step);
+        }
+        let found = overlaps(&scene.x, &scene.radius, &scene.walls, &scene.periodic, 0.5, usize::MAX);
+        prop_assert!(found.windows(2).all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)));
+        let n = scene.x.len() as u32;
+        let mut at_contact = scene.clone();
+        at_contact.need.fill(0.0);
+        let deep = at_contact.brute_force().into_iter().filter(|&(a, b)| {
+            let (i, j) = (a as usize, b as usize);
+            b < n && {
+                let (ri, rj) = (scene.radius[i], scene.radius[j]);
+                scene.periodic.sphere_sphere(scene.x[i], ri, scene.x[j], rj).gap < -0.5 * ri.min(rj)
+            }
+        });
+        prop_assert_eq!(
+            found.iter().map(|o| (o.a, o.b)).filter(|p| p.1 < n).collect::<Vec<_>>(),
+            deep.collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
     fn overlaps_are_all_found(scene in scene(200, 4.0)) {
-        let found = overlaps(&scene.x, &scene.radius, &scene.walls, 1e-9, usize::MAX);
+        let found = overlaps(&scene.x, &scene.radius, &scene.walls, &Periodic::default(), 1e-9, usize::MAX);
         let mut at_contact = scene.clone();
         at_contact.need.fill(0.0);
         let inside = |&(a, b): &(u32, u32)| {
@@ -227,6 +277,7 @@ fn lattice(side: usize) -> Scene {
         radius: vec![0.03; n],
         walls: vec![half_space(DVec3::new(0.0, 0.0, -0.03), DVec3::Z)],
         need: vec![1e-4; n],
+        ..Scene::default()
     }
 }
 
@@ -304,6 +355,7 @@ fn infinite_needs_and_nans_do_no_harm() {
             radius: vec![0.5; n],
             walls: vec![half_space(DVec3::new(0.0, 0.0, -0.5), DVec3::Z)],
             need: vec![0.0; n],
+            ..Scene::default()
         };
         scene.need[3] = f64::INFINITY;
         let mut list = NeighbourList::new();

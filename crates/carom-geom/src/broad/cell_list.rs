@@ -6,6 +6,7 @@
 //! makes a second level with one member instead of giving everybody cells of ten metres.
 
 use super::grid::{Entry, Grid};
+use crate::periodic::Periodic;
 use glam::DVec3;
 use std::ops::ControlFlow;
 
@@ -36,7 +37,11 @@ impl CellList {
     /// Takes in `N` bodies: centres `x` (N) (m) and extents (N) (m).
     ///
     /// A body with a position that is not finite, or with a NaN or negative extent, is left out: it is close to nothing.
-    pub fn build(&mut self, x: impl Iterator<Item = DVec3>, extent: &[f64]) {
+    ///
+    /// In a periodic box bodies are put into it, and images of those near its border are added: of every pair the body with
+    /// the larger extent has an image where it is close to the other, if the two are close at all. [`Self::pairs`] may
+    /// then give a pair twice.
+    pub fn build(&mut self, x: impl Iterator<Item = DVec3>, extent: &[f64], periodic: &Periodic) {
         self.unbounded.clear();
         self.pool.clear();
         for (i, (x, &e)) in x.zip(extent).enumerate() {
@@ -46,7 +51,13 @@ impl CellList {
                 } else {
                     &mut self.unbounded
                 };
-                target.push(Entry::new(i as u32, x, e));
+                let x = periodic.wrap(x);
+                let body = Entry::new(i as u32, x, e);
+                target.push(body);
+                if !periodic.is_none() && e < UNBOUNDED {
+                    let reach = 2.0 * e * (1.0 + 1e-9);
+                    periodic.images(x, reach, |x| target.push(body.image(x)));
+                }
             }
         }
         self.all.clear();
@@ -108,7 +119,10 @@ impl CellList {
     where
         F: FnMut(u32, u32) -> ControlFlow<()>,
     {
-        let mut emit = |a: &Entry, b: &Entry| visit(a.id.min(b.id), a.id.max(b.id));
+        let mut emit = |a: &Entry, b: &Entry| match a.pair(b) {
+            Some((a, b)) => visit(a, b),
+            None => ControlFlow::Continue(()),
+        };
         match *part {
             Part::Level(level, first, end) => {
                 let grid = &self.grids[level];

@@ -15,11 +15,31 @@ use std::ops::{ControlFlow, Range};
 pub(super) struct Entry {
     pub x: DVec3,
     pub extent: f64,
-    pub id: u32,
+    /// Index of the body, with [`IMAGE`] set for its images in a periodic box.
+    id: u32,
     slot: u32,
 }
 
+/// Marks an image.
+const IMAGE: u32 = 1 << 31;
+
 impl Entry {
+    /// The image of this body at another place.
+    pub fn image(&self, x: DVec3) -> Self {
+        Self {
+            x,
+            id: self.id | IMAGE,
+            ..*self
+        }
+    }
+
+    /// The bodies of a pair, the smaller index first; none for two images, and for a body and its own image.
+    #[inline(always)]
+    pub fn pair(&self, other: &Self) -> Option<(u32, u32)> {
+        let (a, b) = (self.id & !IMAGE, other.id & !IMAGE);
+        (self.id & other.id & IMAGE == 0 && a != b).then(|| (a.min(b), a.max(b)))
+    }
+
     pub fn new(id: u32, x: DVec3, extent: f64) -> Self {
         Self {
             x,

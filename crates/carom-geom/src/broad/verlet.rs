@@ -14,7 +14,8 @@
 
 use super::cell_list::{CellList, Part};
 use super::share::{cut, share};
-use crate::pair::{sphere_sphere, Proximity};
+use crate::pair::Proximity;
+use crate::periodic::Periodic;
 use crate::shape::Shape;
 use glam::DVec3;
 use std::ops::ControlFlow;
@@ -105,6 +106,7 @@ pub struct NeighbourList {
     pairs: Vec<(u32, u32)>,
     reference: Vec<Reference>,
     walls: Vec<Shape>,
+    periodic: Periodic,
     /// Which walls moved between the last two rebuilds: they are listed farther out.
     moving: Vec<bool>,
     skin: f64,
@@ -136,6 +138,7 @@ impl NeighbourList {
             pairs: Vec::new(),
             reference: Vec::new(),
             walls: Vec::new(),
+            periodic: Periodic::default(),
             moving: Vec::new(),
             skin: SKIN,
             adapt: true,
@@ -150,6 +153,12 @@ impl NeighbourList {
             start: Vec::new(),
             threads: 1,
         }
+    }
+
+    /// Sets a box in which bodies meet by their nearest images (default: none).
+    pub fn set_periodic(&mut self, periodic: Periodic) {
+        self.periodic = periodic;
+        self.valid = false;
     }
 
     /// Sets how many threads a rebuild may use (default 1). The list is the same for any number.
@@ -329,7 +338,8 @@ impl NeighbourList {
         for (a, ra) in self.reference.iter().enumerate() {
             for (b, rb) in self.reference.iter().enumerate().skip(a + 1) {
                 let reach = ra.extent + rb.extent;
-                if (ra.x - rb.x).length_squared() <= reach * reach * (1.0 + 1e-12) {
+                let between = self.periodic.nearest(ra.x - rb.x);
+                if between.length_squared() <= reach * reach * (1.0 + 1e-12) {
                     self.pairs.push((a as u32, b as u32));
                 }
             }
@@ -352,7 +362,7 @@ impl NeighbourList {
         self.extent.extend(self.reference.iter().map(|r| r.extent));
         let reference = &self.reference;
         self.cells
-            .build(reference.iter().map(|r| r.x), &self.extent);
+            .build(reference.iter().map(|r| r.x), &self.extent, &self.periodic);
         self.find(radius, limit, threads);
         self.sort(limit, threads);
     }
@@ -460,6 +470,10 @@ impl NeighbourList {
                 next,
             });
         share(threads, blocks.collect(), |block: Rows| block.fill(raw));
+        if !self.periodic.is_none() {
+            // Found with an image of one and an image of the other.
+            self.pairs.dedup();
+        }
     }
 
     /// The pairs that meet within their needs, sorted by `(a, b)`: exactly those the guarantee of
@@ -475,15 +489,16 @@ impl NeighbourList {
         walls: &'a [Shape],
         need: &'a [f64],
     ) -> impl Iterator<Item = Meeting> + 'a {
-        let n = x.len();
+        let (n, periodic) = (x.len(), &self.periodic);
         self.pairs.iter().filter_map(move |&(a, b)| {
             let (i, j) = (a as usize, b as usize);
             let proximity = if j < n {
                 let reach = radius[i] + radius[j] + (need[i] + need[j]);
-                if !(reach >= 0.0 && (x[i] - x[j]).length_squared() <= reach * reach) {
+                let between = periodic.nearest(x[i] - x[j]);
+                if !(reach >= 0.0 && between.length_squared() <= reach * reach) {
                     return None;
                 }
-                sphere_sphere(x[i], radius[i], x[j], radius[j])
+                periodic.sphere_sphere(x[i], radius[i], x[j], radius[j])
             } else {
                 let p = walls[j - n].meet(x[i], radius[i])?;
                 if p.gap.is_nan() || p.gap > need[i] {
