@@ -6,9 +6,8 @@ use crate::options::Options;
 use crate::penalty;
 use crate::periodic;
 use crate::scalar::Scalar;
-use crate::wall::{Wall, WallMotion};
+use crate::wall::{checked, Shape, Wall, WallMotion};
 use carom_geom::Periodic;
-use carom_geom::Shape;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -230,6 +229,15 @@ impl Model {
         self.radius.len()
     }
 
+    /// Number of walls whose impulses are summed up: all or none.
+    pub fn recorded_walls(&self) -> usize {
+        if self.record_walls {
+            self.walls.len()
+        } else {
+            0
+        }
+    }
+
     /// Wall of a body index beyond the spheres.
     #[inline]
     pub fn wall(&self, body: u32) -> &Wall {
@@ -398,23 +406,16 @@ fn compile_walls(input: &ModelInput) -> Result<Vec<Wall>, ModelError> {
         .zip(&input.plane_material)
         .enumerate()
     {
-        finite("plane", p, "point", point)?;
-        finite("plane", p, "normal", normal)?;
-        let normal = DVec3::from(*normal);
-        // Scaled first: the square of a huge component is infinite.
-        let normal = normal / normal.abs().max_element();
-        let size = normal.length();
-        if !size.is_finite() {
-            return Err(entry("plane", p, "normal", "is zero".to_owned()));
-        }
-        let shape = Shape::HalfSpace {
+        let plane = Shape::HalfSpace {
             point: DVec3::from(*point),
-            normal: normal / size,
+            normal: DVec3::from(*normal),
         };
-        walls.push(Wall::new(shape, *material));
+        let plane = checked(&plane).map_err(|(name, text)| entry("plane", p, name, text))?;
+        walls.push(Wall::new(plane, *material));
     }
-    for (shape, material) in &input.walls {
-        walls.push(Wall::new(*shape, *material));
+    for (w, (shape, material)) in input.walls.iter().enumerate() {
+        let shape = checked(shape).map_err(|(name, text)| entry("wall", w, name, text))?;
+        walls.push(Wall::new(shape, *material));
     }
     for (index, (wall, motion)) in input.wall_motion.iter().enumerate() {
         motion

@@ -126,14 +126,7 @@ impl Scratch {
             penalty: Workspace::new(model),
             load_error: None,
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
-            wall_impulse: vec![
-                [DVec3::ZERO; 2];
-                if model.record_walls {
-                    model.walls.len()
-                } else {
-                    0
-                }
-            ],
+            wall_impulse: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             power: 0.0,
         }
     }

@@ -4,13 +4,18 @@
 //! the contact over the step, velocity rows its velocity there. The *shape* moves by the pose; the *material* may move along
 //! it besides (a conveyor, a drum that turns in itself), which sliding, rolling and spinning rows see and the normal row not.
 
+mod check;
+
+pub use carom_geom::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
+pub use check::checked;
+
 use crate::contact::{Contact, Rows};
 use crate::level::position::along;
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::state::State;
 use crate::stepper::Span;
-use carom_geom::{Displacement, Proximity, Shape};
+use carom_geom::{Displacement, Proximity};
 use glam::{DQuat, DVec3};
 
 /// No entry among the moving walls.
