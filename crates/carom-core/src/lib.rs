@@ -4,6 +4,7 @@
 //! `carom.reference` states it in NumPy.
 
 pub mod contact;
+pub mod flow;
 pub mod force;
 pub mod impact;
 pub mod islands;

@@ -1,5 +1,6 @@
 //! What is simulated: compiled, immutable, arrays and integer ids.
 
+use crate::flow::{Flow, Inflow, Outlet};
 use crate::force::{Dependence, Load};
 use crate::joint::{Joint, RowKind, GROUND};
 use crate::options::Options;
@@ -111,6 +112,9 @@ pub struct ModelInput {
     /// Lengths of a periodic box, m, 0 for an axis that does not repeat, and its low corner.
     pub periodic: [f64; 3],
     pub periodic_origin: [f64; 3],
+    /// Balls that come and go.
+    pub inflow: Vec<Inflow>,
+    pub outlet: Vec<Outlet>,
     /// Unordered pairs of materials and their law: mu, e_N, e_T, rho, delta.
     pub laws: Vec<(u32, u32, [f64; 5])>,
     /// Per law: mu as a law of the slip speed instead of the number. Empty: none.
@@ -136,6 +140,7 @@ pub struct Model {
     pub record_walls: bool,
     /// Spheres meet by their nearest images; positions are never wrapped.
     pub periodic: Periodic,
+    pub flow: Flow,
     pub laws: Vec<ContactLaw>,
     /// Law index + 1 by material pair, 0 where there is none.
     law_table: Vec<u32>,
@@ -188,6 +193,7 @@ impl Model {
         finite("world", 0, "gravity", &input.gravity)?;
         let walls = compile_walls(input)?;
         let periodic = periodic::compile(input, &walls)?;
+        let flow = Flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         penalty::check(&options, &laws, &input.joints)?;
         let links = compile_links(input)?;
@@ -202,6 +208,7 @@ impl Model {
             record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
             walls,
             periodic,
+            flow,
             laws,
             law_table,
             materials,

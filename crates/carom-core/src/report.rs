@@ -1,5 +1,6 @@
 //! What a step, and a run, tell about themselves.
 
+use crate::flow::Exchange;
 use carom_solve::report::Rung;
 use carom_solve::SolveReport;
 
@@ -73,6 +74,11 @@ step_report! {
     energy_potential: f64,
     /// Work of loads without a potential and of prescribed motion in the step, J.
     energy_work: f64,
+    /// Energy of the balls that entered and left after the step, J, and their numbers.
+    energy_in: f64,
+    energy_out: f64,
+    entered: u32,
+    removed: u32,
     /// Largest penetration after the step, m, and over r_c.
     penetration: f64,
     penetration_relative: f64,
@@ -116,6 +122,16 @@ impl StepReport {
         self.line_search_velocity = self.line_search_velocity.max(r.line_search);
         self.residual_velocity = self.residual_velocity.max(r.residual);
         self.fallbacks += u32::from(r.rung != Rung::First);
+    }
+
+    /// Takes in what entered and left after the step.
+    pub(crate) fn add_exchange(&mut self, e: &Exchange) {
+        self.energy_in = e.energy_in.iter().sum();
+        self.energy_out = e.energy_out.iter().sum();
+        self.energy_kinetic += e.energy_in[0] - e.energy_out[0];
+        self.energy_potential += e.energy_in[1] - e.energy_out[1];
+        self.entered = e.entered;
+        self.removed = e.removed;
     }
 
     /// Adds substeps and the smallest of them, s; it says nothing where there are none.
@@ -198,7 +214,12 @@ pub struct Monitors {
     pub energy_final: f64,
     /// Work of loads without a potential and of prescribed motion, J.
     pub energy_work: f64,
-    /// Largest rise of the total energy in one step beyond that work, J (0: it never rose).
+    /// Energy of the balls that entered and left in the course of the run, J, and their numbers.
+    pub energy_in: f64,
+    pub energy_out: f64,
+    pub entered: u64,
+    pub removed: u64,
+    /// Largest rise of the total energy in one step beyond that work and exchange, J (0: it never rose).
     pub energy_max_rise: f64,
     /// Largest kinetic energy plus `sum m |g| r`: the scale against which a rise is judged, J.
     pub energy_scale: f64,
@@ -245,7 +266,11 @@ impl Monitors {
         self.penetration = self.penetration.max(r.penetration);
         self.penetration_relative = self.penetration_relative.max(r.penetration_relative);
         let energy = r.energy_kinetic + r.energy_potential;
-        let rise = energy - self.energy_final - r.energy_work;
+        let rise = energy - self.energy_final - r.energy_work - (r.energy_in - r.energy_out);
+        self.energy_in += r.energy_in;
+        self.energy_out += r.energy_out;
+        self.entered += u64::from(r.entered);
+        self.removed += u64::from(r.removed);
         self.energy_work += r.energy_work;
         self.energy_scale = self.energy_scale.max(r.energy_kinetic + static_scale);
         self.energy_max_rise = self.energy_max_rise.max(rise);

@@ -1,5 +1,6 @@
 //! A run: model, state, scratch and records together; halving of steps that fail, monitors, outcome.
 
+use crate::flow::{self, Exchange};
 use crate::force;
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
@@ -52,20 +53,34 @@ impl Simulation {
                 Method::MoreauJean => Coefficients::theta_rule(o.theta, h),
             })
             .collect();
+        let mut scratch = Scratch::new(&model);
+        let mut recorder = Recorder::new(&model);
+        let (mut first, mut state) = (Exchange::default(), state);
+        if !model.flow.is_none() {
+            scratch.walls.place(&model, 0.0);
+            let events = &mut recorder.block.events;
+            first = flow::exchange(&model, &mut state, &scratch.walls, 0, 0.0, events);
+        }
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
         for i in 0..model.spheres() {
             kinetic += 0.5
                 * (model.mass[i] * state.velocity[i].length_squared()
                     + model.inertia[i] * state.angular_velocity[i].length_squared());
-            potential += force::weight_potential(&model, i, state.position[i]);
+            if state.present[i] {
+                potential += force::weight_potential(&model, i, state.position[i]);
+            }
             static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
         }
         let at = motion_of(&state, 0.0);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         Simulation {
-            scratch: Scratch::new(&model),
-            monitors: Monitors::new(kinetic, potential, static_scale),
-            recorder: Recorder::new(&model),
+            scratch,
+            monitors: Monitors {
+                entered: u64::from(first.entered),
+                removed: u64::from(first.removed),
+                ..Monitors::new(kinetic, potential, static_scale)
+            },
+            recorder,
             timers: Timers::default(),
             failed: None,
             coefficients,
@@ -138,6 +153,13 @@ impl Simulation {
             self.failed = None;
         }
         self.state.step = number;
+        if !self.model.flow.is_none() {
+            let (walls, events) = (&mut self.scratch.walls, &mut self.recorder.block.events);
+            walls.place(&self.model, time);
+            let exchange =
+                flow::exchange(&self.model, &mut self.state, walls, number, time, events);
+            report.add_exchange(&exchange);
+        }
         let h_speed = self.state.velocity.iter().zip(&self.model.radius);
         let travel = h_speed
             .map(|(v, r)| v.length_squared() / (r * r))

@@ -126,8 +126,8 @@ pub(crate) fn predict_and_smooth(
 /// Pairs that may come within the candidate margin during the step.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     for i in 0..model.spheres() {
-        scratch.need[i] =
-            scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * model.radius[i];
+        let need = scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * model.radius[i];
+        scratch.need[i] = state.need(model, i, need);
     }
     scratch.neighbours.refresh(
         &state.position,
@@ -176,6 +176,10 @@ pub(crate) fn push_candidate(
 ) -> Result<bool, Failure> {
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let ra = model.radius[i];
+    // A list may be older than the removal of a ball.
+    if !state.present[i] || state.present.get(j) == Some(&false) {
+        return Ok(false);
+    }
     if j >= n {
         let wall = &model.walls[j - n];
         let gap = walls.meet(model, a, b, position[i]).gap;
@@ -389,8 +393,8 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
         ..
     } = scratch;
     for i in 0..model.spheres() {
-        need[i] =
-            (linear[i].displacement + shift[i][0]).length() + CANDIDATE_MARGIN * model.radius[i];
+        let way = linear[i].displacement + shift[i][0];
+        need[i] = state.need(model, i, way.length() + CANDIDATE_MARGIN * model.radius[i]);
     }
     neighbours.refresh(&state.position, &model.radius, &walls.now, need);
     complete(neighbours)?;
@@ -482,7 +486,9 @@ pub(crate) fn finish(
         let w = scratch.angular[i].velocity + scratch.jump[i][1];
         kinetic +=
             0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
-        potential += force::weight_potential(model, i, scratch.position[i]);
+        if state.present[i] {
+            potential += force::weight_potential(model, i, scratch.position[i]);
+        }
         if !(kinetic.is_finite() && potential.is_finite()) {
             return Err(Failure::NotFinite(i as u32));
         }

@@ -50,6 +50,9 @@ pub(crate) fn check(model: &Model, state: &State, scratch: &Scratch) -> Result<(
 /// Relative travel of a pair and the radius that it reaches, if it meets on the way: both in m.
 fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Option<(f64, f64)> {
     let (i, j) = (a as usize, b as usize);
+    if !state.present[i] || state.present.get(j) == Some(&false) {
+        return None;
+    }
     let (x, r, d) = (
         state.position[i],
         model.radius[i],

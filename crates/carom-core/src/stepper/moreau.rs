@@ -126,7 +126,8 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
         // The whole way of the smooth step too: what lies on it must be known.
         let way = (scratch.position[i] - state.position[i]).length();
         let way = way.max(scratch.linear[i].displacement.length());
-        scratch.need[i] = way + step::CANDIDATE_MARGIN * model.radius[i];
+        let need = way + step::CANDIDATE_MARGIN * model.radius[i];
+        scratch.need[i] = state.need(model, i, need);
     }
     scratch.neighbours.refresh(
         &state.position,

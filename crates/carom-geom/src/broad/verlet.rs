@@ -9,6 +9,7 @@
 //!
 //! A wall is listed by its own distance, which changes by no more than the centre moves. One that has moved since is looked
 //! at directly: the list holds as long as every sphere within its need of the wall is on it.
+//! A body with a negative need is absent: it has no pairs.
 //! `need_i` (m) is what the caller must not miss: how far body `i` may travel before the next call, plus its share
 //! of any gap that has to count as touching.
 
@@ -161,6 +162,12 @@ impl NeighbourList {
         self.valid = false;
     }
 
+    /// The need (m) of a body of this radius (m) that is not there: no pairs, and no rebuild as long as it stays away.
+    #[inline]
+    pub fn absent(radius: f64) -> f64 {
+        -2.0 * radius
+    }
+
     /// Sets how many threads a rebuild may use (default 1). The list is the same for any number.
     pub fn set_threads(&mut self, threads: usize) {
         self.threads = threads.max(1);
@@ -245,7 +252,8 @@ impl NeighbourList {
     fn covers(&self, w: usize, wall: &Shape, x: &[DVec3], radius: &[f64], need: &[f64]) -> bool {
         let b = (x.len() + w) as u32;
         (0..x.len()).all(|i| {
-            wall.clearance(x[i], radius[i]) > need[i]
+            need[i] < 0.0
+                || wall.clearance(x[i], radius[i]) > need[i]
                 || self.pairs.binary_search(&(i as u32, b)).is_ok()
         })
     }
@@ -320,23 +328,27 @@ impl NeighbourList {
             0.0
         };
         self.reference.clear();
-        self.reference.extend(
-            x.iter()
-                .zip(radius)
-                .zip(need)
-                .map(|((&x, &r), &need)| Reference {
-                    x,
-                    extent: r + need + (skin * r.min(most)).max(in_needs * need),
-                }),
-        );
+        self.reference
+            .extend(x.iter().zip(radius).zip(need).map(|((&x, &r), &need)| {
+                // Of an absent body: below 0, so that nothing reaches it, with a slack of 0.
+                let skin = if need < 0.0 {
+                    0.0
+                } else {
+                    (skin * r.min(most)).max(in_needs * need)
+                };
+                let extent = r + need + skin;
+                Reference { x, extent }
+            }));
     }
 
     /// All pairs in the order of the result.
     fn try_all(&mut self, radius: &[f64], limit: usize) {
         self.pairs.clear();
         let n = self.reference.len();
-        for (a, ra) in self.reference.iter().enumerate() {
-            for (b, rb) in self.reference.iter().enumerate().skip(a + 1) {
+        let there = |(_, r): &(usize, &Reference)| r.extent >= 0.0;
+        for (a, ra) in self.reference.iter().enumerate().filter(there) {
+            let others = self.reference.iter().enumerate().skip(a + 1);
+            for (b, rb) in others.filter(there) {
                 let reach = ra.extent + rb.extent;
                 let between = self.periodic.nearest(ra.x - rb.x);
                 if between.length_squared() <= reach * reach * (1.0 + 1e-12) {
@@ -492,6 +504,9 @@ impl NeighbourList {
         let (n, periodic) = (x.len(), &self.periodic);
         self.pairs.iter().filter_map(move |&(a, b)| {
             let (i, j) = (a as usize, b as usize);
+            if need[i] < 0.0 || need.get(j).is_some_and(|&need| need < 0.0) {
+                return None;
+            }
             let proximity = if j < n {
                 let reach = radius[i] + radius[j] + (need[i] + need[j]);
                 let between = periodic.nearest(x[i] - x[j]);
@@ -518,5 +533,6 @@ fn reaches_wall(sphere: &Reference, radius: f64, wall: &Shape, moving: bool) -> 
     let away = (sphere.x - wall.place()).abs().element_sum();
     let rounding = 4e-15 * (away + sphere.extent);
     let ahead = if moving { radius } else { 0.0 };
-    wall.clearance(sphere.x, radius) <= sphere.extent - radius + ahead + rounding
+    sphere.extent >= 0.0
+        && wall.clearance(sphere.x, radius) <= sphere.extent - radius + ahead + rounding
 }
