@@ -80,7 +80,7 @@ pub fn step(
     let span = Span::new(*time, coefficients.h);
     predict_and_smooth(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Predict);
-    list_pairs(model, state, scratch)?;
+    list_pairs(model, state, scratch, span.h)?;
     travel::check(model, state, scratch)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
@@ -124,9 +124,16 @@ pub(crate) fn predict_and_smooth(
 }
 
 /// Pairs that may come within the candidate margin during the step.
-fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
+fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<(), Failure> {
+    let moves = scratch.walls.any_moves();
     for i in 0..model.spheres() {
-        let need = scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * model.radius[i];
+        let (x, r) = (state.position[i], model.radius[i]);
+        let mut need = scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * r;
+        if moves {
+            // A fast wall may be past a sphere at the end of the step.
+            let swept = scratch.walls.speed_at(x) * h;
+            need += if swept > 0.5 * r { swept } else { 0.0 };
+        }
         scratch.need[i] = state.need(model, i, need);
     }
     scratch.neighbours.refresh(

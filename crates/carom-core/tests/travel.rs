@@ -3,8 +3,11 @@
 mod common;
 
 use carom_core::options::Method;
+use carom_core::scalar::Scalar;
+use carom_core::wall::{Rectangle, Shape, WallMotion};
 use carom_core::{ModelInput, Options, Outcome};
 use common::{advance, balls, simulation, R};
+use glam::DVec3;
 
 const H: f64 = 0.015625;
 
@@ -136,4 +139,45 @@ fn what_is_too_fast_is_refused_with_the_step_to_take() {
     );
     assert!(advance(&mut s, 100).is_none());
     assert!((s.state.velocity[1].x - 80.0).abs() < 1e-9);
+}
+
+/// A paddle of 20 radii that flies along x at `travel` radii a step, towards a ball at rest 9.3 radii ahead.
+#[test]
+fn a_fast_paddle_does_not_pass_through_a_ball() {
+    for travel in [0.5, 2.3, 5.1] {
+        let mut input = ModelInput {
+            laws: vec![(0, 1, [0.0, 1.0, 0.0, 0.0, 0.0])],
+            walls: vec![(
+                Shape::Rectangle(Rectangle {
+                    centre: DVec3::ZERO,
+                    normal: DVec3::X,
+                    side: DVec3::Y,
+                    half: [10.0 * R, 10.0 * R],
+                }),
+                1,
+            )],
+            ..balls(&[[10.3 * R, 0.0, 0.0]], &[])
+        };
+        let speed = travel * R / H;
+        let along = [
+            Scalar::Polynomial(vec![0.0, speed]),
+            Scalar::zero(),
+            Scalar::zero(),
+        ];
+        input.wall_motion = vec![(
+            0,
+            WallMotion {
+                translation: Some(along),
+                ..WallMotion::default()
+            },
+        )];
+        let mut s = simulation(&input, options(Method::Nsga));
+        assert!(advance(&mut s, 25).is_none());
+        let v = s.state.velocity[0].x;
+        assert!(
+            (v - 2.0 * speed).abs() < 1e-9 * speed,
+            "{travel}: {v} {speed}"
+        );
+        assert_eq!(s.monitors.substeps > 0, travel > 1.0, "{travel}");
+    }
 }
