@@ -144,6 +144,11 @@ class Simulation:
     - `"surface_velocity": (3,)`, m/s, and `"surface_rotation": (axis, point, rate)`, rad/s: motion of the material along a
       surface that stays; both turn with the wall
 
+    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `inflow`: list of `{"bodies": (first,
+    count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),
+    "spread": m/s per component, "seed": int}`, whose balls are absent until they enter. `outlet`: list of
+    `(low, high, inside)`.
+
     Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`.
     """
 
@@ -156,14 +161,18 @@ class Simulation:
     @property
     def time(self) -> float: ...
     def frame(self) -> dict[str, F64]:
-        """Current `time, position, orientation, velocity, angular_velocity` as copies."""
+        """Current `time, position, orientation, velocity, angular_velocity` as copies.
+
+        With inflows or outlets `present (N,)` too; absent balls have a position of NaN, here and in the frames of `advance`.
+        """
 
     def advance(self, steps: int, frame_every: int, contacts: bool, wall_limit: float) -> Block:
         """Advance by up to `steps` steps, stopping early after `wall_limit` seconds or at an outcome that is not `None`.
 
         A frame is taken after each step whose number is a multiple of `frame_every` (0: none).
         `frames["walls"]` (F, P, 6), where walls are recorded, has the impulse on each wall since the last frame, N s, and its
-        moment about the wall's point, moved with the wall, N m s.
+        moment about the wall's point, moved with the wall, N m s. With inflows or outlets there are `frames["present"]`
+        (F, N) and the table `events`: `step, time, body, kind`, 1 for a ball that enters and 0 for one that leaves.
         """
 
     def state(self) -> dict[str, Any]:
