@@ -433,7 +433,7 @@ fn compile_walls(input: &ModelInput) -> Result<Vec<Wall>, ModelError> {
             let text = format!("is {wall}; there are {count} walls");
             return Err(entry("wall motion", index, "wall", text));
         };
-        target.motion = Some(motion.clone());
+        target.motion = Some(Box::new(motion.clone()));
     }
     crate::wall::number(&mut walls);
     Ok(walls)

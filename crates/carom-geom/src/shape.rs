@@ -70,6 +70,15 @@ impl Shape {
     /// How a sphere with centre `x` (m) and radius `r` (m) meets this wall; `None` for shapes that are none.
     #[inline]
     pub fn meet(&self, x: DVec3, r: f64) -> Option<Proximity> {
+        // Planes are in every scene and cost nothing: the others stay out of the way.
+        if let Shape::HalfSpace { point, normal } = *self {
+            return Some(sphere_plane(x, r, point, normal));
+        }
+        self.meet_other(x, r)
+    }
+
+    #[inline(never)]
+    fn meet_other(&self, x: DVec3, r: f64) -> Option<Proximity> {
         match *self {
             Shape::HalfSpace { point, normal } => Some(sphere_plane(x, r, point, normal)),
             Shape::Sphere { .. } => None,
@@ -85,6 +94,14 @@ impl Shape {
     /// itself where the sphere is near and on the free side. Infinite for shapes that are no walls.
     #[inline]
     pub fn clearance(&self, x: DVec3, r: f64) -> f64 {
+        if let Shape::HalfSpace { point, normal } = *self {
+            return normal.dot(x - point) - r;
+        }
+        self.clearance_other(x, r)
+    }
+
+    #[inline(never)]
+    fn clearance_other(&self, x: DVec3, r: f64) -> f64 {
         match *self {
             Shape::HalfSpace { point, normal } => normal.dot(x - point) - r,
             Shape::Sphere { .. } => f64::INFINITY,

@@ -188,9 +188,11 @@ pub fn solve_island(
                 scratch.angular[i].displacement,
             );
             let mut z = single::motion(c, model.radius[i], linear, angular);
-            let (from, to) = (state.position[i], scratch.position[i]);
-            if let Some([way, turn]) = scratch.walls.displacement(model, c, from, to) {
-                z.subtract(&single::driven(c, way, way, turn));
+            if scratch.walls.any_moves() {
+                let (from, to) = (state.position[i], scratch.position[i]);
+                if let Some([way, turn]) = scratch.walls.displacement(model, c, from, to) {
+                    z.subtract(&single::driven(c, way, way, turn));
+                }
             }
             z.normal = c.gap_check;
             let s = single::problem(model, c, &z).solve();
@@ -254,8 +256,11 @@ fn solve_by_newton(
         let (ja, jb) = (solve.node(model, c.a), solve.node(model, c.b));
         let mut z0 = [0.0; 6];
         // A wall is a body B whose motion is known.
-        let (from, to) = (state.position[c.a as usize], position[c.a as usize]);
-        let driven = walls.displacement(model, c, from, to);
+        let mut driven = None;
+        if walls.any_moves() {
+            let (from, to) = (state.position[c.a as usize], position[c.a as usize]);
+            driven = walls.displacement(model, c, from, to);
+        }
         for (z, row) in z0.iter_mut().zip(&rows[..dim]).skip(1) {
             *z = along(
                 &row[0],

@@ -86,10 +86,16 @@ pub fn solve_island(
         let c = &scratch.contacts[m as usize];
         // As printed, restitution is not clipped: a contact that was separating may need a second problem.
         let printed = model.options.impact == Impact::SequencePaper;
-        let [old, _] = single::wall_motion(model, state, scratch, c);
-        let separating = c.n0.dot(state.velocity[c.a as usize]) - old.normal > 0.0;
-        if closed_form(model, c) && !(printed && separating) {
-            solve_single(model, state, scratch, m, report);
+        let separating = || {
+            let [old, _] = single::wall_motion(model, state, scratch, c);
+            c.n0.dot(state.velocity[c.a as usize]) - old.normal > 0.0
+        };
+        if closed_form(model, c) && !(printed && separating()) {
+            if scratch.walls.any_moves() {
+                solve_single::<true>(model, state, scratch, m, report);
+            } else {
+                solve_single::<false>(model, state, scratch, m, report);
+            }
             return true;
         }
     }
@@ -110,8 +116,8 @@ pub fn solve_island(
     )
 }
 
-/// A lone sphere-plane contact: at most one impact problem, in closed form.
-fn solve_single(
+/// A lone sphere-plane contact: at most one impact problem, in closed form. `MOVING`: walls of this scene may move.
+fn solve_single<const MOVING: bool>(
     model: &Model,
     state: &State,
     scratch: &mut Scratch,
@@ -125,14 +131,20 @@ fn solve_single(
     let (v_check, w_check) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
     let mut speeds = Speeds::default();
     speeds.add(model, state, v_check, i);
-    let walls = &scratch.walls;
-    let twists = walls.start_twist(model, c, state.position[i]);
-    if let (Some(old), Some(new)) = (twists, walls.end_twist(model, c, scratch.position[i])) {
-        speeds.add_wall(&old, &new);
+    let mut of_walls = [single::Motion::default(); 2];
+    if MOVING {
+        let walls = &scratch.walls;
+        let twists = walls.start_twist(model, c, state.position[i]);
+        if let (Some(old), Some(new)) = (twists, walls.end_twist(model, c, scratch.position[i])) {
+            speeds.add_wall(&old, &new);
+        }
+        of_walls = single::wall_motion(model, state, scratch, c);
     }
-    let [wall_old, wall_new] = single::wall_motion(model, state, scratch, c);
+    let [wall_old, wall_new] = of_walls;
     let against = |mut z: single::Motion, wall: &single::Motion| {
-        z.subtract(wall);
+        if MOVING {
+            z.subtract(wall);
+        }
         z
     };
     let tol = speeds.closing_tolerance(options, 1);

@@ -30,9 +30,11 @@ pub struct Wall {
     /// Fixed tangents of a plane, `normal x tangent1 = tangent2`.
     pub tangent1: DVec3,
     pub tangent2: DVec3,
-    pub motion: Option<WallMotion>,
+    pub motion: Option<Box<WallMotion>>,
     /// Place among the moving walls.
     slot: u32,
+    fixed_plane: bool,
+    steady_plane: bool,
 }
 
 impl Wall {
@@ -48,7 +50,16 @@ impl Wall {
             tangent2,
             motion: None,
             slot: FIXED,
+            fixed_plane: matches!(shape, Shape::HalfSpace { .. }),
+            steady_plane: matches!(shape, Shape::HalfSpace { .. }),
         }
+    }
+
+    /// The same wall with a motion, at a place among those that have one.
+    fn take(&mut self, slot: u32) {
+        self.slot = slot;
+        self.fixed_plane = false;
+        self.steady_plane &= self.motion.as_ref().is_none_or(|m| m.rotation.is_none());
     }
 
     /// Mean curvature of the surface, 1/m, positive where it bulges towards the spheres. Edges count as the face.
@@ -70,14 +81,13 @@ impl Wall {
     /// A plane that never moves: normal and frame are the same in all steps.
     #[inline]
     pub fn is_fixed_plane(&self) -> bool {
-        self.slot == FIXED && matches!(self.shape, Shape::HalfSpace { .. })
+        self.fixed_plane
     }
 
     /// A plane whose normal never turns: a lone contact with it has a closed form.
     #[inline]
     pub fn is_steady_plane(&self) -> bool {
-        matches!(self.shape, Shape::HalfSpace { .. })
-            && self.motion.as_ref().is_none_or(|m| m.rotation.is_none())
+        self.steady_plane
     }
 }
 
@@ -254,7 +264,7 @@ impl Walls {
 
     /// Displacement and rotation of the wall's material at the contact over the step, with the sphere's centre at t_n and after
     /// the smooth motion: exact to third order in the step, also where the contact moves over a wall that turns.
-    #[inline]
+    #[inline(never)]
     pub fn displacement(
         &self,
         model: &Model,
@@ -325,6 +335,6 @@ fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
 pub(crate) fn number(walls: &mut [Wall]) {
     let moving = walls.iter_mut().filter(|w| w.motion.is_some());
     for (slot, wall) in moving.enumerate() {
-        wall.slot = slot as u32;
+        wall.take(slot as u32);
     }
 }
