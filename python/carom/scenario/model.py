@@ -18,6 +18,7 @@ from carom.scenario.laws import Law, LawValue
 from carom.scenario.lists import Direction, Vector
 from carom.scenario.loads import Drag, Load, LoadFunction, Spring
 from carom.scenario.options import Run
+from carom.scenario.packing import Packing
 from carom.scenario.quantities import Distance, Name, Position, Vec3, unit
 from carom.scenario.table import Table
 
@@ -121,6 +122,7 @@ class Scenario(Table):
     sphere: list[Sphere] = Field(default_factory=list, description="single balls")
     rack: list[Rack] = Field(default_factory=list, description="billiard racks")
     lattice: list[Lattice] = Field(default_factory=list, description="grids of balls")
+    packing: list[Packing] = Field(default_factory=list, description="random packings of balls")
     plane: list[Plane] = Field(default_factory=list, description="fixed half-spaces")
     joint: list[Joint] = Field(default_factory=list, description="constraints of the motion")
     load: list[Load] = Field(default_factory=list, description="forces and torques")
@@ -140,6 +142,7 @@ REPEATED: dict[str, type[Table]] = {
     "sphere": Sphere,
     "rack": Rack,
     "lattice": Lattice,
+    "packing": Packing,
     "plane": Plane,
     "joint": Joint,
     "load": Load,

@@ -60,6 +60,12 @@ impl WallTwist {
         }
     }
 
+    /// Velocity that a contact with this normal sees: along it of the shape, across of the material.
+    #[inline]
+    pub fn at(&self, normal: DVec3) -> DVec3 {
+        self.material + normal * normal.dot(self.shape - self.material)
+    }
+
     pub(super) fn mean(&self, other: &WallTwist) -> WallTwist {
         WallTwist {
             shape: 0.5 * (self.shape + other.shape),
