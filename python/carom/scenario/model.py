@@ -13,13 +13,16 @@ from pydantic import Field
 
 from carom.scenario.balls import Lattice, Rack, Sphere
 from carom.scenario.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Pair, Quantity, Text, Version
+from carom.scenario.flow import Inflow, Outlet, Region
 from carom.scenario.joints import Joint
 from carom.scenario.laws import Law, LawValue
-from carom.scenario.lists import Direction, Vector
+from carom.scenario.lists import Lengths, Vector
 from carom.scenario.loads import Drag, Load, LoadFunction, Spring
+from carom.scenario.motion import Motion, Rotation, SurfaceRotation
 from carom.scenario.options import Run
-from carom.scenario.quantities import Distance, Name, Position, Vec3, unit
+from carom.scenario.quantities import FARTHEST, ZEROS, Distance, Name, Position, Vec3, unit
 from carom.scenario.table import Table
+from carom.scenario.walls import WALLS, BallWall, Box, Cone, Cylinder, Plane
 
 FORMAT = 1
 
@@ -35,6 +38,11 @@ class Record(Table):
     contacts: Annotated[bool, Flag()] = Field(
         True, description="keep the impulses of each contact, accumulated since the last frame"
     )
+    walls: Annotated[bool, Flag()] | None = Field(
+        None,
+        description="keep the impulse on each wall since the last frame; if omitted, where a wall moves",
+        examples=[True],
+    )
 
 
 class World(Table):
@@ -46,6 +54,15 @@ class World(Table):
         description="acceleration of gravity, m/s^2; zeros for none",
         examples=[[0.0, 0.0, -9.8]],
         json_schema_extra=unit("m/s^2"),
+    )
+    periodic: Annotated[Vec3, Lengths(bounds=Bounds(ge=0, le=FARTHEST))] | None = Field(
+        None,
+        description="periods of the world along x, y, z; 0: none along that axis",
+        examples=[[0.1, 0.1, 0.0]],
+        json_schema_extra=unit("m"),
+    )
+    origin: Position = Field(
+        ZEROS, description="lowest corner of the periodic box", json_schema_extra=unit("m")
     )
 
 
@@ -91,21 +108,6 @@ class Contact(Table):
         return f'scene.contact("{self.between[0]}", "{self.between[1]}")'
 
 
-class Plane(Table):
-    """A fixed half-space; spheres live on the side of its normal."""
-
-    section: ClassVar[str] = "plane"
-
-    name: Name = Field(description="name, unique among spheres and planes", examples=["bed"])
-    material: Name = Field(description="name of its material", examples=["cloth"])
-    point: Position = Field(
-        description="any point of the plane", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
-    )
-    normal: Annotated[Vec3, Direction()] = Field(
-        description="points to the side where spheres live; any length but zero", examples=[[0.0, 0.0, 1.0]]
-    )
-
-
 class Scenario(Table):
     """A whole scenario file."""
 
@@ -121,7 +123,15 @@ class Scenario(Table):
     sphere: list[Sphere] = Field(default_factory=list, description="single balls")
     rack: list[Rack] = Field(default_factory=list, description="billiard racks")
     lattice: list[Lattice] = Field(default_factory=list, description="grids of balls")
-    plane: list[Plane] = Field(default_factory=list, description="fixed half-spaces")
+    inflow: list[Inflow] = Field(
+        default_factory=list, description="balls that enter in the course of the run"
+    )
+    outlet: list[Outlet] = Field(default_factory=list, description="boxes in which balls leave the run")
+    plane: list[Plane] = Field(default_factory=list, description="half-spaces and pieces of planes")
+    cylinder: list[Cylinder] = Field(default_factory=list, description="circular tubes as walls")
+    ball_wall: list[BallWall] = Field(default_factory=list, description="spheres as walls")
+    cone: list[Cone] = Field(default_factory=list, description="cones as walls")
+    box: list[Box] = Field(default_factory=list, description="up to six planes around a room")
     joint: list[Joint] = Field(default_factory=list, description="constraints of the motion")
     load: list[Load] = Field(default_factory=list, description="forces and torques")
     spring: list[Spring] = Field(default_factory=list, description="springs and dampers")
@@ -140,7 +150,9 @@ REPEATED: dict[str, type[Table]] = {
     "sphere": Sphere,
     "rack": Rack,
     "lattice": Lattice,
-    "plane": Plane,
+    "inflow": Inflow,
+    "outlet": Outlet,
+    **WALLS,
     "joint": Joint,
     "load": Load,
     "spring": Spring,
@@ -148,3 +160,11 @@ REPEATED: dict[str, type[Table]] = {
     "load_function": LoadFunction,
 }
 """Tables written `[[name]]`, any number of times."""
+
+NESTED: dict[str, type[Table]] = {
+    "motion": Motion,
+    "rotation": Rotation,
+    "surface_rotation": SurfaceRotation,
+    "region": Region,
+}
+"""Tables that are values of a key."""
