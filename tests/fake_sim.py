@@ -251,7 +251,7 @@ class Scene:
 
     title: str = "fake"
     names: list[str] = field(default_factory=lambda: ["one", "two"])
-    plane_names: list[str] = field(default_factory=lambda: ["bed"])
+    wall_names: list[str] = field(default_factory=lambda: ["bed"])
     load_functions: tuple[Any, ...] = ()
     case: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from carom.plot import Plots
     from carom.view import ViewInfo
+    from carom.walls import Walls
 
 F64 = NDArray[np.float64]
 
@@ -110,6 +111,14 @@ class Result:
             return Column([(np.zeros((frames, 0, 6)), frames)], "N s, N m s")
         return self._segments.column("frames", "joint_impulse")
 
+    @property
+    def present(self) -> Column:
+        """Which bodies are there, (T, N): all, unless the scene has inflows or outlets."""
+        if "present" in self._segments.columns("frames"):
+            return self._segments.column("frames", "present")
+        shape = (len(self.time), len(self.names))
+        return Column([(np.broadcast_to(np.ones(1, dtype=bool), shape), shape[0])], "1")
+
     # What the run is about.
 
     @cached_property
@@ -119,8 +128,15 @@ class Result:
 
     @cached_property
     def planes(self) -> Static:
-        """One row per plane: name, point (m), normal, material."""
+        """One row per plane without end: name, point (m), normal, material."""
         return Static(self._segments.static("planes"))
+
+    @cached_property
+    def walls(self) -> Walls:
+        """All walls by name: `result.walls["drum"].torque`, also `force`, `impulse`, `position`, `orientation`."""
+        from carom.walls import Walls
+
+        return Walls(self, [self._segments.static(table) for table in ("planes", "walls")])
 
     @property
     def names(self) -> list[str]:
@@ -129,8 +145,13 @@ class Result:
 
     @property
     def plane_names(self) -> list[str]:
-        """Names of the planes."""
+        """Names of the planes without end."""
         return list(self.planes["name"])
+
+    @property
+    def wall_names(self) -> list[str]:
+        """Names of all walls, planes without end first."""
+        return list(self.walls)
 
     @cached_property
     def joint_names(self) -> list[str]:
@@ -194,12 +215,12 @@ class Result:
     @cached_property
     def impacts(self) -> Impacts:
         """One row per contact and impact problem: time, step, problem, pair, impulse, status ..."""
-        return Impacts(self._segments, [*self.names, *self.plane_names])
+        return Impacts(self._segments, [*self.names, *self.wall_names])
 
     @cached_property
     def contacts(self) -> Contacts:
         """One row per frame and contact: impulses of both levels and work by cause since the last frame."""
-        return Contacts(self._segments, [*self.names, *self.plane_names])
+        return Contacts(self._segments, [*self.names, *self.wall_names])
 
     @cached_property
     def steps(self) -> Steps:

@@ -20,7 +20,7 @@ Array = NDArray[Any]
 
 
 class UnknownName(CaromError, KeyError):
-    """A body, plane or column that is not there: a `KeyError` whose text reads as a sentence."""
+    """A body, wall or column that is not there: a `KeyError` whose text reads as a sentence."""
 
     __str__ = CaromError.__str__
 
@@ -124,12 +124,12 @@ class _Pairs(Table):
         self._names = np.array([*names, "?"], dtype=object)
 
     def between(self, first: str, second: str | None = None) -> Self:
-        """The rows with this body or plane, or with these two in any order."""
+        """The rows with this body or wall, or with these two in any order."""
         known = [str(n) for n in self._names[:-1]]
         indices = []
         for name in (first,) if second is None else (first, second):
             if name not in known:
-                raise UnknownName(f"no body or plane is called {name!r}; {did_you_mean(name, known[:20])}")
+                raise UnknownName(f"no body or wall is called {name!r}; {did_you_mean(name, known[:20])}")
             indices.append(known.index(name))
         body = np.asarray(self["body"])
         return self.where(np.logical_and.reduce([(body == i).any(axis=1) for i in indices]))

@@ -20,6 +20,9 @@ ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
 #: The one column whose rows are not the rows of its table: histories of several contact problems, end to end.
 VALUES = ("residuals", "value")
 
+#: Columns of static tables that hold text.
+TEXTS = ("name", "shape", "motion")
+
 
 class Rows(NamedTuple):
     """How many rows of each table are whole. The last row of `/commit` is the only truth a reader may rely
@@ -46,6 +49,8 @@ class Meaning(NamedTuple):
     text: str
 
 
+_MOTION = "how it moves, as JSON: laws of the time and axes of rotation, nothing where it stands"
+
 MEANINGS: dict[str, Meaning] = {
     "frames/step": Meaning("1", "number of the step after which the frame was taken, 0 for the start"),
     "frames/time": Meaning("s", "time of the frame"),
@@ -57,9 +62,18 @@ MEANINGS: dict[str, Meaning] = {
         "N s, N m s",
         "(frame, joint, 6) impulse at the joint and moment on its first body since the last frame, world frame",
     ),
+    "frames/walls": Meaning(
+        "N s, N m s",
+        "(frame, wall, 6) impulse on each wall and its moment about the wall's point as it is at the frame,"
+        " since the last frame, world frame; planes first, then /walls",
+    ),
+    "frames/present": Meaning(
+        "1", "(frame, body) whether the ball is there; if not, its position is not a number"
+    ),
     "frames/contact_end": Meaning("1", "rows of /contacts up to and including this frame"),
     "contacts/body": Meaning(
-        "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
+        "1",
+        "(row, A and B) body indices; B >= number of bodies is wall B - number of bodies, planes first, then /walls",
     ),
     "contacts/status": Meaning("1", "0 open, 1 stick, 2 slip, at the frame"),
     "contacts/gap": Meaning("m", "gap at the frame"),
@@ -86,7 +100,8 @@ MEANINGS: dict[str, Meaning] = {
         "1", "number of the impact problem in the sequence of its step; 0: the loads that act with the impact"
     ),
     "impacts/body": Meaning(
-        "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
+        "1",
+        "(row, A and B) body indices; B >= number of bodies is wall B - number of bodies, planes first, then /walls",
     ),
     "impacts/status": Meaning("1", "0 open, 1 stick, 2 slip"),
     "impacts/normal": Meaning("1", "(row, xyz) unit normal from B to A"),
@@ -146,4 +161,20 @@ MEANINGS: dict[str, Meaning] = {
     "planes/point": Meaning("m", "(plane, xyz) a point of the plane"),
     "planes/normal": Meaning("1", "(plane, xyz) unit normal, to the side where bodies live"),
     "planes/material": Meaning("1", "index of the material"),
+    "planes/motion": Meaning("1", _MOTION),
+    "walls/name": Meaning("1", "names"),
+    "walls/shape": Meaning("1", "rectangle, disc, cylinder, sphere or cone; what it has not is not a number"),
+    "walls/point": Meaning("m", "(wall, xyz) centre; middle of the axis of a cylinder, first ring of a cone"),
+    "walls/axis": Meaning(
+        "1", "(wall, xyz) unit axis; of a rectangle or disc the normal, to where bodies live"
+    ),
+    "walls/side": Meaning("1", "(wall, xyz) unit direction of the first side of a rectangle"),
+    "walls/size": Meaning("m", "(wall, 2) lengths of a rectangle along side and across it"),
+    "walls/radius": Meaning("m", "radius; of a cone that of the first ring"),
+    "walls/hole": Meaning("m", "radius of the hole of a disc"),
+    "walls/radius_end": Meaning("m", "radius of the last ring of a cone"),
+    "walls/length": Meaning("m", "length along the axis, infinite for a tube without end"),
+    "walls/inside": Meaning("1", "whether bodies live inside a cylinder, sphere or cone"),
+    "walls/material": Meaning("1", "index of the material"),
+    "walls/motion": Meaning("1", _MOTION),
 }

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.record.layout import ENDS, FORMAT, MEANINGS, TABLES, VALUES, Meaning, Rows
+from carom.record.layout import ENDS, FORMAT, MEANINGS, TABLES, TEXTS, VALUES, Meaning, Rows
 
 Table = Mapping[str, Any]
 
@@ -44,7 +44,7 @@ class RecordError(CaromError):
 class Writer:
     """The writer of one segment. Blocks are appended; `commit` makes what was appended durable for readers.
 
-    `bodies` and `planes` are the static tables (name, radius, ... with N and P rows). `first` counts the rows
+    `bodies`, `planes` and, if there are others, `walls` are the static tables (name, radius, ...). `first` counts the rows
     of the whole run before this segment: what earlier segments hold beyond it was written after the
     checkpoint from which this one starts, and no longer counts. `expected` is a guess of the row counts, used
     only to avoid large chunks in small files.
@@ -61,6 +61,7 @@ class Writer:
         *,
         bodies: Table,
         planes: Table,
+        walls: Table | None = None,
         attributes: Mapping[str, Any],
         first: Rows | None = None,
         expected: Rows | None = None,
@@ -71,7 +72,7 @@ class Writer:
         self.committed = Rows()
         self.last_frame: int | None = None  # step of the newest frame of this segment
         self._attributes = dict(attributes, format=FORMAT, first_rows=np.array(self.first, dtype=np.uint64))
-        self._static = {"bodies": bodies, "planes": planes}
+        self._static = {"bodies": bodies, "planes": planes, **({} if walls is None else {"walls": walls})}
         self._expected = expected or Rows()
         self._file: Any = None
         self._commit: h5py.Dataset = None
@@ -194,7 +195,8 @@ class Writer:
         for table, columns in self._static.items():
             group = file.create_group(table)
             for name, values in columns.items():
-                data = np.array(values, dtype=h5py.string_dtype()) if name == "name" else np.asarray(values)
+                text = name in TEXTS
+                data = np.array(values, dtype=h5py.string_dtype()) if text else np.asarray(values)
                 _describe(group.create_dataset(name, data=data), f"{table}/{name}")
         for table in TABLES:
             group = file.create_group(table)
