@@ -170,6 +170,17 @@ class Result:
         return np.asarray(self._segments.attributes["gravity"], dtype=np.float64)
 
     @property
+    def periodic(self) -> F64 | None:
+        """Periods of the world along x, y, z, m, 0 where it has none; None if it has none at all."""
+        found = self._segments.attributes.get("periodic")
+        return None if found is None else np.asarray(found, dtype=np.float64)
+
+    @property
+    def periodic_origin(self) -> F64:
+        """Lowest corner of the periodic box, (3,), m."""
+        return np.asarray(self._segments.attributes.get("periodic_origin", np.zeros(3)), dtype=np.float64)
+
+    @property
     def title(self) -> str:
         """Title of the scenario."""
         return str(self._about.get("scenario", {}).get("title") or "")

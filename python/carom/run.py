@@ -357,6 +357,7 @@ def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
         "every": plan.every,
         "gravity": np.asarray(model["gravity"], dtype=np.float64),
         "start_step": start.simulation.step,
+        **{key: model[key] for key in ("periodic", "periodic_origin") if key in model},
     }
     expected = Rows(frames, 2 * len(bodies["name"]) * frames, plan.steps, 256, plan.steps, 4 * plan.steps)
     surfaces = tables(list(scene.wall_names), model)
