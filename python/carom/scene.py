@@ -8,6 +8,7 @@ mm"`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from carom.errors import Problem, ScenarioError, counted, quoted
 from carom.scenario import load
 from carom.scenario.advice import advise
 from carom.scenario.arguments import explained, wording
-from carom.scenario.arrays import resolved_tree, to_arrays, walls
+from carom.scenario.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scenario.attaching import Attacher
 from carom.scenario.balls import Generator, Sphere
 from carom.scenario.building import Number, Vector, make
@@ -25,6 +26,7 @@ from carom.scenario.flow import Inflow
 from carom.scenario.mechanics import MECHANICS
 from carom.scenario.model import FORMAT, Record, Scenario, World
 from carom.scenario.options import Run
+from carom.scenario.packing import Packing, Places, faults
 from carom.scenario.placing import PLANE
 from carom.scenario.problems import Finding, Source
 from carom.scenario.walling import Waller
@@ -97,7 +99,7 @@ class Scene(Waller, Attacher):
     def to_toml(self, path: str | Path | None = None, *, resolved: bool = False) -> str:
         """The scene as TOML text, also written to `path` if given. `Scene.from_toml` of it equals this scene.
 
-        With `resolved` nothing is left to defaults or to chance: every key has its value and racks and
+        With `resolved` nothing is left to defaults or to chance: every key has its value and packings, racks and
         lattices are written as the spheres they stand for (unless these are more than 10 000). A run
         directory holds this form.
 
@@ -196,7 +198,7 @@ class Scene(Waller, Attacher):
 
     @property
     def names(self) -> list[str]:
-        """Names of all balls, in the order of the arrays: spheres, then racks, lattices and inflows."""
+        """Names of all balls in the order of the arrays: spheres, packings, racks, lattices, inflows."""
         generated = (g.ball_names() for g in self._generators())
         return [*(s.name for s in self._tree.sphere), *(name for names in generated for name in names)]
 
@@ -212,7 +214,7 @@ class Scene(Waller, Attacher):
 
     @property
     def spheres(self) -> tuple[Sphere, ...]:
-        """The single balls (without those of racks and lattices)."""
+        """The single balls (without those of packings, racks and lattices)."""
         return tuple(self._tree.sphere)
 
     @property
@@ -220,18 +222,23 @@ class Scene(Waller, Attacher):
         """The tables `[[plane]]`."""
         return tuple(self._tree.plane)
 
-    def _generators(self) -> list[Generator | Inflow]:
-        return [*self._tree.rack, *self._tree.lattice, *self._tree.inflow]
+    def _generators(self) -> list[Generator | Packing | Inflow]:
+        return [*self._tree.packing, *self._tree.rack, *self._tree.lattice, *self._tree.inflow]
 
     def validate(self) -> list[Problem]:
         """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at
         once.
         """
-        parts = Parts.of(self._tree)
-        wrong = list(check(parts))
+        wrong, good = faults(self._tree.packing)
+        tree = self._tree.model_copy(update={"packing": list(good.values())})
+        parts = replace(
+            Parts.of(with_packings_expanded(tree)), damaged=frozenset(["sphere"] if wrong else [])
+        )
+        place = Places(len(tree.sphere), good)
+        wrong += place.found(check(parts))
         if wrong:
             raise ScenarioError(self._problem(f) for f in wrong)
-        return [self._problem(f) for f in advise(parts, self._tree.world)]
+        return [self._problem(f) for f in place.found(advise(parts, self._tree.world))]
 
     def _problem(self, finding: Finding) -> Problem:
         """A finding with its place: the line of the file, or the call that made the table."""
@@ -245,7 +252,7 @@ class Scene(Waller, Attacher):
         if (
             len(path) > 1
             and isinstance(path[1], int)
-            and (len(path) > 2 or section in (*MECHANICS, "outlet"))
+            and (len(path) > 2 or section in (*MECHANICS, *WALLS, "outlet"))
         ):
             table = getattr(self._tree, section)[path[1]]
             return Problem(table.label(), str(path[2]) if len(path) > 2 else "", finding.cause, cure)

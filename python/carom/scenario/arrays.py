@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from carom.scenario.balls import Sphere
+from carom.scenario.balls import Lattice, Rack, Sphere
 from carom.scenario.bodies import F64, Bodies, expand
 from carom.scenario.joints import default_name
 from carom.scenario.laws import LawValue, as_core
 from carom.scenario.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
 from carom.scenario.model import Scenario
+from carom.scenario.packing import Packing
 from carom.scenario.placing import PLANE, Placed, motion_for_core, placed_walls
 from carom.scenario.walls import WALLS
 
@@ -24,6 +25,7 @@ LAW_KEYS = ("friction", "restitution", "tangential_restitution", "rolling_radius
 
 def bodies(tree: Scenario) -> Bodies:
     """All balls of a scenario."""
+    tree = with_packings_expanded(tree)
     entries = {name: list(enumerate(getattr(tree, name))) for name in ("sphere", "rack", "lattice", "inflow")}
     return expand(entries, [m.name for m in tree.material])
 
@@ -121,11 +123,20 @@ def _rows(vectors: Sequence[Sequence[float]]) -> F64:
     return np.array(vectors, dtype=np.float64).reshape(len(vectors), 3)
 
 
+def with_packings_expanded(tree: Scenario) -> Scenario:
+    """The same scenario with the balls of its packings behind its single spheres; `PackingError` if one cannot be had."""
+    if not tree.packing:
+        return tree
+    packed = [sphere for packing in tree.packing for sphere in packing.spheres()]
+    return tree.model_copy(update={"sphere": [*tree.sphere, *packed], "packing": []})
+
+
 def with_generators_expanded(tree: Scenario) -> Scenario:
-    """The same scenario with single spheres in place of racks and lattices, in the same order and of the same bits."""
-    generators = [*tree.rack, *tree.lattice]
+    """The same scenario with single spheres in place of all generators, in the same order and of the same bits."""
+    generators: list[Packing | Rack | Lattice] = [*tree.packing, *tree.rack, *tree.lattice]
     if not generators or sum(g.size() for g in generators) > EXPANDED:
         return tree
+    tree = with_packings_expanded(tree)
     balls = bodies(tree)
     spheres = list(tree.sphere)
     for segment in balls.segments[len(spheres) :]:

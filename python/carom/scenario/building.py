@@ -13,6 +13,7 @@ from carom.errors import Problem, ScenarioError, quoted
 from carom.scenario.arguments import explained
 from carom.scenario.balls import Lattice, Rack, Sphere
 from carom.scenario.model import Contact, Material, Scenario
+from carom.scenario.packing import Packing
 from carom.scenario.problems import from_python
 from carom.scenario.table import Table
 
@@ -194,6 +195,49 @@ class Builder:
         self.material(material)
         self._tree.lattice.append(lattice)
         return lattice
+
+    @explained
+    def packing(
+        self,
+        name: str,
+        *,
+        material: str,
+        density: Number,
+        seed: int,
+        count: int | None = None,
+        fraction: float | None = None,
+        gap: Number | None = None,
+        sizes: str | None = None,
+        diameter: Number | None = None,
+        mean: Number | None = None,
+        deviation: Number | None = None,
+        smallest: Number | None = None,
+        largest: Number | None = None,
+        classes: Sequence[Sequence[float]] | None = None,
+        shares: str | None = None,
+        region: str | None = None,
+        low: Vector | None = None,
+        high: Vector | None = None,
+        periodic: str | None = None,
+        point: Vector | None = None,
+        axis: Vector | None = None,
+        region_radius: Number | None = None,
+        length: Number | None = None,
+        velocity: Vector | None = None,
+        first_number: int | None = None,
+    ) -> Packing:
+        """Add balls at random without overlaps: `count` of them, or as many as fill `fraction` of a region.
+
+        `sizes` "equal" (`diameter`), "uniform" (`smallest`, `largest`), "normal" or "lognormal" (`mean`, `deviation`, and
+        these limits) or "table" (`classes` of [diameter, share], `shares` by "number" or "mass"); `region` "box" (`low`,
+        `high`, and the axes that are `periodic`), "cylinder" (`point`, `axis`, `region_radius`, `length`) or "sphere"
+        (`point`, `region_radius`). Lengths in m. `packed()` of what is returned holds the balls and the fraction reached.
+        """
+        given = {k: v for k, v in locals().items() if k != "self"}
+        packing = make(Packing, f"Scene.packing({quoted(name)})", **given)
+        self.material(material)
+        self._tree.packing.append(packing)
+        return packing
 
     def _take_name(self, name: str, label: str) -> None:
         if name in self._names:

@@ -20,6 +20,7 @@ from carom.scenario.lists import Lengths, Vector
 from carom.scenario.loads import Drag, Load, LoadFunction, Spring
 from carom.scenario.motion import Motion, Rotation, SurfaceRotation
 from carom.scenario.options import Run
+from carom.scenario.packing import Packing
 from carom.scenario.quantities import FARTHEST, ZEROS, Distance, Name, Position, Vec3, unit
 from carom.scenario.table import Table
 from carom.scenario.walls import WALLS, BallWall, Box, Cone, Cylinder, Plane
@@ -123,6 +124,7 @@ class Scenario(Table):
     sphere: list[Sphere] = Field(default_factory=list, description="single balls")
     rack: list[Rack] = Field(default_factory=list, description="billiard racks")
     lattice: list[Lattice] = Field(default_factory=list, description="grids of balls")
+    packing: list[Packing] = Field(default_factory=list, description="random packings of balls")
     inflow: list[Inflow] = Field(
         default_factory=list, description="balls that enter in the course of the run"
     )
@@ -150,6 +152,7 @@ REPEATED: dict[str, type[Table]] = {
     "sphere": Sphere,
     "rack": Rack,
     "lattice": Lattice,
+    "packing": Packing,
     "inflow": Inflow,
     "outlet": Outlet,
     **WALLS,

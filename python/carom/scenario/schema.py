@@ -22,6 +22,7 @@ def json_schema() -> dict[str, Any]:
         ("Rack", ("mass", "density")),
     ):
         schema["$defs"][name]["oneOf"] = [{"required": [key]} for key in keys]
+    schema["$defs"]["Packing"]["oneOf"] = [{"required": ["count"]}, {"required": ["fraction"]}]
     for name, pair in (
         ("Load", ("force", "torque")),
         ("Spring", ("stiffness", "damping")),

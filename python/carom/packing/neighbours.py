@@ -1,0 +1,100 @@
+"""Pairs of balls that are near each other, in a time proportional to their number, with NumPy alone.
+
+Balls are sorted into classes of similar reach. Those of one class lie in cubic cells as wide as twice its largest reach,
+and every ball of the same or a smaller class looks into the 27 cells around it. Balls near a face of a periodic box have
+images beyond the other face.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+_SIDE = 1 << 20  # cells along an axis at most: three of them fit one integer
+
+
+def pairs(position: F64, reach: F64, period: F64 | None = None) -> tuple[I64, I64]:
+    """All pairs a < b whose centres are no further apart than the sum of their reaches, sorted by a, then b.
+
+    `position` (N, 3) m, `reach` (N,) m; `period` (3,) m are the lengths of a periodic box, 0 along other axes.
+    Of a pair and its images the nearest counts.
+    """
+    n = len(position)
+    if n < 2:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    owner = np.arange(n)
+    if period is not None and (period > 0).any():
+        position, owner = _with_images(position, float(reach.max()), period)
+    first, second = _near(position, reach[owner], n)
+    first, second = owner[first], owner[second]
+    a, b = np.minimum(first, second), np.maximum(first, second)
+    found = np.unique((a * n + b)[a != b])  # a pair that is met across a face is met from both sides
+    return found // n, found % n
+
+
+def separation(delta: F64, period: F64 | None) -> F64:
+    """Differences of positions (M, 3), to the nearest image in a periodic box."""
+    if period is None or not (period > 0).any():
+        return delta
+    length = np.where(period > 0, period, 1.0)
+    nearest: F64 = delta - np.where(period > 0, period, 0.0) * np.rint(delta / length)
+    return nearest
+
+
+def _with_images(position: F64, reach: float, period: F64) -> tuple[F64, I64]:
+    """The balls, brought into the box from its lowest position on, then the images that may touch them."""
+    inside = np.array(position)
+    owner = np.arange(len(position))
+    for axis in np.flatnonzero(period > 0):
+        length, low = period[axis], inside[:, axis].min()
+        inside[:, axis] -= length * np.floor((inside[:, axis] - low) / length)
+        above = np.flatnonzero(inside[:, axis] < low + 2.0 * reach)
+        below = np.flatnonzero(inside[:, axis] >= low + length - 2.0 * reach)
+        images = np.concatenate([inside[above], inside[below]])
+        images[: len(above), axis] += length
+        images[len(above) :, axis] -= length
+        inside = np.concatenate([inside, images])
+        owner = np.concatenate([owner, owner[above], owner[below]])
+    return inside, owner
+
+
+def _near(position: F64, reach: F64, real: int) -> tuple[I64, I64]:
+    """Pairs within reach of which one at least is among the first `real`; each once."""
+    level = np.floor(np.log2(reach / reach.min())).astype(np.int64)
+    low = position.min(axis=0)
+    extent = float((position.max(axis=0) - low).max())
+    found = []
+    for size in np.unique(level):
+        members = np.flatnonzero(level == size)
+        smaller = np.flatnonzero(level < size)
+        width = max(2.0 * float(reach[members].max()), extent / _SIDE, np.finfo(float).tiny)
+        cell = np.floor((position - low) / width).astype(np.int64) + 1  # a layer of empty cells around
+        sides = cell.max(axis=0) + 2
+        keys = (cell[:, 0] * sides[1] + cell[:, 1]) * sides[2] + cell[:, 2]
+        order = np.argsort(keys[members], kind="stable")
+        members = members[order]
+        sorted_keys = keys[members]
+        for queries, same in ((members, True), (smaller, False)):
+            for shift in product((-1, 0, 1), repeat=3):
+                if not len(queries) or (same and shift < (0, 0, 0)):
+                    continue  # the other half sees these pairs from the other side
+                wanted = keys[queries] + (shift[0] * sides[1] + shift[1]) * sides[2] + shift[2]
+                lo = np.searchsorted(sorted_keys, wanted, side="left")
+                hi = np.searchsorted(sorted_keys, wanted, side="right")
+                if same and shift == (0, 0, 0):
+                    lo = np.arange(1, len(queries) + 1)  # each pair of the cell once
+                counts = np.maximum(hi - lo, 0)
+                this = np.repeat(queries, counts)
+                start = np.repeat(lo - (np.cumsum(counts) - counts), counts)
+                other = members[start + np.arange(len(this))]
+                delta = position[this] - position[other]
+                limit = reach[this] + reach[other]
+                near = (delta * delta).sum(axis=1) <= limit * limit
+                near &= (this < real) | (other < real)
+                found.append((this[near], other[near]))
+    return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
