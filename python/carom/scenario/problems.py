@@ -168,7 +168,7 @@ def _translated(
             )
         return Finding(path, f"expected tables, found {quoted(value)}", f"write [[{key}]] and its keys below")
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        if len(path) > 1 and not isinstance(path[-1], int) and nested(owner, key) is not None:
+        if path and owner.section and nested(owner, key) is not None:
             cure = f"write {key} = {_example(owner, key)}"
             return Finding(path, f"expected a table, found {quoted(value)}", cure)
         double = isinstance(path[-1], int) if path else False
