@@ -16,7 +16,7 @@ pub type Rows = [[[f64; NODE_DOF]; 2]; 6];
 pub struct Contact {
     /// Body A: a sphere.
     pub a: u32,
-    /// Body B: a sphere of larger index, or plane `b - N`.
+    /// Body B: a sphere of larger index, or wall `b - N`.
     pub b: u32,
     pub law: u32,
     /// mu, rho, delta in this step.
@@ -52,7 +52,7 @@ pub struct WorldImpulse {
 
 impl Contact {
     #[inline]
-    pub fn is_plane(&self, model: &Model) -> bool {
+    pub fn is_wall(&self, model: &Model) -> bool {
         self.b as usize >= model.spheres()
     }
 
@@ -61,7 +61,7 @@ impl Contact {
         &model.laws[self.law as usize]
     }
 
-    /// Radius of body B, 0 for a plane.
+    /// Radius of body B, 0 for a wall.
     #[inline]
     pub fn radius_b(&self, model: &Model) -> f64 {
         model.radius.get(self.b as usize).copied().unwrap_or(0.0)

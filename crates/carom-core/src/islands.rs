@@ -1,4 +1,4 @@
-//! Islands: contacts, joints and loads joined by spheres (planes and ground do not join), in a fixed order.
+//! Islands: contacts, joints and loads joined by spheres (walls and ground do not join), in a fixed order.
 
 use crate::contact::Contact;
 use crate::model::{Link, LinkKind};
@@ -106,7 +106,7 @@ impl Islands {
         self.loads = groups;
     }
 
-    /// Only planes are touched: an island per sphere, and contacts are sorted by sphere already.
+    /// Only walls are touched: an island per sphere, and contacts are sorted by sphere already.
     fn build_apart(&mut self, contacts: &[Contact], select: impl Fn(&Contact) -> bool) {
         let groups = &mut self.contacts;
         let mut last = u32::MAX;

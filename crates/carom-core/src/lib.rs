@@ -23,6 +23,7 @@ pub mod state;
 pub mod step;
 pub mod stepper;
 pub mod timers;
+pub mod wall;
 
 pub use model::{InitialState, Model, ModelError, ModelInput};
 pub use options::{Options, Value};

@@ -5,6 +5,7 @@ use crate::joint::{Joint, RowKind, GROUND};
 use crate::options::Options;
 use crate::penalty;
 use crate::scalar::Scalar;
+use crate::wall::{checked, Shape, Wall, WallMotion};
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -82,17 +83,6 @@ pub struct Link {
     pub kind: LinkKind,
 }
 
-/// A fixed half-space: spheres live where `normal . (x - point) >= 0`.
-#[derive(Clone, Copy, Debug)]
-pub struct Plane {
-    pub point: DVec3,
-    pub normal: DVec3,
-    /// Fixed tangents, `normal x tangent1 = tangent2`.
-    pub tangent1: DVec3,
-    pub tangent2: DVec3,
-    pub material: u32,
-}
-
 /// Description with plain arrays, as it comes over the border. Shapes: N spheres, P planes, L laws.
 #[derive(Clone, Debug, Default)]
 pub struct ModelInput {
@@ -110,6 +100,12 @@ pub struct ModelInput {
     pub plane_point: Vec<[f64; 3]>,
     pub plane_normal: Vec<[f64; 3]>,
     pub plane_material: Vec<u32>,
+    /// Walls behind the planes: shape and material.
+    pub walls: Vec<(Shape, u32)>,
+    /// Motions of walls, planes counted first.
+    pub wall_motion: Vec<(u32, WallMotion)>,
+    /// Whether impulses on walls are recorded where no wall moves.
+    pub record_walls: bool,
     /// Unordered pairs of materials and their law: mu, e_N, e_T, rho, delta.
     pub laws: Vec<(u32, u32, [f64; 5])>,
     /// Per law: mu as a law of the slip speed instead of the number. Empty: none.
@@ -129,9 +125,10 @@ pub struct Model {
     pub inv_mass: Vec<f64>,
     pub inv_inertia: Vec<f64>,
     pub material: Vec<u32>,
-    pub planes: Vec<Plane>,
-    /// (point, normal) of each plane, for the broad phase.
-    pub half_spaces: Vec<(DVec3, DVec3)>,
+    /// Bodies N..: planes, then the other walls.
+    pub walls: Vec<Wall>,
+    /// Whether impulses on walls are summed up: some wall moves, or it was asked for.
+    pub record_walls: bool,
     pub laws: Vec<ContactLaw>,
     /// Law index + 1 by material pair, 0 where there is none.
     law_table: Vec<u32>,
@@ -182,7 +179,7 @@ impl Model {
             }
         }
         finite("world", 0, "gravity", &input.gravity)?;
-        let planes = compile_planes(input)?;
+        let walls = compile_walls(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         penalty::check(&options, &laws, &input.joints)?;
         let links = compile_links(input)?;
@@ -194,8 +191,8 @@ impl Model {
             inv_mass: input.mass.iter().map(|m| 1.0 / m).collect(),
             inv_inertia: input.inertia.iter().map(|i| 1.0 / i).collect(),
             material: input.material.clone(),
-            half_spaces: planes.iter().map(|p| (p.point, p.normal)).collect(),
-            planes,
+            record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
+            walls,
             laws,
             law_table,
             materials,
@@ -223,20 +220,35 @@ impl Model {
         self.radius.len()
     }
 
+    /// Number of walls whose impulses are summed up: all or none.
+    pub fn recorded_walls(&self) -> usize {
+        if self.record_walls {
+            self.walls.len()
+        } else {
+            0
+        }
+    }
+
+    /// Wall of a body index beyond the spheres.
+    #[inline]
+    pub fn wall(&self, body: u32) -> &Wall {
+        &self.walls[body as usize - self.spheres()]
+    }
+
     /// Neither joints nor loads beside the weight.
     #[inline]
     pub fn is_free(&self) -> bool {
         self.joints.is_empty() && self.loads.is_empty()
     }
 
-    /// Law of a pair of bodies (`b` may be a plane: index N + p), if its materials have one.
+    /// Law of a pair of bodies (`b` may be a wall: index N + w), if its materials have one.
     #[inline]
     pub fn law_of(&self, a: usize, b: usize) -> Option<u32> {
         let n = self.spheres();
         let mb = if b < n {
             self.material[b]
         } else {
-            self.planes[b - n].material
+            self.walls[b - n].material
         };
         self.law_table[self.material[a] as usize * self.materials + mb as usize].checked_sub(1)
     }
@@ -371,8 +383,8 @@ fn check_lengths(input: &ModelInput, n: usize) -> Result<(), ModelError> {
     Ok(())
 }
 
-fn compile_planes(input: &ModelInput) -> Result<Vec<Plane>, ModelError> {
-    let mut planes = Vec::with_capacity(input.plane_point.len());
+fn compile_walls(input: &ModelInput) -> Result<Vec<Wall>, ModelError> {
+    let mut walls = Vec::with_capacity(input.plane_point.len() + input.walls.len());
     for (p, ((point, normal), material)) in input
         .plane_point
         .iter()
@@ -380,32 +392,37 @@ fn compile_planes(input: &ModelInput) -> Result<Vec<Plane>, ModelError> {
         .zip(&input.plane_material)
         .enumerate()
     {
-        finite("plane", p, "point", point)?;
-        finite("plane", p, "normal", normal)?;
-        let normal = DVec3::from(*normal);
-        // Scaled first: the square of a huge component is infinite.
-        let normal = normal / normal.abs().max_element();
-        let size = normal.length();
-        if !size.is_finite() {
-            return Err(entry("plane", p, "normal", "is zero".to_owned()));
-        }
-        let normal = normal / size;
-        let (tangent1, tangent2) = carom_geom::tangent_frame(normal);
-        planes.push(Plane {
+        let plane = Shape::HalfSpace {
             point: DVec3::from(*point),
-            normal,
-            tangent1,
-            tangent2,
-            material: *material,
-        });
+            normal: DVec3::from(*normal),
+        };
+        let plane = checked(&plane).map_err(|(name, text)| entry("plane", p, name, text))?;
+        walls.push(Wall::new(plane, *material));
     }
-    Ok(planes)
+    for (w, (shape, material)) in input.walls.iter().enumerate() {
+        let shape = checked(shape).map_err(|(name, text)| entry("wall", w, name, text))?;
+        walls.push(Wall::new(shape, *material));
+    }
+    for (index, (wall, motion)) in input.wall_motion.iter().enumerate() {
+        motion
+            .check()
+            .map_err(|(quantity, text)| entry("wall motion", index, quantity, text))?;
+        let count = walls.len();
+        let Some(target) = walls.get_mut(*wall as usize) else {
+            let text = format!("is {wall}; there are {count} walls");
+            return Err(entry("wall motion", index, "wall", text));
+        };
+        target.motion = Some(motion.clone());
+    }
+    crate::wall::number(&mut walls);
+    Ok(walls)
 }
 
 type LawTable = (Vec<ContactLaw>, Vec<u32>, usize);
 
 fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
     let used = input.material.iter().chain(&input.plane_material).copied();
+    let used = used.chain(input.walls.iter().map(|w| w.1));
     let named = input.laws.iter().flat_map(|(a, b, _)| [*a, *b]);
     let materials = used.chain(named).max().map_or(0, |m| m as usize + 1);
     if materials > 4096 {

@@ -54,6 +54,9 @@ pub struct Block {
     pub angular_velocity: Vec<f64>,
     /// Impulse and moment of every joint since the last frame, 6 per joint and frame.
     pub joints: Vec<f64>,
+    /// Impulse on every wall since the last frame and its moment about the wall's place, 6 per wall and frame; empty unless the
+    /// model records walls.
+    pub walls: Vec<f64>,
     pub contact_end: Vec<u64>,
     pub contacts: Vec<ContactRecord>,
     pub impacts: Vec<TimedImpact>,
@@ -69,6 +72,8 @@ pub struct Recorder {
     pub open: Vec<ContactRecord>,
     /// Of the joints, since the last frame; part of what a checkpoint keeps.
     pub open_joints: Vec<[DVec3; 2]>,
+    /// Of the walls, the same.
+    pub open_walls: Vec<[DVec3; 2]>,
     merged: Vec<ContactRecord>,
 }
 
@@ -76,6 +81,7 @@ impl Recorder {
     pub fn new(model: &Model) -> Recorder {
         Recorder {
             open_joints: vec![[DVec3::ZERO; 2]; model.joints.len()],
+            open_walls: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             ..Recorder::default()
         }
     }
@@ -96,9 +102,11 @@ impl Recorder {
                 });
             }
         }
-        for (sum, reaction) in self.open_joints.iter_mut().zip(&scratch.joint_reaction) {
-            sum[0] += reaction[0];
-            sum[1] += reaction[1];
+        let joints = self.open_joints.iter_mut().zip(&scratch.joint_reaction);
+        let walls = self.open_walls.iter_mut().zip(&scratch.wall_impulse);
+        for (sum, given) in joints.chain(walls) {
+            sum[0] += given[0];
+            sum[1] += given[1];
         }
         if contacts {
             self.accumulate(&scratch.contacts);
@@ -172,9 +180,12 @@ impl Recorder {
         for w in &state.angular_velocity {
             b.angular_velocity.extend(w.to_array());
         }
-        for sum in &mut self.open_joints {
-            for v in sum {
-                b.joints.extend(v.to_array());
+        for (open, flat) in [
+            (&mut self.open_joints, &mut b.joints),
+            (&mut self.open_walls, &mut b.walls),
+        ] {
+            for v in open.iter_mut().flatten() {
+                flat.extend(v.to_array());
                 *v = DVec3::ZERO;
             }
         }

@@ -10,6 +10,7 @@ use crate::penalty::Workspace;
 use crate::problem::Keeper;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
+use crate::wall::Walls;
 use carom_geom::NeighbourList;
 use carom_solve::{Newton, RowSystem};
 use glam::DVec3;
@@ -51,6 +52,8 @@ pub struct Scratch {
     pub position: Vec<DVec3>,
     pub need: Vec<f64>,
     pub neighbours: NeighbourList,
+    /// Where walls are in this step.
+    pub walls: Walls,
     /// Candidate contacts, sorted by (a, b).
     pub contacts: Vec<Contact>,
     /// Pairs that overlap at the end of a step of `moreau`.
@@ -73,6 +76,8 @@ pub struct Scratch {
     pub load_error: Option<String>,
     /// Impulse at the joint and moment on sphere A of every joint in the step: both levels, N s and N m s.
     pub joint_reaction: Vec<[DVec3; 2]>,
+    /// Impulse on every wall in the step and its moment about the wall's place, N s and N m s; empty unless recorded.
+    pub wall_impulse: Vec<[DVec3; 2]>,
     /// Power at t_n of loads without potential, W.
     pub power: f64,
 }
@@ -100,6 +105,7 @@ impl Scratch {
             position: vec![DVec3::ZERO; n],
             need: vec![0.0; n],
             neighbours: NeighbourList::new(),
+            walls: Walls::new(model),
             contacts: Vec::new(),
             overlaps: Vec::new(),
             islands: Islands::default(),
@@ -117,6 +123,7 @@ impl Scratch {
             penalty: Workspace::new(model),
             load_error: None,
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
+            wall_impulse: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             power: 0.0,
         }
     }
@@ -158,7 +165,7 @@ impl SolveScratch {
         }
     }
 
-    /// Local node of a body; the world for planes.
+    /// Local node of a body; the world for walls.
     #[inline]
     pub fn node(&self, model: &Model, body: u32) -> u32 {
         if (body as usize) < model.spheres() {

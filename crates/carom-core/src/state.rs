@@ -5,7 +5,7 @@ use crate::model::{InitialState, Model};
 use crate::penalty::Touch;
 use glam::{DQuat, DVec3};
 
-/// Stable key of a contact: body indices, planes after spheres.
+/// Stable key of a contact: body indices, walls after spheres.
 pub type ContactKey = (u32, u32);
 
 /// Impulse of a resting contact, kept to start the next solve (rule R8): world vectors on body A.

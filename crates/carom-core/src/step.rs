@@ -15,6 +15,7 @@ use crate::state::State;
 use crate::stepper::Coefficients;
 use crate::stepper::Span;
 use crate::timers::{Phase, Timers};
+use crate::wall::Walls;
 use carom_geom::tangent_frame;
 use carom_solve::{Bounds, Status};
 use glam::DVec3;
@@ -69,13 +70,13 @@ pub fn step(
         time,
         accept_unconverged,
     } = attempt;
-    predict_and_smooth(model, state, scratch, coefficients, *time, report)?;
+    let span = Span::new(*time, coefficients.h);
+    predict_and_smooth(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Predict);
     list_pairs(model, state, scratch)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
-    let span = Span::new(*time, coefficients.h);
     correct_positions(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Position);
     correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
@@ -91,7 +92,7 @@ pub(crate) fn predict_and_smooth(
     state: &State,
     scratch: &mut Scratch,
     coefficients: &Coefficients,
-    time: f64,
+    span: Span,
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     scratch.shift.fill([DVec3::ZERO; 2]);
@@ -104,9 +105,14 @@ pub(crate) fn predict_and_smooth(
     scratch.keeper.failed = None;
     scratch.joint_reaction.fill([DVec3::ZERO; 2]);
     if !model.loads.is_empty() {
-        scratch.power = power(model, &motion_of(state, time));
+        scratch.power = power(model, &motion_of(state, span.start));
     }
-    smooth::solve(model, state, scratch, coefficients, time, report)
+    scratch.wall_impulse.fill([DVec3::ZERO; 2]);
+    if let Err(message) = scratch.walls.begin(model, span) {
+        scratch.load_error = Some(message);
+        return Err(Failure::Load);
+    }
+    smooth::solve(model, state, scratch, coefficients, span.start, report)
 }
 
 /// Pairs that may come within the candidate margin during the step.
@@ -118,7 +124,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
     scratch.neighbours.refresh(
         &state.position,
         &model.radius,
-        &model.half_spaces,
+        &scratch.walls.now,
         &scratch.need,
     );
     complete(&scratch.neighbours)
@@ -139,10 +145,12 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
         contacts,
         neighbours,
         position,
+        walls,
         ..
     } = scratch;
     for &(a, b) in neighbours.pairs() {
-        push_candidate(model, state, position, (a, b), CANDIDATE_MARGIN, contacts)?;
+        let margin = CANDIDATE_MARGIN;
+        push_candidate(model, state, walls, position, (a, b), margin, contacts)?;
     }
     Ok(())
 }
@@ -152,6 +160,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
 pub(crate) fn push_candidate(
     model: &Model,
     state: &State,
+    walls: &Walls,
     position: &[DVec3],
     (a, b): (u32, u32),
     margin: f64,
@@ -160,18 +169,23 @@ pub(crate) fn push_candidate(
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let ra = model.radius[i];
     if j >= n {
-        let plane = &model.planes[j - n];
-        let gap = carom_geom::sphere_plane(position[i], ra, plane.point, plane.normal).gap;
+        let wall = &model.walls[j - n];
+        let gap = walls.meet(model, a, b, position[i]).gap;
         if gap > margin * ra {
             return Ok(false);
         }
         let Some(law) = law_or_miss(model, a, b, gap)? else {
             return Ok(false);
         };
-        let start = carom_geom::sphere_plane(state.position[i], ra, plane.point, plane.normal);
-        let frame = (plane.normal, plane.tangent1, plane.tangent2);
+        let start = walls.meet_at_start(model, a, b, state.position[i]);
+        let (t1, t2) = if wall.is_fixed_plane() {
+            (wall.tangent1, wall.tangent2)
+        } else {
+            tangent_frame(start.normal)
+        };
+        let frame = (start.normal, t1, t2);
         let mut contact = new_contact((a, b), law, frame, start.gap, gap, ra);
-        contact.bounds = bounds_at_start(model, state, &contact)?;
+        contact.bounds = bounds_at_start(model, state, walls, &contact)?;
         contacts.push(contact);
         return Ok(true);
     }
@@ -190,14 +204,19 @@ pub(crate) fn push_candidate(
     let (t1, t2) = tangent_frame(start.normal);
     let frame = (start.normal, t1, t2);
     let mut contact = new_contact((a, b), law, frame, start.gap, gap, length);
-    contact.bounds = bounds_at_start(model, state, &contact)?;
+    contact.bounds = bounds_at_start(model, state, walls, &contact)?;
     contacts.push(contact);
     Ok(true)
 }
 
 /// Bounds of a contact in this step; a friction law is evaluated at the slip of t_n.
 #[inline]
-fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Result<Bounds, Failure> {
+fn bounds_at_start(
+    model: &Model,
+    state: &State,
+    walls: &Walls,
+    c: &Contact,
+) -> Result<Bounds, Failure> {
     let law = c.law(model);
     if law.friction_law.is_none() {
         return Ok(law.bounds);
@@ -209,7 +228,10 @@ fn bounds_at_start(model: &Model, state: &State, c: &Contact) -> Result<Bounds, 
         };
         sign * state.velocity[i] + radius * c.n0.cross(state.angular_velocity[i])
     };
-    let slip = part(c.a, 1.0) + part(c.b, -1.0);
+    let mut slip = part(c.a, 1.0) + part(c.b, -1.0);
+    if let Some(wall) = walls.start_twist(model, c, state.position[c.a as usize]) {
+        slip -= wall.material;
+    }
     let across = slip - c.n0 * c.n0.dot(slip);
     let (slip, bodies) = (across.length(), (c.a, c.b));
     let mu = law.friction(slip);
@@ -322,6 +344,7 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
         shift,
         linear,
         contacts,
+        walls,
         ..
     } = scratch;
     for i in 0..model.spheres() {
@@ -329,7 +352,7 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
     }
     for c in contacts.iter_mut() {
         let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-        let p = position::proximity(model, c, position[c.a as usize], xb);
+        let p = position::proximity(model, walls, c, position[c.a as usize], xb);
         c.gap = p.gap;
         c.n1 = p.normal;
         c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
@@ -352,13 +375,14 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
         need,
         shift,
         linear,
+        walls,
         ..
     } = scratch;
     for i in 0..model.spheres() {
         need[i] =
             (linear[i].displacement + shift[i][0]).length() + CANDIDATE_MARGIN * model.radius[i];
     }
-    neighbours.refresh(&state.position, &model.radius, &model.half_spaces, need);
+    neighbours.refresh(&state.position, &model.radius, &walls.now, need);
     complete(neighbours)?;
     let known = contacts.len();
     let mut new = known;
@@ -369,7 +393,7 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
         {
             continue;
         }
-        if push_candidate(model, state, position, (a, b), 0.0, contacts)? {
+        if push_candidate(model, state, walls, position, (a, b), 0.0, contacts)? {
             let c = &mut contacts[new];
             if c.gap_check >= -model.options.gap_tolerance * c.length {
                 contacts.pop();
@@ -379,7 +403,7 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
                 Some(p) => state.position[body as usize] + p.displacement,
                 None => DVec3::ZERO,
             };
-            c.gap_check = position::proximity(model, c, smooth(a), smooth(b)).gap;
+            c.gap_check = position::proximity(model, walls, c, smooth(a), smooth(b)).gap;
             new += 1;
         }
     }
@@ -452,6 +476,16 @@ pub(crate) fn finish(
         }
         scratch.jump[i] = [v, w];
     }
+    if model.record_walls {
+        let Scratch {
+            walls,
+            position,
+            contacts,
+            wall_impulse,
+            ..
+        } = scratch;
+        report.energy_work = walls.collect(model, state, position, contacts, wall_impulse);
+    }
     for i in 0..model.spheres() {
         [state.velocity[i], state.angular_velocity[i]] = scratch.jump[i];
         state.position[i] = scratch.position[i];
@@ -471,7 +505,7 @@ pub(crate) fn finish(
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         let mean = 0.5 * (scratch.power + power(model, &at));
         add_smooth_reactions(model, state, scratch, coefficients);
-        report.energy_work = span.h * mean + joint_work(model, scratch, span);
+        report.energy_work += span.h * mean + joint_work(model, scratch, span);
     }
     std::mem::swap(&mut state.warm, &mut scratch.warm);
     state.warm.sort_unstable_by_key(|w| w.key);

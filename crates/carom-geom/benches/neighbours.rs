@@ -1,13 +1,13 @@
 //! How long finding neighbours takes: `cargo bench -p carom-geom`. Best of several runs, one thread.
 
-use carom_geom::{overlaps, DVec3, NeighbourList};
+use carom_geom::{overlaps, DVec3, NeighbourList, Shape};
 use std::hint::black_box;
 use std::time::Instant;
 
 struct Scene {
     x: Vec<DVec3>,
     radius: Vec<f64>,
-    planes: Vec<(DVec3, DVec3)>,
+    walls: Vec<Shape>,
     need: Vec<f64>,
 }
 
@@ -27,17 +27,20 @@ fn heap(n: usize, ratio: f64) -> Scene {
     let side = (volume / 0.6).cbrt();
     let mut point = || side * DVec3::new(random(seed), random(seed), random(seed));
     let x = (0..n).map(|_| point()).collect();
-    let planes = vec![
+    let planes = [
         (DVec3::ZERO, DVec3::Z),
         (DVec3::ZERO, DVec3::X),
         (DVec3::ZERO, DVec3::Y),
         (DVec3::splat(side), -DVec3::X),
         (DVec3::splat(side), -DVec3::Y),
     ];
+    let walls = planes
+        .map(|(point, normal)| Shape::HalfSpace { point, normal })
+        .to_vec();
     Scene {
         x,
         radius,
-        planes,
+        walls,
         need: vec![0.01; n],
     }
 }
@@ -67,22 +70,22 @@ fn report(name: &str, scene: &Scene, runs: usize, times: usize) {
     let Scene {
         x,
         radius,
-        planes,
+        walls,
         need,
     } = scene;
     let mut list = NeighbourList::new();
     let rebuild = best(runs, times, || {
         list.invalidate();
-        black_box(list.refresh(x, radius, planes, need));
+        black_box(list.refresh(x, radius, walls, need));
     });
     let times = times.max(1_000_000 / x.len() / 10);
     let refresh = best(runs, times, || {
-        black_box(list.refresh(black_box(x), radius, planes, need));
+        black_box(list.refresh(black_box(x), radius, walls, need));
     });
     let mut meetings = 0;
     let within = best(runs, times, || {
         meetings = list
-            .within(black_box(x), radius, planes, need)
+            .within(black_box(x), radius, walls, need)
             .inspect(|m| {
                 black_box(m.proximity.gap);
             })
@@ -116,7 +119,7 @@ fn main() {
         black_box(overlaps(
             &scene.x,
             &scene.radius,
-            &scene.planes,
+            &scene.walls,
             1e-9,
             usize::MAX,
         ));

@@ -23,5 +23,6 @@ pub mod tangent;
 pub use broad::{overlaps, Meeting, NeighbourList, Overlap};
 pub use glam::DVec3;
 pub use pair::{proximity, sphere_plane, sphere_sphere, Proximity};
-pub use shape::Shape;
+pub use pair::{Ball, Cone, Cylinder, Disc, Rectangle};
+pub use shape::{Displacement, Shape};
 pub use tangent::tangent_frame;

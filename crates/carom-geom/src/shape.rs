@@ -4,9 +4,14 @@
 //! loops over contacts must not call through a pointer. A new shape is a variant here, a row and a column in
 //! [`crate::pair::table`], and one file per cell it fills.
 
-use glam::DVec3;
+use crate::pair;
+use crate::pair::{
+    sphere_ball, sphere_cone, sphere_cylinder, sphere_disc, sphere_plane, sphere_rectangle,
+};
+use crate::pair::{Ball, Cone, Cylinder, Disc, Proximity, Rectangle};
+use glam::{DQuat, DVec3};
 
-/// A shape, without its pose. Lengths in metres.
+/// A shape. A sphere is placed by its body's centre, walls stand where they are. Lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
     /// Ball of the given radius (m) about the body's centre.
@@ -15,11 +20,129 @@ pub enum Shape {
         radius: f64,
     },
     /// Everything behind an infinite plane: the set `normal . (y - point) <= 0`, in world coordinates.
-    /// It has no pose of its own, so a moving wall is a new `point`.
     HalfSpace {
         /// Any point of the plane (m).
         point: DVec3,
         /// Unit normal, out of the solid and into the free space.
         normal: DVec3,
     },
+    /// One face with edges and corners.
+    Rectangle(Rectangle),
+    /// One face with a rim, and a hole if it is a ring.
+    Disc(Disc),
+    /// The inside or the outside of a cylinder.
+    Cylinder(Cylinder),
+    /// The inside or the outside of a ball.
+    Ball(Ball),
+    /// The inside or the outside of a frustum.
+    Cone(Cone),
+}
+
+/// A rigid displacement: the point `y` moves to `about + shift + turn (y - about)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Displacement {
+    /// Rotation about the point `about` (m).
+    pub turn: DQuat,
+    /// See `turn`.
+    pub about: DVec3,
+    /// Translation after it (m).
+    pub shift: DVec3,
+}
+
+impl Displacement {
+    /// Where the point `y` goes.
+    #[inline]
+    pub fn point(&self, y: DVec3) -> DVec3 {
+        self.about + self.shift + self.turn * (y - self.about)
+    }
+
+    /// Where a direction goes, kept a unit vector.
+    #[inline]
+    pub fn direction(&self, d: DVec3) -> DVec3 {
+        if self.turn == DQuat::IDENTITY {
+            return d;
+        }
+        (self.turn * d).normalize()
+    }
+}
+
+impl Shape {
+    /// How a sphere with centre `x` (m) and radius `r` (m) meets this wall; `None` for shapes that are none.
+    #[inline]
+    pub fn meet(&self, x: DVec3, r: f64) -> Option<Proximity> {
+        match *self {
+            Shape::HalfSpace { point, normal } => Some(sphere_plane(x, r, point, normal)),
+            Shape::Sphere { .. } => None,
+            Shape::Rectangle(ref wall) => Some(sphere_rectangle(x, r, wall)),
+            Shape::Disc(ref wall) => Some(sphere_disc(x, r, wall)),
+            Shape::Cylinder(ref wall) => Some(sphere_cylinder(x, r, wall)),
+            Shape::Ball(ref wall) => Some(sphere_ball(x, r, wall)),
+            Shape::Cone(ref wall) => Some(sphere_cone(x, r, wall)),
+        }
+    }
+
+    /// Lower bound of the gap of a sphere at this wall (m) that changes by no more than the centre moves, and is the gap
+    /// itself where the sphere is near and on the free side. Infinite for shapes that are no walls.
+    #[inline]
+    pub fn clearance(&self, x: DVec3, r: f64) -> f64 {
+        match *self {
+            Shape::HalfSpace { point, normal } => normal.dot(x - point) - r,
+            Shape::Sphere { .. } => f64::INFINITY,
+            Shape::Rectangle(ref wall) => pair::sphere_rectangle::distance(x, wall) - r,
+            Shape::Disc(ref wall) => pair::sphere_disc::distance(x, wall) - r,
+            Shape::Cylinder(ref wall) => pair::sphere_cylinder::distance(x, wall) - r,
+            Shape::Ball(ref wall) => sphere_ball(x, r, wall).gap,
+            Shape::Cone(ref wall) => pair::sphere_cone::distance(x, wall) - r,
+        }
+    }
+
+    /// A point that the wall is placed by (m).
+    #[inline]
+    pub fn place(&self) -> DVec3 {
+        match *self {
+            Shape::HalfSpace { point, .. } => point,
+            Shape::Sphere { .. } => DVec3::ZERO,
+            Shape::Rectangle(wall) => wall.centre,
+            Shape::Disc(wall) => wall.centre,
+            Shape::Cylinder(wall) => wall.centre,
+            Shape::Ball(wall) => wall.centre,
+            Shape::Cone(wall) => wall.point,
+        }
+    }
+
+    /// The wall after a displacement.
+    pub fn moved(&self, by: &Displacement) -> Shape {
+        match *self {
+            Shape::HalfSpace { point, normal } => Shape::HalfSpace {
+                point: by.point(point),
+                normal: by.direction(normal),
+            },
+            sphere @ Shape::Sphere { .. } => sphere,
+            Shape::Rectangle(wall) => Shape::Rectangle(Rectangle {
+                centre: by.point(wall.centre),
+                normal: by.direction(wall.normal),
+                side: by.direction(wall.side),
+                ..wall
+            }),
+            Shape::Disc(wall) => Shape::Disc(Disc {
+                centre: by.point(wall.centre),
+                normal: by.direction(wall.normal),
+                ..wall
+            }),
+            Shape::Cylinder(wall) => Shape::Cylinder(Cylinder {
+                centre: by.point(wall.centre),
+                axis: by.direction(wall.axis),
+                ..wall
+            }),
+            Shape::Ball(wall) => Shape::Ball(Ball {
+                centre: by.point(wall.centre),
+                ..wall
+            }),
+            Shape::Cone(wall) => Shape::Cone(Cone {
+                point: by.point(wall.point),
+                axis: by.direction(wall.axis),
+                ..wall
+            }),
+        }
+    }
 }

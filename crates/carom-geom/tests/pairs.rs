@@ -1,46 +1,12 @@
-//! Every pair of shapes against finite differences, by one checker.
+//! Spheres and planes against finite differences, by the checker of all pairs (`common`).
 //!
 //! A new cell of the table adds one call of `check_derivatives`.
 
-use carom_geom::{proximity, sphere_plane, sphere_sphere, DVec3, Proximity, Shape};
+mod common;
+
+use carom_geom::{proximity, sphere_plane, sphere_sphere, Shape};
+use common::{check_derivatives, unit, vector};
 use proptest::prelude::*;
-
-const TOLERANCE: f64 = 1e-7;
-
-/// Checks `meet(x)`, a function of the relative position of A, at `x`:
-/// `d gap = n . dx` (eq. 39) and `d n = curvature (I - n n^T) dx` (eq. 42), and that `n` is a unit vector.
-///
-/// Central differences of step `h = 1e-5 scale`: truncation about `h^2/scale^2`, rounding about `1e-16 scale/h`.
-fn check_derivatives(meet: impl Fn(DVec3) -> Proximity, x: DVec3, scale: f64) {
-    let h = 1e-5 * scale;
-    let at = meet(x);
-    assert!((at.normal.length() - 1.0).abs() < 1e-14, "{at:?}");
-    for axis in DVec3::AXES {
-        let (plus, minus) = (meet(x + h * axis), meet(x - h * axis));
-        let gap_x = (plus.gap - minus.gap) / (2.0 * h);
-        assert!(
-            (gap_x - at.normal.dot(axis)).abs() < TOLERANCE,
-            "gap along {axis}: {gap_x} {at:?}"
-        );
-        let normal_x = (plus.normal - minus.normal) / (2.0 * h);
-        let expected = at.curvature * (axis - at.normal * at.normal.dot(axis));
-        let error = (normal_x - expected).length() * scale;
-        assert!(
-            error < TOLERANCE,
-            "normal along {axis}: {normal_x} {expected} {at:?}"
-        );
-    }
-}
-
-fn vector(size: f64) -> impl Strategy<Value = DVec3> {
-    (-size..size, -size..size, -size..size).prop_map(|(x, y, z)| DVec3::new(x, y, z))
-}
-
-fn unit() -> impl Strategy<Value = DVec3> {
-    vector(1.0)
-        .prop_filter("too short to normalise", |v| v.length() > 0.1)
-        .prop_map(DVec3::normalize)
-}
 
 proptest! {
     #[test]

@@ -1,6 +1,6 @@
 //! Arrays in and out. Vectors are moved into NumPy, never copied element by element in Python.
 
-use crate::{coupling, ModelError};
+use crate::{coupling, walls, ModelError};
 use carom_core::model::ModelInput;
 use carom_core::options::{Options, Value};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
@@ -141,6 +141,9 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         plane_point: rows(dict, "plane_point")?,
         plane_normal: rows(dict, "plane_normal")?,
         plane_material: ids(dict, "plane_material")?,
+        walls: walls::walls(dict)?,
+        wall_motion: walls::motions(dict)?,
+        record_walls: walls::recorded(dict)?,
         laws,
         friction_law: coupling::friction_laws(dict)?,
         joints: coupling::joints(dict, &radius)?,

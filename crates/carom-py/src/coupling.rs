@@ -14,12 +14,12 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::sync::Arc;
 
-fn refuse(text: String) -> PyErr {
+pub(crate) fn refuse(text: String) -> PyErr {
     ModelError::new_err(text)
 }
 
 /// `("constant", x)`, `("polynomial", [...])`, `("table", [[x, y], ...])`, `("expression", text)`.
-fn law(value: &Bound<'_, PyAny>) -> PyResult<Scalar> {
+pub(crate) fn law(value: &Bound<'_, PyAny>) -> PyResult<Scalar> {
     let (kind, data): (String, Bound<'_, PyAny>) = value.extract()?;
     match kind.as_str() {
         "constant" => Ok(Scalar::Constant(data.extract()?)),
@@ -34,12 +34,12 @@ fn law(value: &Bound<'_, PyAny>) -> PyResult<Scalar> {
     }
 }
 
-fn three_laws(value: &Bound<'_, PyAny>) -> PyResult<[Scalar; 3]> {
+pub(crate) fn three_laws(value: &Bound<'_, PyAny>) -> PyResult<[Scalar; 3]> {
     let list: [Bound<'_, PyAny>; 3] = value.extract()?;
     Ok([law(&list[0])?, law(&list[1])?, law(&list[2])?])
 }
 
-fn vector(value: &Bound<'_, PyAny>) -> PyResult<DVec3> {
+pub(crate) fn vector(value: &Bound<'_, PyAny>) -> PyResult<DVec3> {
     Ok(DVec3::from(value.extract::<[f64; 3]>()?))
 }
 
@@ -52,7 +52,7 @@ fn body(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<u32> {
     u32::try_from(index).map_err(|_| refuse(format!("{name} is {index}")))
 }
 
-fn list<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Vec<Bound<'py, PyAny>>> {
+pub(crate) fn list<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Vec<Bound<'py, PyAny>>> {
     match dict.get_item(name)? {
         Some(value) => Ok(value.cast::<PyList>()?.iter().collect()),
         None => Ok(Vec::new()),

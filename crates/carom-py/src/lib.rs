@@ -9,6 +9,7 @@ mod problem;
 mod simulation;
 mod state;
 mod tables;
+mod walls;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

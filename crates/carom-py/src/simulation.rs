@@ -82,7 +82,8 @@ impl Simulation {
         });
         let out = PyDict::new(py);
         let model = &self.inner.model;
-        put_block(&out, block, model.spheres(), model.joints.len())?;
+        let (joints, walls) = (model.joints.len(), model.recorded_walls());
+        put_block(&out, block, model.spheres(), joints, walls)?;
         match outcome {
             Some(o) => out.set_item("outcome", outcome_dict(py, &o)?)?,
             None => out.set_item("outcome", py.None())?,
@@ -141,9 +142,14 @@ impl Simulation {
             flat(open.iter().map(open_values)),
             &[open.len(), 20],
         )?;
-        let joints = &self.inner.recorder.open_joints;
-        let values = flat(joints.iter().map(|[a, b]| six(*a, *b)));
-        put(&out, "open_joint", values, &[joints.len(), 6])?;
+        let recorder = &self.inner.recorder;
+        for (name, open) in [
+            ("open_joint", &recorder.open_joints),
+            ("open_wall", &recorder.open_walls),
+        ] {
+            let values = flat(open.iter().map(|[a, b]| six(*a, *b)));
+            put(&out, name, values, &[open.len(), 6])?;
+        }
         let (integers, floats) = monitor_arrays(&self.inner.monitors);
         put(&out, "monitor_int", integers, &[1])?;
         put(&out, "monitor_float", floats, &[1])?;
@@ -153,7 +159,7 @@ impl Simulation {
     /// Takes a state back. Refuses one of another model size.
     fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let n = self.inner.model.spheres();
-        let bodies = n + self.inner.model.planes.len();
+        let bodies = n + self.inner.model.walls.len();
         let loaded = read_state(state, bodies as u64)?;
         for (name, found) in [
             ("position", loaded.position.len()),
@@ -186,6 +192,19 @@ impl Simulation {
                 self.inner.model.joints.len()
             )));
         }
+        // A checkpoint of a version that knew no moving walls has none.
+        let walls = match state.get_item("open_wall")? {
+            Some(_) => read_pairs(state, "open_wall")?,
+            None => Vec::new(),
+        };
+        let count = self.inner.model.recorded_walls();
+        if walls.len() != count {
+            return Err(ModelError::new_err(format!(
+                "state: open_wall is for {} walls, the model records {count}",
+                walls.len()
+            )));
+        }
+        self.inner.recorder.open_walls = walls;
         self.inner.recorder.open_joints = joints;
         self.inner.state = loaded;
         self.inner.recorder.open = open;

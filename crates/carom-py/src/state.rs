@@ -70,7 +70,7 @@ pub fn touch_values(t: &Touch) -> [f64; 11] {
     out
 }
 
-/// Closed contacts of method `penalty`; their keys name bodies of a model of `bodies` spheres and planes.
+/// Closed contacts of method `penalty`; their keys name bodies of a model of `bodies` spheres and walls.
 pub fn read_touches(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<Touch>> {
     let keys = convert::indices(state, "touch_key")?;
     let values = convert::rows::<11>(state, "touch_value")?;

@@ -68,7 +68,13 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
     Ok(out)
 }
 
-pub fn put_block(out: &Bound<'_, PyDict>, b: Block, n: usize, joints: usize) -> PyResult<()> {
+pub fn put_block(
+    out: &Bound<'_, PyDict>,
+    b: Block,
+    n: usize,
+    joints: usize,
+    walls: usize,
+) -> PyResult<()> {
     let py = out.py();
     let bodies = |a: u32, b: u32| {
         let (a, b) = (i64::from(a), i64::from(b));
@@ -84,6 +90,9 @@ pub fn put_block(out: &Bound<'_, PyDict>, b: Block, n: usize, joints: usize) -> 
     put(&frames, "angular_velocity", b.angular_velocity, &[f, n, 3])?;
     if joints > 0 {
         put(&frames, "joint_impulse", b.joints, &[f, joints, 6])?;
+    }
+    if walls > 0 {
+        put(&frames, "walls", b.walls, &[f, walls, 6])?;
     }
     put(&frames, "contact_end", b.contact_end, &[f])?;
     out.set_item("frames", frames)?;

@@ -26,10 +26,13 @@ pub struct RowContact {
     pub translational: u32,
     /// Reference length r_c, m: makes rotational rows comparable and gaps relative.
     pub length: f64,
-    /// Derivative of the unit normal: `curvature (1 - n n^T)` over the relative position, 1/m (eq. 42); 0 at velocity level.
+    /// Derivative of the unit normal: `curvature (1 - n n^T - f f^T)` over the relative position, 1/m (eq. 42); 0 at velocity
+    /// level.
     pub curvature: f64,
     /// Current unit normal (needed with the curvature only).
     pub normal: [f64; 3],
+    /// `f`: at a wall whose principal curvatures differ; else 0.
+    pub flat: [f64; 3],
 }
 
 /// Nodes, contacts and rows. `M u = G^T lambda + b(u)`, measures `z(u)` (gaps, or relative velocities with restitution).
@@ -141,6 +144,7 @@ impl RowSystem {
             length,
             curvature: 0.0,
             normal,
+            flat: [0.0; 3],
         };
         self.push_rows(group, jac, z0);
     }
@@ -166,6 +170,7 @@ impl RowSystem {
             length,
             curvature: 0.0,
             normal: [0.0; 3],
+            flat: [0.0; 3],
         };
         self.push_rows(group, jac, z0);
     }

@@ -6,7 +6,6 @@ use crate::contact::Rows;
 use crate::islands::Island;
 use crate::joint::add_reaction;
 use crate::level::coupling::Trial;
-use crate::level::velocity::Speeds;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::rotation;
@@ -169,7 +168,7 @@ impl ImpactScratch {
         for (v, u) in self.v_check.iter_mut().zip(&self.u) {
             *v += u;
         }
-        self.speeds = Speeds::default();
+        self.speeds = self.wall_speeds;
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
             let v = &self.v_check[NODE_DOF * node..];
             let velocity = DVec3::new(v[0], v[1], v[2]);

@@ -13,7 +13,7 @@ use crate::report::{Level, StepReport};
 use crate::scratch::{ImpactRecord, Scratch, SolveScratch};
 use crate::state::State;
 use crate::stepper::Span;
-use carom_solve::rows::{Linear, RowSystem, Subproblem, NODE_DOF};
+use carom_solve::rows::{Linear, RowContact, RowSystem, Subproblem, NODE_DOF};
 use carom_solve::{SolveReport, Status};
 
 /// Speed over r/h below which the multipliers of joints at rest are rounding.
@@ -55,10 +55,14 @@ pub struct ImpactScratch {
     pub v_minus: Vec<f64>,
     /// Accumulated impulses per row of `full`.
     pub impulse: Vec<f64>,
+    /// What moving walls add to the measures of contact rows at t_n and t_{n+1}; empty: none moves.
+    pub(super) driven: [Vec<f64>; 2],
     /// Slots (into `members`) of the contacts of the problem at hand.
     pub chosen: Vec<usize>,
     pub tol: f64,
     pub speeds: Speeds,
+    /// Of the walls of its contacts.
+    pub(super) wall_speeds: Speeds,
     pub problems: u32,
     work: Vec<[f64; 4]>,
     status: Vec<Status>,
@@ -94,13 +98,19 @@ impl ImpactScratch {
         accept_unconverged: bool,
     ) {
         let Scratch {
-            contacts, solve, ..
+            contacts,
+            solve,
+            walls,
+            position,
+            ..
         } = scratch;
         let members = island.contacts;
         solve.begin(model, contacts, island);
         std::mem::swap(&mut self.full, &mut solve.system);
         self.members.clear();
         self.members.extend_from_slice(members);
+        self.driven.iter_mut().for_each(Vec::clear);
+        self.wall_speeds = Speeds::default();
         let mut rows: Rows = Default::default();
         for &m in members {
             let c = &contacts[m as usize];
@@ -116,6 +126,20 @@ impl ImpactScratch {
                 &rows[..dim],
                 &[0.0; 6][..dim],
             );
+            if walls.any_moves() {
+                let i = c.a as usize;
+                let old = walls.start_twist(model, c, state.position[i]);
+                let new = walls.end_twist(model, c, position[i]);
+                let mut measures = [[0.0; 6]; 2];
+                if let (Some(old), Some(new)) = (old, new) {
+                    old.measures(&rows, dim, &mut measures[0]);
+                    new.measures(&rows, dim, &mut measures[1]);
+                    self.wall_speeds.add_wall(&old, &new);
+                }
+                for (all, of_contact) in self.driven.iter_mut().zip(&measures) {
+                    all.extend_from_slice(&of_contact[..dim]);
+                }
+            }
         }
         self.span = span;
         self.begin_coupling(model, state, scratch, island);
@@ -127,7 +151,7 @@ impl ImpactScratch {
         } = scratch;
         self.v_check.clear();
         self.v_old.clear();
-        self.speeds = Speeds::default();
+        self.speeds = self.wall_speeds;
         for &body in &solve.bodies {
             let i = body as usize;
             let (lin, ang) = (linear[i].velocity, angular[i].velocity);
@@ -165,19 +189,26 @@ impl ImpactScratch {
         self.accept_unconverged = accept_unconverged;
     }
 
+    /// Measure of a row of `full` at the velocities `v` of t_n (0) or t_{n+1} (1): against the wall, where that moves.
+    #[inline]
+    fn relative<const END: usize>(&self, c: &RowContact, row: usize, v: &[f64]) -> f64 {
+        let wall = self.driven[END].get(row).copied().unwrap_or(0.0);
+        self.full.row_velocity(c, row, v) + wall
+    }
+
     /// Normal relative velocity of a contact at `v_check + jump`.
     #[inline]
     pub fn normal_velocity(&self, slot: usize, jump: &[f64]) -> f64 {
         let c = &self.full.contacts[slot];
         let row = c.row as usize;
-        self.full.row_velocity(c, row, &self.v_check) + self.full.row_velocity(c, row, jump)
+        self.relative::<1>(c, row, &self.v_check) + self.full.row_velocity(c, row, jump)
     }
 
     /// Normal relative velocity of a contact at `v_n`.
     #[inline]
     pub fn old_normal_velocity(&self, slot: usize) -> f64 {
         let c = &self.full.contacts[slot];
-        self.full.row_velocity(c, c.row as usize, &self.v_old)
+        self.relative::<0>(c, c.row as usize, &self.v_old)
     }
 
     /// Chooses every contact that closes by more than the tolerance at `v_check + jump`.
@@ -215,7 +246,7 @@ impl ImpactScratch {
             self.work[slot] = [0.0; 4];
             for r in 0..c.dim as usize {
                 let row = c.row as usize + r;
-                let before = self.full.row_velocity(&c, row, &self.v_check);
+                let before = self.relative::<1>(&c, row, &self.v_check);
                 let after = before + self.full.row_velocity(&c, row, &self.jump);
                 let kind = contacts[self.members[slot] as usize].row_kind(r);
                 self.work[slot][kind] += 0.5 * self.impulse[row] * (before + after);
@@ -287,9 +318,9 @@ impl ImpactScratch {
             sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
             sub.z0.extend(
                 rows.clone()
-                    .map(|r| self.full.row_velocity(&c, r, &self.velocity)),
+                    .map(|r| self.relative::<1>(&c, r, &self.velocity)),
             );
-            sub.contacts.push(carom_solve::rows::RowContact {
+            sub.contacts.push(RowContact {
                 row: row as u32,
                 ..c
             });
@@ -298,7 +329,7 @@ impl ImpactScratch {
             }
             let material = contact.law(model);
             let scale = self.scale[position];
-            let old = self.full.row_velocity(&c, c.row as usize, &self.v_minus);
+            let old = self.relative::<0>(&c, c.row as usize, &self.v_minus);
             let (e_n, approach, tangential) = if law == Law::Printed {
                 (
                     material.restitution,
@@ -316,9 +347,7 @@ impl ImpactScratch {
             sub.z0[row] += scale * e_n * approach;
             if tangential && contact.bounds.sliding > 0.0 {
                 for r in 1..3 {
-                    let slip = self
-                        .full
-                        .row_velocity(&c, c.row as usize + r, &self.v_minus);
+                    let slip = self.relative::<0>(&c, c.row as usize + r, &self.v_minus);
                     sub.z0[row + r] += scale * material.tangential_restitution * slip;
                 }
             }
@@ -328,7 +357,7 @@ impl ImpactScratch {
     }
 
     /// `G_N(n) V_minus`: the normal of t_n, as eqs. 16, 24 and 43 print it.
-    fn printed_approach(&self, c: &carom_solve::rows::RowContact, contact: &Contact) -> f64 {
+    fn printed_approach(&self, c: &RowContact, contact: &Contact) -> f64 {
         let n = contact.n0;
         let row = [n.x, n.y, n.z, 0.0, 0.0, 0.0];
         let part = |node: u32| {
@@ -339,7 +368,7 @@ impl ImpactScratch {
         if c.node_b != carom_solve::rows::WORLD {
             sum -= part(c.node_b);
         }
-        sum
+        sum + self.driven[0].get(c.row as usize).copied().unwrap_or(0.0)
     }
 
     pub(super) fn solve_built(
@@ -474,7 +503,7 @@ impl ImpactScratch {
                 let (row, sub_row) = (c.row as usize + r, s.row as usize + r);
                 let value = self.lambda[sub_row];
                 self.impulse[row] += value;
-                let before = self.full.row_velocity(&c, row, &self.velocity);
+                let before = self.relative::<1>(&c, row, &self.velocity);
                 let after = before + self.full.row_velocity(&c, row, &self.u);
                 let kind = contacts[self.members[slot] as usize].row_kind(r);
                 self.work[slot][kind] += 0.5 * value * (before + after);
@@ -523,7 +552,8 @@ impl ImpactScratch {
             let mut packed = [0.0; 6];
             packed[..s.dim as usize].copy_from_slice(&self.lambda[row..row + s.dim as usize]);
             let world = contact.to_world(contact.n1, &packed);
-            let approach = self.sub.row_velocity(s, row, &self.velocity);
+            let full = &self.full.contacts[slot];
+            let approach = self.relative::<1>(full, full.row as usize, &self.velocity);
             rows.push(ImpactRecord {
                 problem: index.unwrap_or(0),
                 a: contact.a,
@@ -563,7 +593,7 @@ impl ImpactScratch {
                 .copy_from_slice(&self.impulse[c.row as usize..(c.row + c.dim) as usize]);
             contact.work = self.work[slot];
             contact.status = self.status[slot];
-            let free = self.full.row_velocity(c, c.row as usize, &self.v_check);
+            let free = self.relative::<1>(c, c.row as usize, &self.v_check);
             let touching = contact.gap_start <= model.options.touching_tolerance * contact.length;
             // Overlap made by the smooth motion, not by a neighbour's position correction.
             let overlapped = contact.gap_check < 0.0 && contact.nu[0] > 0.0;

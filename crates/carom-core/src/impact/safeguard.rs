@@ -105,14 +105,26 @@ impl ImpactScratch {
         }));
     }
 
+    /// What its moving wall adds to the measures of a row group of the problem.
+    fn wall_measures(&self, position: usize) -> Option<&[f64]> {
+        let c = &self.full.contacts[*self.chosen.get(position)?];
+        self.driven[1].get(c.row as usize..(c.row + c.dim) as usize)
+    }
+
     /// Whether the work of the given contacts and joints of the problem exceeds the tolerance of rule R4. Rows that
     /// prescribe a motion do work legitimately.
     fn gains(&self, model: &Model, inside: &[usize]) -> bool {
-        let mut work = 0.0;
+        let (mut work, mut of_walls) = (0.0, 0.0);
         let mut nodes: Vec<u32> = Vec::new();
         for &position in inside {
             let c = &self.sub.contacts[position];
             let joint = position.checked_sub(self.chosen.len());
+            let wall = self.wall_measures(position);
+            if let Some(wall) = wall {
+                // What a moving wall gives is its own work; its speed belongs to the scale.
+                let square = wall.iter().take(c.translational as usize).map(|v| v * v);
+                of_walls += 0.5 / self.sub.inv_mass[c.node_a as usize] * square.sum::<f64>();
+            }
             for row in c.row as usize..(c.row + c.dim) as usize {
                 let prescribes = joint.is_some_and(|k| {
                     let joint = &model.joints[self.joints[k] as usize];
@@ -121,7 +133,8 @@ impl ImpactScratch {
                 if prescribes {
                     continue;
                 }
-                let before = self.sub.row_velocity(c, row, &self.velocity);
+                let before = self.sub.row_velocity(c, row, &self.velocity)
+                    + wall.map_or(0.0, |w| w[row - c.row as usize]);
                 let after = before + self.sub.row_velocity(c, row, &self.u);
                 work += 0.5 * self.lambda[row] * (before + after);
             }
@@ -143,6 +156,6 @@ impl ImpactScratch {
                     + (v[3] * v[3] + v[4] * v[4] + v[5] * v[5]) / ii)
             })
             .sum();
-        work > GAIN_TOLERANCE * kinetic
+        work > GAIN_TOLERANCE * (kinetic + of_walls)
     }
 }

@@ -67,7 +67,8 @@ pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
     let bounds = contact.bounds;
     let i = contact.a as usize;
     model.options.solver == Solver::Auto
-        && contact.is_plane(model)
+        && contact.is_wall(model)
+        && model.wall(contact.b).is_steady_plane()
         && (bounds.rolling == 0.0
             || SingleContact::settles(model.mass[i], model.inertia[i], model.radius[i]))
 }

@@ -16,26 +16,27 @@ use crate::scratch::{Scratch, SolveScratch};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
-use carom_geom::{sphere_plane, sphere_sphere, Proximity};
+use crate::wall::Walls;
+use carom_geom::{sphere_sphere, Proximity};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::{SolveReport, Status};
 use glam::DVec3;
 
-/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres) `xb`.
+/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres) `xb`, walls where they are now.
 #[inline]
-pub fn proximity(model: &Model, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
-    let ra = model.radius[c.a as usize];
-    if c.is_plane(model) {
-        let plane = &model.planes[c.b as usize - model.spheres()];
-        sphere_plane(xa, ra, plane.point, plane.normal)
+pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
+    if c.is_wall(model) {
+        walls.meet(model, c.a, c.b, xa)
     } else {
-        sphere_sphere(xa, ra, xb, model.radius[c.b as usize])
+        let (ra, rb) = (model.radius[c.a as usize], model.radius[c.b as usize]);
+        sphere_sphere(xa, ra, xb, rb)
     }
 }
 
 /// Position measures of an island as functions of U.
 struct Positions<'a> {
     model: &'a Model,
+    walls: &'a Walls,
     contacts: &'a [Contact],
     members: &'a [u32],
     /// Centres after the smooth step, per node.
@@ -134,12 +135,12 @@ impl Subproblem for Positions<'_> {
         for (slot, &index) in self.members.iter().enumerate() {
             let c = &self.contacts[index as usize];
             let rc = system.contacts[slot];
-            let plane = c.is_plane(self.model);
-            let xb = if plane { DVec3::ZERO } else { at(rc.node_b) };
-            let p = proximity(self.model, c, at(rc.node_a), xb);
+            let wall = c.is_wall(self.model);
+            let xb = if wall { DVec3::ZERO } else { at(rc.node_b) };
+            let p = proximity(self.model, self.walls, c, at(rc.node_a), xb);
             let row = rc.row as usize;
             z[row] = p.gap;
-            if !plane {
+            if !(wall && self.model.wall(c.b).is_fixed_plane()) {
                 let n = p.normal;
                 system.jac[row] = [
                     [n.x, n.y, n.z, 0.0, 0.0, 0.0],
@@ -147,6 +148,7 @@ impl Subproblem for Positions<'_> {
                 ];
                 system.contacts[slot].normal = n.to_array();
                 system.contacts[slot].curvature = p.curvature;
+                system.contacts[slot].flat = p.flat.to_array();
             }
             for r in row + 1..row + rc.dim as usize {
                 z[r] = system.z0[r] + system.row_velocity(&rc, r, u);
@@ -185,6 +187,10 @@ pub fn solve_island(
                 scratch.angular[i].displacement,
             );
             let mut z = single::motion(c, model.radius[i], linear, angular);
+            let (from, to) = (state.position[i], scratch.position[i]);
+            if let Some([way, turn]) = scratch.walls.displacement(model, c, from, to) {
+                z.subtract(&single::driven(c, way, way, turn));
+            }
             z.normal = c.gap_check;
             let s = single::problem(model, c, &z).solve();
             let nu = single::pack(c, &s);
@@ -229,6 +235,7 @@ fn solve_by_newton(
         history,
         keeper,
         trial,
+        walls,
         ..
     } = scratch;
     let members = island.contacts;
@@ -239,18 +246,23 @@ fn solve_by_newton(
         let dim = c.rows(model, c.n0, &mut rows);
         let (ja, jb) = (solve.node(model, c.a), solve.node(model, c.b));
         let mut z0 = [0.0; 6];
+        // A wall is a body B whose motion is known.
+        let (from, to) = (state.position[c.a as usize], position[c.a as usize]);
+        let driven = walls.displacement(model, c, from, to);
         for (z, row) in z0.iter_mut().zip(&rows[..dim]).skip(1) {
             *z = along(
                 &row[0],
                 linear[c.a as usize].displacement,
                 angular[c.a as usize].displacement,
             );
-            if !c.is_plane(model) {
+            if !c.is_wall(model) {
                 *z += along(
                     &row[1],
                     linear[c.b as usize].displacement,
                     angular[c.b as usize].displacement,
                 );
+            } else if let Some([way, turn]) = driven {
+                *z += along(&row[1], way, turn);
             }
         }
         z0[0] = c.gap_check;
@@ -335,6 +347,7 @@ fn solve_by_newton(
     options.gap_floor = 16.0 * rounding;
     let mut problem = Positions {
         model,
+        walls,
         contacts,
         members,
         centres: &centres,

@@ -5,13 +5,14 @@ use crate::model::Model;
 use crate::problem::Solve;
 use crate::report::Level;
 use crate::scratch::Scratch;
+use crate::state::State;
 use carom_solve::rows::{RowSystem, WORLD};
 use carom_solve::single::{SingleContact, SingleSolution};
 use carom_solve::SolveReport;
 use glam::DVec3;
 
 /// Measures of a lone sphere-plane contact in its frame: normal, slip (2), turned rolling (2), spin.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Motion {
     pub normal: f64,
     pub slip: [f64; 2],
@@ -29,6 +30,43 @@ pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> Motion
         turn: [-c.t2.dot(angular), c.t1.dot(angular)],
         spin: c.n0.dot(angular),
     }
+}
+
+impl Motion {
+    /// Against that of a moving wall.
+    #[inline]
+    pub fn subtract(&mut self, wall: &Motion) {
+        self.normal -= wall.normal;
+        self.spin -= wall.spin;
+        for k in 0..2 {
+            self.slip[k] -= wall.slip[k];
+            self.turn[k] -= wall.turn[k];
+        }
+    }
+}
+
+/// Measures of a wall's own motion at the contact: of its shape, of its material, and rotation.
+#[inline]
+pub fn driven(c: &Contact, shape: DVec3, material: DVec3, rotation: DVec3) -> Motion {
+    Motion {
+        normal: c.n0.dot(shape),
+        ..motion(c, 0.0, material, rotation)
+    }
+}
+
+/// Measures of a contact's wall at t_n and t_{n+1}; 0 where it does not move.
+#[inline]
+pub fn wall_motion(model: &Model, state: &State, scratch: &Scratch, c: &Contact) -> [Motion; 2] {
+    if !scratch.walls.any_moves() {
+        return [Motion::default(); 2];
+    }
+    let i = c.a as usize;
+    let old = scratch.walls.start_twist(model, c, state.position[i]);
+    let new = scratch.walls.end_twist(model, c, scratch.position[i]);
+    [old, new].map(|twist| match twist {
+        Some(t) => driven(c, t.shape, t.material, t.spin),
+        None => Motion::default(),
+    })
 }
 
 /// The one-contact problem with the given measures.

@@ -10,6 +10,7 @@ use crate::report::{Level, StepReport};
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::State;
 use crate::stepper::Span;
+use crate::wall::WallTwist;
 use carom_solve::{SolveReport, Status};
 
 /// Closing speeds below this share of the island's speed are rounding.
@@ -32,6 +33,14 @@ impl Speeds {
             state.velocity[i].length() + model.radius[i] * state.angular_velocity[i].length();
         self.load = self.load.max(load);
         self.speed = self.speed.max(speed);
+    }
+
+    /// A wall that moves: a change of its velocity is a load on what it carries.
+    #[inline]
+    pub fn add_wall(&mut self, old: &WallTwist, new: &WallTwist) {
+        self.load = self.load.max((new.material - old.material).length());
+        self.speed = self.speed.max(old.material.length());
+        self.speed = self.speed.max(new.material.length());
     }
 
     /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls. Islands of more than
@@ -68,7 +77,8 @@ pub fn solve_island(
         let c = &scratch.contacts[m as usize];
         // As printed, restitution is not clipped: a contact that was separating may need a second problem.
         let printed = model.options.impact == Impact::SequencePaper;
-        let separating = c.n0.dot(state.velocity[c.a as usize]) > 0.0;
+        let [old, _] = single::wall_motion(model, state, scratch, c);
+        let separating = c.n0.dot(state.velocity[c.a as usize]) - old.normal > 0.0;
         if closed_form(model, c) && !(printed && separating) {
             solve_single(model, state, scratch, m, report);
             return true;
@@ -100,9 +110,19 @@ fn solve_single(
     let (v_check, w_check) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
     let mut speeds = Speeds::default();
     speeds.add(model, state, v_check, i);
+    let walls = &scratch.walls;
+    let twists = walls.start_twist(model, c, state.position[i]);
+    if let (Some(old), Some(new)) = (twists, walls.end_twist(model, c, scratch.position[i])) {
+        speeds.add_wall(&old, &new);
+    }
+    let [wall_old, wall_new] = single::wall_motion(model, state, scratch, c);
+    let against = |mut z: single::Motion, wall: &single::Motion| {
+        z.subtract(wall);
+        z
+    };
     let tol = speeds.closing_tolerance(options, 1);
-    let check = single::motion(c, radius, v_check, w_check);
-    let gamma_n = c.n0.dot(state.velocity[i]);
+    let check = against(single::motion(c, radius, v_check, w_check), &wall_new);
+    let gamma_n = c.n0.dot(state.velocity[i]) - wall_old.normal;
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
         report.missed_impacts += 1;
     }
@@ -127,7 +147,8 @@ fn solve_single(
     let before = if e_t == 0.0 {
         [0.0; 2]
     } else {
-        single::motion(c, radius, state.velocity[i], state.angular_velocity[i]).slip
+        let old = single::motion(c, radius, state.velocity[i], state.angular_velocity[i]);
+        against(old, &wall_old).slip
     };
     let approach = if paper { gamma_n } else { gamma_n.min(0.0) };
     let measures = |scale: f64| {
@@ -143,7 +164,10 @@ fn solve_single(
     // The velocity jump of a solution and its work: normal, sliding, rolling, spinning.
     let effect = |s: &carom_solve::single::SingleSolution| {
         let [dv, dw] = single::correction(model, c, s);
-        let after = single::motion(c, radius, v_check + dv, w_check + dw);
+        let after = against(
+            single::motion(c, radius, v_check + dv, w_check + dw),
+            &wall_new,
+        );
         let work = [
             0.5 * s.normal * (check.normal + after.normal),
             0.5 * (s.sliding[0] * (check.slip[0] + after.slip[0])
@@ -156,8 +180,10 @@ fn solve_single(
     };
     let (mut jump, mut done) = effect(&s);
     if options.energy_safeguard && !paper && !resting {
+        // The speed of a wall that moves belongs to the scale.
+        let of_wall = wall_new.normal.powi(2) + wall_new.slip[0].powi(2) + wall_new.slip[1].powi(2);
         let kinetic = 0.5
-            * (model.mass[i] * v_check.length_squared()
+            * (model.mass[i] * (v_check.length_squared() + of_wall)
                 + model.inertia[i] * w_check.length_squared());
         let gains = |w: &[f64; 4]| w.iter().sum::<f64>() > impact::GAIN_TOLERANCE * kinetic;
         if gains(&done) {
@@ -188,7 +214,7 @@ fn solve_single(
             impulse: world.impulse,
             moment: world.moment,
             approach: check.normal,
-            separation: c.n1.dot(v_check + jump[0]),
+            separation: c.n1.dot(v_check + jump[0]) - wall_new.normal,
             restitution_scale: scale,
         });
     }

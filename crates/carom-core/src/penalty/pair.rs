@@ -117,8 +117,7 @@ impl Pair {
         let Proximity { gap, normal, .. } = if let Some(xb) = x.get(b) {
             carom_geom::sphere_sphere(x[a], self.radii[0], *xb, self.radii[1])
         } else {
-            let plane = &model.planes[b - x.len()];
-            carom_geom::sphere_plane(x[a], self.radii[0], plane.point, plane.normal)
+            bodies.walls.meet(model, self.a, self.b, x[a])
         };
         (self.gap, self.normal) = (gap, normal);
         self.elastic = if gap < 0.0 {

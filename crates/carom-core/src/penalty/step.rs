@@ -199,7 +199,8 @@ fn refresh(
     list: &mut NeighbourList,
 ) -> Result<bool, Failure> {
     let x = &work.bodies.position;
-    let rebuilt = list.refresh(x, &model.radius, &model.half_spaces, &work.need);
+    let walls = &work.bodies.walls.now;
+    let rebuilt = list.refresh(x, &model.radius, walls, &work.need);
     if list.is_truncated() {
         return Err(Failure::TooManyPairs);
     }

@@ -7,6 +7,7 @@ use crate::force::{self, LoadError, Motion};
 use crate::model::Model;
 use crate::options::Method;
 use crate::state::State;
+use crate::wall::Walls;
 use glam::{DQuat, DVec3};
 
 /// The moving state of a step. Arrays of motion and inertia have an entry for each sphere and, after them, a zero for
@@ -15,6 +16,8 @@ use glam::{DQuat, DVec3};
 pub struct Bodies {
     /// (N), m.
     pub position: Vec<DVec3>,
+    /// At the time of the positions.
+    pub walls: Walls,
     pub orientation: Vec<DQuat>,
     /// (N + P) velocity and spatial angular velocity.
     pub motion: Vec<[DVec3; 2]>,
@@ -53,7 +56,7 @@ impl Workspace {
         if model.options.method != Method::Penalty {
             return Workspace::default();
         }
-        let (n, planes) = (model.spheres(), model.planes.len());
+        let (n, planes) = (model.spheres(), model.walls.len());
         let extended = |values: &[f64]| {
             let mut out = values.to_vec();
             out.resize(n + planes, 0.0);
@@ -61,6 +64,7 @@ impl Workspace {
         };
         Workspace {
             bodies: Bodies {
+                walls: Walls::new(model),
                 inv_mass: extended(&model.inv_mass),
                 inv_inertia: extended(&model.inv_inertia),
                 radius: extended(&model.radius),

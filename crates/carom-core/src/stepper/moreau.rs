@@ -55,11 +55,13 @@ pub fn step(
     if !model.is_free() {
         weigh_loads(model, state, scratch, *time)?;
     }
-    step::predict_and_smooth(model, state, scratch, coefficients, *time, report)?;
+    let whole = Span::new(*time, h);
+    step::predict_and_smooth(model, state, scratch, coefficients, whole, report)?;
     for i in 0..model.spheres() {
         scratch.position[i] = state.position[i] + 0.5 * h * state.velocity[i];
     }
     timers.mark(Phase::Predict);
+    scratch.walls.place(model, *time + 0.5 * h);
     list_pairs(model, state, scratch)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
@@ -79,7 +81,8 @@ pub fn step(
     step::correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
     timers.mark(Phase::Velocity);
     advance(model, state, scratch, weight);
-    let span = Span::new(*time, coefficients.h);
+    scratch.walls.place(model, end);
+    let span = whole;
     let closed = close(model, state, scratch, span, report, *accept_unconverged);
     timers.mark(Phase::Position);
     closed?;
@@ -124,7 +127,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
     scratch.neighbours.refresh(
         &state.position,
         &model.radius,
-        &model.half_spaces,
+        &scratch.walls.now,
         &scratch.need,
     );
     step::complete(&scratch.neighbours)
@@ -136,20 +139,22 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
         contacts,
         neighbours,
         position,
+        walls,
         ..
     } = scratch;
     contacts.clear();
     for &pair in neighbours.pairs() {
         let margin = model.options.touching_tolerance;
-        if !step::push_candidate(model, state, position, pair, margin, contacts)? {
+        if !step::push_candidate(model, state, walls, position, pair, margin, contacts)? {
             continue;
         }
         let last = contacts.len() - 1;
         let c = &mut contacts[last];
         c.closed = true;
-        if !c.is_plane(model) {
-            let (a, b) = (position[c.a as usize], position[c.b as usize]);
-            let n = position::proximity(model, c, a, b).normal;
+        if !(c.is_wall(model) && model.wall(c.b).is_fixed_plane()) {
+            let a = position[c.a as usize];
+            let b = position.get(c.b as usize).copied().unwrap_or(a);
+            let n = position::proximity(model, walls, c, a, b).normal;
             let (t1, t2) = carom_geom::tangent_frame(n);
             (c.n0, c.n1, c.t1, c.t2) = (n, n, t1, t2);
         }
@@ -203,6 +208,7 @@ fn overlapping(
         contacts,
         neighbours,
         position,
+        walls,
         ..
     } = scratch;
     let known = contacts.len();
@@ -210,7 +216,7 @@ fn overlapping(
         let listed = contacts[..known]
             .binary_search_by_key(&pair, |c| (c.a, c.b))
             .is_ok();
-        if !listed && step::push_candidate(model, state, position, pair, margin, contacts)? {
+        if !listed && step::push_candidate(model, state, walls, position, pair, margin, contacts)? {
             let last = contacts.len() - 1;
             contacts[last].bounds = Bounds::default();
         }
@@ -255,11 +261,14 @@ fn project(
 /// Hands every contact its gap at `scratch.position`.
 fn gaps(model: &Model, scratch: &mut Scratch, mut take: impl FnMut(&mut Contact, f64)) {
     let Scratch {
-        contacts, position, ..
+        contacts,
+        position,
+        walls,
+        ..
     } = scratch;
     for c in contacts.iter_mut() {
         let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-        let gap = position::proximity(model, c, position[c.a as usize], xb).gap;
+        let gap = position::proximity(model, walls, c, position[c.a as usize], xb).gap;
         take(c, gap);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! [`CellList`] finds the close pairs of one configuration in O(N); [`NeighbourList`] keeps such a list valid over
 //! many steps; [`overlaps`] checks a start configuration. Indices of bodies are `u32`: spheres first, `0..N`, then
-//! plane `p` is body `N + p`. Pairs are `(a, b)` with `a < b`, so at a plane the sphere is always A.
+//! wall `w` is body `N + w`. Pairs are `(a, b)` with `a < b`, so at a wall the sphere is always A.
 
 mod cell_list;
 mod grid;

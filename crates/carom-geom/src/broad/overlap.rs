@@ -1,31 +1,32 @@
 //! Start-up check: which bodies of a scene are inside one another?
 
 use super::cell_list::CellList;
-use crate::pair::{sphere_plane, sphere_sphere};
+use crate::pair::sphere_sphere;
+use crate::shape::Shape;
 use glam::DVec3;
 use std::ops::ControlFlow;
 
-/// Two bodies that overlap: `a < b`, a plane `p` is body `N + p`.
+/// Two bodies that overlap: `a < b`, wall `w` is body `N + w`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overlap {
     /// The sphere with the smaller index.
     pub a: u32,
-    /// The other sphere or plane.
+    /// The other sphere or wall.
     pub b: u32,
     /// Gap (m), negative (eq. 33).
     pub gap: f64,
 }
 
-/// All pairs with `gap < -tol r_c`, where `r_c = min(r_a, r_b)` (`r_a` at a plane), sorted by `(a, b)`, but no
+/// All pairs with `gap < -tol r_c`, where `r_c = min(r_a, r_b)` (`r_a` at a wall), sorted by `(a, b)`, but no
 /// more than `cap` of them.
 ///
-/// Centres `x` (N) (m), radii (N) (m), planes `(point (m), unit normal)` (P). O(N P) and O(N) for spheres that are
+/// Centres `x` (N) (m), radii (N) (m), walls (P). O(N P) and O(N) for spheres that are
 /// not piled into one another. Where `cap` cuts the list, which pairs remain is deterministic but not meaningful.
 /// The contract takes a gap within `tol = 1e-9` as touching.
 pub fn overlaps(
     x: &[DVec3],
     radius: &[f64],
-    planes: &[(DVec3, DVec3)],
+    walls: &[Shape],
     tol: f64,
     cap: usize,
 ) -> Vec<Overlap> {
@@ -55,17 +56,10 @@ pub fn overlaps(
             .zip(radius)
             .enumerate()
             .try_for_each(|(i, (&x, &r))| {
-                planes
-                    .iter()
-                    .enumerate()
-                    .try_for_each(|(p, &(point, normal))| {
-                        keep(
-                            i as u32,
-                            (radius.len() + p) as u32,
-                            sphere_plane(x, r, point, normal).gap,
-                            r,
-                        )
-                    })
+                walls.iter().enumerate().try_for_each(|(w, wall)| {
+                    let gap = wall.meet(x, r).map_or(f64::INFINITY, |p| p.gap);
+                    keep(i as u32, (radius.len() + w) as u32, gap, r)
+                })
             });
     }
     found.sort_unstable_by_key(|o| (o.a, o.b));
@@ -83,16 +77,19 @@ mod tests {
             DVec3::new(2.0, 0.0, 1.0),
             DVec3::new(3.9, 0.0, 0.5),
         ];
-        let planes = [(DVec3::ZERO, DVec3::Z)];
-        let all = overlaps(&x, &[1.0; 3], &planes, 1e-9, 10);
+        let walls = [Shape::HalfSpace {
+            point: DVec3::ZERO,
+            normal: DVec3::Z,
+        }];
+        let all = overlaps(&x, &[1.0; 3], &walls, 1e-9, 10);
         assert_eq!(
             all.iter().map(|o| (o.a, o.b)).collect::<Vec<_>>(),
             [(1, 2), (2, 3)]
         );
         assert_eq!(all[1].gap, -0.5);
-        assert_eq!(overlaps(&x, &[1.0; 3], &planes, 1e-9, 1).len(), 1);
-        assert!(overlaps(&x, &[1.0; 3], &planes, 1e-9, 0).is_empty());
-        assert!(overlaps(&x[..2], &[1.0 + 1e-10; 2], &planes, 1e-9, 10).is_empty());
+        assert_eq!(overlaps(&x, &[1.0; 3], &walls, 1e-9, 1).len(), 1);
+        assert!(overlaps(&x, &[1.0; 3], &walls, 1e-9, 0).is_empty());
+        assert!(overlaps(&x[..2], &[1.0 + 1e-10; 2], &walls, 1e-9, 10).is_empty());
     }
 
     #[test]

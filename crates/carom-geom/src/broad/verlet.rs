@@ -4,15 +4,17 @@
 //! `gap <= R_a + R_b`. By the triangle inequality it still holds every pair with `gap <= need_a + need_b` while
 //!
 //! ```text
-//! |x_i - x_ref,i| + need_i + r_i + s <= R_i + r_ref,i     for every body i
+//! |x_i - x_ref,i| + need_i + r_i <= R_i + r_ref,i     for every body i
 //! ```
 //!
-//! where `s` is how far any plane has moved along its normal since. A plane that tilts forces a rebuild.
+//! A wall is listed by its own distance, which changes by no more than the centre moves. One that has moved since is looked
+//! at directly: the list holds as long as every sphere within its need of the wall is on it.
 //! `need_i` (m) is what the caller must not miss: how far body `i` may travel before the next call, plus its share
 //! of any gap that has to count as touching.
 
 use super::cell_list::CellList;
-use crate::pair::{sphere_plane, sphere_sphere, Proximity};
+use crate::pair::{sphere_sphere, Proximity};
+use crate::shape::Shape;
 use glam::DVec3;
 use std::ops::ControlFlow;
 
@@ -33,18 +35,18 @@ struct Reference {
     extent: f64,
 }
 
-/// Two bodies within their needs: `a < b`, plane `p` is body `N + p`, the normal points from B to A.
+/// Two bodies within their needs: `a < b`, wall `w` is body `N + w`, the normal points from B to A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Meeting {
     /// Index of sphere A.
     pub a: u32,
-    /// Index of sphere B, or `N + p`.
+    /// Index of sphere B, or `N + w`.
     pub b: u32,
     /// Gap, normal and curvature at the given positions.
     pub proximity: Proximity,
 }
 
-/// Candidate pairs of `N` spheres and `P` planes, kept over many steps. See the module's page.
+/// Candidate pairs of `N` spheres and `P` walls, kept over many steps. See the module's page.
 ///
 /// The content of [`Self::pairs`] beyond the guarantee depends on when the list was last rebuilt. Results must not:
 /// go through [`Self::within`], whose answer is a function of its arguments alone. Then nothing here needs to be
@@ -53,7 +55,9 @@ pub struct Meeting {
 pub struct NeighbourList {
     pairs: Vec<(u32, u32)>,
     reference: Vec<Reference>,
-    planes: Vec<(DVec3, DVec3)>,
+    walls: Vec<Shape>,
+    /// Which walls moved between the last two rebuilds: they are listed farther out.
+    moving: Vec<bool>,
     skin: f64,
     limit: Option<usize>,
     rebuilds: u64,
@@ -77,7 +81,8 @@ impl NeighbourList {
         Self {
             pairs: Vec::new(),
             reference: Vec::new(),
-            planes: Vec::new(),
+            walls: Vec::new(),
+            moving: Vec::new(),
             skin: SKIN,
             limit: None,
             rebuilds: 0,
@@ -120,7 +125,7 @@ impl NeighbourList {
         self.truncated
     }
 
-    /// The pairs `(a, b)`, `a < b`, sorted; plane `p` is body `N + p`.
+    /// The pairs `(a, b)`, `a < b`, sorted; wall `w` is body `N + w`.
     #[inline]
     pub fn pairs(&self) -> &[(u32, u32)] {
         &self.pairs
@@ -128,71 +133,65 @@ impl NeighbourList {
 
     /// Makes the list valid at centres `x` (N) (m) and tells whether it had to be rebuilt for that.
     ///
-    /// Given `radius` (N) (m), `planes` (P) as `(point (m), unit normal)` and `need` (N) (m), afterwards
+    /// Given `radius` (N) (m), `walls` (P) and `need` (N) (m), afterwards
     /// [`Self::pairs`] holds every pair of spheres with `|x_a - x_b| - r_a - r_b <= need_a + need_b` and every
-    /// sphere and plane with `gap <= need_a`, unless [`Self::is_truncated`]. A body with a NaN has no pairs.
+    /// sphere and wall with `gap <= need_a`, unless [`Self::is_truncated`]. A body with a NaN has no pairs.
     ///
     /// # Panics
     /// If `x`, `radius` and `need` differ in length.
     #[inline]
-    pub fn refresh(
-        &mut self,
-        x: &[DVec3],
-        radius: &[f64],
-        planes: &[(DVec3, DVec3)],
-        need: &[f64],
-    ) -> bool {
+    pub fn refresh(&mut self, x: &[DVec3], radius: &[f64], walls: &[Shape], need: &[f64]) -> bool {
         assert!(
             x.len() == radius.len() && x.len() == need.len(),
             "one radius and one need per sphere"
         );
-        if self.still_valid(x, radius, planes, need) {
+        if self.still_valid(x, radius, walls, need) {
             return false;
         }
-        self.rebuild(x, radius, planes, need);
+        self.rebuild(x, radius, walls, need);
         true
     }
 
     #[inline]
-    fn still_valid(
-        &self,
-        x: &[DVec3],
-        radius: &[f64],
-        planes: &[(DVec3, DVec3)],
-        need: &[f64],
-    ) -> bool {
-        if !self.valid || self.reference.len() != x.len() || self.planes.len() != planes.len() {
+    fn still_valid(&self, x: &[DVec3], radius: &[f64], walls: &[Shape], need: &[f64]) -> bool {
+        if !self.valid || self.reference.len() != x.len() || self.walls.len() != walls.len() {
             return false;
-        }
-        let mut shift = 0.0_f64;
-        for (new, old) in planes.iter().zip(&self.planes) {
-            if new.1 != old.1 {
-                return false;
-            }
-            // A plane that recedes brings nobody closer. NaN must not pass, hence not `max` alone.
-            let s = old.1.dot(new.0 - old.0);
-            if s.is_nan() {
-                return false;
-            }
-            shift = shift.max(s);
         }
         // One answer for all bodies instead of a jump out of the loop: it nearly always runs to its end, and
         // without a jump it vectorises. A NaN compares false and so asks for a rebuild.
         let mut good = true;
         for (((x, r), need), reference) in x.iter().zip(radius).zip(need).zip(&self.reference) {
-            let slack = reference.extent - need - r - shift;
+            let slack = reference.extent - need - r;
             good &= (slack >= 0.0) & ((*x - reference.x).length_squared() <= slack * slack);
         }
-        good
+        good && (walls.iter().zip(&self.walls).enumerate())
+            .all(|(w, (new, old))| new == old || self.covers(w, new, x, radius, need))
+    }
+
+    /// Whether every sphere within its need of a wall that has moved is listed with it. A NaN is never covered.
+    fn covers(&self, w: usize, wall: &Shape, x: &[DVec3], radius: &[f64], need: &[f64]) -> bool {
+        let b = (x.len() + w) as u32;
+        (0..x.len()).all(|i| {
+            wall.clearance(x[i], radius[i]) > need[i]
+                || self.pairs.binary_search(&(i as u32, b)).is_ok()
+        })
     }
 
     #[cold]
-    fn rebuild(&mut self, x: &[DVec3], radius: &[f64], planes: &[(DVec3, DVec3)], need: &[f64]) {
+    fn rebuild(&mut self, x: &[DVec3], radius: &[f64], walls: &[Shape], need: &[f64]) {
         self.rebuilds += 1;
         self.valid = true;
         self.truncated = false;
-        self.planes.clear();
-        self.planes.extend_from_slice(planes);
+        self.moving.clear();
+        let old = self.walls.iter().map(Some).chain(std::iter::repeat(None));
+        self.moving.extend(
+            walls
+                .iter()
+                .zip(old)
+                .map(|(w, old)| old.is_some_and(|o| o != w)),
+        );
+        self.walls.clear();
+        self.walls.extend_from_slice(walls);
         self.reference.clear();
         self.reference
             .extend(x.iter().zip(radius).zip(need).map(|((&x, &r), &need)| {
@@ -223,9 +222,9 @@ impl NeighbourList {
                     self.pairs.push((a as u32, b as u32));
                 }
             }
-            for (p, plane) in self.planes.iter().enumerate() {
-                if reaches_plane(ra, radius[a], plane) {
-                    self.pairs.push((a as u32, (n + p) as u32));
+            for (w, (wall, moving)) in self.walls.iter().zip(&self.moving).enumerate() {
+                if reaches_wall(ra, radius[a], wall, *moving) {
+                    self.pairs.push((a as u32, (n + w) as u32));
                 }
             }
         }
@@ -251,10 +250,10 @@ impl NeighbourList {
             ControlFlow::Continue(())
         };
         let mut end = self.cells.pairs(&mut push);
-        for (p, plane) in self.planes.iter().enumerate() {
+        for (w, (wall, moving)) in self.walls.iter().zip(&self.moving).enumerate() {
             for (a, r) in reference.iter().enumerate() {
-                if end.is_continue() && reaches_plane(r, radius[a], plane) {
-                    end = push(a as u32, (n + p) as u32);
+                if end.is_continue() && reaches_wall(r, radius[a], wall, *moving) {
+                    end = push(a as u32, (n + w) as u32);
                 }
             }
         }
@@ -293,7 +292,7 @@ impl NeighbourList {
         &'a self,
         x: &'a [DVec3],
         radius: &'a [f64],
-        planes: &'a [(DVec3, DVec3)],
+        walls: &'a [Shape],
         need: &'a [f64],
     ) -> impl Iterator<Item = Meeting> + 'a {
         let n = x.len();
@@ -306,8 +305,7 @@ impl NeighbourList {
                 }
                 sphere_sphere(x[i], radius[i], x[j], radius[j])
             } else {
-                let (point, normal) = planes[j - n];
-                let p = sphere_plane(x[i], radius[i], point, normal);
+                let p = walls[j - n].meet(x[i], radius[i])?;
                 if p.gap.is_nan() || p.gap > need[i] {
                     return None;
                 }
@@ -318,10 +316,12 @@ impl NeighbourList {
     }
 }
 
-/// Is the gap within the reach? Generous by the rounding of the gap, so that no later plain comparison finds more.
+/// Is the gap within the reach? Generous by the rounding of the gap, so that no later plain comparison finds more. A wall
+/// that moves is listed with a radius more: it comes nearer although the sphere stays.
 #[inline]
-fn reaches_plane(sphere: &Reference, radius: f64, &(point, normal): &(DVec3, DVec3)) -> bool {
-    let away = sphere.x - point;
-    let rounding = 1e-15 * (away.abs().element_sum() + sphere.extent);
-    sphere_plane(sphere.x, radius, point, normal).gap <= sphere.extent - radius + rounding
+fn reaches_wall(sphere: &Reference, radius: f64, wall: &Shape, moving: bool) -> bool {
+    let away = (sphere.x - wall.place()).abs().element_sum();
+    let rounding = 4e-15 * (away + sphere.extent);
+    let ahead = if moving { radius } else { 0.0 };
+    wall.clearance(sphere.x, radius) <= sphere.extent - radius + ahead + rounding
 }

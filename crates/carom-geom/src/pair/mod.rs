@@ -1,10 +1,21 @@
 //! How two shapes meet: one file per pair, and the table that says which pairs exist.
 
+mod ring;
+pub(crate) mod sphere_ball;
+pub(crate) mod sphere_cone;
+pub(crate) mod sphere_cylinder;
+pub(crate) mod sphere_disc;
 mod sphere_plane;
+pub(crate) mod sphere_rectangle;
 mod sphere_sphere;
 pub mod table;
 
+pub use sphere_ball::{sphere_ball, Ball};
+pub use sphere_cone::{sphere_cone, Cone};
+pub use sphere_cylinder::{sphere_cylinder, Cylinder};
+pub use sphere_disc::{sphere_disc, Disc};
 pub use sphere_plane::sphere_plane;
+pub use sphere_rectangle::{sphere_rectangle, Rectangle};
 pub use sphere_sphere::sphere_sphere;
 pub use table::proximity;
 
@@ -16,10 +27,12 @@ use glam::DVec3;
 ///
 /// ```text
 /// d gap / d x    = n^T                              (eq. 39)
-/// d n   / d x    = curvature (I - n n^T)            (the block of eq. 42)
+/// d n   / d x    = curvature (I - n n^T - f f^T)    (the block of eq. 42)
 /// ```
 ///
-/// so two numbers and a vector hold the gap, its gradient and its Hessian.
+/// so two numbers and two vectors hold the gap, its gradient and its Hessian. `f`, at right angles to `n`, is zero where
+/// the contact is alike in all directions, as between spheres. Else it points in the other principal direction, in which
+/// the normal turns by `curvature (1 - |f|^2)`: by nothing along the axis of a cylinder, where it is a unit vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
     /// Signed distance of the surfaces (m); negative where they overlap.
@@ -27,8 +40,10 @@ pub struct Proximity {
     /// Unit normal, pointing from B to A.
     pub normal: DVec3,
     /// How fast the normal turns with the relative position (1/m): `1/distance of centres` for two spheres,
-    /// 0 at a plane.
+    /// 0 at a plane, negative on the inside of a curved wall.
     pub curvature: f64,
+    /// Other principal direction `f`, zero: none.
+    pub flat: DVec3,
 }
 
 impl Proximity {

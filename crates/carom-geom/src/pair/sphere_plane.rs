@@ -20,6 +20,7 @@ pub fn sphere_plane(x: DVec3, r: f64, point: DVec3, normal: DVec3) -> Proximity 
         gap: normal.dot(x - point) - r,
         normal,
         curvature: 0.0,
+        flat: DVec3::ZERO,
     }
 }
 
@@ -36,7 +37,8 @@ mod tests {
             Proximity {
                 gap: 0.25,
                 normal: DVec3::Z,
-                curvature: 0.0
+                curvature: 0.0,
+                flat: DVec3::ZERO,
             }
         );
         let below = sphere_plane(DVec3::new(0.0, 0.0, 0.5), 0.25, point, DVec3::Z);

@@ -29,6 +29,7 @@ pub fn sphere_sphere(xa: DVec3, ra: f64, xb: DVec3, rb: f64) -> Proximity {
         gap: distance - (ra + rb),
         normal: d * curvature,
         curvature,
+        flat: DVec3::ZERO,
     }
 }
 
@@ -41,6 +42,7 @@ fn extreme(d: DVec3, radii: f64) -> Proximity {
             gap: -radii,
             normal: DVec3::Z,
             curvature: 0.0,
+            flat: DVec3::ZERO,
         };
     }
     if scale == f64::INFINITY {
@@ -48,6 +50,7 @@ fn extreme(d: DVec3, radii: f64) -> Proximity {
             gap: f64::INFINITY,
             normal: DVec3::Z,
             curvature: 0.0,
+            flat: DVec3::ZERO,
         };
     }
     // Two steps, because 1/scale may overflow for a subnormal scale.
@@ -58,6 +61,7 @@ fn extreme(d: DVec3, radii: f64) -> Proximity {
         gap: distance - radii,
         normal: unit / length,
         curvature: (1.0 / distance).min(f64::MAX),
+        flat: DVec3::ZERO,
     }
 }
 
@@ -73,7 +77,8 @@ mod tests {
             Proximity {
                 gap: 0.0,
                 normal: DVec3::X,
-                curvature: 1.0 / 3.0
+                curvature: 1.0 / 3.0,
+                flat: DVec3::ZERO,
             }
         );
     }
@@ -110,7 +115,8 @@ mod tests {
             Proximity {
                 gap: -1.5,
                 normal: DVec3::Z,
-                curvature: 0.0
+                curvature: 0.0,
+                flat: DVec3::ZERO,
             }
         );
     }

@@ -42,7 +42,7 @@ pub(super) fn curvature(
         for (node_s, sign_s) in nodes.iter().filter(|(node, _)| *node != WORLD) {
             for i in 0..3 {
                 for j in 0..3 {
-                    let k = f64::from(i == j) - c.normal[i] * c.normal[j];
+                    let k = f64::from(i == j) - c.normal[i] * c.normal[j] - c.flat[i] * c.flat[j];
                     let (row, col) = (
                         per_node * *node_r as usize + i,
                         per_node * *node_s as usize + j,

@@ -1,0 +1,420 @@
+//! Walls: bodies N.. of a model, fixed or moved by laws of time. `docs/theory/algorithm.md` section 10.
+//!
+//! A moving wall is a body whose motion is given: gaps use its place at t_{n+1}, sliding and rolling rows its displacement at
+//! the contact over the step, velocity rows its velocity there. The *shape* moves by the pose; the *material* may move along
+//! it besides (a conveyor, a drum that turns in itself), which sliding, rolling and spinning rows see and the normal row not.
+
+mod check;
+
+pub use carom_geom::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
+pub use check::checked;
+
+use crate::contact::{Contact, Rows};
+use crate::level::position::along;
+use crate::model::Model;
+use crate::scalar::Scalar;
+use crate::state::State;
+use crate::stepper::Span;
+use carom_geom::{Displacement, Proximity};
+use glam::{DQuat, DVec3};
+
+/// No entry among the moving walls.
+const FIXED: u32 = u32::MAX;
+
+/// A wall where it stands before any motion.
+#[derive(Clone, Debug)]
+pub struct Wall {
+    pub shape: Shape,
+    pub material: u32,
+    /// Fixed tangents of a plane, `normal x tangent1 = tangent2`.
+    pub tangent1: DVec3,
+    pub tangent2: DVec3,
+    pub motion: Option<WallMotion>,
+    /// Place among the moving walls.
+    slot: u32,
+}
+
+impl Wall {
+    pub fn new(shape: Shape, material: u32) -> Wall {
+        let (tangent1, tangent2) = match shape {
+            Shape::HalfSpace { normal, .. } => carom_geom::tangent_frame(normal),
+            _ => (DVec3::ZERO, DVec3::ZERO),
+        };
+        Wall {
+            shape,
+            material,
+            tangent1,
+            tangent2,
+            motion: None,
+            slot: FIXED,
+        }
+    }
+
+    /// A plane that never moves: normal and frame are the same in all steps.
+    #[inline]
+    pub fn is_fixed_plane(&self) -> bool {
+        self.slot == FIXED && matches!(self.shape, Shape::HalfSpace { .. })
+    }
+
+    /// A plane whose normal never turns: a lone contact with it has a closed form.
+    #[inline]
+    pub fn is_steady_plane(&self) -> bool {
+        matches!(self.shape, Shape::HalfSpace { .. })
+            && self.motion.as_ref().is_none_or(|m| m.rotation.is_none())
+    }
+}
+
+/// Turning about an axis through a point (which the translation takes along).
+#[derive(Clone, Debug)]
+pub struct WallRotation {
+    /// Unit vector.
+    pub axis: DVec3,
+    pub point: DVec3,
+    /// Angle from the given place, rad.
+    pub angle: Scalar,
+}
+
+/// Motion of a wall, and of its material along it.
+#[derive(Clone, Debug, Default)]
+pub struct WallMotion {
+    /// Displacement from the given place, m.
+    pub translation: Option<[Scalar; 3]>,
+    pub rotation: Option<WallRotation>,
+    /// Of the material, m/s; turns with the wall.
+    pub surface_velocity: DVec3,
+    /// Of the material about an axis (unit vector) through a point, rad/s; both move with the wall.
+    pub surface_rotation: Option<(DVec3, DVec3, f64)>,
+}
+
+/// A moving wall at one time.
+#[derive(Clone, Copy, Debug, Default)]
+struct Instant {
+    /// Point that the rotation is about, its velocity, and the wall's angular velocity.
+    centre: DVec3,
+    velocity: DVec3,
+    spin: DVec3,
+    angle: f64,
+    /// Material against the shape: velocity at `surface_centre`, angular velocity.
+    surface: DVec3,
+    surface_centre: DVec3,
+    surface_spin: DVec3,
+}
+
+/// Velocity of a wall at a point: of its shape, of its material, and the material's angular velocity.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WallTwist {
+    pub shape: DVec3,
+    pub material: DVec3,
+    pub spin: DVec3,
+}
+
+impl WallTwist {
+    /// What the wall adds to the velocity measures of a contact's rows: side B of each row, the normal one on the shape.
+    #[inline]
+    pub fn measures(&self, rows: &Rows, dim: usize, out: &mut [f64]) {
+        out[0] = along(&rows[0][1], self.shape, DVec3::ZERO);
+        for (z, row) in out.iter_mut().zip(&rows[..dim]).skip(1) {
+            *z = along(&row[1], self.material, self.spin);
+        }
+    }
+
+    fn mean(&self, other: &WallTwist) -> WallTwist {
+        WallTwist {
+            shape: 0.5 * (self.shape + other.shape),
+            material: 0.5 * (self.material + other.material),
+            spin: 0.5 * (self.spin + other.spin),
+        }
+    }
+}
+
+impl Instant {
+    fn twist(&self, p: DVec3) -> WallTwist {
+        let shape = self.velocity + self.spin.cross(p - self.centre);
+        let along = self.surface + self.surface_spin.cross(p - self.surface_centre);
+        WallTwist {
+            shape,
+            material: shape + along,
+            spin: self.spin + self.surface_spin,
+        }
+    }
+}
+
+impl WallMotion {
+    /// Place against the given one, and motion, at a time.
+    fn at(&self, t: f64) -> (Displacement, Instant) {
+        let three = |f: &dyn Fn(&Scalar) -> f64| match &self.translation {
+            Some([x, y, z]) => DVec3::new(f(x), f(y), f(z)),
+            None => DVec3::ZERO,
+        };
+        let shift = three(&|law| law.value(t));
+        let mut by = Displacement {
+            turn: DQuat::IDENTITY,
+            about: DVec3::ZERO,
+            shift,
+        };
+        let mut now = Instant {
+            velocity: three(&|law| law.slope(t)),
+            ..Instant::default()
+        };
+        if let Some(r) = &self.rotation {
+            now.angle = r.angle.value(t);
+            by.turn = DQuat::from_axis_angle(r.axis, now.angle);
+            by.about = r.point;
+            now.spin = r.angle.slope(t) * r.axis;
+        }
+        now.centre = by.about + shift;
+        now.surface = by.turn * self.surface_velocity;
+        if let Some((axis, point, rate)) = self.surface_rotation {
+            now.surface_spin = rate * (by.turn * axis);
+            now.surface_centre = by.point(point);
+        }
+        (by, now)
+    }
+
+    /// Refuses laws that cannot be asked for: quantity and what is wrong.
+    pub fn check(&self) -> Result<(), (&'static str, String)> {
+        for law in self.translation.iter().flatten() {
+            law.check_slope_at_start()
+                .map_err(|text| ("translation", text))?;
+        }
+        let mut axes = Vec::new();
+        if let Some(r) = &self.rotation {
+            r.angle
+                .check_slope_at_start()
+                .map_err(|text| ("rotation", text))?;
+            axes.push(("rotation", r.axis, r.point));
+        }
+        if let Some((axis, point, rate)) = self.surface_rotation {
+            if !rate.is_finite() {
+                let text = format!("has the rate {rate}; it must be finite");
+                return Err(("surface_rotation", text));
+            }
+            axes.push(("surface_rotation", axis, point));
+        }
+        for (name, axis, point) in axes {
+            if !point.is_finite() || (axis.length() - 1.0).abs() >= 1e-9 {
+                let text = format!("needs a unit axis and a finite point, not {axis} and {point}");
+                return Err((name, text));
+            }
+        }
+        if !self.surface_velocity.is_finite() {
+            let text = format!("is {}; it must be finite", self.surface_velocity);
+            return Err(("surface_velocity", text));
+        }
+        Ok(())
+    }
+}
+
+/// A moving wall over a step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Course {
+    wall: u32,
+    start: Instant,
+    end: Instant,
+    /// Rotation of the wall over the step.
+    turn: DVec3,
+}
+
+/// Places of all walls in a step.
+#[derive(Clone, Debug, Default)]
+pub struct Walls {
+    /// At t_n.
+    pub start: Vec<Shape>,
+    /// At the time of the gaps: t_{n+1}.
+    pub now: Vec<Shape>,
+    courses: Vec<Course>,
+    span: Span,
+}
+
+impl Walls {
+    pub fn new(model: &Model) -> Walls {
+        let shapes: Vec<Shape> = model.walls.iter().map(|w| w.shape).collect();
+        let moving = model.walls.iter().filter(|w| w.motion.is_some()).count();
+        Walls {
+            start: shapes.clone(),
+            now: shapes,
+            courses: vec![Course::default(); moving],
+            span: Span::default(),
+        }
+    }
+
+    /// Moves the walls to a step. Fails with a message where a law gives no number.
+    pub fn begin(&mut self, model: &Model, span: Span) -> Result<(), String> {
+        self.span = span;
+        if self.courses.is_empty() {
+            return Ok(());
+        }
+        for (index, wall) in model.walls.iter().enumerate() {
+            let Some(motion) = &wall.motion else {
+                continue;
+            };
+            let (from, start) = motion.at(span.start);
+            let (to, end) = motion.at(span.end);
+            let axis = motion.rotation.as_ref().map_or(DVec3::ZERO, |r| r.axis);
+            self.start[index] = wall.shape.moved(&from);
+            self.now[index] = wall.shape.moved(&to);
+            self.courses[wall.slot as usize] = Course {
+                wall: index as u32,
+                start,
+                end,
+                turn: (end.angle - start.angle) * axis,
+            };
+            let moved = [
+                end.centre,
+                end.velocity,
+                end.spin,
+                start.velocity,
+                start.spin,
+            ];
+            if !moved.iter().all(|x| x.is_finite()) {
+                return Err(format!(
+                    "the motion of wall {} is not finite by t = {} s",
+                    index + 1,
+                    span.end
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the shapes of moving walls to another time of the step.
+    pub fn place(&mut self, model: &Model, time: f64) {
+        for course in &self.courses {
+            let wall = &model.walls[course.wall as usize];
+            if let Some(motion) = &wall.motion {
+                self.now[course.wall as usize] = wall.shape.moved(&motion.at(time).0);
+            }
+        }
+    }
+
+    /// Whether any wall moves.
+    #[inline]
+    pub fn any_moves(&self) -> bool {
+        !self.courses.is_empty()
+    }
+
+    #[inline]
+    fn course(&self, model: &Model, body: u32) -> Option<&Course> {
+        if self.courses.is_empty() {
+            return None;
+        }
+        let wall = model
+            .walls
+            .get((body as usize).wrapping_sub(model.spheres()))?;
+        self.courses.get(wall.slot as usize)
+    }
+
+    /// How sphere `a` at `xa` meets wall `b`, where it stands now.
+    #[inline]
+    pub fn meet(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
+        meet(
+            &self.now[b as usize - model.spheres()],
+            xa,
+            model.radius[a as usize],
+        )
+    }
+
+    /// The same at t_n.
+    #[inline]
+    pub fn meet_at_start(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
+        meet(
+            &self.start[b as usize - model.spheres()],
+            xa,
+            model.radius[a as usize],
+        )
+    }
+
+    /// Velocity of a contact's wall at the contact at t_n, with the sphere's centre of then; `None`: no moving wall.
+    #[inline]
+    pub fn start_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
+        let course = self.course(model, c.b)?;
+        Some(
+            course
+                .start
+                .twist(centre - model.radius[c.a as usize] * c.n0),
+        )
+    }
+
+    /// The same at t_{n+1}, with the corrected centre.
+    #[inline]
+    pub fn end_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
+        let course = self.course(model, c.b)?;
+        Some(course.end.twist(centre - model.radius[c.a as usize] * c.n1))
+    }
+
+    /// Displacement and rotation of the wall's material at the contact over the step, with the sphere's centre at t_n and after
+    /// the smooth motion: exact to third order in the step, also where the contact moves over a wall that turns.
+    #[inline]
+    pub fn displacement(
+        &self,
+        model: &Model,
+        c: &Contact,
+        from: DVec3,
+        to: DVec3,
+    ) -> Option<[DVec3; 2]> {
+        let Course {
+            start, end, turn, ..
+        } = self.course(model, c.b)?;
+        let h = self.span.h;
+        let p = 0.5 * (from + to) - model.radius[c.a as usize] * c.n0;
+        let middle = |a: DVec3, b: DVec3| 0.5 * (a + b);
+        let shape = (end.centre - start.centre) + turn.cross(p - middle(start.centre, end.centre));
+        let spin = middle(start.surface_spin, end.surface_spin);
+        let along = middle(start.surface, end.surface)
+            + spin.cross(p - middle(start.surface_centre, end.surface_centre));
+        Some([shape + h * along, *turn + h * spin])
+    }
+
+    /// Impulse on every wall and its moment about the wall's place, added to `out`; returns the work of moving walls, J:
+    /// impulse times the mean of the wall's velocities at both ends of the step.
+    pub fn collect(
+        &self,
+        model: &Model,
+        state: &State,
+        position: &[DVec3],
+        contacts: &[Contact],
+        out: &mut [[DVec3; 2]],
+    ) -> f64 {
+        let mut work = 0.0;
+        for c in contacts
+            .iter()
+            .filter(|c| c.is_wall(model) && c.lambda[0] != 0.0)
+        {
+            let i = c.a as usize;
+            let on_ball = c.to_world(c.n1, &c.lambda);
+            let x = position[i];
+            let wall = c.b as usize - model.spheres();
+            let lever = x - model.radius[i] * c.n1 - self.now[wall].place();
+            out[wall][0] -= on_ball.impulse;
+            out[wall][1] -= lever.cross(on_ball.impulse) + on_ball.moment;
+            let start = self.start_twist(model, c, state.position[i]);
+            if let (Some(start), Some(end)) = (start, self.end_twist(model, c, x)) {
+                let mean = start.mean(&end);
+                let normal = c.lambda[0] * c.n1;
+                work += normal.dot(mean.shape)
+                    + (on_ball.impulse - normal).dot(mean.material)
+                    + on_ball.moment.dot(mean.spin);
+            }
+        }
+        work
+    }
+}
+
+/// A shape that is no wall meets nobody.
+#[inline]
+fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
+    shape.meet(x, r).unwrap_or(Proximity {
+        gap: f64::INFINITY,
+        normal: DVec3::Z,
+        curvature: 0.0,
+        flat: DVec3::ZERO,
+    })
+}
+
+/// Numbers the moving walls.
+pub(crate) fn number(walls: &mut [Wall]) {
+    let moving = walls.iter_mut().filter(|w| w.motion.is_some());
+    for (slot, wall) in moving.enumerate() {
+        wall.slot = slot as u32;
+    }
+}

@@ -1,0 +1,114 @@
+//! Walls and their motions, from lists of dicts and tuples.
+
+use crate::convert::item;
+use crate::coupling::{law, list, refuse, three_laws, vector};
+use carom_core::wall::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
+use carom_core::wall::{WallMotion, WallRotation};
+use glam::DVec3;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+/// Shapes behind the planes, each with its material.
+pub fn walls(dict: &Bound<'_, PyDict>) -> PyResult<Vec<(Shape, u32)>> {
+    list(dict, "walls")?
+        .iter()
+        .map(|value| {
+            let wall = value.cast::<PyDict>()?;
+            let point = vector(&item(wall, "point")?)?;
+            let given = item(wall, "shape")?;
+            let material: u32 = item(wall, "material")?.extract()?;
+            Ok((shape(point, given.cast::<PyTuple>()?)?, material))
+        })
+        .collect()
+}
+
+fn shape(point: DVec3, given: &Bound<'_, PyTuple>) -> PyResult<Shape> {
+    let kind: String = given.get_item(0)?.extract()?;
+    let direction = |k: usize| vector(&given.get_item(k)?);
+    let number = |k: usize| -> PyResult<f64> { given.get_item(k)?.extract() };
+    let truth = |k: usize| -> PyResult<bool> { given.get_item(k)?.extract() };
+    Ok(match kind.as_str() {
+        "rectangle" => {
+            let [a, b]: [f64; 2] = given.get_item(3)?.extract()?;
+            Shape::Rectangle(Rectangle {
+                centre: point,
+                normal: direction(1)?,
+                side: direction(2)?,
+                half: [0.5 * a, 0.5 * b],
+            })
+        }
+        "disc" => Shape::Disc(Disc {
+            centre: point,
+            normal: direction(1)?,
+            radius: number(2)?,
+            hole: number(3)?,
+        }),
+        "cylinder" => Shape::Cylinder(Cylinder {
+            centre: point,
+            axis: direction(1)?,
+            radius: number(2)?,
+            half: 0.5 * number(3)?,
+            inside: truth(4)?,
+        }),
+        "sphere" => Shape::Ball(Ball {
+            centre: point,
+            radius: number(1)?,
+            inside: truth(2)?,
+        }),
+        "cone" => Shape::Cone(Cone {
+            point,
+            axis: direction(1)?,
+            radius: number(2)?,
+            radius_end: number(3)?,
+            length: number(4)?,
+            inside: truth(5)?,
+        }),
+        other => return Err(refuse(format!("a wall of shape {other} is not known"))),
+    })
+}
+
+/// Motions: `(index among all walls, planes first, {...})`.
+pub fn motions(dict: &Bound<'_, PyDict>) -> PyResult<Vec<(u32, WallMotion)>> {
+    list(dict, "wall_motion")?
+        .iter()
+        .map(|value| {
+            let (wall, given): (u32, Bound<'_, PyDict>) = value.extract()?;
+            Ok((wall, motion(&given)?))
+        })
+        .collect()
+}
+
+fn motion(given: &Bound<'_, PyDict>) -> PyResult<WallMotion> {
+    let part = |name: &str| -> PyResult<Option<Bound<'_, PyAny>>> {
+        Ok(given.get_item(name)?.filter(|value| !value.is_none()))
+    };
+    let mut out = WallMotion::default();
+    if let Some(laws) = part("translation")? {
+        out.translation = Some(three_laws(&laws)?);
+    }
+    if let Some(value) = part("rotation")? {
+        let (axis, point, angle): (Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>) =
+            value.extract()?;
+        out.rotation = Some(WallRotation {
+            axis: vector(&axis)?,
+            point: vector(&point)?,
+            angle: law(&angle)?,
+        });
+    }
+    if let Some(value) = part("surface_velocity")? {
+        out.surface_velocity = vector(&value)?;
+    }
+    if let Some(value) = part("surface_rotation")? {
+        let (axis, point, rate): (Bound<'_, PyAny>, Bound<'_, PyAny>, f64) = value.extract()?;
+        out.surface_rotation = Some((vector(&axis)?, vector(&point)?, rate));
+    }
+    Ok(out)
+}
+
+/// Whether impulses on walls are recorded where no wall moves.
+pub fn recorded(dict: &Bound<'_, PyDict>) -> PyResult<bool> {
+    match dict.get_item("record_walls")? {
+        Some(value) => value.extract(),
+        None => Ok(false),
+    }
+}
