@@ -362,7 +362,14 @@ def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
     expected = Rows(frames, 2 * len(bodies["name"]) * frames, plan.steps, 256, plan.steps, 4 * plan.steps)
     surfaces = tables(list(scene.wall_names), model)
     return Writer(
-        path, bodies=bodies, **surfaces, attributes=attributes, first=start.first, expected=expected
+        path,
+        bodies=bodies,
+        planes=surfaces["planes"],
+        walls=surfaces.get("walls"),
+        attributes=attributes,
+        first=start.first,
+        expected=expected,
+        leave_out=[("frames", "walls")] if scene.record.walls is False else [],
     )
 
 

@@ -14,7 +14,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ClassVar
@@ -47,7 +47,7 @@ class Writer:
     `bodies`, `planes` and, if there are others, `walls` are the static tables (name, radius, ...). `first` counts the rows
     of the whole run before this segment: what earlier segments hold beyond it was written after the
     checkpoint from which this one starts, and no longer counts. `expected` is a guess of the row counts, used
-    only to avoid large chunks in small files.
+    only to avoid large chunks in small files. Columns in `leave_out` (table, name) are not written.
     """
 
     #: Files that could not even be abandoned (a limit on the size of files holds for anonymous ones too). HDF5 crashes
@@ -65,6 +65,7 @@ class Writer:
         attributes: Mapping[str, Any],
         first: Rows | None = None,
         expected: Rows | None = None,
+        leave_out: Collection[tuple[str, str]] = (),
     ) -> None:
         self.path = path
         self.first = first or Rows()
@@ -74,6 +75,7 @@ class Writer:
         self._attributes = dict(attributes, format=FORMAT, first_rows=np.array(self.first, dtype=np.uint64))
         self._static = {"bodies": bodies, "planes": planes, **({} if walls is None else {"walls": walls})}
         self._expected = expected or Rows()
+        self._leave_out = frozenset(leave_out)
         self._file: Any = None
         self._commit: h5py.Dataset = None
         self._columns: dict[str, dict[str, h5py.Dataset]] = {}
@@ -203,6 +205,8 @@ class Writer:
             guess = getattr(self._expected, table)
             self._columns[table] = {}
             for name, values in block[table].items():
+                if (table, name) in self._leave_out:
+                    continue
                 rows = self._expected.values if (table, name) == VALUES else guess
                 self._columns[table][name] = _new_column(group, table, name, np.asarray(values), rows)
             group.attrs["columns"] = list(self._columns[table])
