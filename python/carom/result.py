@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError, counted, did_you_mean
 from carom.record import Column, Segments
 from carom.rundir import RunDir
-from carom.tables import Contacts, Energy, Impacts, Outcome, Residuals, Static, Steps, UnknownName
+from carom.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps, UnknownName
 
 if TYPE_CHECKING:
     import pandas
@@ -227,6 +227,11 @@ class Result:
     def impacts(self) -> Impacts:
         """One row per contact and impact problem: time, step, problem, pair, impulse, status ..."""
         return Impacts(self._segments, [*self.names, *self.wall_names])
+
+    @cached_property
+    def events(self) -> Events:
+        """One row per ball that entered or left; none without inflows and outlets."""
+        return Events(self._segments, self.names)
 
     @cached_property
     def contacts(self) -> Contacts:

@@ -178,6 +178,28 @@ class Contacts(_Pairs):
         return np.asarray(np.asarray(self._segments.column("frames", "time"))[self._frame()])
 
 
+class Events(Table):
+    """One row per ball that entered or left: `step`, `time`, `body`, `kind` (1 enters, 0 leaves) and `name`."""
+
+    name = "events"
+
+    def __init__(self, segments: Segments, names: Sequence[str], rows: Array | None = None) -> None:
+        super().__init__(segments, rows)
+        self._names = names
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        if self._segments.columns(self.name):
+            return {
+                "name": lambda: np.array([self._names[i] for i in np.asarray(self["body"])], dtype=object)
+            }
+        return dict.fromkeys(
+            ("step", "time", "body", "kind", "name"), lambda: np.zeros(0)
+        )  # nothing could happen
+
+    def _with_rows(self, rows: Array) -> Self:
+        return type(self)(self._segments, self._names, rows)
+
+
 class Residuals(Table):
     """One row per recorded contact problem; `history(step)` gives the residual norms of its iterations."""
 

@@ -7,12 +7,16 @@ without Carom. `docs/reference/results.md` describes the whole.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import NamedTuple
 
 FORMAT = 1
 
 #: Groups of a file, in the order of the columns of `/commit`.
 TABLES = ("frames", "contacts", "steps", "impacts", "residuals")
+
+#: A group that only a run has whose balls come and go.
+EVENTS = "events"
 
 #: The column of a flat table that holds running ends into another one; they are made global on writing.
 ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
@@ -35,11 +39,17 @@ class Rows(NamedTuple):
     impacts: int = 0
     residuals: int = 0
     values: int = 0
+    events: int = 0
 
     def __add__(self, other: object) -> Rows:  # element by element, not concatenation
         if not isinstance(other, tuple) or len(other) != len(self):
             return NotImplemented
         return Rows(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+def tables(owner: Container[str]) -> tuple[str, ...]:
+    """The tables of a block, of a file or of their columns."""
+    return (*TABLES, EVENTS) if EVENTS in owner else TABLES
 
 
 class Meaning(NamedTuple):
@@ -152,6 +162,10 @@ MEANINGS: dict[str, Meaning] = {
     "residuals/contacts": Meaning("1", "candidate contacts of the problem, closed or not"),
     "residuals/end": Meaning("1", "end of its history in /residuals/value"),
     "residuals/value": Meaning("1", "residual norms, one per iteration, histories end to end"),
+    "events/step": Meaning("1", "number of the step after which it happened"),
+    "events/time": Meaning("s", "time at the end of that step"),
+    "events/body": Meaning("1", "index of the ball"),
+    "events/kind": Meaning("1", "1 the ball enters, 0 it leaves"),
     "bodies/name": Meaning("1", "names"),
     "bodies/radius": Meaning("m", "radii"),
     "bodies/mass": Meaning("kg", "masses"),

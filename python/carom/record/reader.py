@@ -161,7 +161,9 @@ class Segments:
         return dict(self._files[0].attrs)
 
     def columns(self, table: str) -> list[str]:
-        """Names of the columns of one of `TABLES`."""
+        """Names of the columns of a table; none of one that the run has not."""
+        if table not in self._files[0]:
+            return []
         return [_text(name) for name in self._files[0][table].attrs["columns"]]
 
     def column(self, table: str, name: str) -> Column:

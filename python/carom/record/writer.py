@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.record.layout import ENDS, FORMAT, MEANINGS, TABLES, TEXTS, VALUES, Meaning, Rows
+from carom.record.layout import ENDS, FORMAT, MEANINGS, TEXTS, VALUES, Meaning, Rows, tables
 
 Table = Mapping[str, Any]
 
@@ -93,19 +93,19 @@ class Writer:
             with _explained(self.path):
                 self._create(block)
         counts = _count(block)
-        tables = {name: dict(block[name]) for name in TABLES}
+        parts = {name: dict(block[name]) for name in tables(self._columns)}
         for (table, column), target in ENDS.items():
             offset = np.uint64(getattr(self.first, target) + getattr(self.rows, target))
-            tables[table][column] = np.asarray(tables[table][column], dtype=np.uint64) + offset
+            parts[table][column] = np.asarray(parts[table][column], dtype=np.uint64) + offset
         self.rows = self.rows + counts
         if counts.frames:
-            self.last_frame = int(tables["frames"]["step"][-1])
+            self.last_frame = int(parts["frames"]["step"][-1])
         if not any(counts):
             return
         if not self._pending:
             self._pending_since = time.monotonic()
-        self._pending.append(tables)
-        self._pending_bytes += sum(np.asarray(c).nbytes for t in tables.values() for c in t.values())
+        self._pending.append(parts)
+        self._pending_bytes += sum(np.asarray(c).nbytes for t in parts.values() for c in t.values())
         if self._pending_bytes >= BATCH_BYTES or time.monotonic() - self._pending_since >= BATCH_SECONDS:
             self._write_meanwhile()
 
@@ -200,7 +200,7 @@ class Writer:
                 text = name in TEXTS
                 data = np.array(values, dtype=h5py.string_dtype()) if text else np.asarray(values)
                 _describe(group.create_dataset(name, data=data), f"{table}/{name}")
-        for table in TABLES:
+        for table in tables(block):
             group = file.create_group(table)
             guess = getattr(self._expected, table)
             self._columns[table] = {}
@@ -210,8 +210,9 @@ class Writer:
                 rows = self._expected.values if (table, name) == VALUES else guess
                 self._columns[table][name] = _new_column(group, table, name, np.asarray(values), rows)
             group.attrs["columns"] = list(self._columns[table])
+        width = len(Rows._fields)
         commit = file.create_dataset(
-            "commit", (0, len(Rows._fields)), np.uint64, maxshape=(None, len(Rows._fields)), chunks=(128, 6)
+            "commit", (0, width), np.uint64, maxshape=(None, width), chunks=(128, width)
         )
         commit.attrs["columns"] = list(Rows._fields)
         commit.attrs["description"] = "rows of each table that are whole; the last row counts"
@@ -277,8 +278,7 @@ def _extend(dataset: h5py.Dataset, rows: NDArray[Any]) -> None:
 
 
 def _count(block: Mapping[str, Any]) -> Rows:
-    key = {"frames": "step", "contacts": "gap", "steps": "step", "impacts": "step", "residuals": "step"}
-    counts = {table: len(block[table][key[table]]) for table in TABLES}
+    counts = {table: len(block[table]["gap" if table == "contacts" else "step"]) for table in tables(block)}
     return Rows(**counts, values=len(block["residuals"]["value"]))
 
 
