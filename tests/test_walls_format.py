@@ -480,6 +480,17 @@ class TestFlow:
         scene.outlet(low=(-1, -1, 0.5), high=(1, 1, 2), inside=False)
         assert scene.validate() == []
 
+    def test_what_enters_is_free(self) -> None:
+        scene = self.scene()
+        scene.load("grain2", force=(0, 0, 1))
+        assert '"grain2" enters in the course of the run, and what enters must be free' in wrong(scene)
+        scene = self.scene()
+        scene.drag("all", translation=1)
+        assert '"all" would act on balls that enter' in wrong(scene)
+        scene = self.scene()
+        scene.drag("ball", translation=1)
+        assert scene.validate() == []
+
     def test_a_scene_of_balls_to_come_alone(self) -> None:
         scene = self.scene()
         scene._tree.sphere.clear()

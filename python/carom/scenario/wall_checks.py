@@ -14,6 +14,8 @@ from carom.scenario.bodies import F64
 from carom.scenario.distances import gaps
 from carom.scenario.flow import Inflow, Outlet, Region
 from carom.scenario.laws import fault_at, value_at
+from carom.scenario.loads import ALL
+from carom.scenario.mechanics import references
 from carom.scenario.model import World
 from carom.scenario.placing import PLANE, Placed
 from carom.scenario.problems import Finding
@@ -143,6 +145,8 @@ def _parallel(a: object, b: object) -> bool:
 
 def check_flow(parts: Parts) -> Iterator[Finding]:
     """Balls enter where there is room for them, and not where they would leave at once."""
+    if parts.entries["inflow"]:
+        yield from _held(parts)
     outlets = [t for _, t in parts.entries["outlet"] if isinstance(t, Outlet)]
     for i, inflow in parts.entries["inflow"]:
         assert isinstance(inflow, Inflow)
@@ -158,6 +162,22 @@ def check_flow(parts: Parts) -> Iterator[Finding]:
         if any(_within(outlet, inflow.region.centre()) == outlet.inside for outlet in outlets):
             cause = "balls would leave where they enter: the region lies where an outlet removes them"
             yield Finding(("inflow", i, "region"), cause, "move the region or the outlet")
+
+
+def _held(parts: Parts) -> Iterator[Finding]:
+    """Joints and loads on balls that are not there yet."""
+    bodies = parts.bodies()
+    coming = {name for name, there in zip(bodies.names, bodies.present, strict=True) if not there}
+    for name, section, index, key, _ in references(parts.entries):
+        if name in coming:
+            cause = f"{quoted(name)} enters in the course of the run, and what enters must be free"
+            yield Finding((section, index, key), cause, "name a sphere that is there from the start")
+    for i, drag in parts.entries["drag"]:
+        if getattr(drag, "on", None) == ALL:
+            cause = (
+                '"all" would act on balls that enter in the course of the run, and what enters must be free'
+            )
+            yield Finding(("drag", i, "on"), cause, "name the spheres one by one, or do without the inflow")
 
 
 def _corners(region: Region) -> F64:
