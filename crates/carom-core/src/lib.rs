@@ -4,6 +4,7 @@
 //! `carom.reference` states it in NumPy.
 
 pub mod contact;
+pub mod flow;
 pub mod force;
 pub mod impact;
 pub mod islands;
@@ -12,6 +13,7 @@ pub mod level;
 pub mod model;
 pub mod options;
 pub mod penalty;
+mod periodic;
 pub mod problem;
 pub mod record;
 pub mod report;
@@ -23,6 +25,7 @@ pub mod state;
 pub mod step;
 pub mod stepper;
 pub mod timers;
+mod travel;
 pub mod wall;
 
 pub use model::{InitialState, Model, ModelError, ModelInput};

@@ -1,11 +1,14 @@
 //! What is simulated: compiled, immutable, arrays and integer ids.
 
+use crate::flow::{Flow, Inflow, Outlet};
 use crate::force::{Dependence, Load};
 use crate::joint::{Joint, RowKind, GROUND};
 use crate::options::Options;
 use crate::penalty;
+use crate::periodic;
 use crate::scalar::Scalar;
 use crate::wall::{checked, Shape, Wall, WallMotion};
+use carom_geom::Periodic;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -106,6 +109,12 @@ pub struct ModelInput {
     pub wall_motion: Vec<(u32, WallMotion)>,
     /// Whether impulses on walls are recorded where no wall moves.
     pub record_walls: bool,
+    /// Lengths of a periodic box, m, 0 for an axis that does not repeat, and its low corner.
+    pub periodic: [f64; 3],
+    pub periodic_origin: [f64; 3],
+    /// Balls that come and go.
+    pub inflow: Vec<Inflow>,
+    pub outlet: Vec<Outlet>,
     /// Unordered pairs of materials and their law: mu, e_N, e_T, rho, delta.
     pub laws: Vec<(u32, u32, [f64; 5])>,
     /// Per law: mu as a law of the slip speed instead of the number. Empty: none.
@@ -129,6 +138,9 @@ pub struct Model {
     pub walls: Vec<Wall>,
     /// Whether impulses on walls are summed up: some wall moves, or it was asked for.
     pub record_walls: bool,
+    /// Spheres meet by their nearest images; positions are never wrapped.
+    pub periodic: Periodic,
+    pub flow: Flow,
     pub laws: Vec<ContactLaw>,
     /// Law index + 1 by material pair, 0 where there is none.
     law_table: Vec<u32>,
@@ -180,6 +192,8 @@ impl Model {
         }
         finite("world", 0, "gravity", &input.gravity)?;
         let walls = compile_walls(input)?;
+        let periodic = periodic::compile(input, &walls)?;
+        let flow = Flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         penalty::check(&options, &laws, &input.joints)?;
         let links = compile_links(input)?;
@@ -193,6 +207,8 @@ impl Model {
             material: input.material.clone(),
             record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
             walls,
+            periodic,
+            flow,
             laws,
             law_table,
             materials,
@@ -254,7 +270,12 @@ impl Model {
     }
 }
 
-fn entry(kind: &'static str, index: usize, quantity: &'static str, text: String) -> ModelError {
+pub(crate) fn entry(
+    kind: &'static str,
+    index: usize,
+    quantity: &'static str,
+    text: String,
+) -> ModelError {
     ModelError::Entry {
         kind,
         index,
@@ -281,7 +302,7 @@ fn positive(
     ))
 }
 
-fn finite(
+pub(crate) fn finite(
     kind: &'static str,
     index: usize,
     quantity: &'static str,

@@ -1,6 +1,7 @@
 //! What is kept of a run, in memory, until the border takes it: frames, contacts, impacts, steps, residuals.
 
 use crate::contact::Contact;
+use crate::flow::Event;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, Scratch};
@@ -52,6 +53,9 @@ pub struct Block {
     pub orientation: Vec<f64>,
     pub velocity: Vec<f64>,
     pub angular_velocity: Vec<f64>,
+    /// Which spheres are there, N per frame; empty unless the model has inflows or outlets.
+    pub present: Vec<bool>,
+    pub events: Vec<Event>,
     /// Impulse and moment of every joint since the last frame, 6 per joint and frame.
     pub joints: Vec<f64>,
     /// Impulse on every wall since the last frame and its moment about the wall's place, 6 per wall and frame; empty unless the
@@ -75,6 +79,17 @@ pub struct Recorder {
     /// Of the walls, the same.
     pub open_walls: Vec<[DVec3; 2]>,
     merged: Vec<ContactRecord>,
+    /// Whether balls come and go.
+    flows: bool,
+}
+
+/// A point to which a recorder can go back.
+pub struct Mark {
+    impacts: usize,
+    residuals: usize,
+    open: Vec<ContactRecord>,
+    open_joints: Vec<[DVec3; 2]>,
+    open_walls: Vec<[DVec3; 2]>,
 }
 
 impl Recorder {
@@ -82,6 +97,7 @@ impl Recorder {
         Recorder {
             open_joints: vec![[DVec3::ZERO; 2]; model.joints.len()],
             open_walls: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
+            flows: !model.flow.is_none(),
             ..Recorder::default()
         }
     }
@@ -111,6 +127,26 @@ impl Recorder {
         if contacts {
             self.accumulate(&scratch.contacts);
         }
+    }
+
+    /// What has to be remembered to undo the steps that follow.
+    pub fn mark(&self) -> Mark {
+        Mark {
+            impacts: self.block.impacts.len(),
+            residuals: self.block.residuals.len(),
+            open: self.open.clone(),
+            open_joints: self.open_joints.clone(),
+            open_walls: self.open_walls.clone(),
+        }
+    }
+
+    /// Undoes what was added by [`Self::add_step`] since a mark. Frames are added between steps, never within one.
+    pub fn rewind(&mut self, mark: Mark) {
+        self.block.impacts.truncate(mark.impacts);
+        self.block.residuals.truncate(mark.residuals);
+        self.open = mark.open;
+        self.open_joints = mark.open_joints;
+        self.open_walls = mark.open_walls;
     }
 
     /// Merges the step's contacts into the open records; both are sorted by key.
@@ -168,8 +204,12 @@ impl Recorder {
         let b = &mut self.block;
         b.frame_step.push(state.step);
         b.frame_time.push(time);
-        for x in &state.position {
-            b.position.extend(x.to_array());
+        if self.flows {
+            b.present.extend_from_slice(&state.present);
+        }
+        for (x, present) in state.position.iter().zip(&state.present) {
+            let seen = if *present { *x } else { DVec3::NAN };
+            b.position.extend(seen.to_array());
         }
         for q in &state.orientation {
             b.orientation.extend([q.w, q.x, q.y, q.z]);

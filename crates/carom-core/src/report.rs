@@ -1,5 +1,6 @@
 //! What a step, and a run, tell about themselves.
 
+use crate::flow::Exchange;
 use carom_solve::report::Rung;
 use carom_solve::SolveReport;
 
@@ -73,6 +74,11 @@ step_report! {
     energy_potential: f64,
     /// Work of loads without a potential and of prescribed motion in the step, J.
     energy_work: f64,
+    /// Energy of the balls that entered and left after the step, J, and their numbers.
+    energy_in: f64,
+    energy_out: f64,
+    entered: u32,
+    removed: u32,
     /// Largest penetration after the step, m, and over r_c.
     penetration: f64,
     penetration_relative: f64,
@@ -88,7 +94,8 @@ step_report! {
     relisted: u32,
     /// Smallest factor of the energy safeguard (1: never needed).
     restitution_scale: f64,
-    /// Substeps of method `penalty` and the smallest, s; 0 with other methods.
+    /// Parts of the step and the smallest, s: the substeps of method `penalty`; with others the parts into which a step was
+    /// cut so that nothing passes through anything, 0 where it was not.
     substeps: u32,
     substep_min: f64,
 }
@@ -117,6 +124,28 @@ impl StepReport {
         self.fallbacks += u32::from(r.rung != Rung::First);
     }
 
+    /// Takes in what entered and left after the step.
+    pub(crate) fn add_exchange(&mut self, e: &Exchange) {
+        self.energy_in = e.energy_in.iter().sum();
+        self.energy_out = e.energy_out.iter().sum();
+        self.energy_kinetic += e.energy_in[0] - e.energy_out[0];
+        self.energy_potential += e.energy_in[1] - e.energy_out[1];
+        self.entered = e.entered;
+        self.removed = e.removed;
+    }
+
+    /// Adds substeps and the smallest of them, s; it says nothing where there are none.
+    pub(crate) fn take_substeps(&mut self, count: u32, smallest: f64) {
+        if count > 0 {
+            self.substep_min = if self.substeps == 0 {
+                smallest
+            } else {
+                self.substep_min.min(smallest)
+            };
+            self.substeps += count;
+        }
+    }
+
     /// Merges the second half of a halved step into the first.
     pub(crate) fn merge(&mut self, later: &StepReport) {
         let earlier = *self;
@@ -140,8 +169,7 @@ impl StepReport {
         self.missed_impacts += earlier.missed_impacts;
         self.relisted += earlier.relisted;
         self.restitution_scale = self.restitution_scale.min(earlier.restitution_scale);
-        self.substeps += earlier.substeps;
-        self.substep_min = self.substep_min.min(earlier.substep_min);
+        self.take_substeps(earlier.substeps, earlier.substep_min);
     }
 }
 
@@ -186,7 +214,12 @@ pub struct Monitors {
     pub energy_final: f64,
     /// Work of loads without a potential and of prescribed motion, J.
     pub energy_work: f64,
-    /// Largest rise of the total energy in one step beyond that work, J (0: it never rose).
+    /// Energy of the balls that entered and left in the course of the run, J, and their numbers.
+    pub energy_in: f64,
+    pub energy_out: f64,
+    pub entered: u64,
+    pub removed: u64,
+    /// Largest rise of the total energy in one step beyond that work and exchange, J (0: it never rose).
     pub energy_max_rise: f64,
     /// Largest kinetic energy plus `sum m |g| r`: the scale against which a rise is judged, J.
     pub energy_scale: f64,
@@ -194,7 +227,7 @@ pub struct Monitors {
     pub energy_rises: u64,
     /// Largest `|v| h / r` of any sphere after any step (rule R6).
     pub travel: f64,
-    /// Substeps of method `penalty` and the smallest, s; 0 if there were none.
+    /// Substeps and the smallest, s; 0 if there were none.
     pub substeps: u64,
     pub substep_min: f64,
 }
@@ -233,7 +266,11 @@ impl Monitors {
         self.penetration = self.penetration.max(r.penetration);
         self.penetration_relative = self.penetration_relative.max(r.penetration_relative);
         let energy = r.energy_kinetic + r.energy_potential;
-        let rise = energy - self.energy_final - r.energy_work;
+        let rise = energy - self.energy_final - r.energy_work - (r.energy_in - r.energy_out);
+        self.energy_in += r.energy_in;
+        self.energy_out += r.energy_out;
+        self.entered += u64::from(r.entered);
+        self.removed += u64::from(r.removed);
         self.energy_work += r.energy_work;
         self.energy_scale = self.energy_scale.max(r.energy_kinetic + static_scale);
         self.energy_max_rise = self.energy_max_rise.max(rise);
@@ -291,6 +328,13 @@ pub enum Outcome {
     TooManyPairs { step: u64, time: f64 },
     /// Method `penalty` would need more substeps for a step than it may take.
     TooManySubsteps { step: u64, time: f64 },
+    /// A sphere would pass through a body within the smallest part of a step.
+    TooFast {
+        step: u64,
+        time: f64,
+        bodies: (u32, u32),
+        message: String,
+    },
     /// Two bodies met whose materials have no law.
     MissingLaw {
         step: u64,
@@ -320,6 +364,7 @@ impl Outcome {
             Outcome::MissingLaw { .. } => "missing_law",
             Outcome::LoadFailed { .. } => "load_failed",
             Outcome::FrictionFailed { .. } => "friction_failed",
+            Outcome::TooFast { .. } => "too_fast",
             Outcome::TooManyPairs { .. } => "too_many_pairs",
             Outcome::TooManySubsteps { .. } => "too_many_substeps",
         }
@@ -343,6 +388,9 @@ impl Outcome {
                 "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations"
             }
             Outcome::NotFinite { .. } => "look for extreme speeds, masses or radii; try a smaller step",
+            Outcome::TooFast { .. } => {
+                "take the step that the message names, or more max_halvings; if the speed is not meant, look at what made it"
+            }
             Outcome::TooManyPairs { .. } => {
                 "the step is far too long for the speeds: spheres travel radii per step; take a smaller step"
             }

@@ -97,6 +97,9 @@ pub struct SolveScratch {
 impl Scratch {
     pub fn new(model: &Model) -> Scratch {
         let n = model.spheres();
+        let mut neighbours = NeighbourList::new();
+        neighbours.set_periodic(model.periodic);
+        neighbours.set_threads(model.options.threads as usize);
         Scratch {
             linear: vec![Prediction::default(); n],
             angular: vec![Prediction::default(); n],
@@ -104,7 +107,7 @@ impl Scratch {
             jump: vec![[DVec3::ZERO; 2]; n],
             position: vec![DVec3::ZERO; n],
             need: vec![0.0; n],
-            neighbours: NeighbourList::new(),
+            neighbours,
             walls: Walls::new(model),
             contacts: Vec::new(),
             overlaps: Vec::new(),

@@ -1,5 +1,6 @@
 //! A run: model, state, scratch and records together; halving of steps that fail, monitors, outcome.
 
+use crate::flow::{self, Exchange};
 use crate::force;
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
@@ -52,20 +53,34 @@ impl Simulation {
                 Method::MoreauJean => Coefficients::theta_rule(o.theta, h),
             })
             .collect();
+        let mut scratch = Scratch::new(&model);
+        let mut recorder = Recorder::new(&model);
+        let (mut first, mut state) = (Exchange::default(), state);
+        if !model.flow.is_none() {
+            scratch.walls.place(&model, 0.0);
+            let events = &mut recorder.block.events;
+            first = flow::exchange(&model, &mut state, &scratch.walls, 0, 0.0, events);
+        }
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
         for i in 0..model.spheres() {
             kinetic += 0.5
                 * (model.mass[i] * state.velocity[i].length_squared()
                     + model.inertia[i] * state.angular_velocity[i].length_squared());
-            potential += force::weight_potential(&model, i, state.position[i]);
+            if state.present[i] {
+                potential += force::weight_potential(&model, i, state.position[i]);
+            }
             static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
         }
         let at = motion_of(&state, 0.0);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         Simulation {
-            scratch: Scratch::new(&model),
-            monitors: Monitors::new(kinetic, potential, static_scale),
-            recorder: Recorder::new(&model),
+            scratch,
+            monitors: Monitors {
+                entered: u64::from(first.entered),
+                removed: u64::from(first.removed),
+                ..Monitors::new(kinetic, potential, static_scale)
+            },
+            recorder,
             timers: Timers::default(),
             failed: None,
             coefficients,
@@ -107,7 +122,7 @@ impl Simulation {
                 .block
                 .steps
                 .last()
-                .is_some_and(|r| r.fallbacks + r.halvings > 0);
+                .is_some_and(|r| r.fallbacks + r.halvings + r.substeps > 0);
             if (slow || done % check_every == 0) && begin.elapsed() >= wall_limit {
                 break;
             }
@@ -138,6 +153,13 @@ impl Simulation {
             self.failed = None;
         }
         self.state.step = number;
+        if !self.model.flow.is_none() {
+            let (walls, events) = (&mut self.scratch.walls, &mut self.recorder.block.events);
+            walls.place(&self.model, time);
+            let exchange =
+                flow::exchange(&self.model, &mut self.state, walls, number, time, events);
+            report.add_exchange(&exchange);
+        }
         let h_speed = self.state.velocity.iter().zip(&self.model.radius);
         let travel = h_speed
             .map(|(v, r)| v.length_squared() / (r * r))
@@ -186,9 +208,10 @@ impl Simulation {
         );
         match made {
             Ok(()) => {
-                // The first sub-step that is made has nothing to merge with but the count of halvings.
-                if report.iterations_smooth == 0 && report.substeps == 0 {
+                // The first sub-step that is made has nothing to merge with but the counts of those who cut it.
+                if report.iterations_smooth == 0 {
                     local.halvings = report.halvings;
+                    local.take_substeps(report.substeps, report.substep_min);
                     *report = local;
                 } else {
                     report.merge(&local);
@@ -203,25 +226,52 @@ impl Simulation {
                 if last {
                     return Err(Failure::NotConverged(level));
                 }
-                let (state, recorder) = (self.state.clone(), self.recorder.clone());
                 report.halvings += 1;
+                self.halves(depth + 1, t, recording, report)
+            }
+            // A list that is too long for its needs: those of a shorter step are less.
+            Err(Failure::TooFar { .. } | Failure::TooManyPairs)
+                if !last && self.model.options.method != Method::Penalty =>
+            {
                 let half = self.coefficients[depth as usize + 1].h;
-                let halves = self
-                    .attempt(depth + 1, t, recording, report)
-                    .and_then(|()| self.attempt(depth + 1, t + half, recording, report));
-                if halves.is_err() {
-                    (self.state, self.recorder) = (state, recorder);
-                }
-                halves
+                // One part becomes two.
+                let parts = if report.substeps == 0 { 2 } else { 1 };
+                report.take_substeps(parts, half);
+                self.halves(depth + 1, t, recording, report)
             }
             Err(other) => Err(other),
         }
+    }
+
+    /// Two steps of size h / 2^depth from `t`.
+    fn halves(
+        &mut self,
+        depth: u32,
+        t: f64,
+        recording: Recording,
+        report: &mut StepReport,
+    ) -> Result<(), Failure> {
+        let (state, mark) = (self.state.clone(), self.recorder.mark());
+        let half = self.coefficients[depth as usize].h;
+        let made = self
+            .attempt(depth, t, recording, report)
+            .and_then(|()| self.attempt(depth, t + half, recording, report));
+        if made.is_err() {
+            self.state = state;
+            self.recorder.rewind(mark);
+        }
+        made
     }
 
     fn outcome(&mut self, failure: Failure, step: u64) -> Outcome {
         let time = step as f64 * self.model.options.step;
         match failure {
             Failure::TooManyPairs => Outcome::TooManyPairs { step, time },
+            Failure::TooFar {
+                bodies,
+                travel,
+                length,
+            } => self.too_fast(step, bodies, travel, length),
             Failure::TooManySubsteps => Outcome::TooManySubsteps { step, time },
             Failure::NotFinite(body) => Outcome::NotFinite { step, time, body },
             Failure::MissingLaw(a, b) => Outcome::MissingLaw {
@@ -266,6 +316,30 @@ impl Simulation {
                     residual,
                 }
             }
+        }
+    }
+
+    /// `travel` (m) in the smallest part of a step against a radius of `length` (m).
+    fn too_fast(&self, step: u64, bodies: (u32, u32), travel: f64, length: f64) -> Outcome {
+        let o = &self.model.options;
+        let part = o.step / f64::from(1u32 << o.max_halvings);
+        let speed = travel / part;
+        let n = self.model.spheres();
+        let other = match (bodies.1 as usize).checked_sub(n) {
+            None => format!("sphere {}", bodies.1),
+            Some(wall) => format!("wall {wall}"),
+        };
+        Outcome::TooFast {
+            step,
+            time: step as f64 * o.step,
+            bodies,
+            message: format!(
+                "sphere {} meets {other} at {speed:.3e} m/s: {:.3} radii in {part:.3e} s, the smallest part of a step; take \
+                 a step of {:.1e} s or less",
+                bodies.0,
+                travel / length,
+                0.5 * length / speed,
+            ),
         }
     }
 }

@@ -35,6 +35,10 @@ pub struct State {
     /// Smooth reaction of every joint (force and moment on sphere A) and its pseudo reaction, filtered like `pseudo`: the impulse
     /// that a joint gives in a step follows from both. Recorded only; the motion does not depend on them.
     pub reaction: Vec<[[DVec3; 2]; 2]>,
+    /// Which spheres are there; see [`crate::flow`].
+    pub present: Vec<bool>,
+    /// How many balls of each inflow have entered.
+    pub entered: Vec<u32>,
     /// Sorted by key.
     pub warm: Vec<Warm>,
     /// Step size with which `warm` was found, s.
@@ -56,6 +60,8 @@ impl State {
             pseudo: start.clone(),
             acceleration: start,
             reaction: Vec::new(),
+            present: model.flow.present_at_start(model.spheres()),
+            entered: vec![0; model.flow.inflows.len()],
             warm: Vec::new(),
             warm_step: model.options.step,
             touches: Vec::new(),
@@ -66,6 +72,40 @@ impl State {
             state.reaction = reactions.iter().map(|r| [*r, *r]).collect();
             state.pseudo.clone_from(&state.acceleration);
         }
+        for i in 0..model.spheres() {
+            if !state.present[i] {
+                state.set_absent(i);
+            }
+        }
         state
+    }
+
+    /// Takes a sphere away. It stands where it stood last.
+    pub(crate) fn set_absent(&mut self, i: usize) {
+        self.present[i] = false;
+        self.velocity[i] = DVec3::ZERO;
+        self.angular_velocity[i] = DVec3::ZERO;
+        self.pseudo[i] = [DVec3::ZERO; 2];
+        self.acceleration[i] = [DVec3::ZERO; 2];
+    }
+
+    /// Puts a sphere to `x` with velocity `v`; as at the start of a run its acceleration is that of free motion.
+    pub(crate) fn set_present(&mut self, i: usize, x: DVec3, v: DVec3, gravity: DVec3) {
+        self.present[i] = true;
+        self.position[i] = x;
+        self.velocity[i] = v;
+        self.angular_velocity[i] = DVec3::ZERO;
+        self.pseudo[i] = [gravity, DVec3::ZERO];
+        self.acceleration[i] = [gravity, DVec3::ZERO];
+    }
+
+    /// What the neighbour list must not miss around a sphere, m; an absent one has no pairs.
+    #[inline]
+    pub(crate) fn need(&self, model: &Model, i: usize, need: f64) -> f64 {
+        if self.present[i] {
+            need
+        } else {
+            carom_geom::NeighbourList::absent(model.radius[i])
+        }
     }
 }

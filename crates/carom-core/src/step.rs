@@ -15,6 +15,7 @@ use crate::state::State;
 use crate::stepper::Coefficients;
 use crate::stepper::Span;
 use crate::timers::{Phase, Timers};
+use crate::travel;
 use crate::wall::Walls;
 use carom_geom::tangent_frame;
 use carom_solve::{Bounds, Status};
@@ -35,6 +36,12 @@ pub enum Failure {
     TooManyPairs,
     /// Method `penalty` would need more substeps than it may take.
     TooManySubsteps,
+    /// A pair would meet after a relative travel (m) of the radius `length` (m) of one or more.
+    TooFar {
+        bodies: (u32, u32),
+        travel: f64,
+        length: f64,
+    },
     /// A load could not be evaluated.
     Load,
     /// A friction law gave `mu` at a slip speed, m/s: no coefficient.
@@ -74,6 +81,7 @@ pub fn step(
     predict_and_smooth(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Predict);
     list_pairs(model, state, scratch)?;
+    travel::check(model, state, scratch)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
@@ -118,8 +126,8 @@ pub(crate) fn predict_and_smooth(
 /// Pairs that may come within the candidate margin during the step.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     for i in 0..model.spheres() {
-        scratch.need[i] =
-            scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * model.radius[i];
+        let need = scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * model.radius[i];
+        scratch.need[i] = state.need(model, i, need);
     }
     scratch.neighbours.refresh(
         &state.position,
@@ -168,6 +176,10 @@ pub(crate) fn push_candidate(
 ) -> Result<bool, Failure> {
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let ra = model.radius[i];
+    // A list may be older than the removal of a ball.
+    if !state.present[i] || state.present.get(j) == Some(&false) {
+        return Ok(false);
+    }
     if j >= n {
         let wall = &model.walls[j - n];
         let gap = walls.meet(model, a, b, position[i]).gap;
@@ -191,16 +203,18 @@ pub(crate) fn push_candidate(
     }
     let length = ra.min(model.radius[j]);
     let reach = ra + model.radius[j] + margin * length;
-    let between = position[i] - position[j];
+    let periodic = &model.periodic;
+    let between = periodic.nearest(position[i] - position[j]);
     if between.length_squared() > reach * reach {
         return Ok(false);
     }
-    let gap = carom_geom::sphere_sphere(position[i], ra, position[j], model.radius[j]).gap;
+    let gap = periodic
+        .sphere_sphere(position[i], ra, position[j], model.radius[j])
+        .gap;
     let Some(law) = law_or_miss(model, a, b, gap)? else {
         return Ok(false);
     };
-    let start =
-        carom_geom::sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
+    let start = periodic.sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
     let (t1, t2) = tangent_frame(start.normal);
     let frame = (start.normal, t1, t2);
     let mut contact = new_contact((a, b), law, frame, start.gap, gap, length);
@@ -379,18 +393,20 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
         ..
     } = scratch;
     for i in 0..model.spheres() {
-        need[i] =
-            (linear[i].displacement + shift[i][0]).length() + CANDIDATE_MARGIN * model.radius[i];
+        let way = linear[i].displacement + shift[i][0];
+        need[i] = state.need(model, i, way.length() + CANDIDATE_MARGIN * model.radius[i]);
     }
     neighbours.refresh(&state.position, &model.radius, &walls.now, need);
     complete(neighbours)?;
     let known = contacts.len();
     let mut new = known;
+    let mut next = 0;
     for &(a, b) in neighbours.pairs() {
-        if contacts[..known]
-            .binary_search_by_key(&(a, b), |c| (c.a, c.b))
-            .is_ok()
-        {
+        // Both lists are sorted by key.
+        while next < known && (contacts[next].a, contacts[next].b) < (a, b) {
+            next += 1;
+        }
+        if next < known && (contacts[next].a, contacts[next].b) == (a, b) {
             continue;
         }
         if push_candidate(model, state, walls, position, (a, b), 0.0, contacts)? {
@@ -470,7 +486,9 @@ pub(crate) fn finish(
         let w = scratch.angular[i].velocity + scratch.jump[i][1];
         kinetic +=
             0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
-        potential += force::weight_potential(model, i, scratch.position[i]);
+        if state.present[i] {
+            potential += force::weight_potential(model, i, scratch.position[i]);
+        }
         if !(kinetic.is_finite() && potential.is_finite()) {
             return Err(Failure::NotFinite(i as u32));
         }

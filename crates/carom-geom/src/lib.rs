@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`shape`] | what can be touched |
 //! | [`pair`] | how far apart are these two, in which direction, and how does that direction turn |
+//! | [`periodic`] | where are they nearest, if space repeats itself |
 //! | [`tangent`] | which two directions span the contact plane |
 //! | [`broad`] | which pairs can meet at all |
 //!
@@ -17,6 +18,7 @@
 
 pub mod broad;
 pub mod pair;
+pub mod periodic;
 pub mod shape;
 pub mod tangent;
 
@@ -24,5 +26,6 @@ pub use broad::{overlaps, Meeting, NeighbourList, Overlap};
 pub use glam::DVec3;
 pub use pair::{proximity, sphere_plane, sphere_sphere, Proximity};
 pub use pair::{Ball, Cone, Cylinder, Disc, Rectangle};
+pub use periodic::Periodic;
 pub use shape::{Displacement, Shape};
 pub use tangent::tangent_frame;

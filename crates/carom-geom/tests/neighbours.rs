@@ -2,7 +2,7 @@
 
 mod common;
 
-use carom_geom::{overlaps, sphere_sphere, DVec3, Displacement, NeighbourList, Shape};
+use carom_geom::{overlaps, sphere_sphere, DVec3, Displacement, NeighbourList, Periodic, Shape};
 use common::{vector, wall};
 use glam::DQuat;
 use proptest::prelude::*;
@@ -10,6 +10,7 @@ use std::collections::BTreeSet;
 
 #[derive(Clone, Debug, Default)]
 struct Scene {
+    periodic: Periodic,
     x: Vec<DVec3>,
     radius: Vec<f64>,
     walls: Vec<Shape>,
@@ -24,7 +25,12 @@ impl Scene {
         for a in 0..n {
             for b in a + 1..n {
                 let reach = self.radius[a] + self.radius[b] + (self.need[a] + self.need[b]);
-                if (self.x[a] - self.x[b]).length_squared() <= reach * reach {
+                if self
+                    .periodic
+                    .nearest(self.x[a] - self.x[b])
+                    .length_squared()
+                    <= reach * reach
+                {
                     pairs.push((a as u32, b as u32));
                 }
             }
@@ -63,7 +69,12 @@ impl Scene {
             within.push((m.a, m.b));
             let (i, j) = (m.a as usize, m.b as usize);
             let expected = match j.checked_sub(self.x.len()) {
-                None => sphere_sphere(self.x[i], self.radius[i], self.x[j], self.radius[j]),
+                None => (self.periodic).sphere_sphere(
+                    self.x[i],
+                    self.radius[i],
+                    self.x[j],
+                    self.radius[j],
+                ),
                 Some(w) => self.walls[w]
                     .meet(self.x[i], self.radius[i])
                     .expect("a wall"),
@@ -92,6 +103,7 @@ fn scene(largest: usize, ratio: f64) -> impl Strategy<Value = Scene> {
                 radius,
                 need,
                 walls,
+                ..Scene::default()
             })
     })
 }
@@ -189,8 +201,46 @@ proptest! {
     }
 
     #[test]
+    fn images_across_the_border(
+        mut scene in scene(150, 8.0),
+        length in prop::array::uniform3(prop_oneof![Just(0.0), 0.7..3.0f64]),
+        origin in vector(5.0),
+        shift in vector(40.0),
+        moves in prop::collection::vec(vector(0.01), 1..20),
+    ) {
+        scene.periodic = Periodic::new(DVec3::from(length), origin);
+        for x in scene.x.iter_mut().step_by(3) {
+            *x += (shift / 7.0).round() * DVec3::from(length);
+        }
+        let mut list = NeighbourList::new();
+        list.set_periodic(scene.periodic);
+        list.set_threads(2);
+        for step in 0..6 {
+            scene.refresh(&mut list);
+            scene.check(&list);
+            advance(&mut scene, &moves, step);
+        }
+        let found = overlaps(&scene.x, &scene.radius, &scene.walls, &scene.periodic, 0.5, usize::MAX);
+        prop_assert!(found.windows(2).all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)));
+        let n = scene.x.len() as u32;
+        let mut at_contact = scene.clone();
+        at_contact.need.fill(0.0);
+        let deep = at_contact.brute_force().into_iter().filter(|&(a, b)| {
+            let (i, j) = (a as usize, b as usize);
+            b < n && {
+                let (ri, rj) = (scene.radius[i], scene.radius[j]);
+                scene.periodic.sphere_sphere(scene.x[i], ri, scene.x[j], rj).gap < -0.5 * ri.min(rj)
+            }
+        });
+        prop_assert_eq!(
+            found.iter().map(|o| (o.a, o.b)).filter(|p| p.1 < n).collect::<Vec<_>>(),
+            deep.collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
     fn overlaps_are_all_found(scene in scene(200, 4.0)) {
-        let found = overlaps(&scene.x, &scene.radius, &scene.walls, 1e-9, usize::MAX);
+        let found = overlaps(&scene.x, &scene.radius, &scene.walls, &Periodic::default(), 1e-9, usize::MAX);
         let mut at_contact = scene.clone();
         at_contact.need.fill(0.0);
         let inside = |&(a, b): &(u32, u32)| {
@@ -227,6 +277,7 @@ fn lattice(side: usize) -> Scene {
         radius: vec![0.03; n],
         walls: vec![half_space(DVec3::new(0.0, 0.0, -0.03), DVec3::Z)],
         need: vec![1e-4; n],
+        ..Scene::default()
     }
 }
 
@@ -304,6 +355,7 @@ fn infinite_needs_and_nans_do_no_harm() {
             radius: vec![0.5; n],
             walls: vec![half_space(DVec3::new(0.0, 0.0, -0.5), DVec3::Z)],
             need: vec![0.0; n],
+            ..Scene::default()
         };
         scene.need[3] = f64::INFINITY;
         let mut list = NeighbourList::new();
@@ -323,6 +375,85 @@ fn infinite_needs_and_nans_do_no_harm() {
 }
 
 #[test]
+fn the_list_is_the_same_for_any_number_of_threads() {
+    let mut scene = lattice(30);
+    scene.radius[100] = 0.5;
+    scene.need[17] = 0.3;
+    let lists = [1, 2, 3, 8].map(|threads| {
+        let mut list = NeighbourList::new();
+        list.set_threads(threads);
+        scene.refresh(&mut list);
+        list.pairs().to_vec()
+    });
+    assert!(lists[0].len() > 3 * 27_000);
+    assert!(lists.iter().all(|pairs| *pairs == lists[0]));
+    let mut list = NeighbourList::new();
+    list.set_threads(3);
+    list.set_limit(1000);
+    scene.refresh(&mut list);
+    assert!(list.is_truncated());
+    assert_eq!(list.pairs().len(), 1000);
+}
+
+/// Balls that shake about their places by `amplitude` radii, for 400 calls; pairs a ball in the last list, and rebuilds.
+fn shake(amplitude: f64) -> (f64, u64) {
+    let mut scene = lattice(12);
+    let sites = scene.x.clone();
+    let n = sites.len();
+    let mut list = NeighbourList::new();
+    for step in 0..400 {
+        for (i, (x, site)) in scene.x.iter_mut().zip(&sites).enumerate() {
+            let phase = 0.1 * step as f64 + i as f64;
+            *x = *site + 0.03 * amplitude * DVec3::new(phase.sin(), phase.cos(), 0.0);
+        }
+        scene.refresh(&mut list);
+    }
+    scene.check(&list);
+    (list.pairs().len() as f64 / n as f64, list.rebuilds())
+}
+
+#[test]
+fn the_skin_follows_the_motion() {
+    let ((still, few), (wild, many)) = (shake(1e-3), shake(1.0));
+    assert!(
+        few <= 4,
+        "what does not move is listed again to save pairs, and then kept: {few}"
+    );
+    assert!(many > 5 && many < 200, "{many} rebuilds in 400 steps");
+    assert!(still < 3.2 && wild > 4.0, "{still} and {wild} pairs a ball");
+    let (some, rebuilds) = shake(0.2);
+    assert!(
+        rebuilds < 40 && some <= wild,
+        "{rebuilds}, {some} and {wild} pairs a ball"
+    );
+}
+
+#[test]
+fn a_giant_in_dust_keeps_a_list_of_the_dust_it_touches() {
+    // A giant of 20 radii in a lattice of dust: its skin is that of the dust, not a share of its own radius.
+    let mut scene = lattice(30);
+    scene.walls.clear();
+    let centre = DVec3::splat(0.06 * 14.5);
+    let giant = 20.0 * 0.03;
+    scene.x.retain(|x| x.distance(centre) > giant + 0.03);
+    scene.x.push(centre);
+    let n = scene.x.len();
+    scene.radius = vec![0.03; n];
+    scene.radius[n - 1] = giant;
+    scene.need = vec![1e-4; n];
+    let mut list = NeighbourList::new();
+    scene.refresh(&mut list);
+    let of_giant = list
+        .pairs()
+        .iter()
+        .filter(|p| p.1 as usize == n - 1)
+        .count();
+    // Dust with a centre in a shell of twice 0.3 small radii and what the lattice leaves.
+    let shell = 4.0 * std::f64::consts::PI * 21.0f64.powi(2) * 0.65 / 8.0;
+    assert!((of_giant as f64) < 1.2 * shell, "{of_giant}, shell {shell}");
+}
+
+#[test]
 fn nothing_at_all() {
     let mut list = NeighbourList::default();
     assert!(Scene::default().refresh(&mut list));
@@ -335,6 +466,7 @@ fn rebuilds_only_when_it_must() {
     for side in [3, 4] {
         let mut scene = lattice(side);
         let mut list = NeighbourList::new();
+        list.set_skin(0.3);
         assert!(scene.refresh(&mut list));
         // Skin 0.3 r = 9 mm; need 0.1 mm. Body 1 may move 9 mm.
         scene.x[1].x += 0.0089;

@@ -1,6 +1,6 @@
 //! Arrays in and out. Vectors are moved into NumPy, never copied element by element in Python.
 
-use crate::{coupling, walls, ModelError};
+use crate::{coupling, flow, walls, ModelError};
 use carom_core::model::ModelInput;
 use carom_core::options::{Options, Value};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
@@ -144,6 +144,10 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         walls: walls::walls(dict)?,
         wall_motion: walls::motions(dict)?,
         record_walls: walls::recorded(dict)?,
+        periodic: flow::lengths(dict, "periodic")?,
+        periodic_origin: flow::lengths(dict, "periodic_origin")?,
+        inflow: flow::inflows(dict)?,
+        outlet: flow::outlets(dict)?,
         laws,
         friction_law: coupling::friction_laws(dict)?,
         joints: coupling::joints(dict, &radius)?,

@@ -5,6 +5,7 @@ mod convert;
 mod coupling;
 mod element;
 mod expression;
+mod flow;
 mod problem;
 mod simulation;
 mod state;

@@ -1,6 +1,7 @@
 //! The class `Simulation`.
 
 use crate::convert::{self, flat, put};
+use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{
     monitor_arrays, monitors_from, open_values, put_kinematics, read_open, read_pairs, read_state,
@@ -53,7 +54,14 @@ impl Simulation {
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         out.set_item("time", self.inner.time())?;
-        put_kinematics(&out, &self.inner.state)?;
+        let state = &self.inner.state;
+        put_kinematics(&out, state)?;
+        if !self.inner.model.flow.is_none() {
+            let n = state.present.len();
+            let places = flat(flow::seen(state).iter().map(|x| x.to_array()));
+            put(&out, "position", places, &[n, 3])?;
+            put(&out, "present", state.present.clone(), &[n])?;
+        }
         Ok(out)
     }
 
@@ -83,6 +91,9 @@ impl Simulation {
         let out = PyDict::new(py);
         let model = &self.inner.model;
         let (joints, walls) = (model.joints.len(), model.recorded_walls());
+        if !model.flow.is_none() {
+            flow::put_events(&out, &block.events)?;
+        }
         put_block(&out, block, model.spheres(), joints, walls)?;
         match outcome {
             Some(o) => out.set_item("outcome", outcome_dict(py, &o)?)?,
@@ -97,6 +108,7 @@ impl Simulation {
         let out = PyDict::new(py);
         put(&out, "step", vec![s.step], &[1])?;
         put_kinematics(&out, s)?;
+        flow::put_state(&out, &self.inner.model, s)?;
         let n = s.position.len();
         for (name, pairs) in [("pseudo", &s.pseudo), ("acceleration", &s.acceleration)] {
             let values = flat(pairs.iter().map(|[a, b]| [a.x, a.y, a.z, b.x, b.y, b.z]));
@@ -160,7 +172,8 @@ impl Simulation {
     fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let n = self.inner.model.spheres();
         let bodies = n + self.inner.model.walls.len();
-        let loaded = read_state(state, bodies as u64)?;
+        let mut loaded = read_state(state, bodies as u64)?;
+        flow::read_state(state, &self.inner.model, &mut loaded)?;
         for (name, found) in [
             ("position", loaded.position.len()),
             ("orientation", loaded.orientation.len()),
@@ -206,6 +219,8 @@ impl Simulation {
         }
         self.inner.recorder.open_walls = walls;
         self.inner.recorder.open_joints = joints;
+        // What happened before the start of a new run has no place in one taken up again.
+        self.inner.recorder.block.events.clear();
         self.inner.state = loaded;
         self.inner.recorder.open = open;
         self.inner.monitors = monitors;
@@ -246,6 +261,9 @@ impl Simulation {
             ("truncated_sequences", m.truncated),
             ("unconverged", m.unconverged),
             ("halvings", m.halvings),
+            ("substeps", m.substeps),
+            ("entered", m.entered),
+            ("removed", m.removed),
             ("missed_impacts", m.missed_impacts),
             ("relisted", m.relisted),
             ("safeguarded", m.safeguarded),
@@ -265,6 +283,8 @@ impl Simulation {
         energy.set_item("initial", m.energy_initial)?;
         energy.set_item("final", m.energy_final)?;
         energy.set_item("work", m.energy_work)?;
+        energy.set_item("in", m.energy_in)?;
+        energy.set_item("out", m.energy_out)?;
         energy.set_item("max_rise", m.energy_max_rise)?;
         energy.set_item(
             "max_rise_relative",

@@ -216,6 +216,9 @@ pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
             .zip(read_pairs(state, "joint_pseudo")?)
             .map(|(last, pseudo)| [last, pseudo])
             .collect(),
+        // Of models whose balls come and go, see `flow.rs`.
+        present: Vec::new(),
+        entered: Vec::new(),
         warm,
         warm_step,
         touches: read_touches(state, bodies)?,
@@ -245,6 +248,8 @@ pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
         m.safeguarded,
         m.energy_rises,
         m.substeps,
+        m.entered,
+        m.removed,
     ]);
     let floats = vec![
         m.restitution_scale,
@@ -259,12 +264,15 @@ pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
         m.travel,
         m.energy_work,
         m.substep_min,
+        m.energy_in,
+        m.energy_out,
     ];
     (integers, floats)
 }
 
 pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
-    if i.len() != 24 || f.len() != 12 {
+    // Without the last two of each: of a version in which balls did not come and go.
+    if !matches!((i.len(), f.len()), (26, 14) | (24, 12)) {
         return None;
     }
     let spread = |k: usize| Spread {
@@ -289,6 +297,8 @@ pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
         safeguarded: i[21],
         energy_rises: i[22],
         substeps: i[23],
+        entered: i.get(24).copied().unwrap_or(0),
+        removed: i.get(25).copied().unwrap_or(0),
         restitution_scale: f[0],
         residual_position: f[1],
         residual_velocity: f[2],
@@ -301,5 +311,7 @@ pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
         travel: f[9],
         energy_work: f[10],
         substep_min: f[11],
+        energy_in: f.get(12).copied().unwrap_or(0.0),
+        energy_out: f.get(13).copied().unwrap_or(0.0),
     })
 }

@@ -49,6 +49,12 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             time,
             bodies,
             message,
+        }
+        | Outcome::TooFast {
+            step,
+            time,
+            bodies,
+            message,
         } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
@@ -85,6 +91,9 @@ pub fn put_block(
     put(&frames, "step", b.frame_step, &[f])?;
     put(&frames, "time", b.frame_time, &[f])?;
     put(&frames, "position", b.position, &[f, n, 3])?;
+    if !b.present.is_empty() {
+        put(&frames, "present", b.present, &[f, n])?;
+    }
     put(&frames, "orientation", b.orientation, &[f, n, 4])?;
     put(&frames, "velocity", b.velocity, &[f, n, 3])?;
     put(&frames, "angular_velocity", b.angular_velocity, &[f, n, 3])?;

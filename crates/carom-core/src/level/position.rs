@@ -17,19 +17,19 @@ use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
 use crate::wall::Walls;
-use carom_geom::{sphere_sphere, Proximity};
+use carom_geom::Proximity;
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::{SolveReport, Status};
 use glam::DVec3;
 
-/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres) `xb`, walls where they are now.
+/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.
 #[inline]
 pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
     if c.is_wall(model) {
         walls.meet(model, c.a, c.b, xa)
     } else {
         let (ra, rb) = (model.radius[c.a as usize], model.radius[c.b as usize]);
-        sphere_sphere(xa, ra, xb, rb)
+        model.periodic.sphere_sphere(xa, ra, xb, rb)
     }
 }
 

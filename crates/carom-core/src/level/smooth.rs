@@ -10,6 +10,7 @@ use crate::report::{Level, StepReport};
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::step::Failure;
+use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Coefficients;
 
 pub use super::smooth_newton::SmoothScratch;
@@ -38,10 +39,22 @@ pub fn solve(
         scratch.angular[i] = angular;
     }
     report.iterations_smooth = 1;
-    if model.is_free() {
-        return Ok(());
+    if !model.is_free() {
+        iterate(model, state, scratch, coefficients, time, report)?;
     }
-    iterate(model, state, scratch, coefficients, time, report)
+    if !model.flow.is_none() {
+        hold_absent(state, scratch);
+    }
+    Ok(())
+}
+
+/// Absent spheres stand still, whatever loads on all spheres would do to them.
+fn hold_absent(state: &State, scratch: &mut Scratch) {
+    for (i, _) in state.present.iter().enumerate().filter(|(_, p)| !**p) {
+        scratch.linear[i] = Prediction::default();
+        scratch.angular[i] = Prediction::default();
+        scratch.position[i] = state.position[i];
+    }
 }
 
 /// Newton's method from the motion under the weight.

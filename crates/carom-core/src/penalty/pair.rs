@@ -115,7 +115,9 @@ impl Pair {
         let (a, b) = (self.a as usize, self.b as usize);
         let x = &bodies.position;
         let Proximity { gap, normal, .. } = if let Some(xb) = x.get(b) {
-            carom_geom::sphere_sphere(x[a], self.radii[0], *xb, self.radii[1])
+            model
+                .periodic
+                .sphere_sphere(x[a], self.radii[0], *xb, self.radii[1])
         } else {
             bodies.walls.meet(model, self.a, self.b, x[a])
         };

@@ -71,7 +71,7 @@ fn advance(
     let h = attempt.coefficients.h;
     let begun = work.begin(model, state, elastic, attempt.time);
     evaluated(scratch, begun)?;
-    work.need.fill(0.0);
+    work.set_needs(model, |_, _| 0.0);
     refresh(model, work, elastic, &mut scratch.neighbours)?;
     work.take_pairs(model, elastic, scratch.neighbours.pairs());
     check_laws(work)?;
@@ -125,11 +125,10 @@ fn choose(
     left: f64,
 ) -> Result<(f64, bool), Failure> {
     let mut limit = longest(model, work, elastic, left);
-    for i in 0..model.spheres() {
-        let travel =
-            work.bodies.motion[i][0].length() + work.bodies.acceleration[i].length() * limit;
-        work.need[i] = travel * limit;
-    }
+    work.set_needs(model, |bodies, i| {
+        let travel = bodies.motion[i][0].length() + bodies.acceleration[i].length() * limit;
+        travel * limit
+    });
     if refresh(model, work, elastic, list)? {
         limit = longest(model, work, elastic, left);
     }
@@ -318,7 +317,9 @@ fn finish(
         let [v, w] = work.bodies.motion[i];
         kinetic +=
             0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
-        potential += force::weight_potential(model, i, work.bodies.position[i]);
+        if work.present[i] {
+            potential += force::weight_potential(model, i, work.bodies.position[i]);
+        }
         if !(kinetic.is_finite() && potential.is_finite()) {
             return Err(Failure::NotFinite(i as u32));
         }

@@ -8,6 +8,7 @@ use crate::model::Model;
 use crate::options::Method;
 use crate::state::State;
 use crate::wall::Walls;
+use carom_geom::NeighbourList;
 use glam::{DQuat, DVec3};
 
 /// The moving state of a step. Arrays of motion and inertia have an entry for each sphere and, after them, a zero for
@@ -49,6 +50,8 @@ pub struct Workspace {
     /// Of the loads at their last evaluation: power of those without potential, W, and potential, J.
     pub power: f64,
     pub potential: f64,
+    /// Which spheres are there.
+    pub present: Vec<bool>,
 }
 
 impl Workspace {
@@ -92,6 +95,7 @@ impl Workspace {
         let b = &mut self.bodies;
         b.position.clone_from(&state.position);
         b.orientation.clone_from(&state.orientation);
+        self.present.clone_from(&state.present);
         b.motion.clear();
         let velocities = state.velocity.iter().zip(&state.angular_velocity);
         b.motion.extend(velocities.map(|(v, w)| [*v, *w]));
@@ -111,6 +115,7 @@ impl Workspace {
         let b = &mut self.bodies;
         if model.loads.is_empty() {
             b.smooth[..n].fill([model.gravity, DVec3::ZERO]);
+            self.hold_absent();
             return Ok(());
         }
         let [velocity, angular_velocity] = &mut self.ahead;
@@ -135,7 +140,28 @@ impl Workspace {
                 b.inv_inertia[i] * *moment,
             ];
         }
+        self.hold_absent();
         Ok(())
+    }
+
+    /// Absent spheres stand still.
+    fn hold_absent(&mut self) {
+        for (smooth, present) in self.bodies.smooth.iter_mut().zip(&self.present) {
+            if !present {
+                *smooth = [DVec3::ZERO; 2];
+            }
+        }
+    }
+
+    /// Sets the need of every sphere (m), as the neighbour list takes it.
+    pub fn set_needs(&mut self, model: &Model, need: impl Fn(&Bodies, usize) -> f64) {
+        for i in 0..model.spheres() {
+            self.need[i] = if self.present[i] {
+                need(&self.bodies, i)
+            } else {
+                NeighbourList::absent(model.radius[i])
+            };
+        }
     }
 
     /// Accelerations of the centres from loads and elastic forces.
@@ -155,7 +181,8 @@ impl Workspace {
     pub fn take_pairs(&mut self, model: &Model, elastic: &Elastic, listed: &[(u32, u32)]) {
         self.merged.clear();
         let mut old = self.pairs.drain(..).filter(Pair::has_record).peekable();
-        for &key in listed {
+        let there = |body: u32| self.present.get(body as usize) != Some(&false);
+        for &key in listed.iter().filter(|k| there(k.0) && there(k.1)) {
             while let Some(pair) = old.next_if(|p| p.key() < key) {
                 self.merged.push(pair);
             }

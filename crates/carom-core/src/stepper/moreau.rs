@@ -15,6 +15,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::step::{self, Attempt, Failure};
 use crate::timers::{Phase, Timers};
+use crate::travel;
 use carom_solve::Bounds;
 use glam::DVec3;
 
@@ -63,6 +64,7 @@ pub fn step(
     timers.mark(Phase::Predict);
     scratch.walls.place(model, *time + 0.5 * h);
     list_pairs(model, state, scratch)?;
+    travel::check(model, state, scratch)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     report.candidates = scratch.contacts.len() as u32;
@@ -121,8 +123,11 @@ fn weigh_loads(
 /// Lists every pair that may overlap at `scratch.position`.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     for i in 0..model.spheres() {
+        // The whole way of the smooth step too: what lies on it must be known.
         let way = (scratch.position[i] - state.position[i]).length();
-        scratch.need[i] = way + step::CANDIDATE_MARGIN * model.radius[i];
+        let way = way.max(scratch.linear[i].displacement.length());
+        let need = way + step::CANDIDATE_MARGIN * model.radius[i];
+        scratch.need[i] = state.need(model, i, need);
     }
     scratch.neighbours.refresh(
         &state.position,

@@ -324,6 +324,17 @@ impl Walls {
         )
     }
 
+    /// Displacement of the shape of wall `b` at the point `p` over the step.
+    pub fn shift(&self, model: &Model, b: u32, p: DVec3) -> DVec3 {
+        let Some(Course {
+            start, end, turn, ..
+        }) = self.course(model, b)
+        else {
+            return DVec3::ZERO;
+        };
+        (end.centre - start.centre) + turn.cross(p - 0.5 * (start.centre + end.centre))
+    }
+
     /// Velocity of a contact's wall at the contact at t_n, with the sphere's centre of then; `None`: no moving wall.
     #[inline]
     pub fn start_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
@@ -384,7 +395,7 @@ impl Walls {
             let on_ball = c.to_world(c.n1, &c.lambda);
             let x = position[i];
             let wall = c.b as usize - model.spheres();
-            let lever = x - model.radius[i] * c.n1 - self.now[wall].place();
+            let lever = model.periodic.nearest(x - self.now[wall].place()) - model.radius[i] * c.n1;
             out[wall][0] -= on_ball.impulse;
             out[wall][1] -= lever.cross(on_ball.impulse) + on_ball.moment;
             let start = self.start_twist(model, c, state.position[i]);

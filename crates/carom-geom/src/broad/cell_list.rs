@@ -6,6 +6,7 @@
 //! makes a second level with one member instead of giving everybody cells of ten metres.
 
 use super::grid::{Entry, Grid};
+use crate::periodic::Periodic;
 use glam::DVec3;
 use std::ops::ControlFlow;
 
@@ -36,7 +37,11 @@ impl CellList {
     /// Takes in `N` bodies: centres `x` (N) (m) and extents (N) (m).
     ///
     /// A body with a position that is not finite, or with a NaN or negative extent, is left out: it is close to nothing.
-    pub fn build(&mut self, x: impl Iterator<Item = DVec3>, extent: &[f64]) {
+    ///
+    /// In a periodic box bodies are put into it, and images of those near its border are added: of every pair the body with
+    /// the larger extent has an image where it is close to the other, if the two are close at all. [`Self::pairs`] may
+    /// then give a pair twice.
+    pub fn build(&mut self, x: impl Iterator<Item = DVec3>, extent: &[f64], periodic: &Periodic) {
         self.unbounded.clear();
         self.pool.clear();
         for (i, (x, &e)) in x.zip(extent).enumerate() {
@@ -46,7 +51,13 @@ impl CellList {
                 } else {
                     &mut self.unbounded
                 };
-                target.push(Entry::new(i as u32, x, e));
+                let x = periodic.wrap(x);
+                let body = Entry::new(i as u32, x, e);
+                target.push(body);
+                if !periodic.is_none() && e < UNBOUNDED {
+                    let reach = 2.0 * e * (1.0 + 1e-9);
+                    periodic.images(x, reach, |x| target.push(body.image(x)));
+                }
             }
         }
         self.all.clear();
@@ -80,25 +91,68 @@ impl CellList {
     where
         F: FnMut(u32, u32) -> ControlFlow<()>,
     {
-        let mut emit = |a: &Entry, b: &Entry| visit(a.id.min(b.id), a.id.max(b.id));
-        let grids = &self.grids[..self.levels];
-        for (level, grid) in grids.iter().enumerate() {
-            grid.pairs(&mut emit)?;
-            for coarser in &grids[..level] {
-                for a in grid.entries() {
-                    coarser.around(a, &mut emit)?;
-                }
+        self.parts(usize::MAX)
+            .iter()
+            .try_for_each(|part| self.pairs_of(part, &mut visit))
+    }
+
+    /// The search in parts of up to `size` bodies: the union of their pairs is [`Self::pairs`], each pair once.
+    pub fn parts(&self, size: usize) -> Vec<Part> {
+        let mut parts = Vec::new();
+        for (level, grid) in self.grids[..self.levels].iter().enumerate() {
+            let count = grid.entries().len();
+            let mut first = 0;
+            while first < count {
+                let end = first.saturating_add(size).min(count);
+                parts.push(Part::Level(level, first, end));
+                first = end;
             }
         }
-        for (i, a) in self.unbounded.iter().enumerate() {
-            for b in self.unbounded[i + 1..].iter().chain(&self.all) {
-                if a.is_close(b) {
-                    emit(a, b)?;
+        if !self.unbounded.is_empty() {
+            parts.push(Part::Unbounded);
+        }
+        parts
+    }
+
+    /// The pairs of one part, as [`Self::pairs`] gives them.
+    pub fn pairs_of<F>(&self, part: &Part, mut visit: F) -> ControlFlow<()>
+    where
+        F: FnMut(u32, u32) -> ControlFlow<()>,
+    {
+        let mut emit = |a: &Entry, b: &Entry| match a.pair(b) {
+            Some((a, b)) => visit(a, b),
+            None => ControlFlow::Continue(()),
+        };
+        match *part {
+            Part::Level(level, first, end) => {
+                let grid = &self.grids[level];
+                grid.pairs(first..end, &mut emit)?;
+                for coarser in &self.grids[..level] {
+                    for a in &grid.entries()[first..end] {
+                        coarser.around(a, &mut emit)?;
+                    }
+                }
+            }
+            Part::Unbounded => {
+                for (i, a) in self.unbounded.iter().enumerate() {
+                    for b in self.unbounded[i + 1..].iter().chain(&self.all) {
+                        if a.is_close(b) {
+                            emit(a, b)?;
+                        }
+                    }
                 }
             }
         }
         ControlFlow::Continue(())
     }
+}
+
+/// A part of the search: some bodies of a level, or the bodies without bound.
+#[derive(Clone, Copy, Debug)]
+pub enum Part {
+    /// Level, first body in the order of its cells, and the one after the last.
+    Level(usize, usize, usize),
+    Unbounded,
 }
 
 /// Moves the bodies with an extent of at least `bound` to the front and counts them. Already in place - one level - it

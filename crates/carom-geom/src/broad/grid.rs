@@ -8,18 +8,38 @@
 //!   the coordinates.
 
 use glam::DVec3;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 /// A body as the grid sees it: close to another iff `|x_a - x_b| <= extent_a + extent_b`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub x: DVec3,
     pub extent: f64,
-    pub id: u32,
+    /// Index of the body, with [`IMAGE`] set for its images in a periodic box.
+    id: u32,
     slot: u32,
 }
 
+/// Marks an image.
+const IMAGE: u32 = 1 << 31;
+
 impl Entry {
+    /// The image of this body at another place.
+    pub fn image(&self, x: DVec3) -> Self {
+        Self {
+            x,
+            id: self.id | IMAGE,
+            ..*self
+        }
+    }
+
+    /// The bodies of a pair, the smaller index first; none for two images, and for a body and its own image.
+    #[inline(always)]
+    pub fn pair(&self, other: &Self) -> Option<(u32, u32)> {
+        let (a, b) = (self.id & !IMAGE, other.id & !IMAGE);
+        (self.id & other.id & IMAGE == 0 && a != b).then(|| (a.min(b), a.max(b)))
+    }
+
     pub fn new(id: u32, x: DVec3, extent: f64) -> Self {
         Self {
             x,
@@ -50,6 +70,8 @@ pub(super) struct Grid {
     origin: DVec3,
     /// Cells per metre.
     inv: f64,
+    /// Largest extent, m.
+    largest: f64,
     layout: Layout,
     /// First entry of each slot, and the total at the end.
     start: Vec<u32>,
@@ -98,6 +120,7 @@ impl Grid {
         Self {
             origin: DVec3::ZERO,
             inv: 0.0,
+            largest: 0.0,
             layout: Layout::Hashed { shift: 63 },
             start: Vec::new(),
             entries: Vec::new(),
@@ -118,6 +141,7 @@ impl Grid {
             largest = largest.max(b.extent);
         }
         self.origin = low;
+        self.largest = largest;
         self.inv = 1.0 / (2.0 * largest * (1.0 + CELL_MARGIN));
         let cells = ((high - low) * self.inv).floor() + DVec3::ONE;
         let n = bodies.len();
@@ -206,8 +230,9 @@ impl Grid {
         &self.entries[self.start[first as usize] as usize..self.start[end as usize] as usize]
     }
 
-    /// Every close pair of this grid's bodies, once, in an order that depends on the input alone.
-    pub fn pairs<F>(&self, mut visit: F) -> ControlFlow<()>
+    /// Every close pair of this grid's bodies whose first lies in `range` of [`Self::entries`], in an order that depends on
+    /// the input alone. Over the whole range each pair comes once.
+    pub fn pairs<F>(&self, range: Range<usize>, mut visit: F) -> ControlFlow<()>
     where
         F: FnMut(&Entry, &Entry) -> ControlFlow<()>,
     {
@@ -224,7 +249,8 @@ impl Grid {
                 inside: [nx, ny, _],
             } => {
                 let (row, layer) = (nx + 2, (nx + 2) * (ny + 2));
-                for (k, a) in self.entries.iter().enumerate() {
+                for k in range {
+                    let a = &self.entries[k];
                     let s = a.slot;
                     scan(a, &self.entries[k + 1..self.start[s as usize + 2] as usize])?;
                     for t in [s + row, s + layer - row, s + layer, s + layer + row] {
@@ -233,8 +259,8 @@ impl Grid {
                 }
             }
             Layout::Hashed { shift } => {
-                for (k, a) in self.entries.iter().enumerate() {
-                    let key = self.keys[k];
+                for k in range {
+                    let (a, key) = (&self.entries[k], self.keys[k]);
                     for (j, offset) in AROUND[13..].iter().enumerate() {
                         let wanted = key.wrapping_add(*offset);
                         let slot = bucket(wanted, shift) as usize;
@@ -255,24 +281,29 @@ impl Grid {
         ControlFlow::Continue(())
     }
 
-    /// Every body of this grid close to `a`, which is not in it and whose extent is at most the grid's largest.
+    /// Every body of this grid close to `a`, which is not in it and whose extent is at most the grid's largest. Looks into
+    /// the cells that `a` reaches only: 8 of the 27 around it where it is much smaller than they are.
     pub fn around<F>(&self, a: &Entry, mut visit: F) -> ControlFlow<()>
     where
         F: FnMut(&Entry, &Entry) -> ControlFlow<()>,
     {
+        let centre = (a.x - self.origin) * self.inv;
+        let reach = DVec3::splat((a.extent + self.largest) * self.inv + 0.5 * CELL_MARGIN);
+        let (low, high) = ((centre - reach).floor(), (centre + reach).floor());
         match self.layout {
             Layout::Dense {
                 inside: [nx, ny, nz],
             } => {
-                let c = (a.x - self.origin) * self.inv;
-                let end = DVec3::new(f64::from(nx), f64::from(ny), f64::from(nz)) + DVec3::ONE;
-                if c.cmplt(-DVec3::ONE).any() || c.cmpgt(end).any() {
+                let last = DVec3::new(f64::from(nx), f64::from(ny), f64::from(nz)) - DVec3::ONE;
+                let (low, high) = (low.max(DVec3::ZERO), high.min(last));
+                if low.cmpgt(high).any() {
                     return ControlFlow::Continue(());
                 }
-                let (s, row, layer) = (self.dense_slot(a.x), nx + 2, (nx + 2) * (ny + 2));
-                for z in [s - layer, s, s + layer] {
-                    for t in [z - row, z, z + row] {
-                        for b in self.slots(t - 1, t + 2) {
+                let (low, high) = (low.as_uvec3(), high.as_uvec3());
+                for z in low.z..=high.z {
+                    for y in low.y..=high.y {
+                        let row = ((z + 1) * (ny + 2) + y + 1) * (nx + 2) + 1;
+                        for b in self.slots(row + low.x, row + high.x + 1) {
                             if a.is_close(b) {
                                 visit(a, b)?;
                             }
@@ -281,13 +312,19 @@ impl Grid {
                 }
             }
             Layout::Hashed { shift } => {
-                let key = self.key(a.x);
-                for offset in AROUND {
-                    let wanted = key.wrapping_add(offset);
-                    let slot = bucket(wanted, shift) as usize;
-                    for i in self.start[slot] as usize..self.start[slot + 1] as usize {
-                        if self.keys[i] == wanted && a.is_close(&self.entries[i]) {
-                            visit(a, &self.entries[i])?;
+                let far = DVec3::splat(FAR);
+                let whole = |c: DVec3| c.clamp(-far, far).as_i64vec3();
+                let (low, high) = (whole(low), whole(high));
+                for z in low.z..=high.z {
+                    for y in low.y..=high.y {
+                        for x in low.x..=high.x {
+                            let wanted = key_offset(x, y, z);
+                            let slot = bucket(wanted, shift) as usize;
+                            for i in self.start[slot] as usize..self.start[slot + 1] as usize {
+                                if self.keys[i] == wanted && a.is_close(&self.entries[i]) {
+                                    visit(a, &self.entries[i])?;
+                                }
+                            }
                         }
                     }
                 }

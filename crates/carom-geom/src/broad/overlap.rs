@@ -1,7 +1,7 @@
 //! Start-up check: which bodies of a scene are inside one another?
 
 use super::cell_list::CellList;
-use crate::pair::sphere_sphere;
+use crate::periodic::Periodic;
 use crate::shape::Shape;
 use glam::DVec3;
 use std::ops::ControlFlow;
@@ -20,13 +20,14 @@ pub struct Overlap {
 /// All pairs with `gap < -tol r_c`, where `r_c = min(r_a, r_b)` (`r_a` at a wall), sorted by `(a, b)`, but no
 /// more than `cap` of them.
 ///
-/// Centres `x` (N) (m), radii (N) (m), walls (P). O(N P) and O(N) for spheres that are
+/// Centres `x` (N) (m), radii (N) (m), walls (P), by nearest images in a periodic box. O(N P) and O(N) for spheres that are
 /// not piled into one another. Where `cap` cuts the list, which pairs remain is deterministic but not meaningful.
 /// The contract takes a gap within `tol = 1e-9` as touching.
 pub fn overlaps(
     x: &[DVec3],
     radius: &[f64],
     walls: &[Shape],
+    periodic: &Periodic,
     tol: f64,
     cap: usize,
 ) -> Vec<Overlap> {
@@ -43,10 +44,10 @@ pub fn overlaps(
         }
     };
     let mut cells = CellList::new();
-    cells.build(x.iter().copied(), radius);
+    cells.build(x.iter().copied(), radius, periodic);
     let spheres = cells.pairs(|a, b| {
         let (i, j) = (a as usize, b as usize);
-        let p = sphere_sphere(x[i], radius[i], x[j], radius[j]);
+        let p = periodic.sphere_sphere(x[i], radius[i], x[j], radius[j]);
         keep(a, b, p.gap, radius[i].min(radius[j]))
     });
     if spheres.is_continue() {
@@ -63,6 +64,7 @@ pub fn overlaps(
             });
     }
     found.sort_unstable_by_key(|o| (o.a, o.b));
+    found.dedup_by_key(|o| (o.a, o.b));
     found
 }
 
@@ -81,21 +83,39 @@ mod tests {
             point: DVec3::ZERO,
             normal: DVec3::Z,
         }];
-        let all = overlaps(&x, &[1.0; 3], &walls, 1e-9, 10);
+        let all = overlaps(&x, &[1.0; 3], &walls, &Periodic::default(), 1e-9, 10);
         assert_eq!(
             all.iter().map(|o| (o.a, o.b)).collect::<Vec<_>>(),
             [(1, 2), (2, 3)]
         );
         assert_eq!(all[1].gap, -0.5);
-        assert_eq!(overlaps(&x, &[1.0; 3], &walls, 1e-9, 1).len(), 1);
-        assert!(overlaps(&x, &[1.0; 3], &walls, 1e-9, 0).is_empty());
-        assert!(overlaps(&x[..2], &[1.0 + 1e-10; 2], &walls, 1e-9, 10).is_empty());
+        assert_eq!(
+            overlaps(&x, &[1.0; 3], &walls, &Periodic::default(), 1e-9, 1).len(),
+            1
+        );
+        assert!(overlaps(&x, &[1.0; 3], &walls, &Periodic::default(), 1e-9, 0).is_empty());
+        assert!(overlaps(
+            &x[..2],
+            &[1.0 + 1e-10; 2],
+            &walls,
+            &Periodic::default(),
+            1e-9,
+            10
+        )
+        .is_empty());
     }
 
     #[test]
     fn a_heap_of_coincident_balls_stops_at_the_cap() {
         let n = 50_000;
-        let found = overlaps(&vec![DVec3::ONE; n], &vec![0.03; n], &[], 1e-9, 20);
+        let found = overlaps(
+            &vec![DVec3::ONE; n],
+            &vec![0.03; n],
+            &[],
+            &Periodic::default(),
+            1e-9,
+            20,
+        );
         assert_eq!(found.len(), 20);
         assert!(found
             .windows(2)

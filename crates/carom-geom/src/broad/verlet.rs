@@ -9,23 +9,74 @@
 //!
 //! A wall is listed by its own distance, which changes by no more than the centre moves. One that has moved since is looked
 //! at directly: the list holds as long as every sphere within its need of the wall is on it.
+//! A body with a negative need is absent: it has no pairs.
 //! `need_i` (m) is what the caller must not miss: how far body `i` may travel before the next call, plus its share
 //! of any gap that has to count as touching.
 
-use super::cell_list::CellList;
-use crate::pair::{sphere_sphere, Proximity};
+use super::cell_list::{CellList, Part};
+use super::share::{cut, share};
+use crate::pair::Proximity;
+use crate::periodic::Periodic;
 use crate::shape::Shape;
 use glam::DVec3;
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Up to here all pairs are tried at a rebuild: less than sorting them into cells costs.
 const BRUTE_FORCE: usize = 32;
-/// Default skin, in radii: balls in a settled pile then hardly ever cause a rebuild, and a list holds about twice
-/// the pairs that touch.
+/// Skin of the first list, in radii; a list of a dense packing then holds about twice the pairs that touch. Later lists
+/// have the skin that the motion asks for, within these bounds: little where nothing moves.
 const SKIN: f64 = 0.3;
-/// Default limit on the length of the list, per body and at least.
-const PAIRS_PER_BODY: usize = 256;
+const SKIN_LEAST: f64 = 0.05;
+const SKIN_MOST: f64 = 0.5;
+/// A moving body has this many times its need as skin, at a skin of one radius: it stays valid for as many steps as those
+/// at rest do.
+const SKIN_IN_NEEDS: f64 = 10.0;
+/// A rebuild costs about as much as passing over each pair so often; bodies with fewer pairs cost as if they had these.
+const REBUILD_PER_PAIR: f64 = 8.0;
+const FEW_PAIRS: f64 = 4.0;
+/// Default limit on the length of the list, per body and at least; beyond the second number per body the skin is given up.
+const PAIRS_PER_BODY: usize = 64;
+const PAIRS_WITH_SKIN: usize = 24;
 const PAIRS_AT_LEAST: usize = 1 << 16;
+
+/// Bodies of one part of the search, and bodies for which a thread is worth starting.
+const PART: usize = 4096;
+const BODIES_PER_THREAD: usize = 4096;
+
+/// A part of the search for pairs.
+enum Task {
+    Cells(Part),
+    /// First of [`PART`] bodies that may meet walls.
+    Walls(usize),
+}
+
+/// The rows of consecutive bodies in the sorted list.
+struct Rows<'a> {
+    /// Of the first body, and where its row begins in the whole list.
+    body: usize,
+    first: usize,
+    pairs: &'a mut [(u32, u32)],
+    /// Per body, where its next pair goes in the whole list.
+    next: &'a mut [u32],
+}
+
+impl Rows<'_> {
+    fn fill(self, raw: &[Vec<(u32, u32)>]) {
+        for &(a, b) in raw.iter().flatten() {
+            if let Some(to) = self.next.get_mut((a as usize).wrapping_sub(self.body)) {
+                self.pairs[*to as usize - self.first] = (a, b);
+                *to += 1;
+            }
+        }
+        let mut from = 0;
+        for end in self.next {
+            let to = *end as usize - self.first;
+            self.pairs[from..to].sort_unstable_by_key(|pair| pair.1);
+            from = to;
+        }
+    }
+}
 
 /// Where a body was at the last rebuild.
 #[derive(Clone, Copy, Debug)]
@@ -56,17 +107,23 @@ pub struct NeighbourList {
     pairs: Vec<(u32, u32)>,
     reference: Vec<Reference>,
     walls: Vec<Shape>,
+    periodic: Periodic,
     /// Which walls moved between the last two rebuilds: they are listed farther out.
     moving: Vec<bool>,
     skin: f64,
+    adapt: bool,
     limit: Option<usize>,
     rebuilds: u64,
+    /// Calls of [`Self::refresh`] that the present list has served.
+    served: u32,
     truncated: bool,
     valid: bool,
     cells: CellList,
     extent: Vec<f64>,
-    raw: Vec<(u32, u32)>,
+    /// Pairs as they are found, part by part of the search.
+    raw: Vec<Vec<(u32, u32)>>,
     start: Vec<u32>,
+    threads: usize,
 }
 
 impl Default for NeighbourList {
@@ -82,27 +139,49 @@ impl NeighbourList {
             pairs: Vec::new(),
             reference: Vec::new(),
             walls: Vec::new(),
+            periodic: Periodic::default(),
             moving: Vec::new(),
             skin: SKIN,
+            adapt: true,
             limit: None,
             rebuilds: 0,
+            served: 0,
             truncated: false,
             valid: false,
             cells: CellList::new(),
             extent: Vec::new(),
             raw: Vec::new(),
             start: Vec::new(),
+            threads: 1,
         }
     }
 
-    /// Sets the least skin, in radii (default 0.3). Larger: fewer rebuilds, longer lists. Never changes
-    /// what [`Self::within`] yields.
-    pub fn set_skin(&mut self, radii: f64) {
-        self.skin = radii.max(0.0);
+    /// Sets a box in which bodies meet by their nearest images (default: none).
+    pub fn set_periodic(&mut self, periodic: Periodic) {
+        self.periodic = periodic;
         self.valid = false;
     }
 
-    /// Sets the most pairs the list may hold (default 256 per body, at least 65 536).
+    /// The need (m) of a body of this radius (m) that is not there: no pairs, and no rebuild as long as it stays away.
+    #[inline]
+    pub fn absent(radius: f64) -> f64 {
+        -2.0 * radius
+    }
+
+    /// Sets how many threads a rebuild may use (default 1). The list is the same for any number.
+    pub fn set_threads(&mut self, threads: usize) {
+        self.threads = threads.max(1);
+    }
+
+    /// Fixes the least skin, in radii (default: 0.3 at first, then as the motion asks). Larger: fewer rebuilds, longer lists.
+    /// Never changes what [`Self::within`] yields.
+    pub fn set_skin(&mut self, radii: f64) {
+        self.skin = radii.max(0.0);
+        self.adapt = false;
+        self.valid = false;
+    }
+
+    /// Sets the most pairs the list may hold (default 64 per body, at least 65 536).
     pub fn set_limit(&mut self, pairs: usize) {
         self.limit = Some(pairs);
         self.valid = false;
@@ -145,7 +224,8 @@ impl NeighbourList {
             x.len() == radius.len() && x.len() == need.len(),
             "one radius and one need per sphere"
         );
-        if self.still_valid(x, radius, walls, need) {
+        if self.still_valid(x, radius, walls, need) && !self.is_wasteful() {
+            self.served = self.served.saturating_add(1);
             return false;
         }
         self.rebuild(x, radius, walls, need);
@@ -172,7 +252,8 @@ impl NeighbourList {
     fn covers(&self, w: usize, wall: &Shape, x: &[DVec3], radius: &[f64], need: &[f64]) -> bool {
         let b = (x.len() + w) as u32;
         (0..x.len()).all(|i| {
-            wall.clearance(x[i], radius[i]) > need[i]
+            need[i] < 0.0
+                || wall.clearance(x[i], radius[i]) > need[i]
                 || self.pairs.binary_search(&(i as u32, b)).is_ok()
         })
     }
@@ -181,7 +262,6 @@ impl NeighbourList {
     fn rebuild(&mut self, x: &[DVec3], radius: &[f64], walls: &[Shape], need: &[f64]) {
         self.rebuilds += 1;
         self.valid = true;
-        self.truncated = false;
         self.moving.clear();
         let old = self.walls.iter().map(Some).chain(std::iter::repeat(None));
         self.moving.extend(
@@ -192,33 +272,86 @@ impl NeighbourList {
         );
         self.walls.clear();
         self.walls.extend_from_slice(walls);
-        self.reference.clear();
-        self.reference
-            .extend(x.iter().zip(radius).zip(need).map(|((&x, &r), &need)| {
-                // A fast body doubles its need: half of that is travel before the next rebuild.
-                Reference {
-                    x,
-                    extent: r + need + (self.skin * r).max(need),
-                }
-            }));
         let limit = self
             .limit
             .unwrap_or((PAIRS_PER_BODY * x.len()).max(PAIRS_AT_LEAST));
         if x.len() <= BRUTE_FORCE {
+            self.refer(x, radius, need, self.skin);
             self.try_all(radius, limit);
-        } else {
+            return;
+        }
+        self.choose_skin();
+        self.refer(x, radius, need, self.skin);
+        let sparing = (PAIRS_WITH_SKIN * x.len()).max(PAIRS_AT_LEAST).min(limit);
+        self.search(radius, sparing);
+        if self.truncated {
+            self.refer(x, radius, need, 0.0);
             self.search(radius, limit);
         }
+    }
+
+    /// What the skin has cost since the rebuild, over the cost of a rebuild.
+    fn spent(&self) -> f64 {
+        let pairs = self.pairs.len() as f64 / self.reference.len().max(1) as f64;
+        // In a dense packing a skin of 0.3 radii doubles the pairs that touch.
+        let surplus = pairs * self.skin / (SKIN + self.skin);
+        f64::from(self.served + 1) * surplus / (REBUILD_PER_PAIR * pairs.max(FEW_PAIRS))
+    }
+
+    /// Nothing moves, and the skin has cost far more than a list with a smaller one.
+    #[inline]
+    fn is_wasteful(&self) -> bool {
+        self.reference.len() > BRUTE_FORCE
+            && self.adapt
+            && self.skin > SKIN_LEAST
+            && self.spent() > 4.0
+    }
+
+    /// The skin whose surplus of pairs, over the steps that the list serves, costs as much as a rebuild. From the history of
+    /// the list alone, not from a clock.
+    fn choose_skin(&mut self) {
+        if self.adapt && self.rebuilds > 1 {
+            let factor = (1.0 / self.spent().max(1e-3)).clamp(0.5, 1.25);
+            self.skin = (self.skin * factor).clamp(SKIN_LEAST, SKIN_MOST);
+        }
+        self.served = 0;
+    }
+
+    /// Takes the reference positions and reaches. Bodies of all sizes move at like speeds: the skin of a large one is that of
+    /// the mean radius.
+    fn refer(&mut self, x: &[DVec3], radius: &[f64], need: &[f64], skin: f64) {
+        let mean = radius.iter().sum::<f64>() / radius.len() as f64;
+        let most = if mean > 0.0 { mean } else { f64::INFINITY };
+        let in_needs = if skin > 0.0 {
+            (SKIN_IN_NEEDS * skin).max(1.0)
+        } else {
+            0.0
+        };
+        self.reference.clear();
+        self.reference
+            .extend(x.iter().zip(radius).zip(need).map(|((&x, &r), &need)| {
+                // Of an absent body: below 0, so that nothing reaches it, with a slack of 0.
+                let skin = if need < 0.0 {
+                    0.0
+                } else {
+                    (skin * r.min(most)).max(in_needs * need)
+                };
+                let extent = r + need + skin;
+                Reference { x, extent }
+            }));
     }
 
     /// All pairs in the order of the result.
     fn try_all(&mut self, radius: &[f64], limit: usize) {
         self.pairs.clear();
         let n = self.reference.len();
-        for (a, ra) in self.reference.iter().enumerate() {
-            for (b, rb) in self.reference.iter().enumerate().skip(a + 1) {
+        let there = |(_, r): &(usize, &Reference)| r.extent >= 0.0;
+        for (a, ra) in self.reference.iter().enumerate().filter(there) {
+            let others = self.reference.iter().enumerate().skip(a + 1);
+            for (b, rb) in others.filter(there) {
                 let reach = ra.extent + rb.extent;
-                if (ra.x - rb.x).length_squared() <= reach * reach * (1.0 + 1e-12) {
+                let between = self.periodic.nearest(ra.x - rb.x);
+                if between.length_squared() <= reach * reach * (1.0 + 1e-12) {
                     self.pairs.push((a as u32, b as u32));
                 }
             }
@@ -232,53 +365,126 @@ impl NeighbourList {
         self.pairs.truncate(limit);
     }
 
-    /// Cells, then a counting sort by `a`, then each short row by `b`.
+    /// Cells, then a counting sort by `a`, then each short row by `b`: an order that follows from the pairs alone, whoever
+    /// found them.
     fn search(&mut self, radius: &[f64], limit: usize) {
         let n = self.reference.len();
+        let threads = self.threads.min(n.div_ceil(BODIES_PER_THREAD));
         self.extent.clear();
         self.extent.extend(self.reference.iter().map(|r| r.extent));
         let reference = &self.reference;
         self.cells
-            .build(reference.iter().map(|r| r.x), &self.extent);
-        let raw = &mut self.raw;
-        raw.clear();
-        let mut push = |a: u32, b: u32| {
-            if raw.len() == limit {
-                return ControlFlow::Break(());
-            }
-            raw.push((a, b));
-            ControlFlow::Continue(())
-        };
-        let mut end = self.cells.pairs(&mut push);
-        for (w, (wall, moving)) in self.walls.iter().zip(&self.moving).enumerate() {
-            for (a, r) in reference.iter().enumerate() {
-                if end.is_continue() && reaches_wall(r, radius[a], wall, *moving) {
-                    end = push(a as u32, (n + w) as u32);
-                }
-            }
-        }
-        self.truncated = end.is_break();
+            .build(reference.iter().map(|r| r.x), &self.extent, &self.periodic);
+        self.find(radius, limit, threads);
+        self.sort(limit, threads);
+    }
 
-        self.start.clear();
-        self.start.resize(n + 1, 0);
-        for (a, _) in &self.raw {
-            self.start[*a as usize] += 1;
+    /// Fills `raw`, a list per part of the search.
+    fn find(&mut self, radius: &[f64], limit: usize, threads: usize) {
+        let Self {
+            cells,
+            raw,
+            reference,
+            walls,
+            moving,
+            ..
+        } = self;
+        let n = reference.len();
+        let mut tasks: Vec<Task> = cells.parts(PART).into_iter().map(Task::Cells).collect();
+        if !walls.is_empty() {
+            tasks.extend((0..n).step_by(PART).map(Task::Walls));
         }
+        raw.resize_with(tasks.len(), Vec::new);
+        let total = AtomicUsize::new(0);
+        let pieces = tasks.into_iter().zip(raw.iter_mut()).collect();
+        share(threads, pieces, |(task, raw): (Task, &mut Vec<_>)| {
+            raw.clear();
+            // One more than the limit tells that it was passed; whatever the order of the parts, the sum is then above it.
+            let room = (limit + 1).saturating_sub(total.load(Ordering::Relaxed));
+            let mut push = |a: u32, b: u32| {
+                if raw.len() >= room {
+                    return ControlFlow::Break(());
+                }
+                raw.push((a, b));
+                ControlFlow::Continue(())
+            };
+            // Broken off, the list is too long anyway.
+            let _ = match task {
+                Task::Cells(part) => cells.pairs_of(&part, push),
+                Task::Walls(first) => {
+                    let some = &reference[first..n.min(first + PART)];
+                    some.iter().zip(first..).try_for_each(|(r, a)| {
+                        walls.iter().zip(&*moving).enumerate().try_for_each(
+                            |(w, (wall, moving))| {
+                                if reaches_wall(r, radius[a], wall, *moving) {
+                                    push(a as u32, (n + w) as u32)?;
+                                }
+                                ControlFlow::Continue(())
+                            },
+                        )
+                    })
+                }
+            };
+            total.fetch_add(raw.len(), Ordering::Relaxed);
+        });
+    }
+
+    /// Makes `pairs` of `raw`, with the bodies shared among the threads.
+    fn sort(&mut self, limit: usize, threads: usize) {
+        let Self {
+            pairs, raw, start, ..
+        } = self;
+        let n = self.reference.len();
+        let found: usize = raw.iter().map(Vec::len).sum();
+        self.truncated = found > limit;
+        let mut over = found.saturating_sub(limit);
+        for part in raw.iter_mut().rev() {
+            let cut = over.min(part.len());
+            part.truncate(part.len() - cut);
+            over -= cut;
+        }
+        let raw = &*raw;
+        let bound = |k: usize| k * n / threads;
+        let rows = |k: usize| bound(k + 1) - bound(k);
+        start.clear();
+        start.resize(n, 0);
+        let pieces = cut(start, (0..threads).map(rows));
+        share(
+            threads,
+            pieces.into_iter().enumerate().collect(),
+            |(k, count): (usize, &mut [u32])| {
+                let first = bound(k);
+                for &(a, _) in raw.iter().flatten() {
+                    if let Some(count) = count.get_mut((a as usize).wrapping_sub(first)) {
+                        *count += 1;
+                    }
+                }
+            },
+        );
         let mut sum = 0;
-        for s in &mut self.start {
+        for s in start.iter_mut() {
             sum += std::mem::replace(s, sum);
         }
-        self.pairs.clear();
-        self.pairs.resize(self.raw.len(), (0, 0));
-        for &(a, b) in &self.raw {
-            let to = &mut self.start[a as usize];
-            self.pairs[*to as usize] = (a, b);
-            *to += 1;
-        }
-        let mut first = 0;
-        for end in &self.start[..n] {
-            self.pairs[first..*end as usize].sort_unstable_by_key(|pair| pair.1);
-            first = *end as usize;
+        let total = sum as usize;
+        let begin = |k: usize| start.get(bound(k)).map_or(total, |&s| s as usize);
+        let lengths: Vec<usize> = (0..threads).map(|k| begin(k + 1) - begin(k)).collect();
+        let firsts: Vec<usize> = (0..threads).map(begin).collect();
+        pairs.clear();
+        pairs.resize(total, (0, 0));
+        let blocks = cut(pairs, lengths.into_iter())
+            .into_iter()
+            .zip(cut(start, (0..threads).map(rows)))
+            .enumerate()
+            .map(|(k, (pairs, next))| Rows {
+                body: bound(k),
+                first: firsts[k],
+                pairs,
+                next,
+            });
+        share(threads, blocks.collect(), |block: Rows| block.fill(raw));
+        if !self.periodic.is_none() {
+            // Found with an image of one and an image of the other.
+            self.pairs.dedup();
         }
     }
 
@@ -295,15 +501,19 @@ impl NeighbourList {
         walls: &'a [Shape],
         need: &'a [f64],
     ) -> impl Iterator<Item = Meeting> + 'a {
-        let n = x.len();
+        let (n, periodic) = (x.len(), &self.periodic);
         self.pairs.iter().filter_map(move |&(a, b)| {
             let (i, j) = (a as usize, b as usize);
+            if need[i] < 0.0 || need.get(j).is_some_and(|&need| need < 0.0) {
+                return None;
+            }
             let proximity = if j < n {
                 let reach = radius[i] + radius[j] + (need[i] + need[j]);
-                if !(reach >= 0.0 && (x[i] - x[j]).length_squared() <= reach * reach) {
+                let between = periodic.nearest(x[i] - x[j]);
+                if !(reach >= 0.0 && between.length_squared() <= reach * reach) {
                     return None;
                 }
-                sphere_sphere(x[i], radius[i], x[j], radius[j])
+                periodic.sphere_sphere(x[i], radius[i], x[j], radius[j])
             } else {
                 let p = walls[j - n].meet(x[i], radius[i])?;
                 if p.gap.is_nan() || p.gap > need[i] {
@@ -323,5 +533,6 @@ fn reaches_wall(sphere: &Reference, radius: f64, wall: &Shape, moving: bool) -> 
     let away = (sphere.x - wall.place()).abs().element_sum();
     let rounding = 4e-15 * (away + sphere.extent);
     let ahead = if moving { radius } else { 0.0 };
-    wall.clearance(sphere.x, radius) <= sphere.extent - radius + ahead + rounding
+    sphere.extent >= 0.0
+        && wall.clearance(sphere.x, radius) <= sphere.extent - radius + ahead + rounding
 }

@@ -1,0 +1,69 @@
+//! Checks of a periodic box: its lengths, and that all walls repeat with it.
+
+use crate::model::{entry, finite, ModelError, ModelInput};
+use crate::step::CANDIDATE_MARGIN;
+use crate::wall::Wall;
+use carom_geom::{DVec3, Periodic, Shape};
+
+/// A component of a direction along a periodic axis below this is none.
+const ALONG: f64 = 1e-9;
+
+/// The box of a model, or what is wrong with it.
+pub(crate) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, ModelError> {
+    finite("world", 0, "periodic", &input.periodic)?;
+    finite("world", 0, "periodic_origin", &input.periodic_origin)?;
+    let largest = input.radius.iter().copied().fold(0.0, f64::max);
+    // Two images of one sphere must not be candidates for a contact with another at the same time.
+    let least = 4.0 * (1.0 + 2.0 * CANDIDATE_MARGIN) * largest;
+    for length in input.periodic {
+        if length != 0.0 && length < least {
+            let text = format!(
+                "has a length of {length} m; it must be 0 (not periodic) or at least {least} m, four of the largest radii and a \
+                 margin, or two images of a sphere could touch another at once"
+            );
+            return Err(entry("world", 0, "periodic", text));
+        }
+    }
+    let periodic = Periodic::new(
+        DVec3::from(input.periodic),
+        DVec3::from(input.periodic_origin),
+    );
+    for (index, wall) in walls.iter().enumerate() {
+        if let Some(text) = changes_along(wall, &periodic) {
+            return Err(entry("wall", index, "shape", text.to_owned()));
+        }
+    }
+    Ok(periodic)
+}
+
+/// Why a wall does not look the same at every image, if it does not.
+fn changes_along(wall: &Wall, periodic: &Periodic) -> Option<&'static str> {
+    if periodic.is_none() {
+        return None;
+    }
+    // The part of a direction along periodic axes, and across them.
+    let along = |d: DVec3| DVec3::select(periodic.length().cmpgt(DVec3::ZERO), d, DVec3::ZERO);
+    let only = |d: DVec3| (d - along(d)).length() < ALONG * d.length();
+    let fits = match wall.shape {
+        Shape::HalfSpace { normal, .. } => along(normal).length() < ALONG,
+        // Along two periodic axes it would change across one of them.
+        Shape::Cylinder(c) => {
+            c.half.is_infinite() && only(c.axis) && along(DVec3::ONE).length_squared() == 1.0
+        }
+        _ => false,
+    };
+    if !fits {
+        return Some(
+            "must not change along a periodic axis: planes along it and endless cylinders about it stand there, nothing else",
+        );
+    }
+    let motion = wall.motion.as_ref()?;
+    let turns = motion.rotation.iter().map(|r| r.axis);
+    let turns = turns.chain(motion.surface_rotation.iter().map(|r| r.0));
+    // About a periodic axis, the only one.
+    let fits = |axis: DVec3| only(axis) && along(DVec3::ONE).length_squared() == 1.0;
+    if turns.into_iter().all(fits) {
+        return None;
+    }
+    Some("turns about an axis across a periodic one: then it is not the same at every image")
+}

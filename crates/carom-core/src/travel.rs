@@ -1,0 +1,125 @@
+//! Nothing passes through anything: how far bodies travel in a step, against what lies on their way.
+//!
+//! Contacts are sought where the smooth motion ends. A sphere that would go by its own radius or more, relative to a body
+//! that it meets on the way, may end beyond it, or so deep that the normal points to the wrong side. Such a step is made in
+//! parts. Travel that meets nothing may be as long as it likes.
+
+use crate::model::Model;
+use crate::scratch::Scratch;
+use crate::state::State;
+use crate::step::Failure;
+use crate::wall::Walls;
+use glam::DVec3;
+
+/// Points looked at on the way to a wall: two per radius, up to so many.
+const WAY_POINTS: f64 = 1e3;
+
+/// Refuses the step if a sphere would travel its radius or more against a body on its way; names the worst pair. After the
+/// smooth step and the listing of pairs.
+pub(crate) fn check(model: &Model, state: &State, scratch: &Scratch) -> Result<(), Failure> {
+    let travelled = scratch.linear.iter().map(|p| p.displacement);
+    let (mut fastest, mut smallest) = (0.0f64, f64::INFINITY);
+    for (d, &r) in travelled.zip(&model.radius) {
+        fastest = fastest.max(d.length_squared());
+        smallest = smallest.min(r);
+    }
+    // Relative to one another two spheres travel at most twice as far as the faster.
+    if 4.0 * fastest < smallest * smallest && !scratch.walls.any_moves() {
+        return Ok(());
+    }
+    let mut worst: Option<((u32, u32), f64, f64)> = None;
+    for &(a, b) in scratch.neighbours.pairs() {
+        let (travel, length) = match met(model, state, scratch, a, b) {
+            Some(found) => found,
+            None => continue,
+        };
+        if worst.is_none_or(|(_, most, of)| travel * of > most * length) {
+            worst = Some(((a, b), travel, length));
+        }
+    }
+    match worst {
+        Some((bodies, travel, length)) => Err(Failure::TooFar {
+            bodies,
+            travel,
+            length,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Relative travel of a pair and the radius that it reaches, if it meets on the way: both in m.
+fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Option<(f64, f64)> {
+    let (i, j) = (a as usize, b as usize);
+    if !state.present[i] || state.present.get(j) == Some(&false) {
+        return None;
+    }
+    let (x, r, d) = (
+        state.position[i],
+        model.radius[i],
+        scratch.linear[i].displacement,
+    );
+    if j >= model.spheres() {
+        return met_wall(model, &scratch.walls, (a, b), x, d);
+    }
+    let from = model.periodic.nearest(x - state.position[j]);
+    let along = d - scratch.linear[j].displacement;
+    let length = r.min(model.radius[j]);
+    if along.length_squared() < length * length {
+        return None;
+    }
+    let touch = r + model.radius[j];
+    (closest(from, along) < touch).then_some((along.length(), length))
+}
+
+/// The same at a wall, which may move besides. A plane is met from its free side only, and along it nothing is passed
+/// through; other walls are looked for all along the way.
+fn met_wall(
+    model: &Model,
+    walls: &Walls,
+    (a, b): (u32, u32),
+    x: DVec3,
+    d: DVec3,
+) -> Option<(f64, f64)> {
+    let r = model.radius[a as usize];
+    let start = walls.meet_at_start(model, a, b, x);
+    let end = walls.meet(model, a, b, x + d);
+    if model.wall(b).is_steady_plane() {
+        let approach = start.gap - end.gap;
+        return (approach >= r && end.gap < 0.0).then_some((approach, r));
+    }
+    // Against the wall where it was: what it moves by, the sphere moves back.
+    let d = d - walls.shift(model, b, x);
+    let travel = d.length();
+    if travel < r {
+        return None;
+    }
+    let parts = (2.0 * travel / r).ceil().min(WAY_POINTS);
+    let first = (1..=parts as u32)
+        .map(|k| walls.meet_at_start(model, a, b, x + f64::from(k) / parts * d))
+        .find(|p| p.gap < 0.0)?;
+    let approach = -first.normal.dot(d);
+    (approach >= r).then_some((approach, r))
+}
+
+/// Least distance from the origin to the way from `from` along `along`, for a pair that comes nearer; else infinite.
+fn closest(from: DVec3, along: DVec3) -> f64 {
+    let nearing = -from.dot(along);
+    if nearing <= 0.0 {
+        return f64::INFINITY;
+    }
+    let share = (nearing / along.length_squared()).min(1.0);
+    (from + share * along).length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_point_of_a_way() {
+        let from = DVec3::new(-3.0, 1.0, 0.0);
+        assert_eq!(closest(from, 10.0 * DVec3::X), 1.0);
+        assert_eq!(closest(from, DVec3::X), 5f64.sqrt());
+        assert_eq!(closest(from, -DVec3::X), f64::INFINITY);
+    }
+}

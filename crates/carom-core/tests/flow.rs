@@ -1,0 +1,284 @@
+//! Balls that come and go: when, where, what they carry, and that nothing else notices.
+
+mod common;
+
+use carom_core::flow::{Inflow, Outlet, Region};
+use carom_core::options::Method;
+use carom_core::{ModelError, ModelInput, Options, Simulation};
+use common::{advance, balls, bits, compile, simulation, R};
+use glam::DVec3;
+
+const METHODS: [Method; 3] = [Method::Nsga, Method::MoreauJean, Method::Penalty];
+
+fn options(method: Method) -> Options {
+    Options {
+        step: 1e-3,
+        method,
+        ..Options::default()
+    }
+}
+
+fn inflow(first: u32, count: u32) -> Inflow {
+    let low = DVec3::new(-0.2, -0.2, 0.5);
+    Inflow {
+        first,
+        count,
+        region: Region::Box {
+            low,
+            high: -low.with_z(-0.5),
+        },
+        rate: 0.0,
+        start: 0.0,
+        velocity: DVec3::new(0.0, 0.0, -2.0),
+        spread: 0.1,
+        seed: 7,
+    }
+}
+
+/// `count` balls that rain on a floor with a hole of 0.1 m through which they leave: everything below z = -0.1 m.
+fn rain(count: usize) -> ModelInput {
+    let law = [0.4, 0.3, 0.0, 0.0, 0.0];
+    let mut input = balls(
+        &vec![[0.0, 0.0, 0.5]; count + 1],
+        &[([0.0, -0.4, 0.0], [0.0, 1.0, 0.0])],
+    );
+    input.position[0] = [0.5, 0.0, 2.0];
+    input.gravity = [0.0, 0.0, -9.8];
+    input.laws = vec![(0, 0, law), (0, 1, law)];
+    input.inflow = vec![inflow(1, count as u32)];
+    input.outlet = vec![Outlet {
+        low: DVec3::new(-9.0, -9.0, -9.0),
+        high: DVec3::new(9.0, 9.0, -0.1),
+        inside: true,
+    }];
+    input
+}
+
+fn count(s: &Simulation) -> usize {
+    s.state.present.iter().filter(|p| **p).count()
+}
+
+#[test]
+fn balls_enter_at_their_rate_and_all_that_falls_leaves() {
+    for method in METHODS {
+        let mut input = rain(30);
+        input.inflow[0].rate = 100.0;
+        input.inflow[0].start = 0.0105;
+        let mut s = simulation(&input, options(method));
+        assert_eq!(count(&s), 1);
+        let mut entered = Vec::new();
+        for step in 1..=1000 {
+            assert!(advance(&mut s, 1).is_none());
+            let m = &s.monitors;
+            assert_eq!(count(&s) as u64, 1 + m.entered - m.removed);
+            if m.entered as usize > entered.len() {
+                entered.resize(m.entered as usize, step);
+            }
+            // Nothing rises but by what enters: energy less the exchange and the losses.
+            let sum = m.energy_initial + m.energy_in - m.energy_out + m.energy_work;
+            assert!(
+                m.energy_final <= sum + 1e-9 * m.energy_scale,
+                "{method:?} {step}"
+            );
+        }
+        // The k-th at the first grid point at or after start + k/rate, to within a wait for room.
+        assert_eq!(entered.len(), 30);
+        for (k, &step) in entered.iter().enumerate() {
+            let due = 11 + 10 * k as i64;
+            assert!((0..3).contains(&(step - due)), "{k}: {step} {due}");
+        }
+        assert_eq!(s.monitors.removed, 31, "{method:?}");
+        assert_eq!(count(&s), 0);
+        assert_eq!(s.monitors.energy_rises, 0);
+        assert!(s.monitors.energy_final == 0.0);
+        let block = s.take_block();
+        assert_eq!(block.events.len(), 61);
+        assert_eq!(block.present.len(), 1000 * 31);
+        let there = block.position.chunks(3).map(|x| !x[0].is_nan());
+        assert!(
+            there.eq(block.present.iter().copied()),
+            "absent balls have no place"
+        );
+        assert!(block.velocity.iter().all(|v| v.is_finite()));
+    }
+}
+
+#[test]
+fn the_balance_closes_to_rounding_where_nothing_touches() {
+    let mut input = rain(30);
+    input.inflow[0].rate = 10.0;
+    input.inflow[0].region = Region::Disc {
+        centre: DVec3::new(0.0, 0.0, 0.4),
+        normal: DVec3::Z,
+        radius: 0.1,
+    };
+    let mut s = simulation(&input, options(Method::Nsga));
+    assert!(advance(&mut s, 2500).is_none());
+    let m = &s.monitors;
+    assert!(m.entered > 20 && m.removed > 15);
+    let off = m.energy_final - m.energy_initial - m.energy_in + m.energy_out;
+    assert!(
+        off.abs() < 1e-11 * m.energy_in.abs().max(m.energy_scale),
+        "{off:e}"
+    );
+    // On the disc, at the speed given to within the spread.
+    for e in s.recorder.block.events.iter().filter(|e| e.entered) {
+        let frame = (e.step as usize).saturating_sub(1) * 31 + e.body as usize;
+        if e.step > 0 {
+            let at = |v: &[f64]| DVec3::from_slice(&v[3 * frame..]);
+            let x = at(&s.recorder.block.position);
+            assert!((x.z - 0.4).abs() < 1e-15 && x.truncate().length() <= 0.1);
+            let off = at(&s.recorder.block.velocity) - DVec3::new(0.0, 0.0, -2.0);
+            assert!(off.abs().max_element() <= 0.1 && off.length() > 0.0);
+        }
+    }
+}
+
+#[test]
+fn as_fast_as_there_is_room_and_never_into_one_another() {
+    let mut input = rain(400);
+    input.gravity = [0.0; 3];
+    input.periodic = [0.0, 0.0, 0.0];
+    let s = simulation(&input, options(Method::Nsga));
+    // A layer of 0.4 m by 0.4 m at one height, shut off by the wall at y = -0.4 m: far from all 400, and many.
+    let inside: Vec<usize> = (0..401).filter(|&i| s.state.present[i]).collect();
+    assert!(inside.len() > 20 && inside.len() < 60, "{}", inside.len());
+    for (k, &i) in inside.iter().enumerate() {
+        for &j in &inside[..k] {
+            let gap = s.state.position[i].distance(s.state.position[j]) - 2.0 * R;
+            assert!(gap >= 0.0, "{i} {j} {gap}");
+        }
+    }
+    // The same in a periodic box: room is looked for across its border.
+    input.periodic = [0.4, 0.0, 0.0];
+    let low = DVec3::new(-0.2, -0.3, 0.5);
+    input.inflow[0].region = Region::Box {
+        low,
+        high: DVec3::new(0.2, 0.3, 0.6),
+    };
+    let s = simulation(&input, options(Method::Nsga));
+    assert!(count(&s) > 50);
+    for i in 1..401 {
+        for j in (1..i).filter(|&j| s.state.present[i] && s.state.present[j]) {
+            let d = s
+                .model
+                .periodic
+                .nearest(s.state.position[i] - s.state.position[j]);
+            assert!(d.length() >= 2.0 * R);
+        }
+    }
+}
+
+#[test]
+fn a_run_taken_up_again_has_the_same_bits() {
+    for method in METHODS {
+        let input = rain(60);
+        let run = |steps| {
+            let mut s = simulation(&input, options(method));
+            assert!(advance(&mut s, steps).is_none());
+            s
+        };
+        let whole = run(400);
+        assert!(whole.monitors.entered > 10 && whole.monitors.removed > 3);
+        let half = run(150);
+        let mut taken = simulation(&input, options(method));
+        taken.state = half.state.clone();
+        taken.monitors = half.monitors.clone();
+        assert!(advance(&mut taken, 250).is_none());
+        assert_eq!(bits(&taken), bits(&whole));
+        assert_eq!(taken.state.present, whole.state.present);
+        assert_eq!(taken.state.entered, whole.state.entered);
+        assert_eq!(taken.monitors, whole.monitors);
+    }
+}
+
+#[test]
+fn who_is_absent_is_not_noticed() {
+    // A ball at rest on the floor, with absent ones all over the place, and without.
+    for method in METHODS {
+        let law = [0.4, 0.3, 0.0, 0.0, 0.0];
+        let alone = |extra: usize| {
+            let mut at = vec![[0.1, 0.0, 3.0 * R], [0.1, 0.5 * R, 6.0 * R]];
+            at.extend(vec![[0.1, 0.0, 3.0 * R]; extra]);
+            let mut input = balls(&at, &[([0.0; 3], [0.0, 0.0, 1.0])]);
+            input.gravity = [0.0, 0.0, -9.8];
+            input.laws = vec![(0, 0, law), (0, 1, law)];
+            if extra > 0 {
+                input.inflow = vec![Inflow {
+                    start: 1e3,
+                    ..inflow(2, extra as u32)
+                }];
+            }
+            let mut s = simulation(&input, options(method));
+            assert!(advance(&mut s, 500).is_none());
+            s
+        };
+        let (free, crowded) = (alone(0), alone(50));
+        for i in 0..2 {
+            assert_eq!(free.state.position[i], crowded.state.position[i]);
+            assert_eq!(free.state.velocity[i], crowded.state.velocity[i]);
+        }
+        assert_eq!(free.monitors.energy_final, crowded.monitors.energy_final);
+        assert_eq!(free.monitors.contacts, crowded.monitors.contacts);
+        assert!((crowded.state.velocity[7]) == DVec3::ZERO);
+    }
+}
+
+#[test]
+fn the_ball_above_one_that_is_taken_falls() {
+    for method in METHODS {
+        let mut input = balls(
+            &[[0.0, 0.0, R], [0.0, 0.0, 3.0 * R]],
+            &[([0.0; 3], [0.0, 0.0, 1.0])],
+        );
+        let law = [0.0; 5];
+        input.gravity = [0.0, 0.0, -9.8];
+        input.laws = vec![(0, 0, law), (0, 1, law)];
+        // An outlet makes it a model whose balls come and go.
+        input.outlet = vec![Outlet {
+            low: DVec3::splat(8.0),
+            high: DVec3::splat(9.0),
+            inside: true,
+        }];
+        let mut s = simulation(&input, options(method));
+        assert!(advance(&mut s, 50).is_none());
+        let x = s.state.position[1].z;
+        assert!((x - 3.0 * R).abs() < 1e-4, "{method:?}: it rests");
+        s.state.present[0] = false;
+        s.state.touches.clear();
+        let v = s.state.velocity[1].z;
+        assert!(advance(&mut s, 20).is_none());
+        let fallen = s.state.position[1].z - x - 0.02 * v;
+        assert!(
+            (fallen + 0.5 * 9.8 * 4e-4).abs() < 2e-5,
+            "{method:?}: {fallen}"
+        );
+        assert!((s.state.velocity[1].z - v + 9.8 * 0.02).abs() < 0.01);
+        assert!(s.recorder.block.steps[50..].iter().all(|r| r.contacts == 0));
+    }
+}
+
+fn refusal(change: impl FnOnce(&mut ModelInput)) -> String {
+    let mut input = rain(5);
+    change(&mut input);
+    match compile(&input, Options::default()) {
+        Err(error @ ModelError::Entry { .. }) => error.to_string(),
+        other => panic!("{:?}", other.map(|_| ())),
+    }
+}
+
+#[test]
+fn unusable_flows_are_refused() {
+    assert!(refusal(|i| i.inflow[0].count = 6).contains("there are 6 spheres"));
+    assert!(refusal(|i| i.inflow.push(inflow(3, 1))).contains("another inflow"));
+    assert!(refusal(|i| i.inflow[0].rate = -1.0).contains("rate"));
+    assert!(refusal(|i| i.inflow[0].spread = f64::NAN).contains("spread"));
+    assert!(refusal(|i| i.outlet[0].high.x = -10.0).contains("corner"));
+    assert!(refusal(|i| {
+        i.inflow[0].region = Region::Box {
+            low: DVec3::ZERO,
+            high: DVec3::new(1.0, -1.0, 0.0),
+        }
+    })
+    .contains("region"));
+}

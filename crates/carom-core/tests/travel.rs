@@ -1,0 +1,139 @@
+//! Nothing passes through anything, however long the step.
+
+mod common;
+
+use carom_core::options::Method;
+use carom_core::{ModelInput, Options, Outcome};
+use common::{advance, balls, simulation, R};
+
+const H: f64 = 0.015625;
+
+fn options(method: Method) -> Options {
+    Options {
+        step: H,
+        method,
+        ..Options::default()
+    }
+}
+
+/// Ball 0 flies along x at `travel` radii a step against ball 1 at rest.
+fn shot(travel: f64, law: [f64; 5]) -> ModelInput {
+    let mut input = ModelInput {
+        laws: vec![(0, 0, law)],
+        ..balls(&[[0.0; 3], [20.0 * R, 0.0, 0.0]], &[])
+    };
+    input.velocity[0] = [travel * R / H, 0.0, 0.0];
+    input
+}
+
+#[test]
+fn a_bullet_gives_its_speed_to_the_ball_it_hits() {
+    for method in [Method::Nsga, Method::MoreauJean] {
+        for travel in [0.9, 1.1, 3.1, 7.5, 11.9] {
+            let input = shot(travel, [0.0, 1.0, 0.0, 0.0, 0.0]);
+            let speed = input.velocity[0][0];
+            let mut s = simulation(&input, options(method));
+            assert!(advance(&mut s, 40).is_none());
+            let v = [s.state.velocity[0].x, s.state.velocity[1].x];
+            assert!(
+                v[0].abs() < 1e-9 * speed && (v[1] - speed).abs() < 1e-9 * speed,
+                "{method:?} {travel}: {v:?}"
+            );
+            assert!(s.state.position[1].x - s.state.position[0].x > 2.0 * R * (1.0 - 1e-9));
+            assert_eq!(s.monitors.steps, 40);
+            assert_eq!(s.monitors.halvings, 0);
+            // Parts of one step alone, each of a travel below the radius.
+            let parts = if travel < 1.0 { 0 } else { s.monitors.substeps };
+            assert_eq!(s.monitors.substeps, parts);
+            if travel >= 1.0 {
+                assert!((2..=32).contains(&parts), "{method:?} {travel}: {parts}");
+                assert!(s.monitors.substep_min * speed < R);
+                assert!(s.monitors.substep_min * speed >= 0.5 * R);
+            }
+            assert_eq!(s.recorder.block.frame_step, (1..=40).collect::<Vec<u64>>());
+        }
+    }
+}
+
+#[test]
+fn a_wall_is_hit_where_it_stands() {
+    let mut input = ModelInput {
+        laws: vec![(0, 1, [0.0, 1.0, 0.0, 0.0, 0.0])],
+        ..balls(&[[10.3 * R, 0.0, 0.0]], &[([0.0; 3], [1.0, 0.0, 0.0])])
+    };
+    input.velocity[0] = [-5.0 * R / H, 2.0 * R / H, 0.0];
+    let mut s = simulation(&input, options(Method::Nsga));
+    assert!(advance(&mut s, 4).is_none());
+    // Free to 9.3 R, back again: the path is known to the travel of one part, 5/8 R, twice.
+    let x = s.state.position[0].x;
+    let exact = (20.0 - 9.3 + 1.0) * R;
+    assert!((x - exact).abs() < 1.25 * R, "{x} {exact}");
+    // Halves without a meeting stay whole: 1/2 + 1/4 + 1/8 + 1/8.
+    assert_eq!(s.monitors.substeps, 4);
+    assert_eq!(s.monitors.substep_min, H / 8.0);
+    // Along the wall it may go as far as it likes.
+    input.position[0][0] = R;
+    input.velocity[0][0] = 0.0;
+    let mut s = simulation(&input, options(Method::Nsga));
+    assert!(advance(&mut s, 4).is_none());
+    assert_eq!(s.monitors.substeps, 0);
+}
+
+#[test]
+fn what_meets_nothing_is_left_alone() {
+    // Two that fly together, one that crosses behind them, one far away.
+    let mut input = ModelInput {
+        laws: vec![(0, 0, [0.2, 0.5, 0.0, 0.0, 0.0])],
+        ..balls(
+            &[
+                [0.0; 3],
+                [2.5 * R, 0.0, 0.0],
+                [0.0, -9.0 * R, 0.0],
+                [0.0, 0.0, 50.0 * R],
+            ],
+            &[],
+        )
+    };
+    let fast = 6.0 * R / H;
+    input.velocity = vec![
+        [fast, 0.0, 0.0],
+        [fast, 0.0, 0.0],
+        [0.0, fast, 0.0],
+        [0.0, fast, 0.0],
+    ];
+    let mut s = simulation(&input, options(Method::Nsga));
+    assert!(advance(&mut s, 10).is_none());
+    assert_eq!(s.monitors.substeps, 0);
+    assert!((s.state.position[1].x - (2.5 + 60.0) * R).abs() < 1e-12);
+}
+
+#[test]
+fn what_is_too_fast_is_refused_with_the_step_to_take() {
+    let input = shot(40.0, [0.0, 1.0, 0.0, 0.0, 0.0]);
+    let mut s = simulation(&input, options(Method::Nsga));
+    let before = common::bits(&s);
+    match advance(&mut s, 40) {
+        Some(Outcome::TooFast {
+            step: 1,
+            bodies: (0, 1),
+            message,
+            ..
+        }) => {
+            assert!(message.contains("8.000e1 m/s"), "{message}");
+            assert!(message.contains("2.500 radii"), "{message}");
+            assert!(message.contains("2.0e-4 s or less"), "{message}");
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(common::bits(&s), before, "nothing was written");
+    // The step of the message works.
+    let mut s = simulation(
+        &input,
+        Options {
+            step: 1.9e-4,
+            ..Options::default()
+        },
+    );
+    assert!(advance(&mut s, 100).is_none());
+    assert!((s.state.velocity[1].x - 80.0).abs() < 1e-9);
+}

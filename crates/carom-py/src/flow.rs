@@ -1,0 +1,141 @@
+//! Periodic boxes, and balls that come and go, from optional keys of the model; their tables and state.
+
+use crate::convert::{self, item, put};
+use crate::coupling::{list, refuse, vector};
+use crate::ModelError;
+use carom_core::flow::{Event, Inflow, Outlet, Region};
+use carom_core::{Model, State};
+use glam::DVec3;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+/// Three lengths (m), 0 without the key.
+pub fn lengths(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<[f64; 3]> {
+    match dict.get_item(name)? {
+        Some(value) => Ok(vector(&value)?.to_array()),
+        None => Ok([0.0; 3]),
+    }
+}
+
+/// `{"bodies": (first, count), "region": ..., "rate", "start", "velocity", "spread", "seed"}`.
+pub fn inflows(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Inflow>> {
+    list(dict, "inflow")?
+        .iter()
+        .map(|value| {
+            let given = value.cast::<PyDict>()?;
+            let (first, count): (u32, u32) = item(given, "bodies")?.extract()?;
+            let number = |name: &str| -> PyResult<f64> { item(given, name)?.extract() };
+            let wanted = item(given, "region")?;
+            Ok(Inflow {
+                first,
+                count,
+                region: region(wanted.cast::<PyTuple>()?)?,
+                rate: number("rate")?,
+                start: number("start")?,
+                velocity: vector(&item(given, "velocity")?)?,
+                spread: number("spread")?,
+                seed: item(given, "seed")?.extract()?,
+            })
+        })
+        .collect()
+}
+
+/// `("box", low, high)` or `("disc", centre, normal, radius)`.
+fn region(given: &Bound<'_, PyTuple>) -> PyResult<Region> {
+    let kind: String = given.get_item(0)?.extract()?;
+    let point = |k: usize| vector(&given.get_item(k)?);
+    match kind.as_str() {
+        "box" => Ok(Region::Box {
+            low: point(1)?,
+            high: point(2)?,
+        }),
+        "disc" => Ok(Region::Disc {
+            centre: point(1)?,
+            normal: point(2)?.normalize_or_zero(),
+            radius: given.get_item(3)?.extract()?,
+        }),
+        other => Err(refuse(format!("an inflow region {other} is not known"))),
+    }
+}
+
+/// `(low, high, inside)`.
+pub fn outlets(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Outlet>> {
+    list(dict, "outlet")?
+        .iter()
+        .map(|value| {
+            let (low, high, inside): (Bound<'_, PyAny>, Bound<'_, PyAny>, bool) =
+                value.extract()?;
+            Ok(Outlet {
+                low: vector(&low)?,
+                high: vector(&high)?,
+                inside,
+            })
+        })
+        .collect()
+}
+
+/// The table of balls that entered (`kind` 1) and left (0).
+pub fn put_events(out: &Bound<'_, PyDict>, events: &[Event]) -> PyResult<()> {
+    let table = PyDict::new(out.py());
+    let n = events.len();
+    put::<u64>(
+        &table,
+        "step",
+        events.iter().map(|e| e.step).collect(),
+        &[n],
+    )?;
+    put::<f64>(
+        &table,
+        "time",
+        events.iter().map(|e| e.time).collect(),
+        &[n],
+    )?;
+    let bodies = events.iter().map(|e| i64::from(e.body)).collect();
+    put::<i64>(&table, "body", bodies, &[n])?;
+    let kinds = events.iter().map(|e| u8::from(e.entered)).collect();
+    put::<u8>(&table, "kind", kinds, &[n])?;
+    out.set_item("events", table)
+}
+
+/// What a checkpoint holds of it, if balls come and go.
+pub fn put_state(out: &Bound<'_, PyDict>, model: &Model, state: &State) -> PyResult<()> {
+    if model.flow.is_none() {
+        return Ok(());
+    }
+    let n = state.present.len();
+    put::<bool>(out, "present", state.present.clone(), &[n])?;
+    let entered: Vec<u64> = state.entered.iter().map(|&k| u64::from(k)).collect();
+    let count = entered.len();
+    put(out, "entered", entered, &[count])
+}
+
+/// The same back, into a state that is the model's otherwise.
+pub fn read_state(dict: &Bound<'_, PyDict>, model: &Model, state: &mut State) -> PyResult<()> {
+    state.present = vec![true; model.spheres()];
+    state.entered.clear();
+    if model.flow.is_none() {
+        return Ok(());
+    }
+    let present = convert::indices(dict, "present")?;
+    let entered = convert::indices(dict, "entered")?;
+    let inflows = &model.flow.inflows;
+    let fits = inflows
+        .iter()
+        .zip(&entered)
+        .all(|(f, &k)| k <= u64::from(f.count));
+    if present.len() != model.spheres() || entered.len() != inflows.len() || !fits {
+        let text = "state: present and entered are of another model";
+        return Err(ModelError::new_err(text));
+    }
+    state.present = present.iter().map(|&p| p != 0).collect();
+    state.entered = entered.iter().map(|&k| k as u32).collect();
+    Ok(())
+}
+
+/// The places of a frame: absent balls have none.
+pub fn seen(state: &State) -> Vec<DVec3> {
+    let places = state.position.iter().zip(&state.present);
+    places
+        .map(|(x, present)| if *present { *x } else { DVec3::NAN })
+        .collect()
+}
