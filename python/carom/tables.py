@@ -179,7 +179,7 @@ class Contacts(_Pairs):
 
 
 class Events(Table):
-    """One row per ball that entered or left: `step`, `time`, `body`, `kind` (1 enters, 0 leaves) and `name`."""
+    """One row per ball that entered or left: `step`, `time`, `body`, `kind` (1 enters, 0 leaves) and its name, `ball`."""
 
     name = "events"
 
@@ -190,10 +190,10 @@ class Events(Table):
     def _derived(self) -> Mapping[str, Callable[[], Any]]:
         if self._segments.columns(self.name):
             return {
-                "name": lambda: np.array([self._names[i] for i in np.asarray(self["body"])], dtype=object)
+                "ball": lambda: np.array([self._names[i] for i in np.asarray(self["body"])], dtype=object)
             }
         return dict.fromkeys(
-            ("step", "time", "body", "kind", "name"), lambda: np.zeros(0)
+            ("step", "time", "body", "kind", "ball"), lambda: np.zeros(0)
         )  # nothing could happen
 
     def _with_rows(self, rows: Array) -> Self:
