@@ -125,9 +125,32 @@ class Simulation:
     - `loads`: `{"kind": "force", "body", "force": [law, law, law], "torque": [law, law, law]}`; `{"kind": "spring", "a",
       "b", "arm_a", "arm_b", "stiffness", "damping", "rest_length"}`; `{"kind": "drag", "body", "translation", "rotation"}`;
       `{"kind": "callable", "function": f}`, `f(time, position, velocity, angular_velocity)` giving a float64 array (N,6)
+
+    Walls are bodies N.., planes first, then those of the list `walls` (may be left out): `{"shape": tuple, "point": (3,),
+    "material": int}` with the shapes
+
+    - `("rectangle", normal, side, [a, b])`: centre at the point, full lengths along `side` and across it
+    - `("disc", normal, radius, hole)`: centre at the point; `hole` is the inner radius of a ring, 0 for none
+    - `("cylinder", axis, radius, length, inside)`: centre of the axis at the point; open ends, `inf` for none
+    - `("sphere", radius, inside)`: centre at the point
+    - `("cone", axis, radius, radius_end, length, inside)`: `radius` at the point, `radius_end` at `length` along the axis
+
+    Rectangles, discs, finite cylinders and cones are one-sided: a ball whose centre is deeper behind the face than its radius
+    is on the other side and has no contact. `wall_motion` is a list of `(wall, {...})`, `wall` counted over all walls, planes
+    first, with any of
+
+    - `"translation": [law, law, law]`, displacement from the given place, m
+    - `"rotation": (axis, point, law)`, angle from the given place about a unit axis, rad; the translation takes the axis along
+    - `"surface_velocity": (3,)`, m/s, and `"surface_rotation": (axis, point, rate)`, rad/s: motion of the material along a
+      surface that stays; both turn with the wall
+
+    Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`.
     """
 
     def __init__(self, model: dict[str, Any]) -> None: ...
+    def overlaps(self, tolerance: float, most: int) -> list[tuple[int, int, float]]:
+        """At most `most` of the pairs that overlap by more than `tolerance` r_c now, walls where they are: `(a, b, gap)`, m."""
+
     @property
     def step(self) -> int: ...
     @property
@@ -139,6 +162,8 @@ class Simulation:
         """Advance by up to `steps` steps, stopping early after `wall_limit` seconds or at an outcome that is not `None`.
 
         A frame is taken after each step whose number is a multiple of `frame_every` (0: none).
+        `frames["walls"]` (F, P, 6), where walls are recorded, has the impulse on each wall since the last frame, N s, and its
+        moment about the wall's point, moved with the wall, N m s.
         """
 
     def state(self) -> dict[str, Any]:

@@ -13,6 +13,9 @@ use crate::state::State;
 use crate::step::{motion_of, step, Attempt, Failure};
 use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
+use crate::wall::Walls;
+use carom_geom::Overlap;
+use glam::DVec3;
 use std::time::{Duration, Instant};
 
 /// Systems of this many spheres and more are timed and checked against the clock in every step.
@@ -128,6 +131,20 @@ impl Simulation {
             }
         }
         None
+    }
+
+    /// At most `cap` of the pairs that overlap by more than `tolerance r_c` in the present state, walls where they are now.
+    pub fn overlaps(&self, tolerance: f64, cap: usize) -> Vec<Overlap> {
+        let mut walls = Walls::new(&self.model);
+        walls.place(&self.model, self.time());
+        let state = &self.state;
+        let radius = &self.model.radius;
+        // What is not there overlaps nothing.
+        let places: Vec<DVec3> = (state.position.iter().zip(&state.present))
+            .map(|(x, present)| if *present { *x } else { DVec3::NAN })
+            .collect();
+        let periodic = &self.model.periodic;
+        carom_geom::overlaps(&places, radius, &walls.now, periodic, tolerance, cap)
     }
 
     /// Which contact problems are kept, and those that were.

@@ -65,6 +65,12 @@ impl Simulation {
         Ok(out)
     }
 
+    /// Pairs that overlap now: `(a, b, gap)`.
+    fn overlaps(&self, tolerance: f64, most: usize) -> Vec<(u32, u32, f64)> {
+        let found = self.inner.overlaps(tolerance, most);
+        found.into_iter().map(|o| (o.a, o.b, o.gap)).collect()
+    }
+
     /// Advances; see the stub for the meaning of the arguments and the tables.
     fn advance<'py>(
         &mut self,

@@ -91,6 +91,7 @@ impl Pair {
         let (a, b) = (self.a as usize, self.b as usize);
         bodies.motion[a][0] += bodies.inv_mass[a] * vector;
         bodies.motion[b][0] -= bodies.inv_mass[b] * vector;
+        self.drive(bodies, vector, DVec3::ZERO, DVec3::ZERO);
         self.now.impulse += vector;
         self.now.normal_impulse += vector;
         self.now.work[0] += impulse * (0.5 * impulse * self.inv_mass - closing);
@@ -145,6 +146,7 @@ impl Pair {
         bodies.motion[b][0] -= bodies.inv_mass[b] * impulse;
         bodies.motion[a][1] -= (bodies.inv_inertia[a] * self.radii[0]) * turn;
         bodies.motion[b][1] -= (bodies.inv_inertia[b] * self.radii[1]) * turn;
+        self.drive(bodies, DVec3::ZERO, impulse, DVec3::ZERO);
         self.now.impulse += impulse;
         self.now.work[1] += impulse.dot(slip + 0.5 * self.inv_mass_sliding * impulse);
     }
@@ -160,7 +162,8 @@ impl Pair {
         let (rolling, spinning) = (rolling * normal, spinning * normal);
         let scale = o.penalty_slip_speed / self.length;
         let (a, b) = (self.a as usize, self.b as usize);
-        let w = bodies.motion[a][1] - bodies.motion[b][1];
+        let [wall, _] = self.wall_motion(bodies);
+        let w = bodies.motion[a][1] - wall.spin;
         let spin = self.normal.dot(w) * self.normal;
         for (kind, rate, bound) in [(2, w - spin, rolling), (3, spin, spinning)] {
             let speed = rate.length();
@@ -171,6 +174,7 @@ impl Pair {
             let moment = rate * ((slowed - speed) / (speed * self.inv_inertia));
             bodies.motion[a][1] += bodies.inv_inertia[a] * moment;
             bodies.motion[b][1] -= bodies.inv_inertia[b] * moment;
+            self.drive(bodies, DVec3::ZERO, DVec3::ZERO, moment);
             self.now.moment += moment;
             self.now.work[kind] += moment.dot(rate + 0.5 * self.inv_inertia * moment);
         }

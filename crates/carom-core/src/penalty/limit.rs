@@ -19,7 +19,11 @@ impl Pair {
         resolution: f64,
         shortest: f64,
     ) -> f64 {
-        let s = self.closing_speed(bodies);
+        let s = if self.closed {
+            self.closing_speed(bodies)
+        } else {
+            self.fastest_closing(bodies)
+        };
         let (speed, free) = if self.closed {
             (s, 0.0)
         } else {

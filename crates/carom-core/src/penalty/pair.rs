@@ -8,6 +8,7 @@ use crate::model::Model;
 use crate::options::PenaltyFriction;
 use crate::scratch::ImpactRecord;
 use crate::state::ContactKey;
+use crate::wall::WallTwist;
 use carom_geom::Proximity;
 use carom_solve::{Bounds, Status};
 use glam::DVec3;
@@ -27,6 +28,8 @@ pub struct Pair {
     pub(super) radii: [f64; 2],
     /// r_c, m.
     pub length: f64,
+    /// Place of B among the moving walls.
+    driven: Option<u32>,
     /// K, N/m^n.
     pub(super) stiffness: f64,
     /// Inverse masses of the normal, sliding and rolling rows.
@@ -48,6 +51,8 @@ pub struct Pair {
     pub(super) slips: bool,
     /// Whether its force pushes in this half of the substep.
     pub(super) active: bool,
+    /// Work of the moving wall in this step, J.
+    pub driven_work: f64,
 }
 
 impl Pair {
@@ -63,8 +68,10 @@ impl Pair {
         let (a, b) = (key.0 as usize, key.1 as usize);
         let law = model.law_of(a, b);
         let [ra, rb] = [bodies.radius[a], bodies.radius[b]];
-        let plane = b >= model.spheres();
-        let curvature = 1.0 / ra + if plane { 0.0 } else { 1.0 / rb };
+        let wall = (b >= model.spheres()).then(|| model.wall(key.1));
+        let of_b = wall.map_or_else(|| 1.0 / rb, |w| w.curvature());
+        // A sphere that fills its hollow wall has none left.
+        let curvature = (1.0 / ra + of_b).max(1e-3 / ra);
         let inv_mass = bodies.inv_mass[a] + bodies.inv_mass[b];
         let inverse = [bodies.inv_inertia[a], bodies.inv_inertia[b]];
         let mut pair = Pair {
@@ -73,7 +80,8 @@ impl Pair {
             law,
             values: law.map_or_else(PairLaw::default, |l| laws[l as usize]),
             radii: [ra, rb],
-            length: if plane { ra } else { ra.min(rb) },
+            length: if wall.is_some() { ra } else { ra.min(rb) },
+            driven: wall.and_then(|w| w.slot()),
             stiffness: elastic.stiffness(curvature),
             inv_mass,
             inv_mass_sliding: inv_mass + ra * ra * inverse[0] + rb * rb * inverse[1],
@@ -95,6 +103,7 @@ impl Pair {
             friction: 0.0,
             slips: false,
             active: false,
+            driven_work: 0.0,
         };
         pair.place(model, elastic, bodies);
         pair
@@ -240,16 +249,56 @@ impl Pair {
     /// Speed at which the gap shrinks, m/s.
     #[inline]
     pub fn closing_speed(&self, bodies: &Bodies) -> f64 {
-        let m = &bodies.motion;
+        let [now, _] = self.wall_motion(bodies);
         self.normal
-            .dot(m[self.b as usize][0] - m[self.a as usize][0])
+            .dot(now.shape - bodies.motion[self.a as usize][0])
+    }
+
+    /// Velocity of B at the contact, now and at t_{n+1}; of a sphere that of its centre, as its radius enters elsewhere.
+    #[inline]
+    pub(super) fn wall_motion(&self, bodies: &Bodies) -> [WallTwist; 2] {
+        if let Some(slot) = self.driven {
+            let point = bodies.position[self.a as usize] - self.radii[0] * self.normal;
+            return bodies.walls.twists(slot, point);
+        }
+        let [shape, spin] = bodies.motion[self.b as usize];
+        [WallTwist {
+            shape,
+            material: shape,
+            spin,
+        }; 2]
+    }
+
+    /// Speed at which the gap shrinks when the wall has its velocity of t_{n+1}, if that is more.
+    #[inline]
+    pub(super) fn fastest_closing(&self, bodies: &Bodies) -> f64 {
+        let now = self.closing_speed(bodies);
+        if self.driven.is_none() {
+            return now;
+        }
+        let [_, end] = self.wall_motion(bodies);
+        now.max(
+            self.normal
+                .dot(end.shape - bodies.motion[self.a as usize][0]),
+        )
+    }
+
+    /// Counts the work of a moving wall: what it gave A at its own velocity.
+    #[inline]
+    pub(super) fn drive(&mut self, bodies: &Bodies, normal: DVec3, friction: DVec3, moment: DVec3) {
+        if self.driven.is_some() {
+            let [wall, _] = self.wall_motion(bodies);
+            self.driven_work +=
+                normal.dot(wall.shape) + friction.dot(wall.material) + moment.dot(wall.spin);
+        }
     }
 
     /// Tangential velocity of A against B at the contact (eqs. 34, 41), m/s.
     #[inline]
     pub(super) fn slip(&self, bodies: &Bodies) -> DVec3 {
         let [va, wa] = bodies.motion[self.a as usize];
-        let [vb, wb] = bodies.motion[self.b as usize];
+        let [wall, _] = self.wall_motion(bodies);
+        let (vb, wb) = (wall.material, wall.spin);
         let v = va - vb;
         let n = self.normal;
         v - n.dot(v) * n + n.cross(self.radii[0] * wa + self.radii[1] * wb)

@@ -21,8 +21,10 @@ use crate::rotation;
 use crate::scratch::{History, Scratch};
 use crate::state::State;
 use crate::step::{Attempt, Failure};
+use crate::stepper::Span;
 use crate::timers::{Phase, Timers};
 use carom_geom::NeighbourList;
+use glam::DVec3;
 
 /// Substeps of a step at most: no input may make a step endless.
 pub const MAX_SUBSTEPS: u32 = 1_000_000;
@@ -69,6 +71,12 @@ fn advance(
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let h = attempt.coefficients.h;
+    let span = Span::new(attempt.time, h);
+    scratch.wall_impulse.fill([DVec3::ZERO; 2]);
+    if let Err(message) = work.bodies.walls.begin(model, span) {
+        return evaluated(scratch, Err(LoadError(message)));
+    }
+    work.bodies.walls.place(model, span.start);
     let begun = work.begin(model, state, elastic, attempt.time);
     evaluated(scratch, begun)?;
     work.set_needs(model, |_, _| 0.0);
@@ -109,6 +117,12 @@ fn advance(
         }
     }
     finish(model, scratch, work, elastic, report)?;
+    if model.record_walls {
+        let out = &mut scratch.wall_impulse;
+        let walls = &work.bodies.walls;
+        walls.collect(model, state, &work.bodies.position, &scratch.contacts, out);
+        report.energy_work += work.pairs.iter().map(|p| p.driven_work).sum::<f64>();
+    }
     timers.mark(Phase::Finish);
     Ok(())
 }
@@ -127,7 +141,7 @@ fn choose(
     let mut limit = longest(model, work, elastic, left);
     work.set_needs(model, |bodies, i| {
         let travel = bodies.motion[i][0].length() + bodies.acceleration[i].length() * limit;
-        travel * limit
+        (travel + bodies.walls.speed_at(bodies.position[i])) * limit
     });
     if refresh(model, work, elastic, list)? {
         limit = longest(model, work, elastic, left);
@@ -255,6 +269,7 @@ fn substep(
         b.position[i] += dt * v;
         b.orientation[i] = rotation::advance(dt * w, b.orientation[i]);
     }
+    b.walls.place(model, end);
     timers.mark(Phase::Position);
     let mut closed = false;
     for pair in &mut work.pairs {

@@ -50,6 +50,22 @@ impl Wall {
         }
     }
 
+    /// Mean curvature of the surface, 1/m, positive where it bulges towards the spheres. Edges count as the face.
+    pub fn curvature(&self) -> f64 {
+        let sign = |inside: bool| if inside { -1.0 } else { 1.0 };
+        match self.shape {
+            Shape::Ball(w) => sign(w.inside) / w.radius,
+            Shape::Cylinder(w) => 0.5 * sign(w.inside) / w.radius,
+            Shape::Cone(w) => sign(w.inside) / (w.radius + w.radius_end),
+            _ => 0.0,
+        }
+    }
+
+    /// Its place among the moving walls.
+    pub fn slot(&self) -> Option<u32> {
+        (self.slot != FIXED).then_some(self.slot)
+    }
+
     /// A plane that never moves: normal and frame are the same in all steps.
     #[inline]
     pub fn is_fixed_plane(&self) -> bool {
@@ -211,6 +227,8 @@ struct Course {
     wall: u32,
     start: Instant,
     end: Instant,
+    /// At the time that the shapes were placed at last.
+    now: Instant,
     /// Rotation of the wall over the step.
     turn: DVec3,
 }
@@ -229,11 +247,16 @@ pub struct Walls {
 impl Walls {
     pub fn new(model: &Model) -> Walls {
         let shapes: Vec<Shape> = model.walls.iter().map(|w| w.shape).collect();
-        let moving = model.walls.iter().filter(|w| w.motion.is_some()).count();
+        let walls = model.walls.iter().enumerate();
+        let moving = walls.filter(|(_, w)| w.motion.is_some());
+        let course = |(index, _)| Course {
+            wall: index as u32,
+            ..Course::default()
+        };
         Walls {
             start: shapes.clone(),
             now: shapes,
-            courses: vec![Course::default(); moving],
+            courses: moving.map(course).collect(),
             span: Span::default(),
         }
     }
@@ -257,6 +280,7 @@ impl Walls {
                 wall: index as u32,
                 start,
                 end,
+                now: end,
                 turn: (end.angle - start.angle) * axis,
             };
             let moved = [
@@ -279,10 +303,12 @@ impl Walls {
 
     /// Puts the shapes of moving walls to another time of the step.
     pub fn place(&mut self, model: &Model, time: f64) {
-        for course in &self.courses {
+        for course in &mut self.courses {
             let wall = &model.walls[course.wall as usize];
             if let Some(motion) = &wall.motion {
-                self.now[course.wall as usize] = wall.shape.moved(&motion.at(time).0);
+                let (by, now) = motion.at(time);
+                self.now[course.wall as usize] = wall.shape.moved(&by);
+                course.now = now;
             }
         }
     }
@@ -351,6 +377,19 @@ impl Walls {
     pub fn end_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
         let course = self.course(model, c.b)?;
         Some(course.end.twist(centre - model.radius[c.a as usize] * c.n1))
+    }
+
+    /// Velocity at a point of the moving wall `slot` where the shapes were placed last, and at t_{n+1}.
+    pub fn twists(&self, slot: u32, point: DVec3) -> [WallTwist; 2] {
+        let course = &self.courses[slot as usize];
+        [course.now.twist(point), course.end.twist(point)]
+    }
+
+    /// Largest speed at which moving walls pass a point, now or at t_{n+1}.
+    pub fn speed_at(&self, point: DVec3) -> f64 {
+        let speed = |i: &Instant| i.twist(point).shape.length();
+        let of = |c: &Course| speed(&c.now).max(speed(&c.end));
+        self.courses.iter().map(of).fold(0.0, f64::max)
     }
 
     /// Displacement and rotation of the wall's material at the contact over the step, with the sphere's centre at t_n and after
