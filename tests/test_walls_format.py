@@ -318,6 +318,44 @@ def test_a_mistake_in_a_file_has_its_line_and_the_whole_key() -> None:
     )
 
 
+def test_parameters_reach_motions_and_regions() -> None:
+    text = """\
+format = 1
+[parameters]
+n = 30.0
+a = 0.01
+[world]
+gravity = [0.0, 0.0, -9.8]
+periodic = ["= 10*a", 0.0, 0.0]
+[[material]]
+name = "s"
+[[plane]]
+name = "p"
+material = "s"
+point = [0.0, 0.0, 0.0]
+normal = [0.0, 0.0, 1.0]
+motion = { translation = [0, 0, { expression = "a*sin(n*t)" }], rotation = { axis = [0, 0, 1], rate = "= 2*pi*n/60" } }
+[[inflow]]
+name = "g"
+material = "s"
+count = "= 200*a"
+radius = "= a"
+density = 1000
+seed = 1
+region = { low = [0, 0, "= 30*a"], high = [0, 0, 0.5] }
+"""
+    tree = Scene.from_toml(text)._tree
+    assert tree.world.periodic == (0.1, 0, 0)
+    motion = tree.plane[0].motion
+    assert motion is not None
+    assert motion.rotation is not None
+    assert motion.rotation.rate == pytest.approx(math.pi)
+    assert motion.translation == (0, 0, {"expression": "(0.01)*sin((30.0)*t)"})
+    assert (tree.inflow[0].count, tree.inflow[0].region.low) == (2, (0, 0, 0.3))
+    with pytest.raises(ScenarioError, match=r':15: plane "p" motion.rotation.rate: unknown name m in'):
+        Scene.from_toml(text.replace("2*pi*n/60", "2*pi*m/60"))
+
+
 def wrong(scene: Scene) -> str:
     with pytest.raises(ScenarioError) as caught:
         scene.validate()
