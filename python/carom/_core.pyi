@@ -156,7 +156,7 @@ class Simulation:
 
     def __init__(self, model: dict[str, Any]) -> None: ...
     def overlaps(self, tolerance: float, most: int) -> list[tuple[int, int, float]]:
-        """At most `most` of the pairs that overlap by more than `tolerance` r_c now: `(a, b, gap)`, m; walls where they are."""
+        """At most `most` pairs that overlap by more than `tolerance` r_c now, walls as they stand: `(a, b, gap)`, m."""
 
     @property
     def step(self) -> int: ...
