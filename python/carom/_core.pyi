@@ -146,12 +146,12 @@ class Simulation:
     - `"surface_velocity": (3,)`, m/s, and `"surface_rotation": (axis, point, rate)`, rad/s: motion of the material along a
       surface that stays; both turn with the wall
 
-    Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`.
+    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `inflow`: list of `{"bodies": (first,
+    count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),
+    "spread": m/s per component, "seed": int}`, whose balls are absent until they enter. `outlet`: list of
+    `(low, high, inside)`.
 
-    `periodic (3,)` and `periodic_origin (3,)` m make the world repeat itself; 0 or absent: not along that axis. Balls come
-    and go by two lists: `inflow` of `{"bodies": (first, count), "region": ("box", low, high) or ("disc", point, normal,
-    radius), "rate": 1/s or 0 for as fast as there is room, "start": s, "velocity": (3,), "spread": m/s, "seed": int}`, whose
-    balls are absent until they enter; `outlet` of `(low, high, inside)`, boxes in which (or out of which) balls leave.
+    Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`.
     """
 
     def __init__(self, model: dict[str, Any]) -> None: ...
@@ -163,7 +163,10 @@ class Simulation:
     @property
     def time(self) -> float: ...
     def frame(self) -> dict[str, F64]:
-        """Current `time, position, orientation, velocity, angular_velocity` as copies; `present` where balls come and go."""
+        """Current `time, position, orientation, velocity, angular_velocity` as copies.
+
+        With inflows or outlets `present (N,)` too; absent balls have a position of NaN, here and in the frames of `advance`.
+        """
 
     def advance(self, steps: int, frame_every: int, contacts: bool, wall_limit: float) -> Block:
         """Advance by up to `steps` steps, stopping early after `wall_limit` seconds or at an outcome that is not `None`.

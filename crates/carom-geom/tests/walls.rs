@@ -3,7 +3,9 @@
 
 mod common;
 
-use carom_geom::{Ball, Cone, Cylinder, DVec3, Disc, Displacement, Proximity, Rectangle, Shape};
+use carom_geom::{
+    Ball, Cone, Cylinder, DVec3, Disc, Displacement, NeighbourList, Proximity, Rectangle, Shape,
+};
 use common::{check_derivatives, vector, wall};
 use glam::DQuat;
 use proptest::prelude::*;
@@ -239,4 +241,61 @@ fn centres_on_an_axis_have_a_finite_answer() {
             assert!(at.gap.is_finite() && at.curvature.is_finite() && at.flat.is_finite());
         }
     }
+}
+
+/// A drum that turns and a plate that shakes under balls that stay: the list lasts.
+#[test]
+fn walls_that_move_do_not_cost_a_rebuild_each_step() {
+    let r = 0.02;
+    let x: Vec<DVec3> = (0..300)
+        .map(|k| {
+            DVec3::new(
+                0.05 * f64::from(k % 10) - 0.2,
+                0.05 * f64::from(k / 10 % 6),
+                0.05 * f64::from(k / 60),
+            )
+        })
+        .collect();
+    let drum = Shape::Cylinder(Cylinder {
+        centre: DVec3::new(0.0, 0.0, 0.2),
+        axis: DVec3::Y,
+        radius: 0.5,
+        half: 0.6,
+        inside: true,
+    });
+    let plate = Shape::Rectangle(Rectangle {
+        centre: DVec3::new(0.0, 0.0, -0.021),
+        normal: DVec3::Z,
+        side: DVec3::X,
+        half: [0.5, 0.5],
+    });
+    let plane = Shape::HalfSpace {
+        point: DVec3::new(0.0, -0.03, 0.0),
+        normal: DVec3::Y,
+    };
+    let (radius, need) = (vec![r; 300], vec![1e-3; 300]);
+    let mut list = NeighbourList::new();
+    for step in 0..500 {
+        let t = f64::from(step);
+        let turn = |axis: DVec3, angle: f64, shift: DVec3| Displacement {
+            turn: DQuat::from_axis_angle(axis, angle),
+            about: DVec3::new(0.0, 0.0, 0.2),
+            shift,
+        };
+        let shake = 0.4 * r * (0.1 * t).sin();
+        let walls = [
+            drum.moved(&turn(DVec3::Y, 0.05 * t, DVec3::ZERO)),
+            plate.moved(&turn(DVec3::Y, 0.0, -shake.abs() * DVec3::Z)),
+            plane.moved(&turn(DVec3::Z, 0.02 * (0.1 * t).sin(), shake * DVec3::Y)),
+        ];
+        list.refresh(&x, &radius, &walls, &need);
+        for (w, wall) in walls.iter().enumerate() {
+            for (i, x) in x.iter().enumerate() {
+                let near = meet(wall, *x, r).gap <= need[i];
+                let key = (i as u32, (300 + w) as u32);
+                assert!(!near || list.pairs().binary_search(&key).is_ok());
+            }
+        }
+    }
+    assert!(list.rebuilds() < 5, "{}", list.rebuilds());
 }

@@ -143,6 +143,10 @@ MEANINGS: dict[str, Meaning] = {
     "steps/energy_work": Meaning(
         "J", "work of loads without a potential and of prescribed motion in the step"
     ),
+    "steps/energy_in": Meaning("J", "energy of the balls that entered after the step"),
+    "steps/energy_out": Meaning("J", "energy of the balls that left after the step"),
+    "steps/entered": Meaning("1", "balls that entered after the step"),
+    "steps/removed": Meaning("1", "balls that left after the step"),
     "steps/penetration": Meaning(
         "m", "deepest penetration after the step (penalty: within it), 0 if there is none"
     ),
@@ -154,8 +158,11 @@ MEANINGS: dict[str, Meaning] = {
     "steps/missed_impacts": Meaning("1", "contacts found overlapping while separating"),
     "steps/relisted": Meaning("1", "times a new pair was found after the position sub-problem"),
     "steps/restitution_scale": Meaning("1", "smallest factor on the restitution by the energy safeguard"),
-    "steps/substeps": Meaning("1", "substeps of method penalty, 0 with other methods"),
-    "steps/substep_min": Meaning("s", "smallest substep of method penalty, 0 with other methods"),
+    "steps/substeps": Meaning(
+        "1",
+        "substeps of method penalty; with others the parts of a step cut so that nothing passes through anything, else 0",
+    ),
+    "steps/substep_min": Meaning("s", "smallest of them, 0 if there are none"),
     "residuals/step": Meaning("1", "step of the contact problem"),
     "residuals/level": Meaning("1", "1 position, 2 velocity"),
     "residuals/problem": Meaning("1", "number of the contact problem in its step and level"),
