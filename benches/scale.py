@@ -119,9 +119,10 @@ class Bench:
         )
         return Row("Carom", label or law, grains, threads, ask["seed"], ask["until"], told=told, why=why)
 
-    def peer(self, program: str, grains: int, threads: int) -> Row:
-        """One run of another program, or why there is none."""
-        place = (program, f"E = {SOFT:.0e} Pa", grains, threads, self.options.seed, self.options.until, SOFT)
+    def peer(self, program: str, grains: int, threads: int, young: float) -> Row:
+        """One run of another program with grains of Young's modulus `young` (Pa), or why there is none."""
+        law = f"E = {young:.0e} Pa"
+        place = (program, law, grains, threads, self.options.seed, self.options.until, young)
         start = self.peers[program]
         if isinstance(start, str):
             return Row(*place, why=start)
@@ -138,7 +139,7 @@ class Bench:
             "friction": float(found["friction"][0]),
             "restitution": float(found["restitution"][0]),
             "gravity": float(-found["gravity"][2]),
-            "young": SOFT,
+            "young": young,
             "sample": SAMPLE,
             "phases": PHASES,
         }
@@ -155,8 +156,8 @@ class Bench:
                 for law in self.options.impact if "carom" in chosen else ():
                     yield self.carom(grains, threads, law)
                 for program in ("LAMMPS", "YADE"):
-                    if program.lower() in chosen:
-                        yield self.peer(program, grains, threads)
+                    for young in self.options.young if program.lower() in chosen else ():
+                        yield self.peer(program, grains, threads, young)
         if self.options.million:
             yield from self.million()
 
@@ -186,6 +187,7 @@ def arguments() -> argparse.Namespace:
     add("--until", type=float, default=1.0, metavar="S", help="simulated time (1 s)")
     add("--step", type=float, default=1e-3, metavar="S", help="Carom's time step (1e-3 s)")
     add("--residual", type=float, default=1e-4, help="Carom's tolerance in piles (1e-4)")
+    add("--young", type=float, nargs="+", default=[SOFT], metavar="PA", help="of the peers' grains (1e7 Pa)")
     add("--seed", type=int, default=1, help="of the jitter (1)")
     add("--limit", type=float, default=1200.0, metavar="S", help="time for a run, judging and all (1200 s)")
     add(

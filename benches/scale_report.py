@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-#: Young's modulus of glass over that of the peers' grains: time steps, so times, are as its root.
+#: Young's modulus of glass, Pa. The peers' time step is as 1 over the root of it.
 REAL_STIFFNESS = 7e10
 #: Time (s) for a simulated second, deepest overlap (radii) and residual that must be reached, and the time aimed at.
 GOALS = {
@@ -177,7 +177,7 @@ def ratios(rows: Sequence[Row]) -> list[str]:
         line = (
             f"{peer.label}, N = {peer.grains}, {peer.threads} thread(s): {peer.wall:.3g} s at "
             f"{peer.told['deepest']:.1%} overlap; with the stiffness of glass ({REAL_STIFFNESS:g} Pa) "
-            f"{scale * peer.wall:.3g} s, extrapolated as its root"
+            f"up to {scale * peer.wall:.3g} s, extrapolated by the number of steps"
         )
         for mine in rows:
             same = (mine.grains, mine.threads, mine.until) == (peer.grains, peer.threads, peer.until)

@@ -230,7 +230,7 @@ def test_a_peer_stands_beside_carom_with_its_overlap() -> None:
     peer = Row("LAMMPS", "soft", 1000, 1, 1, 1.0, 7e8, told=told(8.0, deepest=0.03))
     (line,) = report.ratios([row(seconds=2.0), peer])
     assert "8 s at 3.0% overlap" in line
-    assert "80 s, extrapolated" in line
+    assert "up to 80 s, extrapolated" in line
     assert "sequence / LAMMPS 0.25" in line
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 from carom.errors import ScenarioError
+from carom.scenario import reference
 from carom.scenario.load import parse
 from carom.scenario.schema import json_schema
 from carom.scene import Scene
@@ -162,3 +165,18 @@ def test_what_a_packing_lacks_is_said_beside_other_mistakes() -> None:
     assert "would fill" in text
     assert 'spheres "a" and "b" overlap' in text
     assert len(text.split("\n")) == 2
+
+
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "packings.md"
+
+
+def test_the_page_has_the_table_of_the_model_and_its_example_works() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert reference.filled(page) == page
+    assert "| `region_radius` | m |" in page
+    (toml,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    base = Scene(run={"until": 1})
+    base.contact("glass", "glass", friction=0.5, restitution=0.3)
+    made = Scene.from_toml(base.to_toml() + toml)
+    assert made.validate() == []
+    assert made._tree.packing[0].packed().fraction == pytest.approx(0.58, abs=1e-3)

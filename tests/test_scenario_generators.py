@@ -109,6 +109,14 @@ def test_hexagonal_lattice_has_twelve_neighbours() -> None:
     assert touching(centres, 2 * R) > 0
 
 
+@pytest.mark.parametrize(("kind", "neighbours"), [("cubic", 6), ("bcc", 8), ("fcc", 12), ("hcp", 12)])
+def test_lattices_have_their_neighbours(kind: str, neighbours: int) -> None:
+    centres = lattice_centres(lattice(kind=kind, counts=[5, 5, 5]))
+    assert touching(centres, 2 * R) > 0
+    distance = np.linalg.norm(centres - centres[62], axis=1)
+    assert (distance < 2 * R * (1 + 1e-9)).sum() == neighbours + 1
+
+
 def test_lattice_that_is_too_large() -> None:
     with pytest.raises(ScenarioError, match="makes 1000000000 balls"):
         Scene().lattice("b", counts=(1000, 1000, 1000), origin=(0, 0, 0), radius=1, mass=1, material="m")

@@ -14,6 +14,7 @@ pub mod model;
 pub mod options;
 pub mod penalty;
 mod periodic;
+mod pile;
 pub mod problem;
 pub mod record;
 pub mod report;

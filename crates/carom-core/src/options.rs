@@ -215,6 +215,8 @@ options! {
     max_problems: u32 = 50,
     /// Closing tolerance over the velocity change by loads in the step (rule R3).
     closing_tolerance_load: f64 = 1e-2,
+    /// The same in islands of more than 100 contacts, where impacts of a share of one step's fall would go round and round.
+    pile_closing_tolerance: f64 = 0.1,
     /// Closing tolerance over the speed in the island (rule R3).
     closing_tolerance_speed: f64 = 1e-6,
     /// Scale restitution where an impact problem would gain energy (rule R4).
@@ -237,6 +239,9 @@ options! {
     gauss_seidel_sweeps: u32 = 15,
     /// Islands of up to this many contacts are solved dense, with the exact Hessian; larger ones by `auto` of `carom solve`.
     dense_contacts: u32 = 10,
+    /// Islands of more contacts than this are solved by sweeps over spheres, from the impulses of the last step (`auto` takes over
+    /// where these do not converge); with a `pile_tolerance` of 1e-5 and more all those above `dense_contacts` are.
+    pile_contacts: u32 = 100,
     /// How often a step that fails may be halved.
     max_halvings: u32 = 4,
     /// stop or warn.
@@ -273,6 +278,7 @@ impl Options {
             ("gap_tolerance", self.gap_tolerance),
             ("touching_tolerance", self.touching_tolerance),
             ("closing_tolerance_load", self.closing_tolerance_load),
+            ("pile_closing_tolerance", self.pile_closing_tolerance),
             ("closing_tolerance_speed", self.closing_tolerance_speed),
             ("penalty_scale", self.penalty_scale),
             ("proximal_shift", self.proximal_shift),

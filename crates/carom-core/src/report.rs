@@ -60,6 +60,9 @@ step_report! {
     line_search_velocity: u32,
     /// Impact problems of the island that needed most, the resting solve (stage 0) among them.
     impact_problems: u32,
+    /// Gauss-Seidel sweeps of the pile that needed most.
+    sweeps_position: u32,
+    sweeps_velocity: u32,
     /// Candidate contacts, closed contacts, islands with a closed contact, closed contacts of the largest island.
     candidates: u32,
     contacts: u32,
@@ -156,6 +159,8 @@ impl StepReport {
         self.line_search_position = self.line_search_position.max(earlier.line_search_position);
         self.line_search_velocity = self.line_search_velocity.max(earlier.line_search_velocity);
         self.impact_problems = self.impact_problems.max(earlier.impact_problems);
+        self.sweeps_position = self.sweeps_position.max(earlier.sweeps_position);
+        self.sweeps_velocity = self.sweeps_velocity.max(earlier.sweeps_velocity);
         self.residual_smooth = self.residual_smooth.max(earlier.residual_smooth);
         self.residual_position = self.residual_position.max(earlier.residual_position);
         self.residual_velocity = self.residual_velocity.max(earlier.residual_velocity);

@@ -7,6 +7,7 @@ use crate::level::coupling::Trial;
 use crate::level::smooth::SmoothScratch;
 use crate::model::Model;
 use crate::penalty::Workspace;
+use crate::pile::Pile;
 use crate::problem::Keeper;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
@@ -70,6 +71,7 @@ pub struct Scratch {
     /// Histories of the longest solve of each level in this step: smooth, position, velocity.
     pub history: [History; 3],
     pub keeper: Keeper,
+    pub pile: Pile,
     /// Memory of method `penalty`.
     pub penalty: Workspace,
     /// What a load said that failed.
@@ -123,6 +125,7 @@ impl Scratch {
             impacts: Vec::new(),
             history: Default::default(),
             keeper: Keeper::default(),
+            pile: Pile::new(),
             penalty: Workspace::new(model),
             load_error: None,
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],

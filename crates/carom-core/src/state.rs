@@ -16,6 +16,8 @@ pub struct Warm {
     pub impulse: DVec3,
     /// Rolling and spinning impulse, N m s.
     pub moment: DVec3,
+    /// Position multipliers, kg m; piles alone start from them.
+    pub position: DVec3,
 }
 
 /// The state of a run between two steps. One entry per sphere in each array.

@@ -5,7 +5,7 @@ use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{
     monitor_arrays, monitors_from, open_values, put_kinematics, read_open, read_pairs, read_state,
-    six, touch_values,
+    six, touch_values, warm_values,
 };
 use crate::tables::{outcome_dict, put_block};
 use crate::ModelError;
@@ -132,8 +132,8 @@ impl Simulation {
             .flat_map(|w| [u64::from(w.key.0), u64::from(w.key.1)])
             .collect();
         put(&out, "warm_key", keys, &[s.warm.len(), 2])?;
-        let values = flat(s.warm.iter().map(|w| six(w.impulse, w.moment)));
-        put(&out, "warm_value", values, &[s.warm.len(), 6])?;
+        let values = flat(s.warm.iter().map(warm_values));
+        put(&out, "warm_value", values, &[s.warm.len(), 9])?;
         let keys: Vec<u64> = s
             .touches
             .iter()

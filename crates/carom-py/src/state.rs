@@ -14,6 +14,15 @@ pub fn six(a: DVec3, b: DVec3) -> [f64; 6] {
     [a.x, a.y, a.z, b.x, b.y, b.z]
 }
 
+/// Impulse, moment and position multiplier of a contact.
+pub fn warm_values(w: &Warm) -> [f64; 9] {
+    let mut out = [0.0; 9];
+    for (k, v) in [w.impulse, w.moment, w.position].into_iter().enumerate() {
+        out[3 * k..3 * k + 3].copy_from_slice(&v.to_array());
+    }
+    out
+}
+
 pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State) -> PyResult<()> {
     let n = s.position.len();
     put(
@@ -157,7 +166,7 @@ pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
             .ok_or_else(|| ModelError::new_err(format!("state: {name} is empty")))
     };
     let keys = convert::indices(state, "warm_key")?;
-    let values = convert::rows::<6>(state, "warm_value")?;
+    let values = convert::rows::<9>(state, "warm_value")?;
     if keys.len() != 2 * values.len() {
         return Err(ModelError::new_err(
             "state: warm_key and warm_value differ in length",
@@ -170,6 +179,7 @@ pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
             key: (keys[2 * i] as u32, keys[2 * i + 1] as u32),
             impulse: DVec3::new(v[0], v[1], v[2]),
             moment: DVec3::new(v[3], v[4], v[5]),
+            position: DVec3::new(v[6], v[7], v[8]),
         })
         .collect();
     let warm: Vec<Warm> = warm;

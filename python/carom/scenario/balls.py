@@ -191,8 +191,9 @@ class Lattice(Generator):
 
     section: ClassVar[str] = "lattice"
 
-    kind: Annotated[str, Choice(("cubic", "hcp"))] = Field(
-        "cubic", description="simple cubic, or hexagonal close packing (layers normal to z)"
+    kind: Annotated[str, Choice(("cubic", "bcc", "fcc", "hcp"))] = Field(
+        "cubic",
+        description="simple, body-centred or face-centred cubic, or hexagonal close packing (layers normal to z)",
     )
     counts: Annotated[tuple[int, int, int], Integers(3, Bounds(ge=1, le=MOST_BALLS))] = Field(
         description="number of balls along x, y and z", examples=[[3, 3, 3]]

@@ -145,7 +145,16 @@ def lattice_centres(lattice: Lattice) -> F64:
     spacing = 2.0 * lattice.radius if lattice.spacing is None else lattice.spacing
     a, b, c = lattice.counts
     k, j, i = (g.ravel().astype(float) for g in np.meshgrid(range(c), range(b), range(a), indexing="ij"))
-    if lattice.kind == "hcp":
+    # bcc and fcc are layers of squares, shifted by half a square in turn: neighbours are one spacing apart
+    if lattice.kind == "bcc":
+        i, j, k = (
+            np.sqrt(4.0 / 3.0) * (i + 0.5 * (k % 2)),
+            np.sqrt(4.0 / 3.0) * (j + 0.5 * (k % 2)),
+            k / np.sqrt(3.0),
+        )
+    elif lattice.kind == "fcc":
+        i, j, k = i + 0.5 * (k % 2), j + 0.5 * (k % 2), np.sqrt(0.5) * k
+    elif lattice.kind == "hcp":
         i, j, k = i + 0.5 * ((j + k) % 2), np.sqrt(0.75) * (j + (k % 2) / 3), np.sqrt(2.0 / 3.0) * k
     centres: F64 = np.array(lattice.origin) + spacing * np.stack([i, j, k], axis=1)
     if lattice.jitter > 0:

@@ -184,7 +184,7 @@ class Builder:
         seed: int | None = None,
         first_number: int | None = None,
     ) -> Lattice:
-        """Add a grid of balls, "cubic" or "hcp": `counts` along x, y, z from the centre `origin`, `spacing` m
+        """Add a grid of balls, "cubic", "bcc", "fcc" or "hcp": `counts` along x, y, z from the centre `origin`, `spacing` m
         (default 2 r).
 
         The balls are called `name` + number, x fastest; `jitter` m moves each centre at random along each

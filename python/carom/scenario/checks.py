@@ -91,7 +91,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     yield from wrong_names
     if len(parts.bodies().names) == 0:
         if not parts.balls_damaged():
-            cure = "add a [[sphere]], [[rack]] or [[lattice]]"
+            cure = "add a [[sphere]], [[packing]], [[rack]] or [[lattice]]"
             yield Finding(("sphere",), "the scene has no spheres", cure, "add one with scene.sphere(...)")
         return
     bad_numbers = list(_usable_numbers(parts))

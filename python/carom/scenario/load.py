@@ -62,7 +62,9 @@ def read_text(path: str | Path) -> str:
     except (OSError, ValueError) as e:  # ValueError: a null byte in the name
         raise wrong(f"cannot be read ({getattr(e, 'strerror', None) or e})", "check the path") from None
     if len(data) > MOST_BYTES:
-        raise wrong(f"is larger than {MOST_BYTES >> 20} MiB", "use [[lattice]] for many spheres")
+        raise wrong(
+            f"is larger than {MOST_BYTES >> 20} MiB", "use [[lattice]] or [[packing]] for many spheres"
+        )
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as e:
@@ -200,4 +202,6 @@ def _beyond(raw: Mapping[str, Any], found: list[Finding]) -> list[Finding]:
         for t in (materials if isinstance(materials, list) else [])
         if isinstance(t, dict) and "name" in t
     )
+    if raw.get("packing"):  # its balls are not among these tables
+        damaged.add("sphere")
     return list(check(Parts(run, entries, frozenset(damaged), lost, world)))

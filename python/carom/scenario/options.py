@@ -77,6 +77,9 @@ OPTIONS: dict[str, Option] = {
     "closing_tolerance_load": Option(
         "closing speed that counts, relative to the speed gained in a step (R3)", POSITIVE
     ),
+    "pile_closing_tolerance": Option(
+        "the same in islands of more than 100 contacts, if it is larger", POSITIVE
+    ),
     "closing_tolerance_speed": Option(
         "closing speed that counts, relative to the fastest body (R3)", POSITIVE
     ),
@@ -84,6 +87,10 @@ OPTIONS: dict[str, Option] = {
     "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),
     "dense_contacts": Option(
         "largest island, in contacts, solved by the dense exact Newton method; larger ones by `auto`",
+        _COUNT_OR_NONE,
+    ),
+    "pile_contacts": Option(
+        "largest island, in contacts, not solved by sweeps over spheres from the impulses of the last step",
         _COUNT_OR_NONE,
     ),
     "gauss_seidel_sweeps": Option("sweeps of the fallback before Newton is tried again", _COUNT_OR_NONE),

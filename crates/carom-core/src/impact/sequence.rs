@@ -172,6 +172,7 @@ fn keep_warm(scratch: &mut Scratch, work: &ImpactScratch) {
             key: (contact.a, contact.b),
             impulse: world.impulse,
             moment: world.moment,
+            position: glam::DVec3::ZERO,
         });
     }
 }

@@ -9,6 +9,7 @@ use super::{closed_form, newton_options, position_floor, single, worst_group};
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
 use crate::model::Model;
+use crate::pile;
 use crate::problem::Solve;
 use crate::report::{Level, StepReport};
 use crate::rotation;
@@ -204,6 +205,12 @@ pub fn solve_island(
             }
             return true;
         }
+    }
+    if pile::fits(model, &scratch.contacts, island) {
+        if pile::solve_positions(model, state, scratch, island, span, report) {
+            return true;
+        }
+        report.fallbacks += 1;
     }
     solve_by_newton(
         model,

@@ -6,6 +6,7 @@ use crate::impact;
 use crate::islands::Island;
 use crate::model::Model;
 use crate::options::{Impact, Options};
+use crate::pile;
 use crate::report::{Level, StepReport};
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::State;
@@ -15,6 +16,9 @@ use carom_solve::{SolveReport, Status};
 
 /// Closing speeds below this share of the island's speed are rounding.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Contacts beyond which an island is a pile whose closing tolerance is its own.
+pub(crate) const MANY: usize = 100;
 
 /// Speeds of an island that set its closing tolerance (rule R3).
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,7 +54,12 @@ impl Speeds {
         if self.load == 0.0 {
             return o.closing_tolerance_speed * self.speed;
         }
-        let by_load = o.closing_tolerance_load * self.load;
+        let share = if contacts > MANY {
+            o.pile_closing_tolerance.max(o.closing_tolerance_load)
+        } else {
+            o.closing_tolerance_load
+        };
+        let by_load = share * self.load;
         let by_speed = o.closing_tolerance_speed * self.speed.max(self.load);
         let large = contacts > o.dense_contacts as usize;
         let tolerance = if large {
@@ -83,6 +92,12 @@ pub fn solve_island(
             solve_single(model, state, scratch, m, report);
             return true;
         }
+    }
+    if pile::fits(model, &scratch.contacts, island) {
+        if pile::solve_velocities(model, state, scratch, island, span, report) {
+            return true;
+        }
+        report.fallbacks += 1;
     }
     impact::solve_island(
         model,

@@ -7,7 +7,9 @@
 //!
 //! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
 
+mod accelerate;
 mod convert;
+mod goal;
 mod groups;
 mod kernel;
 mod lanes;
@@ -16,6 +18,7 @@ mod problem;
 mod residual;
 
 pub use convert::{as_spheres, Spheres};
+pub use goal::{Goal, Norms, Progress};
 pub use lanes::Instructions;
 pub(crate) use lanes::{Lanes, Work};
 pub use problem::{Body, Contact, Place, SpheresError};
@@ -34,10 +37,14 @@ pub struct Sweeps {
     blocks: Vec<Block>,
     radius: Vec<f64>,
     pairs: usize,
+    memory: accelerate::Memory,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
     pub instructions: Instructions,
 }
+
+/// Contacts per thread below which another thread costs more than it gives.
+const PER_THREAD: usize = 8192;
 
 impl Sweeps {
     /// Sorts bodies and contacts into the order of the sweep. With `places` neighbours in space become neighbours in memory; without
@@ -54,11 +61,26 @@ impl Sweeps {
             blocks: Vec::new(),
             radius: Vec::new(),
             pairs: 0,
+            memory: accelerate::Memory::default(),
             threads,
             instructions: Instructions::default(),
         };
         sweeps.renew(bodies, contacts, places)?;
         Ok(sweeps)
+    }
+
+    /// No bodies and no contacts: a place for [`Sweeps::renew`].
+    pub fn empty() -> Self {
+        Self {
+            layout: Layout::default(),
+            states: Vec::new(),
+            blocks: Vec::new(),
+            radius: Vec::new(),
+            pairs: 0,
+            memory: accelerate::Memory::default(),
+            threads: 1,
+            instructions: Instructions::default(),
+        }
     }
 
     /// [`Sweeps::new`] in the memory of this one, as for the next step of a simulation: new memory is a good part of the cost of
@@ -75,7 +97,8 @@ impl Sweeps {
         self.pairs = 0;
         problem::check(bodies, contacts.len(), places)?;
         let mut layout = Layout::new(bodies, places, &mut self.states);
-        self.blocks = layout.blocks(contacts, &self.states, self.threads, old)?;
+        let threads = self.threads.min(contacts.len() / PER_THREAD).max(1);
+        self.blocks = layout.blocks(contacts, &self.states, threads, old)?;
         self.layout = layout;
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
@@ -93,8 +116,9 @@ impl Sweeps {
             .iter()
             .enumerate()
             .try_for_each(|(index, c)| c.check(index))?;
+        let threads = self.threads();
         let changed = team::map(
-            self.threads,
+            threads,
             self.blocks.iter_mut().collect(),
             |block: &mut Block| {
                 for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
@@ -116,8 +140,9 @@ impl Sweeps {
     /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
     pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
         assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
+        let threads = self.threads();
         team::map(
-            self.threads,
+            threads,
             self.blocks.iter_mut().collect(),
             |block: &mut Block| {
                 for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
@@ -165,7 +190,7 @@ impl Sweeps {
     pub fn residual(&self) -> f64 {
         let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
         team::map(
-            self.threads,
+            self.threads(),
             self.blocks.iter().collect(),
             |block: &Block| {
                 residual::largest(
@@ -177,6 +202,35 @@ impl Sweeps {
         )
         .into_iter()
         .fold(0.0, |m: f64, r| if r > m || r.is_nan() { r } else { m })
+    }
+
+    /// Norms of eq. 44 at the present impulses. Momentum balance holds by construction (see [`Sweeps::refresh`]), so the residual is that
+    /// of the contacts. Sums are taken in the order of the blocks, whatever the threads.
+    pub fn norms(&self, penalty_scale: f64) -> Norms {
+        let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
+        let parts = team::map(
+            self.threads(),
+            self.blocks.iter().collect(),
+            |block: &Block| {
+                self.instructions.run(residual::NormsOf {
+                    block,
+                    left: chunks[block.left as usize],
+                    right: chunks[block.right as usize],
+                    penalty_scale,
+                })
+            },
+        );
+        let mut sum = residual::Sums::default();
+        for part in &parts {
+            sum.add(part);
+        }
+        let momenta = team::map(self.threads(), chunks, residual::momentum);
+        let momentum = momenta.iter().sum::<f64>().sqrt();
+        Norms {
+            residual: sum.residual.sqrt(),
+            terms: 2.0 * momentum + sum.projected.sqrt() + sum.impulse.sqrt(),
+            closing: sum.closing,
+        }
     }
 
     /// Sweeps until the residual is at most `tolerance` (N s) or `most` sweeps are done; the residual is looked at after every
@@ -234,6 +288,11 @@ impl Sweeps {
         groups * (std::mem::size_of::<kernel::Group>() + impulses) + states
     }
 
+    /// Threads that are worth it for this many contacts.
+    fn threads(&self) -> usize {
+        self.threads.min(self.pairs / PER_THREAD).max(1)
+    }
+
     /// How the problem is cut.
     pub fn shape(&self) -> Shape {
         let filled = |blocks: &[Block]| {
@@ -255,13 +314,14 @@ impl Sweeps {
         count: usize,
         work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync,
     ) {
+        let threads = self.threads();
         let chunks: Vec<_> = self
             .states
             .chunks_mut(self.layout.stride)
             .map(Mutex::new)
             .collect();
         let blocks: Vec<_> = self.blocks.iter_mut().map(Mutex::new).collect();
-        team::run(self.threads, count, &self.layout.stages, |index| {
+        team::run(threads, count, &self.layout.stages, |index| {
             let block = &mut **lock(&blocks[index]);
             let left = &mut **lock(&chunks[block.left as usize]);
             if block.left == block.right {

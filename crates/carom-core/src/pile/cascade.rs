@@ -1,0 +1,356 @@
+//! Impact problems after the first (rule 26): strictly closing contacts alone, which fall apart into little islands.
+//!
+//! A problem looks only at the contacts of spheres that the problem before has moved, so that a cascade costs what it moves. It is
+//! the same sequence as in small islands: all closing contacts of a problem at the same time, then the next problem.
+
+use super::group::{Group, Law};
+use super::velocity::{self, Memory as Velocity};
+use super::{keep, Pile, LEFT};
+use crate::contact::Contact;
+use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
+use crate::model::Model;
+use crate::report::{Level, StepReport};
+use carom_solve::rows::WORLD;
+use carom_solve::spheres::{Body, Goal};
+use glam::DVec3;
+
+/// Memory of a cascade.
+#[derive(Default)]
+pub(super) struct Memory {
+    /// Members at each node, node after node, and where each node's begin.
+    at_node: Vec<u32>,
+    starts: Vec<u32>,
+    /// Round in which a member, a node, was last taken up.
+    seen: Vec<u32>,
+    touched: Vec<u32>,
+    moved: Vec<u32>,
+    next_moved: Vec<u32>,
+    /// Union-find over the nodes of a round, and the local number of a node.
+    parent: Vec<u32>,
+    local: Vec<u32>,
+    order: Vec<(u32, u32)>,
+    group: Group,
+}
+
+impl Memory {
+    fn open(&mut self, velocity: &[velocity::Member], nodes: usize) {
+        self.starts.clear();
+        self.starts.resize(nodes + 1, 0);
+        let ends = |m: &velocity::Member| [m.a, m.b].into_iter().filter(|&n| n != WORLD);
+        for m in velocity {
+            ends(m).for_each(|n| self.starts[n as usize + 1] += 1);
+        }
+        for node in 0..nodes {
+            self.starts[node + 1] += self.starts[node];
+        }
+        self.at_node.clear();
+        self.at_node.resize(self.starts[nodes] as usize, 0);
+        for (slot, m) in velocity.iter().enumerate() {
+            for n in ends(m) {
+                let place = &mut self.starts[n as usize];
+                self.at_node[*place as usize] = slot as u32;
+                *place += 1;
+            }
+        }
+        for node in (1..=nodes).rev() {
+            self.starts[node] = self.starts[node - 1];
+        }
+        self.starts[0] = 0;
+        for v in [&mut self.parent, &mut self.local, &mut self.touched] {
+            v.clear();
+            v.resize(nodes, 0);
+        }
+        self.seen.clear();
+        self.seen.resize(velocity.len(), 0);
+    }
+
+    fn root(&mut self, mut node: u32) -> u32 {
+        while self.parent[node as usize] != node {
+            let up = self.parent[self.parent[node as usize] as usize];
+            self.parent[node as usize] = up;
+            node = up;
+        }
+        node
+    }
+}
+
+impl Pile {
+    /// Problems 2, 3, ... until nothing closes: the number of the last one, and whether nothing closes (otherwise the bound of the
+    /// sequence was reached). Nothing: a problem was not solved.
+    pub(super) fn cascade(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        report: &mut StepReport,
+    ) -> Option<(u32, bool)> {
+        let mut memory = std::mem::take(&mut self.velocity.cascade);
+        let outcome = self.run_cascade(&mut memory, model, contacts, report);
+        self.velocity.cascade = memory;
+        outcome
+    }
+
+    fn run_cascade(
+        &mut self,
+        memory: &mut Memory,
+        model: &Model,
+        contacts: &[Contact],
+        report: &mut StepReport,
+    ) -> Option<(u32, bool)> {
+        let velocity = &mut self.velocity;
+        let closes = |v: &Velocity, slot: u32| {
+            let m = &v.members[slot as usize];
+            v.now(m).dot(m.normal) < -v.tol
+        };
+        let mut chosen: Vec<u32> = (0..velocity.members.len() as u32)
+            .filter(|&slot| closes(velocity, slot))
+            .collect();
+        if chosen.is_empty() {
+            return Some((1, true));
+        }
+        memory.open(&velocity.members, self.bodies.len());
+        for problem in 2..=model.options.max_problems {
+            let before = self
+                .keeper
+                .wants(1)
+                .then(|| self.velocity.state_of(model, &chosen));
+            let pushed = problem_of(
+                memory,
+                &mut self.velocity,
+                &self.bodies,
+                model,
+                &chosen,
+                problem,
+                report,
+            )?;
+            if let Some(before) = before {
+                self.keep_round(model, contacts, problem, &chosen, before);
+            }
+            if !pushed {
+                return Some((problem, false));
+            }
+            // Contacts of moved spheres, each once, in the order of the slots.
+            chosen.clear();
+            for &node in &memory.moved {
+                let range = memory.starts[node as usize] as usize
+                    ..memory.starts[node as usize + 1] as usize;
+                for &slot in &memory.at_node[range] {
+                    if memory.seen[slot as usize] != problem {
+                        memory.seen[slot as usize] = problem;
+                        if closes(&self.velocity, slot) {
+                            chosen.push(slot);
+                        }
+                    }
+                }
+            }
+            if chosen.is_empty() {
+                return Some((problem, true));
+            }
+            chosen.sort_unstable();
+        }
+        Some((model.options.max_problems, false))
+    }
+}
+
+/// Velocities, jumps and impulses before a problem of the cascade, and the measures of its contacts.
+struct Before {
+    motion: Vec<[DVec3; 2]>,
+    jump: Vec<[DVec3; 2]>,
+    impulse: Vec<DVec3>,
+    slip: Vec<DVec3>,
+}
+
+impl Velocity {
+    #[cold]
+    fn state_of(&self, model: &Model, chosen: &[u32]) -> Before {
+        let members = || chosen.iter().map(|&slot| &self.members[slot as usize]);
+        Before {
+            motion: self.velocities(),
+            jump: self.jump.clone(),
+            impulse: members().map(|m| m.impulse).collect(),
+            slip: members()
+                .map(|m| self.measures(model, m, Law::Later, 1.0))
+                .collect(),
+        }
+    }
+}
+
+impl Pile {
+    /// Keeps a problem of the cascade: all its little islands as one. (Restitution that the safeguard scaled is stated unscaled.)
+    #[cold]
+    fn keep_round(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        index: u32,
+        chosen: &[u32],
+        before: Before,
+    ) {
+        let velocity = &self.velocity;
+        let stated: Vec<keep::Stated> = chosen
+            .iter()
+            .zip(before.slip.iter().zip(&before.impulse))
+            .map(|(&slot, (&slip, &impulse))| {
+                let m = &velocity.members[slot as usize];
+                keep::Stated::of(m, slip, m.impulse - impulse)
+            })
+            .collect();
+        let correction: Vec<[f64; 6]> = velocity
+            .jump
+            .iter()
+            .zip(&before.jump)
+            .map(|([v, w], [v0, w0])| {
+                let (v, w) = (*v - *v0, *w - *w0);
+                [v.x, v.y, v.z, w.x, w.y, w.z]
+            })
+            .collect();
+        let at = keep::Place {
+            model,
+            contacts,
+            spheres: &self.spheres,
+            bodies: &self.bodies,
+            level: Level::Velocity,
+            index,
+            report: keep::solved_report(1, 0.0),
+        };
+        keep::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
+    }
+}
+
+/// One problem: little islands of the chosen contacts, each solved alone. Leaves the nodes that moved. False: no impulse at all.
+fn problem_of(
+    memory: &mut Memory,
+    velocity: &mut Velocity,
+    bodies: &[Body],
+    model: &Model,
+    chosen: &[u32],
+    problem: u32,
+    report: &mut StepReport,
+) -> Option<bool> {
+    for &slot in chosen {
+        let m = &velocity.members[slot as usize];
+        for node in [m.a, m.b].into_iter().filter(|&n| n != WORLD) {
+            memory.parent[node as usize] = node;
+        }
+    }
+    for &slot in chosen {
+        let m = &velocity.members[slot as usize];
+        if m.b != WORLD {
+            let (a, b) = (memory.root(m.a), memory.root(m.b));
+            memory.parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut order = std::mem::take(&mut memory.order);
+    order.clear();
+    for &slot in chosen {
+        let root = memory.root(velocity.members[slot as usize].a);
+        order.push((root, slot));
+    }
+    order.sort_unstable();
+    memory.next_moved.clear();
+    let mut pushed = false;
+    for little in order.chunk_by(|x, y| x.0 == y.0) {
+        pushed |= solve_little(memory, velocity, bodies, model, little, problem, report)?;
+    }
+    memory.order = order;
+    std::mem::swap(&mut memory.moved, &mut memory.next_moved);
+    Some(pushed)
+}
+
+/// Solves one little island and adds its impulses. False: it gave none.
+fn solve_little(
+    memory: &mut Memory,
+    velocity: &mut Velocity,
+    bodies: &[Body],
+    model: &Model,
+    little: &[(u32, u32)],
+    problem: u32,
+    report: &mut StepReport,
+) -> Option<bool> {
+    let o = &model.options;
+    let goal = Goal {
+        tolerance: o.tolerance.max(o.pile_tolerance),
+        floor: velocity.floor,
+        // Its share of what the whole pile is judged by.
+        scale: velocity.terms * (little.len() as f64 / velocity.members.len() as f64).sqrt(),
+        closing: LEFT * velocity.tol,
+        penalty_scale: o.penalty_scale,
+        most: 0,
+    };
+    let group = &mut memory.group;
+    group.clear();
+    let first = memory.next_moved.len();
+    for &(_, slot) in little {
+        let m = &velocity.members[slot as usize];
+        for node in [m.a, m.b].into_iter().filter(|&n| n != WORLD) {
+            if memory.touched[node as usize] != problem {
+                memory.touched[node as usize] = problem;
+                memory.local[node as usize] = group.push_node(bodies[node as usize]);
+                memory.next_moved.push(node);
+            }
+        }
+        let local = |node: u32| match node {
+            WORLD => WORLD,
+            node => memory.local[node as usize],
+        };
+        let slip = velocity.measures(model, m, Law::Later, 1.0);
+        group.push_contact(m, (local(m.a), local(m.b)), slip);
+    }
+    let (_, residual, solved) = group.solve(&goal);
+    report.residual_velocity = report.residual_velocity.max(residual);
+    if !solved {
+        return None;
+    }
+    let mut scale = 1.0;
+    let nodes = &memory.next_moved[first..];
+    let gains = |group: &Group, velocity: &Velocity| {
+        let mut done = 0.0;
+        for (k, &(_, slot)) in little.iter().enumerate() {
+            let m = &velocity.members[slot as usize];
+            let before = velocity.now(m);
+            let [n, t] = velocity::work(m, group.impulse(k), before, before + group.change(k));
+            done += n + t;
+        }
+        let kinetic: f64 = nodes
+            .iter()
+            .map(|&node| {
+                let body = &bodies[node as usize];
+                let ([v, w], [jv, jw]) =
+                    (velocity.check[node as usize], velocity.jump[node as usize]);
+                0.5 * ((v + jv).length_squared() / body.inv_mass
+                    + (w + jw).length_squared() / body.inv_inertia)
+            })
+            .sum();
+        done > GAIN_TOLERANCE.max(velocity::GAIN_SHARE * goal.tolerance) * kinetic
+    };
+    if o.energy_safeguard && gains(group, velocity) {
+        let at = |group: &mut Group, scale: f64| {
+            for (k, &(_, slot)) in little.iter().enumerate() {
+                let m = &velocity.members[slot as usize];
+                group.set_slip(k, velocity.measures(model, m, Law::Later, scale));
+            }
+            group.solve(&goal).2
+        };
+        scale = bisect_scale(BISECTIONS, |s| at(group, s) && !gains(group, velocity));
+        if !at(group, scale) {
+            return None;
+        }
+        report.restitution_scale = report.restitution_scale.min(scale);
+    }
+    let mut pushed = false;
+    for (k, &(_, slot)) in little.iter().enumerate() {
+        let m = velocity.members[slot as usize];
+        let before = velocity.now(&m);
+        let r = group.impulse(k);
+        let done = velocity::work(&m, r, before, before + group.change(k));
+        pushed |= r != DVec3::ZERO;
+        let tol = velocity.tol;
+        velocity.members[slot as usize].add(problem, r, before.dot(m.normal), done, scale, tol);
+    }
+    for (local, &node) in nodes.iter().enumerate() {
+        let [v, w] = group.correction(local as u32);
+        let jump = &mut velocity.jump[node as usize];
+        jump[0] += v;
+        jump[1] += w;
+    }
+    Some(pushed)
+}

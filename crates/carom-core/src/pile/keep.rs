@@ -1,0 +1,162 @@
+//! Problems of piles as data, on request (`carom_core::problem`).
+
+use super::record;
+use super::velocity::{Member, Memory};
+use super::Pile;
+use crate::contact::{Contact, Rows};
+use crate::model::Model;
+use crate::problem::{Keeper, Solve};
+use crate::report::Level;
+use carom_solve::rows::{RowSystem, NODE_DOF};
+use carom_solve::spheres::Body;
+use carom_solve::SolveReport;
+use glam::DVec3;
+
+/// A contact as it was solved: normal, nodes, measures at `u = 0` and impulse.
+pub struct Stated {
+    pub contact: u32,
+    pub nodes: (u32, u32),
+    pub normal: DVec3,
+    pub slip: DVec3,
+    pub impulse: DVec3,
+}
+
+/// Where a problem stands.
+pub struct Place<'a> {
+    pub model: &'a Model,
+    pub contacts: &'a [Contact],
+    pub spheres: &'a [u32],
+    pub bodies: &'a [Body],
+    pub level: Level,
+    pub index: u32,
+    pub report: SolveReport,
+}
+
+/// Hands a problem to the keeper: its rows in the frames at the normals, `correction` and `motion` of each node.
+pub fn keep(
+    keeper: &mut Keeper,
+    at: &Place,
+    stated: &[Stated],
+    correction: &[[f64; NODE_DOF]],
+    motion: &[[DVec3; 2]],
+) {
+    let mut system = RowSystem::default();
+    for body in at.bodies {
+        system.push_node(1.0 / body.inv_mass, 1.0 / body.inv_inertia, body.radius);
+    }
+    let mut rows = Rows::default();
+    let (mut multiplier, mut contacts) = (Vec::new(), Vec::with_capacity(stated.len()));
+    for s in stated {
+        let mut c = at.contacts[s.contact as usize];
+        record::turn_frame(&mut c, s.normal);
+        c.n0 = s.normal;
+        let dim = c.rows(at.model, s.normal, &mut rows);
+        let z0 = record::packed(&c, s.normal, s.slip);
+        let r = record::packed(&c, s.normal, s.impulse);
+        multiplier.extend_from_slice(&r[..dim]);
+        system.push_contact(
+            s.nodes.0,
+            s.nodes.1,
+            c.bounds,
+            c.length,
+            s.normal.to_array(),
+            &rows[..dim],
+            &z0[..dim],
+        );
+        contacts.push(c);
+    }
+    let correction = correction.concat();
+    let mut measures = vec![0.0; system.rows()];
+    system.linear_measures(&correction, &mut measures);
+    let motion: Vec<f64> = motion
+        .iter()
+        .flat_map(|[v, w]| [v.x, v.y, v.z, w.x, w.y, w.z])
+        .collect();
+    let members: Vec<u32> = (0..stated.len() as u32).collect();
+    keeper.keep(&Solve {
+        model: at.model,
+        contacts: &contacts,
+        members: &members,
+        spheres: at.spheres,
+        system: &system,
+        measures: &measures,
+        multiplier: &multiplier,
+        correction: &correction,
+        motion: &motion,
+        level: at.level,
+        index: at.index,
+        report: at.report,
+        worst: 0,
+    });
+}
+
+impl Stated {
+    pub fn of(m: &Member, slip: DVec3, impulse: DVec3) -> Self {
+        Self {
+            contact: m.contact,
+            nodes: (m.a, m.b),
+            normal: m.normal,
+            slip,
+            impulse,
+        }
+    }
+}
+
+impl Pile {
+    /// Keeps a velocity problem that has been solved and not yet been added, if it is wanted.
+    pub(super) fn keep_velocity(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        index: u32,
+        sweeps: u32,
+        residual: f64,
+    ) {
+        if !self.keeper.wants(sweeps) {
+            return;
+        }
+        let memory = &self.velocity;
+        let solved = self.contacts.iter().zip(self.sweeps.impulses());
+        let stated: Vec<Stated> = memory
+            .chosen
+            .iter()
+            .zip(solved)
+            .map(|(&slot, (c, r))| {
+                let m = &memory.members[slot as usize];
+                Stated::of(m, DVec3::from(c.slip), DVec3::from(r))
+            })
+            .collect();
+        let at = Place {
+            model,
+            contacts,
+            spheres: &self.spheres,
+            bodies: &self.bodies,
+            level: Level::Velocity,
+            index,
+            report: solved_report(sweeps, residual),
+        };
+        let motion = memory.velocities();
+        let correction = self.sweeps.velocities();
+        keep(&mut self.keeper, &at, &stated, &correction, &motion);
+    }
+}
+
+/// A solve that reached its goal.
+pub fn solved_report(sweeps: u32, residual: f64) -> SolveReport {
+    SolveReport {
+        converged: true,
+        iterations: sweeps,
+        residual,
+        ..SolveReport::default()
+    }
+}
+
+impl Memory {
+    /// `v_check + jump` of each node.
+    pub fn velocities(&self) -> Vec<[DVec3; 2]> {
+        let pairs = self.check.iter().zip(&self.jump);
+        pairs
+            .map(|([v, w], [jv, jw])| [*v + *jv, *w + *jw])
+            .collect()
+    }
+}

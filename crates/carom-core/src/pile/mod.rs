@@ -1,0 +1,158 @@
+//! Islands of many contacts: both levels by sweeps over spheres without matrices, started from the impulses of the last step.
+//!
+//! The law is that of the small islands (`level`, `impact`); decision record 016 says what differs: one frame per contact, at the
+//! normal of the end of the step, so that [`carom_solve::spheres`] applies; a tolerance of piles; impact problems after the first
+//! are solved where something closes and nowhere else (`cascade`). What does not converge here goes to the solvers of the small
+//! islands, and is counted.
+
+mod cascade;
+mod group;
+mod keep;
+mod position;
+mod record;
+mod velocity;
+mod warm;
+
+pub use position::solve_positions;
+pub use velocity::solve_velocities;
+
+use crate::contact::Contact;
+use crate::islands::Island;
+use crate::model::Model;
+use crate::options::{Impact, Solver};
+use crate::problem::Keeper;
+use carom_solve::rows::WORLD;
+use carom_solve::spheres::{self, Body, Place, Progress, Sweeps};
+
+/// Contact updates that one solve may cost at least and at most, and sweeps at least: the budget beyond which other solvers may try.
+const SWEEPS: usize = 4_000;
+const LEAST_UPDATES: usize = 2_000_000;
+/// Islands of more contacts than this have no other solver: they may take more sweeps.
+const ALONE: usize = 20_000;
+/// From this many spheres on neighbours in space are made neighbours in memory.
+const SORTED: usize = 2_000;
+/// Tolerance of piles from which on every island without dense matrix is swept.
+const COARSE: f64 = 1e-5;
+/// Share of the closing tolerance that solvers may leave.
+const LEFT: f64 = 0.5;
+
+/// Memory of the pile solver.
+pub struct Pile {
+    sweeps: Sweeps,
+    bodies: Vec<Body>,
+    places: Vec<Place>,
+    contacts: Vec<spheres::Contact>,
+    /// Spheres of the nodes.
+    spheres: Vec<u32>,
+    /// Impulses that a solve starts from.
+    start: Vec<[f64; 3]>,
+    velocity: velocity::Memory,
+    /// That of the step, while an island is solved.
+    keeper: Keeper,
+}
+
+impl Pile {
+    pub fn new() -> Pile {
+        Pile {
+            sweeps: Sweeps::empty(),
+            bodies: Vec::new(),
+            places: Vec::new(),
+            contacts: Vec::new(),
+            spheres: Vec::new(),
+            start: Vec::new(),
+            velocity: velocity::Memory::default(),
+            keeper: Keeper::default(),
+        }
+    }
+
+    /// Nodes for the spheres of an island, in order of first use; `node_of` is valid for these spheres afterwards.
+    fn begin(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        members: &[u32],
+        node_of: &mut [u32],
+        position: &[glam::DVec3],
+    ) {
+        self.spheres.clear();
+        self.bodies.clear();
+        self.places.clear();
+        self.sweeps.threads = model.options.threads as usize;
+        for &m in members {
+            let c = &contacts[m as usize];
+            for body in [c.a, c.b] {
+                let i = body as usize;
+                if i >= model.spheres() || self.spheres.get(node_of[i] as usize) == Some(&body) {
+                    continue;
+                }
+                node_of[i] = self.spheres.len() as u32;
+                self.spheres.push(body);
+                self.bodies.push(Body {
+                    inv_mass: model.inv_mass[i],
+                    inv_inertia: model.inv_inertia[i],
+                    radius: model.radius[i],
+                });
+                self.places.push(position[i].to_array());
+            }
+        }
+    }
+
+    fn mean(&self, f: impl Fn(usize) -> f64) -> f64 {
+        let sum: f64 = self.spheres.iter().map(|&i| f(i as usize)).sum();
+        sum / self.spheres.len() as f64
+    }
+}
+
+impl Default for Pile {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Whether an island is solved here.
+pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
+    let o = &model.options;
+    // Sweeps converge linearly: the coarser the tolerance, the smaller the islands in which they are the faster ones.
+    let least = if o.pile_tolerance >= COARSE {
+        o.pile_contacts.min(o.dense_contacts)
+    } else {
+        o.pile_contacts
+    };
+    island.contacts.len() > least as usize
+        && island.is_free()
+        && o.solver == Solver::Auto
+        && o.impact != Impact::SequencePaper
+        && island.contacts.iter().all(|&m| {
+            let b = &contacts[m as usize].bounds;
+            b.rolling == 0.0 && b.spinning == 0.0
+        })
+}
+
+/// Sweeps that one solve of `contacts` contacts may take.
+fn budget(contacts: usize) -> usize {
+    let sweeps = SWEEPS.max(LEAST_UPDATES / contacts.max(1));
+    if contacts > ALONE {
+        4 * sweeps
+    } else {
+        sweeps.min(16 * SWEEPS)
+    }
+}
+
+/// The node of a body; the world for walls.
+fn node(model: &Model, node_of: &[u32], body: u32) -> u32 {
+    if (body as usize) < model.spheres() {
+        node_of[body as usize]
+    } else {
+        WORLD
+    }
+}
+
+/// What sweeps tell, as the other solvers report it.
+fn told(progress: &Progress, rounds: u32) -> carom_solve::SolveReport {
+    carom_solve::SolveReport {
+        converged: progress.converged,
+        iterations: rounds,
+        residual: progress.residual,
+        ..Default::default()
+    }
+}

@@ -1,0 +1,255 @@
+//! Position sub-problem of a pile (eqs. 1c-e, 14, 21): linear problems of spheres, one after the other, each at the positions
+//! that the last one led to.
+
+use super::{budget, keep, node, told, warm::Cursor, Pile};
+use crate::contact::Contact;
+use crate::islands::Island;
+use crate::level::position::proximity;
+use crate::level::position_floor;
+use crate::level::velocity::MANY;
+use crate::model::Model;
+use crate::report::{Level, StepReport};
+use crate::scratch::Scratch;
+use crate::state::State;
+use crate::stepper::generalized_alpha::Prediction;
+use crate::stepper::Span;
+use carom_geom::tangent_frame;
+use carom_solve::rows::WORLD;
+use carom_solve::spheres::{self, Goal};
+use glam::DVec3;
+
+/// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
+/// sideways.
+const SWEEPS_PER_LINEARISATION: usize = 100;
+/// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
+const LINEAR_SHARE: f64 = 0.8;
+
+/// Solves one island; writes `shift` of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
+pub fn solve_positions(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    island: Island,
+    span: Span,
+    report: &mut StepReport,
+) -> bool {
+    let mut pile = std::mem::take(&mut scratch.pile);
+    let solved = solve(&mut pile, model, state, scratch, island, span, report);
+    scratch.pile = pile;
+    solved
+}
+
+fn solve(
+    pile: &mut Pile,
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    island: Island,
+    span: Span,
+    report: &mut StepReport,
+) -> bool {
+    let Scratch {
+        contacts,
+        position,
+        linear,
+        angular,
+        shift,
+        solve,
+        keeper,
+        ..
+    } = scratch;
+    let members = island.contacts;
+    pile.begin(model, contacts, members, &mut solve.node_of, position);
+    let node_of = &solve.node_of;
+    let o = &model.options;
+    let ratio = (span.h / state.warm_step).powi(2);
+    let mut cursor = Cursor::new(&state.warm);
+    pile.start.clear();
+    pile.start.extend(members.iter().map(|&m| {
+        let c = &contacts[m as usize];
+        let warm = cursor.find((c.a, c.b));
+        warm.map_or([0.0; 3], |w| (ratio * w.position).to_array())
+    }));
+    // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
+    let at = Linearisation {
+        model,
+        contacts,
+        members,
+        node_of,
+        position,
+        linear,
+        angular,
+    };
+    at.write(None, &mut pile.contacts);
+    let threads = pile.sweeps.threads;
+    let places = (pile.places.len() >= super::SORTED).then_some(&pile.places[..]);
+    if pile
+        .sweeps
+        .renew(&pile.bodies, &pile.contacts, places)
+        .is_err()
+    {
+        return false;
+    }
+    pile.sweeps.threads = threads;
+    pile.sweeps.warm_start(&pile.start);
+    let share = position_floor(o, members.len());
+    let smallest = pile
+        .spheres
+        .iter()
+        .map(|&i| model.radius[i as usize])
+        .fold(f64::INFINITY, f64::min);
+    let tolerance = o.tolerance.max(o.pile_tolerance);
+    let goal = Goal {
+        tolerance,
+        floor: pile.mean(|i| model.mass[i] * share * model.radius[i]),
+        scale: 0.0,
+        closing: overlap(tolerance, members.len()) * smallest,
+        penalty_scale: o.penalty_scale,
+        most: budget(members.len()),
+    };
+    let strict = Goal {
+        tolerance: LINEAR_SHARE * goal.tolerance,
+        floor: LINEAR_SHARE * goal.floor,
+        closing: LINEAR_SHARE * goal.closing,
+        ..goal
+    };
+    let (mut sweeps, mut round) = (0, 0);
+    let mut done = None;
+    while sweeps < goal.most {
+        round += 1;
+        let linear_problem = pile.sweeps.settle(&Goal {
+            most: SWEEPS_PER_LINEARISATION.min(goal.most - sweeps),
+            ..strict
+        });
+        sweeps += linear_problem.sweeps.max(1);
+        at.write(Some(&pile.sweeps.velocities()), &mut pile.contacts);
+        if pile.sweeps.set_contacts(&pile.contacts).is_err() {
+            break;
+        }
+        let now = pile.sweeps.judge(&goal);
+        if now.converged {
+            done = Some(told(&now, round));
+            break;
+        }
+    }
+    report.sweeps_position = report.sweeps_position.max(sweeps as u32);
+    let Some(told) = done else {
+        return false;
+    };
+    report.add_position(&told);
+    let velocities = pile.sweeps.velocities();
+    for (&i, u) in pile.spheres.iter().zip(&velocities) {
+        shift[i as usize] = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
+    }
+    let impulses = pile.sweeps.impulses();
+    if keeper.wants(sweeps as u32) {
+        let stated: Vec<keep::Stated> = members
+            .iter()
+            .zip(impulses.iter().zip(&pile.contacts))
+            .map(|(&contact, (r, z))| keep::Stated {
+                contact,
+                nodes: (z.a, z.b),
+                normal: DVec3::from(z.normal),
+                slip: DVec3::from(z.slip),
+                impulse: DVec3::from(*r),
+            })
+            .collect();
+        let motion: Vec<[DVec3; 2]> = pile
+            .spheres
+            .iter()
+            .map(|&i| {
+                [
+                    linear[i as usize].displacement,
+                    angular[i as usize].displacement,
+                ]
+            })
+            .collect();
+        let at = keep::Place {
+            model,
+            contacts,
+            spheres: &pile.spheres,
+            bodies: &pile.bodies,
+            level: Level::Position,
+            index: 0,
+            report: keep::solved_report(sweeps as u32, told.residual),
+        };
+        keep::keep(keeper, &at, &stated, &velocities, &motion);
+    }
+    for ((&m, r), z) in members.iter().zip(&impulses).zip(&pile.contacts) {
+        let c = &mut contacts[m as usize];
+        (c.t1, c.t2) = tangent_frame(DVec3::from(z.normal));
+        c.nu = super::record::packed(c, DVec3::from(z.normal), DVec3::from(*r));
+    }
+    true
+}
+
+/// Overlap over the smallest radius that may be left. Islands of up to 100 contacts are asked for more.
+fn overlap(tolerance: f64, contacts: usize) -> f64 {
+    if contacts > MANY {
+        0.5 * tolerance
+    } else {
+        5e-3 * tolerance
+    }
+}
+
+/// Position measures of an island, to be linearised.
+struct Linearisation<'a> {
+    model: &'a Model,
+    contacts: &'a [Contact],
+    members: &'a [u32],
+    node_of: &'a [u32],
+    position: &'a [DVec3],
+    linear: &'a [Prediction],
+    angular: &'a [Prediction],
+}
+
+impl Linearisation<'_> {
+    /// Contacts with gaps and normals at the corrections `u` (at 0 without), as measures at `u = 0`.
+    fn write(&self, u: Option<&[[f64; 6]]>, out: &mut Vec<spheres::Contact>) {
+        out.clear();
+        out.extend(self.members.iter().map(|&m| {
+            let c = &self.contacts[m as usize];
+            let [a, b] = [c.a, c.b].map(|body| node(self.model, self.node_of, body));
+            let moved = |node: u32| match u {
+                Some(u) if node != WORLD => {
+                    let u = &u[node as usize];
+                    DVec3::new(u[0], u[1], u[2])
+                }
+                _ => DVec3::ZERO,
+            };
+            let (ua, ub) = (moved(a), moved(b));
+            let at = |body: u32, u: DVec3| match self.position.get(body as usize) {
+                Some(x) => *x + u,
+                None => DVec3::ZERO,
+            };
+            let p = proximity(self.model, c, at(c.a, ua), at(c.b, ub));
+            let n = p.normal;
+            let slide = self.slide(c);
+            let slip = (p.gap - n.dot(ua - ub)) * n + slide - n.dot(slide) * n;
+            spheres::Contact {
+                a,
+                b,
+                normal: n.to_array(),
+                slip: slip.to_array(),
+                friction: c.bounds.sliding,
+            }
+        }));
+    }
+
+    /// Tangential increment over the smooth step (eq. 37) in the plane of t_n.
+    fn slide(&self, c: &Contact) -> DVec3 {
+        let part = |body: u32| match self.linear.get(body as usize) {
+            Some(p) => {
+                let i = body as usize;
+                (
+                    p.displacement,
+                    self.model.radius[i] * self.angular[i].displacement,
+                )
+            }
+            None => (DVec3::ZERO, DVec3::ZERO),
+        };
+        let ((xa, sa), (xb, sb)) = (part(c.a), part(c.b));
+        let d = xa - xb + c.n0.cross(sa + sb);
+        d - c.n0.dot(d) * c.n0
+    }
+}

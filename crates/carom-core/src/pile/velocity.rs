@@ -1,0 +1,704 @@
+//! Velocity sub-problem of a pile (eqs. 1f-h): loads first, then the contacts that close together with what the loads press
+//! (rule R2), then whatever closes, where it closes (`cascade`).
+
+use super::group::Law;
+use super::{budget, node, record, warm::Cursor, Pile, LEFT};
+use crate::contact::Contact;
+use crate::impact::GAIN_TOLERANCE;
+use crate::islands::Island;
+use crate::level::velocity::Speeds;
+use crate::model::Model;
+use crate::options::Impact;
+use crate::report::StepReport;
+use crate::scratch::{ImpactRecord, Scratch};
+use crate::state::{State, Warm};
+use crate::stepper::Span;
+use carom_solve::rows::WORLD;
+use carom_solve::spheres::{self, Goal, Progress};
+use carom_solve::Status;
+use glam::DVec3;
+
+/// Bisections of the restitution scale in problems of the whole pile, and in little ones.
+const BISECTIONS: u32 = 6;
+/// An impact problem gains energy if its work exceeds this share of the solver's tolerance, of the kinetic energy: an inexact
+/// solution does a little work.
+pub(super) const GAIN_SHARE: f64 = 1e-2;
+
+/// A closed contact of the pile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Member {
+    /// Index among the contacts of the step.
+    pub contact: u32,
+    pub a: u32,
+    pub b: u32,
+    pub normal: DVec3,
+    /// Lever arms, m.
+    pub arms: [f64; 2],
+    pub friction: f64,
+    pub restitution: f64,
+    pub tangential: f64,
+    /// Impulse on A of all problems so far, and of the loads alone.
+    pub impulse: DVec3,
+    pub load: DVec3,
+    /// Work normal and across, J.
+    pub work: [f64; 2],
+    /// First impact problem in which it closed, 0: none; normal velocity before; impulse of impacts; least restitution scale.
+    pub problem: u32,
+    pub approach: f64,
+    pub hit: DVec3,
+    pub scale: f64,
+}
+
+/// Nodes and contacts at the velocity level. Velocities are (linear, angular) pairs.
+#[derive(Default)]
+pub(super) struct Memory {
+    pub members: Vec<Member>,
+    pub check: Vec<[DVec3; 2]>,
+    pub old: Vec<[DVec3; 2]>,
+    pub jump: Vec<[DVec3; 2]>,
+    /// Jump of the loads alone.
+    pub offset: Vec<[DVec3; 2]>,
+    pub chosen: Vec<u32>,
+    pub tol: f64,
+    pub floor: f64,
+    /// Terms of eq. 44 of what is solved already in this step.
+    pub terms: f64,
+    pub cascade: super::cascade::Memory,
+    group: Vec<u32>,
+}
+
+impl Memory {
+    /// Relative velocity of a contact's surfaces, of A against B.
+    pub fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
+        let [la, wa] = v[m.a as usize];
+        let (mut d, mut spin) = (la, m.arms[0] * wa);
+        if m.b != WORLD {
+            let [lb, wb] = v[m.b as usize];
+            d -= lb;
+            spin += m.arms[1] * wb;
+        }
+        d + m.normal.cross(spin)
+    }
+
+    /// The same at `v_check + jump`.
+    pub fn now(&self, m: &Member) -> DVec3 {
+        Self::relative(m, &self.check) + Self::relative(m, &self.jump)
+    }
+
+    /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27), restitution scaled.
+    pub fn measures(&self, model: &Model, m: &Member, law: Law, scale: f64) -> DVec3 {
+        let z = self.now(m);
+        if law == Law::Plastic {
+            return z;
+        }
+        let mut minus = Self::relative(m, &self.old);
+        if law == Law::Later {
+            minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
+        }
+        let approach = minus.dot(m.normal);
+        let e_n = if -approach < model.options.restitution_threshold {
+            0.0
+        } else {
+            m.restitution
+        };
+        let mut z = z + scale * e_n * approach.min(0.0) * m.normal;
+        if m.tangential != 0.0 && approach < -self.tol {
+            z += scale * m.tangential * (minus - approach * m.normal);
+        }
+        z
+    }
+
+    /// Terms of eq. 44 of all impulses so far.
+    fn total(&self, bodies: &[spheres::Body]) -> f64 {
+        let impulses: f64 = self
+            .members
+            .iter()
+            .map(|m| m.impulse.length_squared())
+            .sum();
+        let momenta: f64 = self
+            .jump
+            .iter()
+            .zip(bodies)
+            .map(|([v, w], b)| {
+                v.length_squared() / b.inv_mass.powi(2)
+                    + w.length_squared() / (b.inv_inertia * b.radius).powi(2)
+            })
+            .sum();
+        2.0 * (impulses.sqrt() + momenta.sqrt())
+    }
+
+    /// Adds an impulse on A to the jump.
+    pub fn push(bodies: &[spheres::Body], m: &Member, r: DVec3, jump: &mut [[DVec3; 2]]) {
+        let turn = m.normal.cross(r);
+        let mut add = |node: u32, sign: f64, arm: f64| {
+            let (body, at) = (&bodies[node as usize], &mut jump[node as usize]);
+            at[0] += sign * body.inv_mass * r;
+            at[1] -= body.inv_inertia * arm * turn;
+        };
+        add(m.a, 1.0, m.arms[0]);
+        if m.b != WORLD {
+            add(m.b, -1.0, m.arms[1]);
+        }
+    }
+}
+
+/// Solves one island; writes `jump` of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.
+pub fn solve_velocities(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    island: Island,
+    span: Span,
+    report: &mut StepReport,
+) -> bool {
+    let mut pile = std::mem::take(&mut scratch.pile);
+    pile.keeper = std::mem::take(&mut scratch.keeper);
+    let solved = pile.impacts(model, state, scratch, island, span, report);
+    scratch.keeper = std::mem::take(&mut pile.keeper);
+    scratch.pile = pile;
+    solved
+}
+
+impl Pile {
+    fn impacts(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &mut Scratch,
+        island: Island,
+        span: Span,
+        report: &mut StepReport,
+    ) -> bool {
+        self.open(model, state, scratch, island, span);
+        if self.velocity.tol == 0.0 {
+            return true;
+        }
+        let mut own = StepReport {
+            restitution_scale: 1.0,
+            ..StepReport::default()
+        };
+        let problems = match model.options.impact {
+            Impact::OneShot => self.one_shot(model, scratch, &mut own),
+            _ => self.sequence(model, state, scratch, island, span, &mut own),
+        };
+        let Some(problems) = problems else {
+            return false;
+        };
+        report.impact_problems = report.impact_problems.max(problems);
+        report.iterations_velocity = report.iterations_velocity.max(1);
+        report.residual_velocity = report.residual_velocity.max(own.residual_velocity);
+        report.sweeps_velocity = report.sweeps_velocity.max(own.sweeps_velocity);
+        report.restitution_scale = report.restitution_scale.min(own.restitution_scale);
+        report.truncated += own.truncated;
+        report.fallbacks += own.fallbacks;
+        self.close(model, scratch, report);
+        true
+    }
+
+    /// Collects the island.
+    fn open(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &mut Scratch,
+        island: Island,
+        span: Span,
+    ) {
+        let Scratch {
+            contacts,
+            position,
+            linear,
+            angular,
+            solve,
+            ..
+        } = scratch;
+        self.begin(
+            model,
+            contacts,
+            island.contacts,
+            &mut solve.node_of,
+            position,
+        );
+        let memory = &mut self.velocity;
+        memory.members.clear();
+        memory.members.extend(island.contacts.iter().map(|&index| {
+            let c = &contacts[index as usize];
+            let law = c.law(model);
+            Member {
+                contact: index,
+                a: node(model, &solve.node_of, c.a),
+                b: node(model, &solve.node_of, c.b),
+                normal: c.n1,
+                arms: [model.radius[c.a as usize], c.radius_b(model)],
+                friction: c.bounds.sliding,
+                restitution: law.restitution,
+                tangential: law.tangential_restitution,
+                impulse: DVec3::ZERO,
+                load: DVec3::ZERO,
+                work: [0.0; 2],
+                problem: 0,
+                approach: 0.0,
+                hit: DVec3::ZERO,
+                scale: 1.0,
+            }
+        }));
+        let nodes = self.spheres.len();
+        for v in [&mut memory.check, &mut memory.old] {
+            v.clear();
+        }
+        for v in [&mut memory.jump, &mut memory.offset] {
+            v.clear();
+            v.resize(nodes, [DVec3::ZERO; 2]);
+        }
+        let mut speeds = Speeds::default();
+        for &body in &self.spheres {
+            let i = body as usize;
+            memory.check.push([linear[i].velocity, angular[i].velocity]);
+            memory
+                .old
+                .push([state.velocity[i], state.angular_velocity[i]]);
+            speeds.add(model, state, linear[i].velocity, i);
+        }
+        let o = &model.options;
+        memory.terms = 0.0;
+        memory.tol = speeds.closing_tolerance(o, memory.members.len());
+        let share = o.touching_tolerance / span.h;
+        let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
+        let mass = self.mean(|i| model.mass[i]);
+        let speed = speeds.speed.max(speeds.load);
+        self.velocity.floor = floor.max(o.tolerance_floor * mass * speed);
+    }
+
+    /// Rule R2. The number of problems, or nothing if one was not solved.
+    fn sequence(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &Scratch,
+        island: Island,
+        span: Span,
+        report: &mut StepReport,
+    ) -> Option<u32> {
+        let mut problems = 0;
+        let memory = &mut self.velocity;
+        let tol = memory.tol;
+        let resting: Vec<bool> = memory
+            .members
+            .iter()
+            .map(|m| Memory::relative(m, &memory.old).dot(m.normal) >= -tol)
+            .collect();
+        let loaded: Vec<bool> = memory
+            .members
+            .iter()
+            .zip(&resting)
+            .map(|(m, &resting)| resting && memory.now(m).dot(m.normal) < -tol)
+            .collect();
+        // Stage 0: the load of this step on contacts that were not approaching, without restitution.
+        if loaded.contains(&true) {
+            problems += 1;
+            memory.choose(|slot, _| resting[slot]);
+            let ratio = span.h / state.warm_step;
+            let mut cursor = Cursor::new(&state.warm);
+            self.start.clear();
+            let members = &self.velocity.members;
+            self.start.extend(self.velocity.chosen.iter().map(|&slot| {
+                let c = &scratch.contacts[members[slot as usize].contact as usize];
+                let warm = cursor.find((c.a, c.b));
+                warm.map_or([0.0; 3], |w| (ratio * w.impulse).to_array())
+            }));
+            debug_assert_eq!(island.contacts.len(), members.len());
+            self.solve_chosen(model, &scratch.contacts, Law::Plastic, 0, report)?;
+            let memory = &mut self.velocity;
+            for &slot in &memory.chosen {
+                let member = &mut memory.members[slot as usize];
+                member.load = member.impulse;
+            }
+            memory.offset.clone_from(&memory.jump);
+        }
+        // Stage 1: what closes now, together with the resting contacts that the load closes.
+        let memory = &mut self.velocity;
+        let closing: Vec<bool> = memory
+            .members
+            .iter()
+            .map(|m| memory.now(m).dot(m.normal) < -tol)
+            .collect();
+        if !closing.contains(&true) {
+            return Some(problems);
+        }
+        problems += 1;
+        memory.choose(|slot, _| closing[slot] || loaded[slot]);
+        self.drop_chosen();
+        let memory = &mut self.velocity;
+        self.start.clear();
+        self.start.extend(
+            memory
+                .chosen
+                .iter()
+                .map(|&slot| memory.members[slot as usize].load.to_array()),
+        );
+        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
+        // Later problems, where something closes.
+        let (last, done) = self.cascade(model, &scratch.contacts, report)?;
+        problems += last - 1;
+        if done {
+            return Some(problems);
+        }
+        report.truncated += 1;
+        self.velocity.choose(|_, _| true);
+        self.start.clear();
+        self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
+        self.solve_chosen(model, &scratch.contacts, Law::Plastic, last + 1, report)?;
+        Some(problems + 1)
+    }
+
+    /// Newton's law on all closed contacts at once.
+    fn one_shot(
+        &mut self,
+        model: &Model,
+        scratch: &Scratch,
+        report: &mut StepReport,
+    ) -> Option<u32> {
+        self.velocity.choose(|_, _| true);
+        self.start.clear();
+        self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
+        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
+        Some(1)
+    }
+
+    /// Forgets the impulses of the chosen contacts; the kept ones' work is restated.
+    fn drop_chosen(&mut self) {
+        let memory = &mut self.velocity;
+        for &slot in &memory.chosen {
+            memory.members[slot as usize].impulse = DVec3::ZERO;
+        }
+        memory.jump.fill([DVec3::ZERO; 2]);
+        for m in &memory.members {
+            if m.impulse != DVec3::ZERO {
+                Memory::push(&self.bodies, m, m.impulse, &mut memory.jump);
+            }
+        }
+        for slot in 0..memory.members.len() {
+            let m = memory.members[slot];
+            let before = Memory::relative(&m, &memory.check);
+            let work = work(&m, m.impulse, before, memory.now(&m));
+            memory.members[slot].work = work;
+        }
+    }
+
+    /// Solves the chosen contacts from `start` with all present impulses fixed and adds the new ones.
+    fn solve_chosen(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        law: Law,
+        problem: u32,
+        report: &mut StepReport,
+    ) -> Option<()> {
+        let scale = vec![1.0; self.velocity.chosen.len()];
+        self.write(model, law, &scale);
+        let places = (self.places.len() >= super::SORTED).then_some(&self.places[..]);
+        self.sweeps
+            .renew(&self.bodies, &self.contacts, places)
+            .ok()?;
+        self.sweeps.warm_start(&self.start);
+        let o = &model.options;
+        let goal = Goal {
+            tolerance: o.tolerance.max(o.pile_tolerance),
+            floor: self.velocity.floor,
+            scale: self.velocity.terms,
+            closing: LEFT * self.velocity.tol,
+            penalty_scale: o.penalty_scale,
+            most: budget(self.contacts.len()),
+        };
+        let mut progress = self.settle(&goal, report)?;
+        let scale = if law == Law::First && o.energy_safeguard {
+            self.safeguard(model, law, scale, &goal, &mut progress, report)?
+        } else {
+            scale
+        };
+        let (sweeps, residual) = (progress.sweeps as u32, progress.residual);
+        self.keep_velocity(model, contacts, problem, sweeps, residual);
+        self.commit(problem, &scale);
+        Some(())
+    }
+
+    fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Option<Progress> {
+        let progress = self.sweeps.settle(goal);
+        report.sweeps_velocity += progress.sweeps as u32;
+        report.residual_velocity = report.residual_velocity.max(progress.residual);
+        progress.converged.then_some(progress)
+    }
+
+    /// The chosen contacts as spheres.
+    fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
+        let memory = &self.velocity;
+        self.contacts.clear();
+        self.contacts
+            .extend(memory.chosen.iter().zip(scale).map(|(&slot, &scale)| {
+                let m = &memory.members[slot as usize];
+                spheres::Contact {
+                    a: m.a,
+                    b: m.b,
+                    normal: m.normal.to_array(),
+                    slip: memory.measures(model, m, law, scale).to_array(),
+                    friction: m.friction,
+                }
+            }));
+    }
+
+    /// Rule R4: scales restitution in groups of contacts with impulse whose work is positive. All such groups are bisected at once,
+    /// each trial one solve from where the last one ended.
+    fn safeguard(
+        &mut self,
+        model: &Model,
+        law: Law,
+        scale: Vec<f64>,
+        goal: &Goal,
+        progress: &mut Progress,
+        report: &mut StepReport,
+    ) -> Option<Vec<f64>> {
+        let groups = self.gaining(goal);
+        if groups.is_empty() {
+            return Some(scale);
+        }
+        // Groups as they were found: what wakes between them joins none.
+        let member_of = self.velocity.group.clone();
+        let mut bounds: std::collections::BTreeMap<u32, [f64; 2]> =
+            groups.iter().map(|&g| (g, [0.0, 1.0])).collect();
+        let factor = |bounds: &std::collections::BTreeMap<u32, [f64; 2]>,
+                      at: fn(&[f64; 2]) -> f64| {
+            member_of
+                .iter()
+                .map(|g| bounds.get(g).map_or(1.0, at))
+                .collect::<Vec<f64>>()
+        };
+        for _ in 0..BISECTIONS {
+            let trial = factor(&bounds, |b| 0.5 * (b[0] + b[1]));
+            self.write(model, law, &trial);
+            self.sweeps.set_contacts(&self.contacts).ok()?;
+            self.settle(goal, report)?;
+            let gaining = self.gains_by(&member_of, goal);
+            for (group, [low, high]) in &mut bounds {
+                let middle = 0.5 * (*low + *high);
+                if gaining.binary_search(group).is_ok() {
+                    *high = middle;
+                } else {
+                    *low = middle;
+                }
+            }
+        }
+        let found = factor(&bounds, |b| b[0]);
+        self.write(model, law, &found);
+        self.sweeps.set_contacts(&self.contacts).ok()?;
+        *progress = self.settle(goal, report)?;
+        let least = found.iter().copied().fold(1.0, f64::min);
+        report.restitution_scale = report.restitution_scale.min(least);
+        Some(found)
+    }
+
+    /// Groups of chosen contacts joined by spheres and impulses, whose problem gains energy; ascending.
+    fn gaining(&mut self, goal: &Goal) -> Vec<u32> {
+        let impulses = self.sweeps.impulses();
+        let mut parent: Vec<u32> = (0..self.bodies.len() as u32).collect();
+        let root = |parent: &mut Vec<u32>, mut i: u32| {
+            while parent[i as usize] != i {
+                parent[i as usize] = parent[parent[i as usize] as usize];
+                i = parent[i as usize];
+            }
+            i
+        };
+        let memory = &mut self.velocity;
+        for (&slot, r) in memory.chosen.iter().zip(&impulses) {
+            let m = &memory.members[slot as usize];
+            if m.b != WORLD && *r != [0.0; 3] {
+                let (a, b) = (root(&mut parent, m.a), root(&mut parent, m.b));
+                parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+        memory.group.clear();
+        for (&slot, r) in memory.chosen.iter().zip(&impulses) {
+            let m = &memory.members[slot as usize];
+            let group = if *r == [0.0; 3] {
+                u32::MAX
+            } else {
+                root(&mut parent, m.a)
+            };
+            memory.group.push(group);
+        }
+        let groups = memory.group.clone();
+        self.gains_by(&groups, goal)
+    }
+
+    /// Of the given groups those whose present solution does more work than rule R4 admits; ascending.
+    fn gains_by(&self, groups: &[u32], goal: &Goal) -> Vec<u32> {
+        let impulses = self.sweeps.impulses();
+        let u = self.sweeps.velocities();
+        let memory = &self.velocity;
+        let mut sums = vec![[0.0f64; 2]; self.bodies.len()];
+        let mut seen = vec![false; self.bodies.len()];
+        for ((&slot, r), &group) in memory.chosen.iter().zip(&impulses).zip(groups) {
+            if group == u32::MAX {
+                continue;
+            }
+            let m = &memory.members[slot as usize];
+            let before = memory.now(m);
+            let after = before + change(m, &u);
+            let [normal, across] = work(m, DVec3::from(*r), before, after);
+            sums[group as usize][0] += normal + across;
+            for node in [m.a, m.b] {
+                if node == WORLD || std::mem::replace(&mut seen[node as usize], true) {
+                    continue;
+                }
+                let body = &self.bodies[node as usize];
+                let ([v, w], [jv, jw]) = (memory.check[node as usize], memory.jump[node as usize]);
+                sums[group as usize][1] += 0.5
+                    * ((v + jv).length_squared() / body.inv_mass
+                        + (w + jw).length_squared() / body.inv_inertia);
+            }
+        }
+        let most = GAIN_TOLERANCE.max(GAIN_SHARE * goal.tolerance);
+        (0..sums.len() as u32)
+            .filter(|&g| {
+                let [work, kinetic] = sums[g as usize];
+                work > most * kinetic
+            })
+            .collect()
+    }
+
+    /// Adds the impulses of the solve at hand, and their work, to the totals.
+    fn commit(&mut self, problem: u32, scale: &[f64]) {
+        let impulses = self.sweeps.impulses();
+        let u = self.sweeps.velocities();
+        let memory = &mut self.velocity;
+        for ((&slot, r), &scale) in memory.chosen.iter().zip(&impulses).zip(scale) {
+            let r = DVec3::from(*r);
+            let m = memory.members[slot as usize];
+            let before = memory.now(&m);
+            let after = before + change(&m, &u);
+            let done = work(&m, r, before, after);
+            let member = &mut memory.members[slot as usize];
+            member.add(problem, r, before.dot(m.normal), done, scale, memory.tol);
+        }
+        for (jump, u) in memory.jump.iter_mut().zip(&u) {
+            jump[0] += DVec3::new(u[0], u[1], u[2]);
+            jump[1] += DVec3::new(u[3], u[4], u[5]);
+        }
+        // Stage 1 replaces part of stage 0: the larger of both is what later problems add to.
+        memory.terms = memory.terms.max(memory.total(&self.bodies));
+    }
+
+    /// Writes the island's result into the step's scratch.
+    fn close(&mut self, model: &Model, scratch: &mut Scratch, report: &mut StepReport) {
+        let memory = &self.velocity;
+        for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
+            scratch.jump[body as usize] = *jump;
+        }
+        for m in &memory.members {
+            let c: &mut Contact = &mut scratch.contacts[m.contact as usize];
+            record::turn_frame(c, m.normal);
+            c.lambda = record::packed(c, m.normal, m.impulse);
+            c.work = [m.work[0], m.work[1], 0.0, 0.0];
+            let normal = m.impulse.dot(m.normal);
+            c.status = if normal <= 0.0 {
+                Status::Gap
+            } else if m.impulse.reject_from_normalized(m.normal).length()
+                >= m.friction * normal * (1.0 - 1e-9)
+            {
+                Status::Slip
+            } else {
+                Status::Stick
+            };
+            if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
+                scratch.warm.push(Warm {
+                    key: (c.a, c.b),
+                    impulse: m.load,
+                    moment: DVec3::ZERO,
+                    position: c.nu[0] * m.normal + c.nu[1] * c.t1 + c.nu[2] * c.t2,
+                });
+            }
+            let free = Memory::relative(m, &memory.check).dot(m.normal);
+            let touching = c.gap_start <= model.options.touching_tolerance * c.length;
+            if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > memory.tol && !touching {
+                report.missed_impacts += 1;
+            }
+            if m.problem == 0 {
+                continue;
+            }
+            scratch.impacts.push(ImpactRecord {
+                problem: m.problem,
+                a: c.a,
+                b: c.b,
+                status: c.status as u8,
+                normal: m.normal,
+                impulse: m.hit,
+                moment: DVec3::ZERO,
+                approach: m.approach,
+                separation: memory.now(m).dot(m.normal),
+                restitution_scale: m.scale,
+            });
+        }
+    }
+}
+
+impl Memory {
+    fn choose(&mut self, select: impl Fn(usize, &Member) -> bool) {
+        self.chosen.clear();
+        let members = self.members.iter().enumerate();
+        self.chosen.extend(
+            members
+                .filter(|(slot, m)| select(*slot, m))
+                .map(|(slot, _)| slot as u32),
+        );
+    }
+}
+
+impl Member {
+    /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not.
+    pub fn add(
+        &mut self,
+        problem: u32,
+        r: DVec3,
+        before: f64,
+        work: [f64; 2],
+        scale: f64,
+        tol: f64,
+    ) {
+        self.impulse += r;
+        self.work[0] += work[0];
+        self.work[1] += work[1];
+        if problem == 0 || r == DVec3::ZERO {
+            return;
+        }
+        if self.problem == 0 {
+            if before >= -tol {
+                return;
+            }
+            (self.problem, self.approach) = (problem, before);
+        }
+        self.hit += r;
+        self.scale = self.scale.min(scale);
+    }
+}
+
+/// Work of an impulse, normal and across, by the mean of the velocities before and after.
+pub(super) fn work(m: &Member, r: DVec3, before: DVec3, after: DVec3) -> [f64; 2] {
+    let mean = 0.5 * (before + after);
+    let (r_n, v_n) = (r.dot(m.normal), mean.dot(m.normal));
+    [r_n * v_n, r.dot(mean) - r_n * v_n]
+}
+
+/// Change of a contact's relative velocity by corrections of the nodes.
+fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
+    let part = |node: u32| {
+        let u = &u[node as usize];
+        (DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5]))
+    };
+    let (mut d, wa) = part(m.a);
+    let mut spin = m.arms[0] * wa;
+    if m.b != WORLD {
+        let (v, w) = part(m.b);
+        d -= v;
+        spin += m.arms[1] * w;
+    }
+    d + m.normal.cross(spin)
+}

@@ -1,0 +1,103 @@
+//! Sweeps until the residual of eq. 44 and the worst closing measure are small enough.
+
+use super::Sweeps;
+
+/// Sweeps before the first look, and between two looks at most.
+const FIRST: usize = 4;
+const MOST_BETWEEN: usize = 64;
+/// Most that the absolute floor counts for, over the terms of eq. 44; and the share of it that stands where there are none (as in
+/// `newton`).
+const FLOOR_OVER_TERMS: f64 = 9.0;
+const LEAST_FLOOR: f64 = 1e-3;
+
+/// Norms of eq. 44 with `p = penalty_scale / w`, in the unit of the impulses, and the worst violation of a contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Norms {
+    pub residual: f64,
+    pub terms: f64,
+    /// Largest `-z_N` of all contacts, at least 0: overlap or closing speed that is left.
+    pub closing: f64,
+}
+
+/// What is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// tol_r of eq. 44 and its absolute floor (tol_r tol_f), in the unit of the impulses.
+    pub tolerance: f64,
+    pub floor: f64,
+    /// Terms of what is solved already and to which this is an addition, in the unit of the impulses.
+    pub scale: f64,
+    /// Bound of [`Norms::closing`].
+    pub closing: f64,
+    pub penalty_scale: f64,
+    /// Sweeps at most.
+    pub most: usize,
+}
+
+/// What was reached.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    pub sweeps: usize,
+    /// Relative residual of eq. 44.
+    pub residual: f64,
+    pub closing: f64,
+    pub converged: bool,
+}
+
+impl Goal {
+    /// `|r| / (sum |r_k| + tol_f)`.
+    pub fn relative(&self, norms: &Norms) -> f64 {
+        let floor = self.floor / self.tolerance;
+        let terms = norms.terms + self.scale;
+        let floor = floor.min(FLOOR_OVER_TERMS * terms.max(LEAST_FLOOR * floor));
+        let sum = terms + floor;
+        if sum > 0.0 {
+            norms.residual / sum
+        } else {
+            0.0
+        }
+    }
+
+    fn judge(&self, norms: &Norms, sweeps: usize) -> Progress {
+        let residual = self.relative(norms);
+        Progress {
+            sweeps,
+            residual,
+            closing: norms.closing,
+            converged: residual < self.tolerance && norms.closing <= self.closing,
+        }
+    }
+}
+
+impl Sweeps {
+    /// Where the present impulses stand.
+    pub fn judge(&self, goal: &Goal) -> Progress {
+        goal.judge(&self.norms(goal.penalty_scale), 0)
+    }
+
+    /// Sweeps until the goal is met or its sweeps are used up. How often it looks follows from how fast the residual falls.
+    pub fn settle(&mut self, goal: &Goal) -> Progress {
+        let mut now = self.judge(goal);
+        let mut next = FIRST;
+        self.restart();
+        while !now.converged && now.sweeps < goal.most && now.residual.is_finite() {
+            let count = next.min(goal.most - now.sweeps).max(1);
+            self.accelerated(count - 1);
+            let before = now;
+            now = goal.judge(&self.norms(goal.penalty_scale), before.sweeps + count);
+            let per_sweep = excess(&before, goal).ln() - excess(&now, goal).ln();
+            let left = excess(&now, goal).ln() * count as f64 / per_sweep;
+            next = if left.is_finite() && left > 0.0 {
+                (left.ceil() as usize).clamp(FIRST, MOST_BETWEEN)
+            } else {
+                MOST_BETWEEN
+            };
+        }
+        now
+    }
+}
+
+/// How far from the goal: 1 at the goal.
+fn excess(at: &Progress, goal: &Goal) -> f64 {
+    (at.residual / goal.tolerance).max(at.closing / goal.closing.max(f64::MIN_POSITIVE))
+}

@@ -1,0 +1,95 @@
+"""How densely the balls lie: packing fraction and radial distribution function."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.errors import CaromError
+from carom.granular.region import Region, ball_volume, holds
+from carom.granular.snapshot import F64, snapshot
+from carom.packing.neighbours import pairs, separation
+from carom.packing.region import Box
+
+if TYPE_CHECKING:
+    from carom.granular.snapshot import Snapshot
+    from carom.result import Result
+
+
+def packing_fraction(source: Result | Snapshot, region: Region, frame: int = -1) -> float:
+    """Volume of the balls within a region over its volume; of balls that stick out, what is inside.
+
+    Exact in boxes, in spheres and at the ends of cylinders; balls cut by the curved wall of a cylinder are integrated to
+    about 1e-8. Along its periodic axes a box has no faces that could cut.
+    """
+    s = snapshot(source, frame)
+    there = s.present
+    if isinstance(region, Box) and any(region.periodic):
+        wide = float(np.abs(s.position[there]).max(initial=1.0) + 2.0 * s.radius.max(initial=1.0))
+        wide = 4.0 * max(wide, *np.abs(region.low), *np.abs(region.high))
+        open_ = np.array(region.periodic)
+        low, high = np.where(open_, -wide, region.low).tolist(), np.where(open_, wide, region.high).tolist()
+        return float(ball_volume(Box(low, high), s.position[there], s.radius[there]).sum()) / region.volume
+    return float(ball_volume(region, s.position[there], s.radius[there]).sum()) / region.volume
+
+
+@dataclass(frozen=True)
+class RadialDistribution:
+    """g(r): how often centres are a distance apart, over how often they would be if they lay evenly."""
+
+    edges: F64
+    """Of the bins, (B + 1,), m."""
+    g: F64
+    """Mean over each bin, (B,)."""
+    pairs: F64
+    """Neighbours found in each bin, (B,)."""
+    origins: int
+    """Balls around which was looked."""
+
+    @property
+    def r(self) -> F64:
+        """Middle of the bins, (B,), m."""
+        return 0.5 * (self.edges[1:] + self.edges[:-1])
+
+    @property
+    def error(self) -> F64:
+        """Standard error from the number of neighbours found, (B,)."""
+        return np.asarray(self.g / np.sqrt(np.maximum(self.pairs, 1)))
+
+
+def radial_distribution(
+    source: Result | Snapshot, box: Box, frame: int = -1, *, reach: float, bins: int = 100
+) -> RadialDistribution:
+    """The radial distribution function of the balls in a box, up to `reach` m.
+
+    The box has to be full of them. So that no shell leaves it, only balls at least `reach` from its faces are origins; along
+    periodic axes all are.
+    """
+    s = snapshot(source, frame)
+    period = box.period
+    free = ~np.array(box.periodic)
+    low, high = np.array(box.low), np.array(box.high)
+    if (2.0 * reach >= (high - low)).any():
+        most = 0.5 * float((high - low).min())
+        raise CaromError(f"reach = {reach:g} m is too far for the box; it must be below {most:.4g} m")
+    centres = s.position[s.present]
+    around = Box(
+        tuple(np.where(free, low, -np.inf).tolist()),
+        tuple(np.where(free, high, np.inf).tolist()),
+    )
+    x = centres[holds(around, centres)]
+    origin = ((x >= low + reach) & (x < high - reach) | ~free).all(axis=1)
+    if not origin.any():
+        raise CaromError(
+            f"no ball is {reach:g} m from the faces of the box; give a shorter reach or a larger box"
+        )
+    a, b = pairs(x, np.full(len(x), 0.5 * reach), period)
+    delta = separation(x[a] - x[b], period)
+    distance = np.sqrt((delta * delta).sum(axis=1))
+    weight = origin[a].astype(np.float64) + origin[b]
+    counts, edges = np.histogram(distance, bins, (0.0, reach), weights=weight)
+    shells = 4.0 / 3.0 * np.pi * np.diff(edges**3)
+    expected = int(origin.sum()) * (len(x) - 1) / box.volume * shells
+    return RadialDistribution(edges, counts / expected, counts, int(origin.sum()))

@@ -1,0 +1,83 @@
+"""The same measure over many frames or many regions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.granular.region import Region
+from carom.granular.snapshot import F64, Snapshot, snapshot
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Series(Generic[T]):
+    """What a function found at each of some frames."""
+
+    time: F64
+    """Of the frames, (F,), s."""
+    interval: F64
+    """From the frame before to each, (F,), s: over this time its forces are means."""
+    values: tuple[T, ...]
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """An attribute of all values as one array, (F, ...)."""
+        return np.array([getattr(value, name) for value in self.values])
+
+    def mean(self, name: str | None = None) -> Any:
+        """Mean over time of an attribute, or of the values themselves. A frame counts for the time since the one before."""
+        found = np.array(self.values) if name is None else self[name]
+        return np.tensordot(self.interval / self.interval.sum(), found, axes=1)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+def over_frames(
+    result: Result,
+    function: Callable[..., T],
+    *arguments: Any,
+    start: float = 0.0,
+    stop: float = float("inf"),
+    every: int = 1,
+    **options: Any,
+) -> Series[T]:
+    """`function(snapshot, *arguments, **options)` at every `every`-th frame of the times from `start` to `stop` s.
+
+    Frame 0 is left out: nothing is known of forces before it.
+
+        over_frames(result, stress, box, start=1.0).mean("tensor")
+    """
+    times = np.asarray(result.time)
+    chosen = [k for k in range(1, len(times)) if start <= times[k] <= stop][::every]
+    if not chosen:
+        raise CaromError(f"no frames from {start:g} s to {stop:g} s; the result ends at {times[-1]:g} s")
+    values = tuple(function(snapshot(result, k), *arguments, **options) for k in chosen)
+    return Series(times[chosen], times[chosen] - times[np.array(chosen) - 1], values)
+
+
+def over_regions(
+    source: Result | Snapshot,
+    function: Callable[..., T],
+    regions: Iterable[Region],
+    frame: int = -1,
+    **options: Any,
+) -> list[T]:
+    """`function(snapshot, region=region, **options)` for each of the regions.
+
+    over_regions(result, packing_fraction, layers(box, "z", 20))
+    """
+    s = snapshot(source, frame)
+    return [function(s, region=region, **options) for region in regions]

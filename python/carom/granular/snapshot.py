@@ -1,0 +1,169 @@
+"""What the functions of this package look at: one frame of a run, or balls from elsewhere."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+
+_RECORD = re.compile(r"^\[record\]\s*$(.*?)(?=^\[|\Z)", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """C contacts. `first` is a ball; `second` is a ball, or from N on a wall."""
+
+    first: I64
+    second: I64
+    normal: F64
+    """Unit normals from the second to the first body, (C, 3)."""
+    force: F64
+    """Mean force on the first body since the frame before, (C, 3), N: the impulse over the time."""
+    gap: F64
+    """Distance of the surfaces at the frame, (C,), m."""
+    closed: Bool
+    """Whether the contact is closed at the frame; others only pushed since the frame before."""
+
+    @cached_property
+    def push(self) -> F64:
+        """Normal forces, (C,), N, positive in compression."""
+        return np.asarray((self.force * self.normal).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """N balls at one time. What is not known may be left out; a function that needs it says so."""
+
+    position: F64
+    """Centres, (N, 3), m; not a number for balls that are absent."""
+    radius: F64
+    """(N,), m."""
+    mass: F64 | None = None
+    """(N,), kg."""
+    velocity: F64 | None = None
+    """(N, 3), m/s."""
+    inertia: F64 | None = None
+    """(N,), kg m^2."""
+    angular_velocity: F64 | None = None
+    """(N, 3), rad/s."""
+    contacts: Contacts | None = None
+    planes: tuple[F64, F64] | None = None
+    """Points (P, 3), m, and unit normals (P, 3) of half-spaces."""
+    time: float = 0.0
+    """s."""
+    gravity: F64 | None = None
+    """(3,), m/s^2."""
+    missing: str = "give the Snapshot its contacts"
+    """What to do where there are no contacts."""
+
+    @cached_property
+    def present(self) -> I64:
+        """Numbers of the balls that are there."""
+        return np.flatnonzero(np.isfinite(self.position).all(axis=1))
+
+    @property
+    def volume(self) -> F64:
+        """Volumes of the balls, (N,), m^3."""
+        return np.asarray(4.0 / 3.0 * np.pi * self.radius**3)
+
+    @property
+    def touching(self) -> Contacts:
+        """The contacts, or an error that says why there are none."""
+        if self.contacts is None:
+            raise CaromError(f"forces of contacts are not known here; {self.missing}")
+        return self.contacts
+
+    def known(self, name: str) -> F64:
+        """An array that may have been left out."""
+        found: F64 | None = getattr(self, name)
+        if found is None:
+            raise CaromError(f"{name} is not known here; give the Snapshot its {name}")
+        return found
+
+    @cached_property
+    def branch(self) -> F64:
+        """Of each contact the vector to the centre of its first ball, (C, 3), m: from the centre of the second ball, or from
+        the point where it touches the wall. From normals and gaps, so that it also holds across a periodic face.
+        """
+        c = self.touching
+        other = np.where(
+            c.second < len(self.radius), self.radius[np.minimum(c.second, len(self.radius) - 1)], 0.0
+        )
+        return np.asarray(c.normal * (self.radius[c.first] + other + c.gap)[:, None])
+
+    @cached_property
+    def up(self) -> F64:
+        """Unit vector against gravity, (3,); z where there is none."""
+        if self.gravity is None or not self.gravity.any():
+            return np.array([0.0, 0.0, 1.0])
+        return np.asarray(-self.gravity / np.linalg.norm(self.gravity))
+
+
+def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None = None) -> Snapshot:
+    """Frame number `frame` of a result (negative counts from the end), or the one nearest to `time` s.
+
+    Every function of `carom.granular` makes one of what it is given; to call several of them make it once.
+    """
+    if isinstance(source, Snapshot):
+        return source
+    times = np.asarray(source.time)
+    if not len(times):
+        raise CaromError("the result has no frames yet; wait until the run has written some")
+    if time is not None:
+        frame = int(np.abs(times - time).argmin())
+    if not -len(times) <= frame < len(times):
+        raise CaromError(f"there is no frame {frame}; give one of -{len(times)} to {len(times) - 1}")
+    frame %= len(times)
+    contacts, missing = None, ""
+    if _unrecorded(source):
+        missing = "run it again with contacts = true in [record]"
+    elif frame == 0:
+        missing = "they are summed since the frame before: take frame 1 or a later one"
+    else:
+        contacts = _contacts(source, frame, float(times[frame] - times[frame - 1]))
+    bodies, planes = source.bodies, source.planes
+    return Snapshot(
+        position=np.asarray(source.position[frame]),
+        radius=np.asarray(bodies["radius"]),
+        mass=np.asarray(bodies["mass"]),
+        velocity=np.asarray(source.velocity[frame]),
+        inertia=np.asarray(bodies["inertia"]),
+        angular_velocity=np.asarray(source.angular_velocity[frame]),
+        contacts=contacts,
+        planes=(np.asarray(planes["point"]), np.asarray(planes["normal"])),
+        time=float(times[frame]),
+        gravity=source.gravity,
+        missing=missing,
+    )
+
+
+def _unrecorded(result: Result) -> bool:
+    """Whether the run was told not to keep contacts."""
+    record = _RECORD.search(result.scenario)
+    return record is not None and re.search(r"^contacts = false$", record[1], re.MULTILINE) is not None
+
+
+def _contacts(result: Result, frame: int, interval: float) -> Contacts:
+    rows = result.contacts.at(frame)
+    body = np.asarray(rows["body"]).astype(np.int64).reshape(-1, 2)
+    return Contacts(
+        first=body[:, 0],
+        second=body[:, 1],
+        normal=np.asarray(rows["normal"]).reshape(-1, 3),
+        force=np.asarray(rows["impulse"]).reshape(-1, 3) / interval,
+        gap=np.asarray(rows["gap"]),
+        closed=np.asarray(rows["status"]) != 0,
+    )

@@ -1,0 +1,243 @@
+"""The shape of what lies there: the angle of a heap and the run-out of a column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.errors import CaromError
+from carom.granular.contact import components
+from carom.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
+from carom.packing.neighbours import pairs
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+_LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
+_MOST_PAIRS = 500_000  # of the points of a surface
+_ROUNDS = 3  # of choosing the part of the slope from the line fitted before
+
+
+@dataclass(frozen=True)
+class HeapAngle:
+    """The slope of a free surface."""
+
+    angle: float
+    """rad."""
+    error: float
+    """Standard error by leaving out one sector after the other (jackknife), rad."""
+    apex: float
+    """Height at which the fitted line meets the axis (radial) or the origin (planar), m."""
+    distance: F64
+    """From the axis or along the direction, of the highest balls, (M,), m."""
+    height: F64
+    """Of their highest points, (M,), m."""
+    used: Bool
+    """Which of them the line was fitted to, (M,)."""
+
+    @property
+    def degrees(self) -> float:
+        """The angle in degrees."""
+        return float(np.degrees(self.angle))
+
+
+def heap_angle(
+    source: Result | Snapshot,
+    frame: int = -1,
+    *,
+    shape: str = "radial",
+    centre: Sequence[float] | None = None,
+    direction: Sequence[float] = (1.0, 0.0, 0.0),
+    sectors: int = 12,
+    cell: float = 2.0,
+    between: tuple[float, float] = (0.2, 0.8),
+) -> HeapAngle:
+    """Angle of the free surface of a heap against the horizontal.
+
+    `shape` "radial": a heap about an axis through `centre` (by default that of the mass); "planar": a slope that falls along
+    `direction`. Seen from above it is cut in cells of equal area, about `cell` mean diameters wide, and the highest ball of
+    each is taken for the surface: in larger cells the highest would be higher. Balls apart from the largest group (as in
+    `run_out`) do not count. The line through the highest balls is that of Theil and Sen, the median of the slopes of all
+    pairs, of which a quarter may be wild. It is fitted to the part of the slope whose height, on the line, lies `between`
+    two parts of the whole: apex and foot are round. The error is from `sectors` about the axis (planar: strips along it).
+    """
+    s, _ = _deposit(snapshot(source, frame), _LOOSE)
+    x, radius = s.position, s.radius
+    height = x @ s.up + radius
+    distance, sector, aside = _seen_from_above(s, x, shape, centre, direction, sectors)
+    if len(x) < 3 or np.ptp(distance) == 0.0:
+        raise CaromError("a heap has at least three balls side by side; take another frame")
+    width = cell * 2.0 * float(radius.mean())
+    row = np.floor((distance - (distance.min() if shape == "planar" else 0.0)) / width)
+    if shape == "planar":
+        column = np.floor(aside / width)
+    else:  # turns: as many cells to a ring as its length has room for
+        around = np.rint(2.0 * np.pi * (row + 0.5))
+        column = np.minimum(np.floor(aside * around), around - 1.0)
+    _, place = np.unique(np.stack([row, column], axis=1), axis=0, return_inverse=True)
+    top = _highest(place.ravel(), height)
+    distance, height, sector = distance[top], height[top], sector[top]
+    low, high = float(np.quantile(height, 0.02)), float(height.max())
+    used = (height >= low + between[0] * (high - low)) & (height <= low + between[1] * (high - low))
+    for _ in range(_ROUNDS):
+        if np.count_nonzero(used) < 3 or np.ptp(distance[used]) == 0.0:
+            raise CaromError("too few balls on the slope for a fit; give fewer sectors, or a wider `between`")
+        slope, apex = _theil_sen(distance[used], height[used])
+        on_line = apex + slope * distance
+        chosen = (on_line >= low + between[0] * (high - low)) & (on_line <= low + between[1] * (high - low))
+        if slope >= 0 or np.count_nonzero(chosen) < 3:
+            break
+        used = chosen
+    angles = np.arctan([-_theil_sen(distance[k], height[k])[0] for k in _leave_one_out(used, sector)])
+    n = len(angles)
+    error = float(np.sqrt((n - 1) / n * ((angles - angles.mean()) ** 2).sum())) if n > 1 else float("nan")
+    return HeapAngle(float(np.arctan(-slope)), error, apex, distance, height, used)
+
+
+def _deposit(s: Snapshot, loose: float) -> tuple[Snapshot, int]:
+    """The largest group of balls whose neighbours are nearer than `loose` mean diameters, and how many others there are."""
+    there = s.present
+    x, radius = s.position[there], s.radius[there]
+    a, b = pairs(x, radius + loose * float(radius.mean())) if len(there) else (there, there)
+    label = components(len(there), a, b)
+    main = label == np.bincount(label, minlength=1).argmax()
+    return Snapshot(x[main], radius[main], gravity=s.gravity), int((~main).sum())
+
+
+def _seen_from_above(
+    s: Snapshot, x: F64, shape: str, centre: Sequence[float] | None, direction: Sequence[float], sectors: int
+) -> tuple[F64, I64, F64]:
+    """Distance of each ball from the axis or along the direction, its sector or strip, and its place across: the part of a
+    turn, or m from the first strip.
+    """
+    up = s.up
+    if shape not in ("radial", "planar"):
+        raise CaromError(f"unknown shape {shape!r}; known: radial, planar")
+    if shape == "planar":
+        along, across = _horizontal(up, direction)
+        aside = x @ across
+        aside = aside - aside.min(initial=np.inf)
+        part = aside / max(float(aside.max(initial=0.0)), 1e-300)
+        return x @ along, np.minimum((part * sectors).astype(np.int64), sectors - 1), aside
+    first, second = _horizontal(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
+    mass = s.volume[s.present]
+    middle = mass @ x / mass.sum() if centre is None else np.asarray(centre, dtype=np.float64)
+    u, v = (x - middle) @ first, (x - middle) @ second
+    turn = np.arctan2(v, u) / (2.0 * np.pi) + 0.5
+    return np.hypot(u, v), np.minimum((turn * sectors).astype(np.int64), sectors - 1), turn
+
+
+def _horizontal(up: F64, direction: Sequence[float]) -> tuple[F64, F64]:
+    """Unit vectors in the horizontal plane: along a direction, and across it."""
+    given = np.asarray(direction, dtype=np.float64)
+    along = given - (given @ up) * up
+    if np.linalg.norm(along) < 1e-9 * np.linalg.norm(given) or not given.any():
+        raise CaromError("the direction is vertical; give one along the ground")
+    along /= np.linalg.norm(along)
+    return along, np.cross(up, along)
+
+
+def _highest(cell: I64, height: F64) -> I64:
+    """The highest of each cell."""
+    order = np.lexsort((height, cell))
+    last = np.append(np.diff(cell[order]) != 0, True)
+    return np.asarray(order[last])
+
+
+def _theil_sen(x: F64, y: F64) -> tuple[float, float]:
+    n = len(x)
+    if n * n <= 2 * _MOST_PAIRS:
+        i, j = np.triu_indices(n, 1)
+    else:  # each with some others, evenly spread
+        others = max(1, _MOST_PAIRS // n)
+        i, k = np.divmod(np.arange(n * others), others)
+        j = (i + (2 * k + 1) * n // (2 * others)) % n
+    apart = np.abs(x[i] - x[j]) > 0.1 * np.ptp(x)  # neighbours say nothing of the slope
+    slope = float(np.median((y[i] - y[j])[apart] / (x[i] - x[j])[apart]))
+    return slope, float(np.median(y - slope * x))
+
+
+def _leave_one_out(used: Bool, sector: I64) -> list[Bool]:
+    """The chosen points without those of each sector in turn."""
+    parts = [used & (sector != k) for k in np.unique(sector[used])]
+    return [part for part in parts if np.count_nonzero(part) >= 3]
+
+
+@dataclass(frozen=True)
+class RunOut:
+    """How far a column has run out, and how high it was and is."""
+
+    initial: float
+    """Half width (planar: length) or radius of the column at the start, m."""
+    final: float
+    """The same of the deposit, m."""
+    error: float
+    """Standard error of `final` from sector to sector, m."""
+    initial_height: float
+    """m."""
+    final_height: float
+    """m."""
+    strays: int
+    """Balls that rolled away from the deposit and do not count."""
+
+    @property
+    def ratio(self) -> float:
+        """(final - initial) / initial."""
+        return (self.final - self.initial) / self.initial
+
+    @property
+    def aspect(self) -> float:
+        """Height over radius (or length) of the column at the start, a."""
+        return self.initial_height / self.initial
+
+    @property
+    def settled(self) -> float:
+        """Height of the deposit over the initial radius (or length)."""
+        return self.final_height / self.initial
+
+
+def run_out(
+    result: Result | tuple[Snapshot, Snapshot],
+    frame: int = -1,
+    *,
+    start: int = 0,
+    shape: str = "radial",
+    centre: Sequence[float] | None = None,
+    direction: Sequence[float] = (1.0, 0.0, 0.0),
+    sectors: int = 12,
+    loose: float = _LOOSE,
+) -> RunOut:
+    """Run-out of a column between two frames, or two snapshots.
+
+    `shape` "radial": about an axis through `centre`, by default that of the mass at the start; "planar": along `direction`,
+    from the rear of the column at the start. The deposit is the largest group of balls in which neighbours are nearer than
+    `loose` mean diameters; the front is the furthest of its balls in each of the `sectors` (strips), averaged over them.
+    """
+    before, after = (
+        result if isinstance(result, tuple) else (snapshot(result, start), snapshot(result, frame))
+    )
+    if centre is None:
+        mass = before.volume[before.present]
+        centre = (mass @ before.position[before.present] / mass.sum()).tolist()
+    deposit, strays = _deposit(after, loose)
+    views = []
+    for s in (before, deposit):
+        at = s.position[s.present]
+        distance, sector, _ = _seen_from_above(s, at, shape, centre, direction, sectors)
+        views.append((distance, sector, s.radius[s.present], at @ s.up))
+    rear = 0.0
+    if shape == "planar":
+        distance, _, r, _ = views[0]
+        rear = float((distance - r).min())
+    fronts, errors = [], []
+    for distance, sector, r, _ in views:
+        edge = distance + r - rear
+        front = np.array([edge[sector == k].max() for k in np.unique(sector)])
+        fronts.append(float(front.mean()))
+        errors.append(float(front.std(ddof=1) / np.sqrt(len(front))) if len(front) > 1 else float("nan"))
+    ground = float((views[0][3] - views[0][2]).min())
+    heights = [float((z + r).max()) - ground for _, _, r, z in views]
+    return RunOut(fronts[0], fronts[1], errors[1], heights[0], heights[1], strays)

@@ -1,0 +1,106 @@
+"""Measures of runs that the core computed: weights, contacts, and what cannot be known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import carom
+import numpy as np
+import pytest
+from carom import granular
+from carom.errors import CaromError
+from carom.granular import Box, layers
+
+R, G, N = 0.01, 9.8, 4
+
+
+def column(**record: bool) -> carom.Scene:
+    scene = carom.Scene(run={"until": 0.1, "step": 1e-3}, record={"every": 20, **record})
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for k in range(N):
+        scene.sphere(f"b{k}", radius=R, density=2500, material="m", at=(0, 0, R + 2 * R * k))
+    return scene
+
+
+@pytest.fixture(scope="module")
+def rest() -> carom.Result:
+    return carom.simulate(column())
+
+
+def test_a_column_weighs_on_every_layer(rest: carom.Result) -> None:
+    weight = float(rest.bodies["mass"][0]) * G
+    box = Box((-R, -R, 0), (R, R, 2 * R * N))
+    sliced = granular.over_regions(rest, granular.stress, layers(box, "z", 16 * N))
+    middle = (np.arange(16 * N) + 0.5) * 2 * R / 16
+    centres = R + 2 * R * np.arange(N)
+    above = weight * (centres[None] > middle[:, None]).sum(axis=1)
+    np.testing.assert_allclose(
+        [s.tensor[2, 2] * 4 * R * R for s in sliced], above, rtol=1e-9, atol=1e-12 * weight
+    )
+    assert all(s.asymmetry < 1e-9 for s in sliced if s.pressure > 0)
+
+
+def test_mean_over_frames(rest: carom.Result) -> None:
+    box = Box((-R, -R, 0), (R, R, 2 * R * N))
+    series = granular.over_frames(rest, granular.stress, box, start=0.03)
+    assert len(series) == 4
+    assert series["tensor"].shape == (4, 3, 3)
+    np.testing.assert_allclose(series.interval, 0.02)
+    one = granular.stress(rest, box)
+    np.testing.assert_allclose(series.mean("tensor"), one.tensor, rtol=1e-6, atol=1e-9 * one.pressure)
+    fractions = granular.over_frames(rest, granular.packing_fraction, region=box)
+    assert fractions.mean() == pytest.approx(np.pi / 6, rel=1e-8)
+    with pytest.raises(CaromError, match="no frames from 5 s"):
+        granular.over_frames(rest, granular.coordination, start=5.0)
+
+
+def test_contacts_of_a_column(rest: carom.Result) -> None:
+    z = granular.coordination(rest)
+    np.testing.assert_array_equal(z.per_ball, [2, 2, 2, 1])
+    np.testing.assert_array_equal(granular.coordination(rest, gap=1e-6).per_ball, [2, 2, 2, 1])
+    assert z.rattlers == 1.0  # one after the other: only in the plane above does a column not fall apart
+    assert granular.coordination(rest, least=1).rattlers == 0.0
+    chains = granular.force_chains(rest, above=0.0)
+    np.testing.assert_array_equal(chains.sizes, [N])
+    np.testing.assert_allclose(np.sort(chains.push) / chains.push.min(), [1, 2, 3, 4], rtol=1e-9)
+    assert granular.granular_temperature(rest).translational < 1e-12
+    assert granular.fabric(rest).tensor[2, 2] == pytest.approx(1.0)
+
+
+def test_frames_by_number_and_time(rest: carom.Result) -> None:
+    assert granular.snapshot(rest).time == pytest.approx(0.1)
+    assert granular.snapshot(rest, time=0.043).time == pytest.approx(0.04)
+    assert granular.snapshot(rest, 1).time == granular.snapshot(rest, -5).time
+    np.testing.assert_allclose(granular.snapshot(rest).up, [0, 0, 1])
+    with pytest.raises(CaromError, match=r"there is no frame 6; give one of -6 to 5"):
+        granular.snapshot(rest, 6)
+    with pytest.raises(CaromError, match="take frame 1 or a later one"):
+        granular.coordination(rest, 0)
+    assert granular.coordination(rest, 0, gap=1e-6).mean == 7 / 4
+
+
+def test_a_run_without_contacts_says_what_to_do(tmp_path: Path) -> None:
+    result = carom.simulate(column(contacts=False), out=tmp_path / "run")
+    with pytest.raises(CaromError, match=r"not known here; run it again with contacts = true in \[record\]"):
+        granular.stress(result, Box((-R, -R, 0), (R, R, 1)))
+    assert granular.coordination(result, gap=1e-6).mean == 7 / 4
+    assert granular.packing_fraction(result, Box((-R, -R, 0), (R, R, 2 * R * N))) == pytest.approx(np.pi / 6)
+
+
+def test_a_packing_falls_and_rests_on_the_floor() -> None:
+    """Momentum of 60 balls from a random packing: what the floor gave them is what gravity and they have taken."""
+    scene = carom.Scene(run={"until": 0.1, "step": 5e-4}, record={"every": 200})
+    scene.contact("g", "g", friction=0.4, restitution=0.2)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="g")
+    scene.packing(
+        "g", material="g", density=2500, seed=4, count=60, sizes="uniform", smallest=0.008, largest=0.012,
+        low=(0, 0, 0), high=(0.05, 0.05, 0.05),
+    )  # fmt: skip
+    result = carom.simulate(scene)
+    assert result.outcome.ok
+    s = granular.snapshot(result)
+    floor = s.touching.second >= 60
+    momentum = s.known("mass") @ s.known("velocity")
+    given = s.touching.force[floor].sum(axis=0) * 0.1 + np.array([0, 0, -G]) * s.known("mass").sum() * 0.1
+    np.testing.assert_allclose(momentum, given, atol=1e-9 * s.known("mass").sum())
