@@ -120,6 +120,8 @@ pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
     };
     island.contacts.len() > least as usize
         && island.is_free()
+        // Sliding and closing against a wall that moves are not in the linearisations here.
+        && model.walls.iter().all(|w| w.motion.is_none())
         && o.solver == Solver::Auto
         && o.impact != Impact::SequencePaper
         && island.contacts.iter().all(|&m| {

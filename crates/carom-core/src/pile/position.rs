@@ -13,6 +13,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
+use crate::wall::Walls;
 use carom_geom::tangent_frame;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal};
@@ -56,6 +57,7 @@ fn solve(
         shift,
         solve,
         keeper,
+        walls,
         ..
     } = scratch;
     let members = island.contacts;
@@ -73,6 +75,7 @@ fn solve(
     // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
     let at = Linearisation {
         model,
+        walls,
         contacts,
         members,
         node_of,
@@ -195,6 +198,7 @@ fn overlap(tolerance: f64, contacts: usize) -> f64 {
 /// Position measures of an island, to be linearised.
 struct Linearisation<'a> {
     model: &'a Model,
+    walls: &'a Walls,
     contacts: &'a [Contact],
     members: &'a [u32],
     node_of: &'a [u32],
@@ -222,7 +226,7 @@ impl Linearisation<'_> {
                 Some(x) => *x + u,
                 None => DVec3::ZERO,
             };
-            let p = proximity(self.model, c, at(c.a, ua), at(c.b, ub));
+            let p = proximity(self.model, self.walls, c, at(c.a, ua), at(c.b, ub));
             let n = p.normal;
             let slide = self.slide(c);
             let slip = (p.gap - n.dot(ua - ub)) * n + slide - n.dot(slide) * n;
