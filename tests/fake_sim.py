@@ -251,12 +251,12 @@ class Scene:
 
     title: str = "fake"
     names: list[str] = field(default_factory=lambda: ["one", "two"])
-    plane_names: list[str] = field(default_factory=lambda: ["bed"])
+    wall_names: list[str] = field(default_factory=lambda: ["bed"])
     load_functions: tuple[Any, ...] = ()
     case: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     run: Any = field(default_factory=lambda: SimpleNamespace(until=1.0, **defaults()))
-    record: Any = field(default_factory=lambda: SimpleNamespace(every=None, contacts=True))
+    record: Any = field(default_factory=lambda: SimpleNamespace(every=None, contacts=True, walls=None))
 
     def with_options(self, **options: Any) -> Scene:
         run, record = dict(vars(self.run)), dict(vars(self.record))

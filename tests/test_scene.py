@@ -190,7 +190,7 @@ BALL: dict[str, Any] = {"name": "a", "radius": 1, "mass": 1, "position": (0, 0, 
         ({"position": 5}, "position: expected a list of 3 numbers, found 5"),
         ({"at": (0, 0, 0)}, "at: both position and at are given"),
         ({"mass": None}, "neither mass nor density is given"),
-        ({"name": "cue"}, "name: there is already a sphere or plane"),
+        ({"name": "cue"}, "name: there is already a sphere or wall"),
         ({"name": ""}, "name: must be 1 to 200 printable characters"),
     ],
 )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from carom.view import write_html
 from carom.view.browser import Browser, find_browser
-from view_scenes import RADIUS, STEP, billiard
+from view_scenes import RADIUS, STEP, billiard, drum
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="needs a Chromium (apt-get install chromium, or name one in CAROM_BROWSER)"
@@ -253,3 +253,36 @@ def test_damaged_page_says_so(page: Path, tmp_path: Path) -> None:
         with pytest.raises(RuntimeError):
             browser.open(broken)
         assert browser.evaluate("document.getElementById('failure').innerText").strip()
+
+
+def test_moving_walls_and_balls_that_come_and_go(tmp_path: Path) -> None:
+    run = drum(60)
+    with Browser(size=(700, 500)) as browser:
+        browser.open(write_html(run, tmp_path / "view.html").path)
+        empty = pixels(browser)
+        for t, first, last in ((0.1, False, True), (0.3, True, True), (0.5, True, False)):
+            browser.evaluate(f"carom.setTime({t + 0.001})")
+            now = state(browser)
+            assert (now["present"][0], now["present"][-1]) == (first, last)
+            walls = {wall["name"]: wall for wall in now["walls"]}
+            half = 0.5 * 3.0 * (t + 0.001)
+            assert walls["drum"]["turn"] == pytest.approx([np.cos(half), 0, np.sin(half), 0], abs=1e-4)
+            height = -0.15 + 0.02 * np.sin(10 * (t + 0.001))
+            assert walls["table"]["point"] == pytest.approx([0.1, 0.0, height], abs=5e-5)
+            assert walls["funnel"]["point"] == pytest.approx([0.2, 0.0, -0.05])
+        assert [line for line in browser.console if not line.startswith("warning: [.WebGL")] == []
+        assert np.abs(pixels(browser) - empty).max() > 60  # the table and the drum have moved
+
+
+def test_a_periodic_world_is_drawn_within_one_period(tmp_path: Path) -> None:
+    run = billiard(FRAMES)
+    run.periodic, run.periodic_origin = np.array([0.5, 0.0, 0.0]), np.array([0.1, 0.0, 0.0])
+    page = write_html(run, tmp_path / "view.html").path
+    with Browser(size=(700, 500)) as browser:
+        browser.open(page)
+        browser.evaluate(f"carom.setTime({100 * STEP + 1e-9})")
+        now = state(browser)
+        assert np.abs(np.array(now["positions"]) - run.position[100]).max() < 2e-5 * RADIUS  # as recorded
+        low, high = browser.evaluate("carom.state().drawn")
+        assert low[0] >= 0.1
+        assert high[0] <= 0.6

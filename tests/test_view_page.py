@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from carom.errors import CaromError
 from carom.view import codec, write_html
 from carom.view.page import MIN_FRAMES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from view_scenes import billiard, turn
+from view_scenes import billiard, drum, turn
 
 ROOT = Path(__file__).parents[1]
 ASSETS = ROOT / "python" / "carom" / "view" / "assets"
@@ -59,6 +60,10 @@ class Page:
         if name == "orientation":
             return (values / np.linalg.norm(values, axis=-1, keepdims=True))[..., [3, 0, 1, 2]]
         return values * entry["step"] + np.asarray(entry.get("origin", 0.0))
+
+    def array_of_flags(self, name: str) -> Any:
+        entry = self.facts["arrays"][name]
+        return codec.decode(self.data[entry["offset"] : entry["offset"] + entry["bytes"]], entry).astype(bool)
 
 
 def write(result: Any, folder: Path, **options: Any) -> tuple[Any, Page]:
@@ -245,3 +250,38 @@ def test_one_frame_without_planes_or_gravity(tmp_path: Path) -> None:
     assert info.frames == 1
     assert page.facts["planes"] == []
     assert page.facts["gravity"] == [0.0, 0.0, -1.0]
+
+
+def test_walls_poses_and_absent_balls(tmp_path: Path) -> None:
+    """Every wall that is no resting plane is in the facts, its pose in the motion; absent balls stay where they were."""
+    run = drum(60)
+    _, page = write(run, tmp_path)
+    walls = {wall["name"]: wall for wall in page.facts["walls"]}
+    assert set(walls) == {"back", "front", "table", "drum", "pipe", "stone", "bowl", "funnel"}
+    assert page.facts["planes"] == []
+    assert (walls["pipe"]["inside"], walls["bowl"]["inside"], walls["funnel"]["end"]) == (False, True, 0.06)
+    assert walls["table"]["size"] == [0.7, 0.3]
+    place, turn_of = page.array("wall_position"), page.facts["arrays"]["wall_orientation"]
+    assert place.shape == (60, 4, 3) == (*turn_of["shape"][:2], 3)
+    table = place[:, walls["table"]["pose"]]
+    assert np.abs(table - [[0.1, 0.0, -0.15 + 0.02 * np.sin(10 * t)] for t in run.time]).max() < 1e-6
+    assert (page.array_of_flags("present")[..., 0] == run.present).all()
+    position = page.array("position")
+    assert np.abs(position[run.present] - run.position[run.present]).max() < 1e-6
+    assert np.abs(position[:20, 0] - run.position[20, 0]).max() < 1e-6
+    assert np.abs(position[40:, -1] - run.position[39, -1]).max() < 1e-6
+
+
+def test_a_run_whose_balls_never_come_is_shown(tmp_path: Path) -> None:
+    run = drum(20)
+    run.present[:] = False
+    run.position[:] = np.nan
+    _, page = write(run, tmp_path)
+    assert not page.array_of_flags("present").any()
+
+
+def test_a_position_that_is_lost_is_still_an_error(tmp_path: Path) -> None:
+    run = drum(20)
+    run.position[15, 3] = np.nan
+    with pytest.raises(CaromError, match="position of grain3 is not a number"):
+        write(run, tmp_path)

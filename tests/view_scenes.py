@@ -6,6 +6,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from carom.record.walls import tables
+from carom.scene import Scene
+from carom.walls import Walls
 
 RADIUS = 0.028575
 STEP = 2e-3
@@ -54,3 +57,70 @@ def billiard(frames: int) -> Any:
         gravity=np.array([0.0, 0.0, -9.8]),
         impacts={"time": np.array([0.01, 0.02])},
     )
+
+
+def drum(frames: int) -> Any:
+    """Balls carried by a turning drum with an open front, and walls of every other shape around it.
+
+    The first ball enters at a third of the run, the last leaves at two thirds.
+    """
+    time = 5 * STEP * np.arange(frames)
+    radius, ball = 0.1, 0.006
+    scene = Scene("drum")
+    turn_about = {"rotation": {"axis": (0, 1, 0), "point": (0, 0, 0), "rate": 3.0}}
+    scene.cylinder(
+        "drum", point=(0, 0, 0), axis=(0, 1, 0), radius=radius, length=0.06, material="s", motion=turn_about
+    )
+    scene.plane("back", point=(0, 0.03, 0), normal=(0, -1, 0), radius=radius, material="s", motion=turn_about)
+    scene.plane(
+        "front", point=(0, -0.03, 0), normal=(0, 1, 0), radius=radius, material="s", motion=turn_about
+    )
+    scene.cone(
+        "funnel",
+        point=(0.2, 0, -0.05),
+        axis=(0, 0, 1),
+        radius=0.01,
+        radius_end=0.06,
+        length=0.1,
+        material="s",
+    )
+    scene.ball_wall("stone", point=(0.2, 0.1, -0.08), radius=0.03, inside=False, material="s")
+    scene.cylinder(
+        "pipe", point=(0.32, 0, 0.03), axis=(0, 1, 0.3), radius=0.02, length=0.15, inside=False, material="s"
+    )
+    scene.ball_wall("bowl", point=(0.42, 0, 0), radius=0.05, material="s")
+    shaken = {"translation": [0, 0, {"expression": "0.02*sin(10*t)"}]}
+    scene.plane(
+        "table", point=(0.1, 0, -0.15), normal=(0, 0, 1), size=(0.7, 0.3), material="s", motion=shaken
+    )
+    names = [f"grain{k}" for k in range(120)]
+    rng = np.random.default_rng(1)
+    depth, angle = rng.uniform(0.05, 0.09, 120), rng.uniform(-2.4, -0.7, 120)
+    angles = angle + 0.2 * np.sin(3.0 * time)[:, None]
+    position = np.stack(
+        [
+            depth * np.cos(angles),
+            np.broadcast_to(rng.uniform(-0.02, 0.02, 120), angles.shape),
+            depth * np.sin(angles),
+        ],
+        axis=-1,
+    )
+    present = np.ones((frames, 120), dtype=bool)
+    present[: frames // 3, 0] = False
+    present[2 * frames // 3 :, -1] = False
+    position[~present] = np.nan
+    result = SimpleNamespace(
+        time=time,
+        position=position,
+        orientation=np.broadcast_to([1.0, 0.0, 0.0, 0.0], (frames, 120, 4)),
+        velocity=np.zeros((frames, 120, 3)),
+        angular_velocity=np.zeros((frames, 120, 3)),
+        present=present,
+        names=names,
+        bodies={"radius": np.full(120, ball)},
+        gravity=np.array([0.0, 0.0, -9.8]),
+    )
+    static = tables(scene.wall_names, scene.to_model())
+    result.planes = static["planes"]
+    result.walls = Walls(result, [static["planes"], static["walls"]])
+    return result

@@ -1,7 +1,7 @@
 """Type stub of the compiled core (crate `carom-py`). Nothing here knows files, names or units other than SI."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ class Block(TypedDict):
     steps: dict[str, Any]
     residuals: dict[str, Any]
     outcome: dict[str, Any] | None
+    events: NotRequired[dict[str, Any]]
 
 def defaults() -> dict[str, float | int | bool | str]:
     """Every option of `[run]` that is numerical, with its default: the one place where defaults are stated."""
@@ -135,12 +136,13 @@ class Simulation:
     - `("sphere", radius, inside)`: centre at the point
     - `("cone", axis, radius, radius_end, length, inside)`: `radius` at the point, `radius_end` at `length` along the axis
 
-    Rectangles, discs, finite cylinders and cones are one-sided: a ball whose centre is deeper behind the face than its radius
-    is on the other side and has no contact. `wall_motion` is a list of `(wall, {...})`, `wall` counted over all walls, planes
-    first, with any of
+    Rectangles, discs, finite cylinders and cones are one-sided: a ball whose centre is deeper behind the face than its
+    radius is on the other side and has no contact. `wall_motion` is a list of `(wall, {...})`, `wall` counted over all
+    walls, planes first, with any of
 
     - `"translation": [law, law, law]`, displacement from the given place, m
-    - `"rotation": (axis, point, law)`, angle from the given place about a unit axis, rad; the translation takes the axis along
+    - `"rotation": (axis, point, law)`, angle from the given place about a unit axis, rad; the translation takes the axis
+      along
     - `"surface_velocity": (3,)`, m/s, and `"surface_rotation": (axis, point, rate)`, rad/s: motion of the material along a
       surface that stays; both turn with the wall
 
@@ -154,7 +156,7 @@ class Simulation:
 
     def __init__(self, model: dict[str, Any]) -> None: ...
     def overlaps(self, tolerance: float, most: int) -> list[tuple[int, int, float]]:
-        """At most `most` of the pairs that overlap by more than `tolerance` r_c now, walls where they are: `(a, b, gap)`, m."""
+        """At most `most` pairs that overlap by more than `tolerance` r_c now, walls as they stand: `(a, b, gap)`, m."""
 
     @property
     def step(self) -> int: ...
@@ -170,9 +172,9 @@ class Simulation:
         """Advance by up to `steps` steps, stopping early after `wall_limit` seconds or at an outcome that is not `None`.
 
         A frame is taken after each step whose number is a multiple of `frame_every` (0: none).
-        `frames["walls"]` (F, P, 6), where walls are recorded, has the impulse on each wall since the last frame, N s, and its
-        moment about the wall's point, moved with the wall, N m s. With inflows or outlets there are `frames["present"]`
-        (F, N) and the table `events`: `step, time, body, kind`, 1 for a ball that enters and 0 for one that leaves.
+        `frames["walls"]` (F, P, 6), where walls are recorded, has the impulse on each wall since the last frame, N s, and
+        its moment about the wall's point, moved with the wall, N m s. Where balls come and go there are
+        `frames["present"]` (F, N) and `events`: `step, time, body, kind`, 1 for a ball that enters, 0 for one that leaves.
         """
 
     def state(self) -> dict[str, Any]:

@@ -234,14 +234,14 @@ def empty_block(simulation: Simulation, plan: Plan) -> dict[str, Any]:
 
 
 def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) -> dict[str, Any]:
-    """`block` (without rows) with one frame: the state as it stands, no impulses of contacts and joints."""
+    """`block` (without rows) with one frame: the state as it stands, no impulses of contacts, joints and walls."""
     columns = dict(block["frames"])
     for name, values in columns.items():
         if name == "step":
             columns[name] = np.array([step], dtype=np.uint64)
         elif name == "contact_end":
             columns[name] = np.zeros(1, dtype=np.uint64)
-        elif name == "joint_impulse":
+        elif name in ("joint_impulse", "walls"):
             columns[name] = np.zeros((1, *values.shape[1:]), values.dtype)
         else:
             columns[name] = np.asarray(frame[name])[np.newaxis].astype(values.dtype)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError, counted, did_you_mean
 from carom.record import Column, Segments
 from carom.rundir import RunDir
-from carom.tables import Contacts, Energy, Impacts, Outcome, Residuals, Static, Steps, UnknownName
+from carom.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps, UnknownName
 
 if TYPE_CHECKING:
     import pandas
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from carom.plot import Plots
     from carom.view import ViewInfo
+    from carom.walls import Walls
 
 F64 = NDArray[np.float64]
 
@@ -110,6 +111,14 @@ class Result:
             return Column([(np.zeros((frames, 0, 6)), frames)], "N s, N m s")
         return self._segments.column("frames", "joint_impulse")
 
+    @property
+    def present(self) -> Column:
+        """Which bodies are there, (T, N): all, unless the scene has inflows or outlets."""
+        if "present" in self._segments.columns("frames"):
+            return self._segments.column("frames", "present")
+        shape = (len(self.time), len(self.names))
+        return Column([(np.broadcast_to(np.ones(1, dtype=bool), shape), shape[0])], "1")
+
     # What the run is about.
 
     @cached_property
@@ -119,8 +128,15 @@ class Result:
 
     @cached_property
     def planes(self) -> Static:
-        """One row per plane: name, point (m), normal, material."""
+        """One row per plane without end: name, point (m), normal, material."""
         return Static(self._segments.static("planes"))
+
+    @cached_property
+    def walls(self) -> Walls:
+        """All walls by name: `result.walls["drum"].torque`, also `force`, `impulse`, `position`, `orientation`."""
+        from carom.walls import Walls
+
+        return Walls(self, [self._segments.static(table) for table in ("planes", "walls")])
 
     @property
     def names(self) -> list[str]:
@@ -129,8 +145,13 @@ class Result:
 
     @property
     def plane_names(self) -> list[str]:
-        """Names of the planes."""
+        """Names of the planes without end."""
         return list(self.planes["name"])
+
+    @property
+    def wall_names(self) -> list[str]:
+        """Names of all walls, planes without end first."""
+        return list(self.walls)
 
     @cached_property
     def joint_names(self) -> list[str]:
@@ -147,6 +168,17 @@ class Result:
     def gravity(self) -> F64:
         """Acceleration of gravity, (3,), m/s^2."""
         return np.asarray(self._segments.attributes["gravity"], dtype=np.float64)
+
+    @property
+    def periodic(self) -> F64 | None:
+        """Periods of the world along x, y, z, m, 0 where it has none; None if it has none at all."""
+        found = self._segments.attributes.get("periodic")
+        return None if found is None else np.asarray(found, dtype=np.float64)
+
+    @property
+    def periodic_origin(self) -> F64:
+        """Lowest corner of the periodic box, (3,), m."""
+        return np.asarray(self._segments.attributes.get("periodic_origin", np.zeros(3)), dtype=np.float64)
 
     @property
     def title(self) -> str:
@@ -194,12 +226,17 @@ class Result:
     @cached_property
     def impacts(self) -> Impacts:
         """One row per contact and impact problem: time, step, problem, pair, impulse, status ..."""
-        return Impacts(self._segments, [*self.names, *self.plane_names])
+        return Impacts(self._segments, [*self.names, *self.wall_names])
+
+    @cached_property
+    def events(self) -> Events:
+        """One row per ball that entered or left; none without inflows and outlets."""
+        return Events(self._segments, self.names)
 
     @cached_property
     def contacts(self) -> Contacts:
         """One row per frame and contact: impulses of both levels and work by cause since the last frame."""
-        return Contacts(self._segments, [*self.names, *self.plane_names])
+        return Contacts(self._segments, [*self.names, *self.wall_names])
 
     @cached_property
     def steps(self) -> Steps:

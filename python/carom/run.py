@@ -22,6 +22,7 @@ from carom import changes, checkpoint, summary
 from carom.drive import Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
 from carom.errors import CaromError
 from carom.record import Rows, Writer
+from carom.record.walls import tables
 from carom.result import Result, load
 from carom.rundir import RunDir, now
 
@@ -348,10 +349,6 @@ def _execute(
 def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
     model, plan = start.model, start.plan
     bodies = {"name": list(scene.names), **{k: model[k] for k in ("radius", "mass", "inertia", "material")}}
-    planes = {
-        "name": list(scene.plane_names),
-        **{k: model[f"plane_{k}"] for k in ("point", "normal", "material")},
-    }
     frames = plan.steps // plan.every + 2
     attributes = {
         "title": scene.title or "",
@@ -360,17 +357,26 @@ def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
         "every": plan.every,
         "gravity": np.asarray(model["gravity"], dtype=np.float64),
         "start_step": start.simulation.step,
+        **{key: model[key] for key in ("periodic", "periodic_origin") if key in model},
     }
     expected = Rows(frames, 2 * len(bodies["name"]) * frames, plan.steps, 256, plan.steps, 4 * plan.steps)
+    surfaces = tables(list(scene.wall_names), model)
     return Writer(
-        path, bodies=bodies, planes=planes, attributes=attributes, first=start.first, expected=expected
+        path,
+        bodies=bodies,
+        planes=surfaces["planes"],
+        walls=surfaces.get("walls"),
+        attributes=attributes,
+        first=start.first,
+        expected=expected,
+        leave_out=[("frames", "walls")] if scene.record.walls is False else [],
     )
 
 
 def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, Any], ending: Ending) -> None:
     simulation, about = start.simulation, start.about
     failed = ending.kind not in ("done", "interrupted")
-    outcome = summary.named(ending.outcome, scene.names, scene.plane_names)
+    outcome = summary.named(ending.outcome, scene.names, scene.wall_names)
     problem = simulation.failing_problem() if failed else None
     if problem is not None:
         from carom.problem.errors import ContactProblemError

@@ -7,7 +7,7 @@ mm"`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,21 +16,25 @@ from carom.errors import Problem, ScenarioError, counted, quoted
 from carom.scenario import load
 from carom.scenario.advice import advise
 from carom.scenario.arguments import explained, wording
-from carom.scenario.arrays import resolved_tree, to_arrays, with_packings_expanded
+from carom.scenario.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scenario.attaching import Attacher
 from carom.scenario.balls import Generator, Sphere
-from carom.scenario.building import Builder, Vector, make
+from carom.scenario.building import Number, Vector, make
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
+from carom.scenario.flow import Inflow
 from carom.scenario.mechanics import MECHANICS
-from carom.scenario.model import FORMAT, Plane, Record, Scenario, World
+from carom.scenario.model import FORMAT, Record, Scenario, World
 from carom.scenario.options import Run
 from carom.scenario.packing import Packing, Places, faults
+from carom.scenario.placing import PLANE
 from carom.scenario.problems import Finding, Source
+from carom.scenario.walling import Waller
+from carom.scenario.walls import WALLS, Plane
 
 
-class Scene(Builder, Attacher):
-    """Spheres, planes, materials and how to simulate them.
+class Scene(Waller, Attacher):
+    """Spheres, walls, materials and how to simulate them.
 
     `scene.run` and `scene.record` hold the keys of `[run]` and `[record]` as attributes: `scene.run.step =
     1e-4`. Values are checked as they are given; `validate` checks the scene as a whole. Whatever is wrong
@@ -43,6 +47,8 @@ class Scene(Builder, Attacher):
         title: str = "",
         *,
         gravity: Vector = (0.0, 0.0, -9.8),
+        periodic: Sequence[Number] | None = None,
+        origin: Vector | None = None,
         run: Mapping[str, Any] | None = None,
         record: Mapping[str, Any] | None = None,
     ) -> None:
@@ -51,7 +57,7 @@ class Scene(Builder, Attacher):
             Scenario,
             "Scene",
             format=FORMAT,
-            world=make(World, "Scene", gravity=gravity),
+            world=make(World, "Scene", gravity=gravity, periodic=periodic, origin=origin),
             run=make(Run, "Scene(run=...)", **(run or {})),
             record=make(Record, "Scene(record=...)", **(record or {})),
             **given,
@@ -86,7 +92,8 @@ class Scene(Builder, Attacher):
     def _of(cls, tree: Scenario) -> Scene:
         scene = cls.__new__(cls)
         scene._tree, scene._source, scene._places = tree, None, {}
-        scene._names = {*(s.name for s in tree.sphere), *(p.name for p in tree.plane)}
+        tables = (table for section in WALLS for table in getattr(tree, section))
+        scene._names = {*(s.name for s in tree.sphere), *(n for table in tables for n in table.wall_names())}
         return scene
 
     def to_toml(self, path: str | Path | None = None, *, resolved: bool = False) -> str:
@@ -141,6 +148,15 @@ class Scene(Builder, Attacher):
         self._tree.world.gravity = value  # type: ignore[assignment]  # converted by the model
 
     @property
+    def periodic(self) -> tuple[float, float, float] | None:
+        """Periods of the world along x, y, z, m, 0 where it has none; None if it has none at all."""
+        return self._tree.world.periodic
+
+    @periodic.setter
+    def periodic(self, value: Sequence[Number] | None) -> None:
+        self._tree.world.periodic = value  # type: ignore[assignment]  # converted by the model
+
+    @property
     def run(self) -> Run:
         """How to compute: the keys of `[run]`."""
         return self._tree.run
@@ -182,13 +198,19 @@ class Scene(Builder, Attacher):
 
     @property
     def names(self) -> list[str]:
-        """Names of all balls, in the order of the arrays: spheres, then packings, then racks, then lattices."""
+        """Names of all balls in the order of the arrays: spheres, packings, racks, lattices, inflows."""
         generated = (g.ball_names() for g in self._generators())
         return [*(s.name for s in self._tree.sphere), *(name for names in generated for name in names)]
 
     @property
+    def wall_names(self) -> list[str]:
+        """Names of all walls, in the order of the core: planes without end first, then the others."""
+        return [wall.name for wall in walls(self._tree)]
+
+    @property
     def plane_names(self) -> list[str]:
-        return [p.name for p in self._tree.plane]
+        """Names of the planes without end, among them sides of boxes."""
+        return [wall.name for wall in walls(self._tree) if wall.kind == PLANE]
 
     @property
     def spheres(self) -> tuple[Sphere, ...]:
@@ -197,10 +219,11 @@ class Scene(Builder, Attacher):
 
     @property
     def planes(self) -> tuple[Plane, ...]:
+        """The tables `[[plane]]`."""
         return tuple(self._tree.plane)
 
-    def _generators(self) -> list[Generator | Packing]:
-        return [*self._tree.packing, *self._tree.rack, *self._tree.lattice]
+    def _generators(self) -> list[Generator | Packing | Inflow]:
+        return [*self._tree.packing, *self._tree.rack, *self._tree.lattice, *self._tree.inflow]
 
     def validate(self) -> list[Problem]:
         """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at
@@ -226,7 +249,11 @@ class Scene(Builder, Attacher):
             return self._source.problem(finding)
         section = str(path[0])
         cure = finding.call or finding.cure
-        if len(path) > 1 and isinstance(path[1], int) and (len(path) > 2 or section in MECHANICS):
+        if (
+            len(path) > 1
+            and isinstance(path[1], int)
+            and (len(path) > 2 or section in (*MECHANICS, *WALLS, "outlet"))
+        ):
             table = getattr(self._tree, section)[path[1]]
             return Problem(table.label(), str(path[2]) if len(path) > 2 else "", finding.cause, cure)
         key = section if section not in ("run", "record") else ".".join(map(str, path))
@@ -258,7 +285,8 @@ class Scene(Builder, Attacher):
             counted(n, what)
             for n, what, always in (
                 (len(self.names), "sphere", True),
-                (len(self.planes), "plane", True),
+                (len(self.plane_names), "plane", True),
+                (len(self.wall_names) - len(self.plane_names), "other wall", False),
                 (len(tree.contact), "contact law", True),
                 (len(tree.joint), "joint", False),
                 (len(loads), "load", False),

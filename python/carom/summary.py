@@ -63,14 +63,19 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
     if len(scene.names) <= LISTED_BODIES:
         frame = simulation.frame()
         keys = ("position", "orientation", "velocity", "angular_velocity")
-        found["bodies"] = {name: {k: plain(frame[k][i]) for k in keys} for i, name in enumerate(scene.names)}
+        there = frame.get("present")
+        found["bodies"] = {
+            name: {k: plain(frame[k][i]) for k in keys}
+            for i, name in enumerate(scene.names)
+            if there is None or there[i]
+        }
     return found
 
 
-def named(outcome: Mapping[str, Any], bodies: Sequence[str], planes: Sequence[str]) -> dict[str, Any]:
+def named(outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str]) -> dict[str, Any]:
     """An outcome of the core with names instead of indices in `bodies`, and only plain values."""
     found: dict[str, Any] = plain(outcome)
-    names = [*bodies, *planes]
+    names = [*bodies, *walls]
     if found.get("bodies") is not None:
         found["bodies"] = [names[i] if 0 <= i < len(names) else str(i) for i in found["bodies"]]
     return found

@@ -20,7 +20,7 @@ Array = NDArray[Any]
 
 
 class UnknownName(CaromError, KeyError):
-    """A body, plane or column that is not there: a `KeyError` whose text reads as a sentence."""
+    """A body, wall or column that is not there: a `KeyError` whose text reads as a sentence."""
 
     __str__ = CaromError.__str__
 
@@ -124,12 +124,12 @@ class _Pairs(Table):
         self._names = np.array([*names, "?"], dtype=object)
 
     def between(self, first: str, second: str | None = None) -> Self:
-        """The rows with this body or plane, or with these two in any order."""
+        """The rows with this body or wall, or with these two in any order."""
         known = [str(n) for n in self._names[:-1]]
         indices = []
         for name in (first,) if second is None else (first, second):
             if name not in known:
-                raise UnknownName(f"no body or plane is called {name!r}; {did_you_mean(name, known[:20])}")
+                raise UnknownName(f"no body or wall is called {name!r}; {did_you_mean(name, known[:20])}")
             indices.append(known.index(name))
         body = np.asarray(self["body"])
         return self.where(np.logical_and.reduce([(body == i).any(axis=1) for i in indices]))
@@ -176,6 +176,28 @@ class Contacts(_Pairs):
 
     def _time(self) -> Array:
         return np.asarray(np.asarray(self._segments.column("frames", "time"))[self._frame()])
+
+
+class Events(Table):
+    """One row per ball that entered or left: `step`, `time`, `body`, `kind` (1 enters, 0 leaves) and its name, `ball`."""
+
+    name = "events"
+
+    def __init__(self, segments: Segments, names: Sequence[str], rows: Array | None = None) -> None:
+        super().__init__(segments, rows)
+        self._names = names
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        if self._segments.columns(self.name):
+            return {
+                "ball": lambda: np.array([self._names[i] for i in np.asarray(self["body"])], dtype=object)
+            }
+        return dict.fromkeys(
+            ("step", "time", "body", "kind", "ball"), lambda: np.zeros(0)
+        )  # nothing could happen
+
+    def _with_rows(self, rows: Array) -> Self:
+        return type(self)(self._segments, self._names, rows)
 
 
 class Residuals(Table):

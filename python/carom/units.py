@@ -24,6 +24,7 @@ DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
     "mass": ((0, 1, 0, 0), "kg", "kg, g, mg, oz, lb"),
     "time": ((0, 0, 1, 0), "s", "s, ms, us, min"),
     "angle": ((0, 0, 0, 1), "rad", "rad, deg, rev"),
+    "frequency": ((0, 0, -1, 0), "1/s", "1/s, 1/min"),
     "speed": ((1, 0, -1, 0), "m/s", "m/s, mm/s, km/h"),
     "acceleration": ((1, 0, -2, 0), "m/s^2", "m/s^2, cm/s^2"),
     "angular speed": ((0, 0, -1, 1), "rad/s", "rad/s, deg/s, rpm"),

@@ -105,6 +105,13 @@ class App {
       table: stage.world.table,
       pictures: this.pictures,
       eye: stage.eye.camera.position.toArray().map((c, k) => c + run.origin[k]),
+      present: bodies.map((n) => run.present(n)),
+      walls: run.walls.map((wall) => ({
+        name: wall.name,
+        point: wall.pose === undefined ? wall.point : [0, 1, 2].map((k) => run.poses!.point[3 * wall.pose! + k] + run.origin[k]),
+        turn: wall.pose === undefined ? [1, 0, 0, 0] : [3, 0, 1, 2].map((k) => run.poses!.turn[4 * wall.pose! + k]),
+      })),
+      drawn: [Math.min, Math.max].map((f) => [0, 1, 2].map((k) => f(...bodies.map((n) => run.centre[4 * n + k] + run.origin[k])))),
       positions: bodies.map((n) => run.where(n)),
       orientations: bodies.map((n) => [3, 0, 1, 2].map((k) => run.attitude[4 * n + k])), // w first, as in Python
       screen: bodies.map((n) => stage.project([run.centre[4 * n], run.centre[4 * n + 1], run.centre[4 * n + 2]]) ?? null),

@@ -48,6 +48,10 @@ export class Panel {
     put("position", run.where(selected), this.digits);
     put("velocity", run.velocityOf(selected), 4, " m/s");
     put("spin", run.spinOf(selected), 3, " rad/s");
+    if (!run.present(selected)) {
+      this.card.querySelector(".fine")!.textContent = "not there at this time";
+      return;
+    }
     const turns = Math.hypot(...run.spinOf(selected)) / (2 * Math.PI);
     this.card.querySelector(".fine")!.textContent =
       `radius ${+run.radius[selected].toPrecision(5)} m \u00b7 ${turns.toFixed(2)} turns a second` +
@@ -137,6 +141,7 @@ export class Labels {
 
   /** False where the body is out of view, or a nearer one's label is in the way. */
   private place(tag: HTMLElement, n: number): boolean {
+    if (!this.run.present(n)) return false;
     const { centre } = this.run;
     const { up } = this.stage.world;
     const at = [0, 1, 2].map((k) => centre[4 * n + k] + 1.25 * centre[4 * n + 3] * up[k]) as Vec;

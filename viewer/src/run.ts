@@ -1,6 +1,7 @@
 // A run as the page holds it, and its state at any time between frames.
 
 import { decode, unpack, type Packed } from "./codec";
+import { Poses } from "./poses";
 
 export type Vec = [number, number, number];
 
@@ -10,6 +11,25 @@ export interface Plane {
   normal: Vec;
 }
 
+/** A wall that is no resting plane; what its shape does not have is left out. */
+export interface Wall {
+  name: string;
+  shape: "plane" | "rectangle" | "disc" | "cylinder" | "sphere" | "cone";
+  point: Vec;
+  /** Of what is flat the normal. */
+  axis?: Vec;
+  side?: Vec;
+  size?: [number, number];
+  radius?: number;
+  hole?: number;
+  /** Radius of the last ring of a cone. */
+  end?: number;
+  length?: number;
+  inside?: boolean;
+  /** Which of the poses, if it moves. */
+  pose?: number;
+}
+
 interface Facts {
   format: number;
   title: string;
@@ -17,6 +37,9 @@ interface Facts {
   radius: number[];
   box: [Vec, Vec];
   planes: Plane[];
+  walls?: Wall[];
+  /** Periods along x, y, z (0: none) and the lowest corner of the periodic box. */
+  period?: [Vec, Vec];
   gravity: Vec;
   marks: number[];
   notes: string[];
@@ -26,6 +49,9 @@ interface Facts {
     orientation: Packed;
     velocity?: Packed;
     angular_velocity?: Packed;
+    present?: Packed;
+    wall_position?: Packed;
+    wall_orientation?: Packed;
   };
 }
 
@@ -34,7 +60,9 @@ export class Run {
   readonly frames: number;
   readonly count: number;
   readonly time: Float64Array;
-  /** State at the sampled time: x y z and radius, then the quaternion x y z w. */
+  /** Poses of the walls that move. */
+  readonly poses: Poses | undefined;
+  /** State at the sampled time: x y z and radius (0 where there is no ball now), then the quaternion x y z w. */
   readonly centre: Float32Array;
   readonly attitude: Float32Array;
   /** The sampled time, and the frame at or before it. */
@@ -45,6 +73,9 @@ export class Run {
   private readonly orientation: Int16Array;
   private readonly velocity: Int32Array | undefined;
   private readonly spin: Int32Array | undefined;
+  private readonly there: Int32Array | undefined;
+  /** What folds a centre back into a periodic world, as of the sampled time. */
+  private readonly shift: Float64Array;
 
   private constructor(
     readonly facts: Facts,
@@ -59,9 +90,13 @@ export class Run {
     this.orientation = decode(data, arrays.orientation, new Int16Array(this.frames * this.count * 4));
     this.velocity = arrays.velocity && wide(arrays.velocity);
     this.spin = arrays.angular_velocity && wide(arrays.angular_velocity);
+    this.there = arrays.present && wide(arrays.present);
+    if (arrays.wall_position && arrays.wall_orientation) {
+      this.poses = new Poses(data, arrays.wall_position, arrays.wall_orientation, arrays.position.origin!);
+    }
+    this.shift = new Float64Array(facts.period ? 3 * this.count : 0);
     this.centre = new Float32Array(4 * this.count);
     this.attitude = new Float32Array(4 * this.count);
-    for (let n = 0; n < this.count; n++) this.centre[4 * n + 3] = facts.radius[n];
     this.sample(this.start);
   }
 
@@ -85,6 +120,13 @@ export class Run {
   }
   get radius(): number[] {
     return this.facts.radius;
+  }
+  get walls(): Wall[] {
+    return this.facts.walls ?? [];
+  }
+  /** Whether a body is there at the sampled time. */
+  present(n: number): boolean {
+    return this.there === undefined || this.there[this.count * this.frame + n] !== 0;
   }
   /** False where velocities are differences of positions, because the page left the recorded ones out. */
   get hasRates(): boolean {
@@ -119,7 +161,22 @@ export class Run {
         const from = position[a + 3 * n + k];
         centre[4 * n + k] = step * (from + s * (position[b + 3 * n + k] - from));
       }
+      centre[4 * n + 3] = this.present(n) ? this.facts.radius[n] : 0;
       this.turn(n, next, span, s);
+    }
+    if (this.facts.period) this.fold(...this.facts.period);
+    this.poses?.sample(this.frame, next, s);
+  }
+
+  /** Balls of a periodic world are drawn within one period. */
+  private fold(periods: Vec, low: Vec): void {
+    for (let n = 0; n < this.count; n++) {
+      for (let k = 0; k < 3; k++) {
+        if (!periods[k]) continue;
+        const turns = Math.floor((this.centre[4 * n + k] + this.origin[k] - low[k]) / periods[k]);
+        this.shift[3 * n + k] = periods[k] * turns;
+        this.centre[4 * n + k] -= periods[k] * turns;
+      }
     }
   }
 
@@ -174,7 +231,7 @@ export class Run {
 
   /** Position of body n in the scene's own coordinates. */
   where(n: number): Vec {
-    return [0, 1, 2].map((k) => this.centre[4 * n + k] + this.origin[k]) as Vec;
+    return [0, 1, 2].map((k) => this.centre[4 * n + k] + this.origin[k] + (this.shift[3 * n + k] ?? 0)) as Vec;
   }
 
   /** Velocity of body n: as recorded at the frame shown, or the difference to the next one. */

@@ -20,6 +20,7 @@ import { Spheres } from "./spheres";
 import { Surfaces } from "./surfaces";
 import type { Shades } from "./theme";
 import { cross, scale } from "./vec";
+import { Walls } from "./walls";
 import { layOut, type World } from "./world";
 
 const SLOW_MS = 45; // a picture that takes longer is drawn coarser while playing
@@ -34,6 +35,7 @@ export class Stage {
   private readonly scene = new Scene();
   private readonly spheres: Spheres;
   private readonly surfaces: Surfaces;
+  private readonly walls: Walls;
   private readonly back: Mesh<PlaneGeometry, RawShaderMaterial>;
   private readonly shared;
   private sharpness = 1;
@@ -64,8 +66,9 @@ export class Stage {
     const lamp = new Vector3(...up).addScaledVector(new Vector3(...forward), 0.22).addScaledVector(new Vector3(...scale(across, -1)), 0.3);
     this.spheres = new Spheres(run, this.looks, this.shared);
     this.surfaces = new Surfaces(this.world, this.spheres.centre, this.shared, lamp.normalize());
+    this.walls = new Walls(run, this.world, this.shared);
     this.back = backdrop();
-    this.scene.add(this.back, this.surfaces.group, this.spheres.mesh);
+    this.scene.add(this.back, this.surfaces.group, this.walls.group, this.spheres.mesh);
     this.eye = new Eye(run, this.world, this.canvas, () => (this.dirty = true));
     this.canvas.addEventListener("webglcontextrestored", () => (this.dirty = true));
     new ResizeObserver(() => this.resize()).observe(host);
@@ -79,6 +82,7 @@ export class Stage {
     this.back.material.uniforms.uMiddle.value.set(shades.back[0]).convertLinearToSRGB();
     this.back.material.uniforms.uRim.value.set(shades.back[1]).convertLinearToSRGB();
     this.surfaces.paint(shades);
+    this.walls.paint(shades);
     this.dirty = true;
   }
 
@@ -93,6 +97,7 @@ export class Stage {
     this.adapt(moving);
     const gliding = this.eye.update();
     this.spheres.update(this.eye.camera.position);
+    this.walls.update();
     this.surfaces.lookFrom(this.eye.camera.position);
     this.renderer.render(this.scene, this.eye.camera);
     return gliding;
@@ -112,6 +117,7 @@ export class Stage {
     let body = -1;
     const centre = new Vector3();
     for (let n = 0; n < this.run.count; n++) {
+      if (!this.run.present(n)) continue;
       const along = centre.fromArray(this.run.centre, 4 * n).sub(eye).dot(ray);
       const miss = centre.addScaledVector(ray, -along).length();
       // A few pixels of grace: small balls and thumbs.

@@ -19,6 +19,7 @@ import {
 import type { InstancedBufferAttribute } from "three";
 import { floorFragment, floorVertex, shadowFragment, shadowVertex } from "./floor.glsl";
 import { paneFragment, rimFragment, rimVertex } from "./rims.glsl";
+import { gridSpacing } from "./grid";
 import { MOST_NUMBERED } from "./palette";
 import type { Vec } from "./run";
 import { QUAD } from "./spheres";
@@ -226,11 +227,4 @@ function edges(face: Face): Record<string, IUniform> {
   while (lines.length < EDGES) lines.push(new Vector4());
   while (walls.length < EDGES) walls.push(0);
   return { uEdges: { value: lines }, uWalls: { value: walls }, uEdgeCount: { value: count } };
-}
-
-/** 1, 2 or 5 times a power of ten, so that squares tell lengths: several balls wide, tens across the floor. */
-function gridSpacing(size: number, reach: number): number {
-  const wanted = Math.max(4 * size, reach / 25);
-  const power = 10 ** Math.floor(Math.log10(wanted));
-  return power * ([1, 2, 5].find((k) => k * power >= wanted) ?? 10);
 }

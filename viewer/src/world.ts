@@ -4,7 +4,8 @@
 // balls make a billiard table.
 
 import { MOST_NUMBERED } from "./palette";
-import type { Plane, Run, Vec } from "./run";
+import type { Plane, Run, Vec, Wall } from "./run";
+import { shape } from "./shapes";
 import { add, basis, cross, dot, scale, unit } from "./vec";
 
 export interface Edge {
@@ -27,6 +28,8 @@ export interface World {
   across: Vec;
   floors: Face[];
   panes: Face[];
+  /** What is drawn of the planes that move, where it is at the start. */
+  sheets: Map<Wall, Face>;
   /** Typical ball: rims and margins are measured by it. */
   size: number;
   /** What a camera should have in view. */
@@ -70,10 +73,33 @@ export function layOut(run: Run): World {
       box[1][k] = Math.max(box[1][k], c[k]);
     }
   }
+  const moving = new Map(
+    run.walls
+      .filter((w) => w.shape === "plane")
+      .map((w) => [w, { name: w.name, point: add(w.point, run.origin, -1), normal: w.axis! } as Plane]),
+  );
+  const sheets = new Map<Wall, Face>();
+  for (const [wall, plane] of moving) {
+    const others = [...planes, ...moving.values()].filter((p) => p !== plane);
+    const [sheet] = face(plane, others, boxPlanes(low, high, up, () => 2 * size), extent + wide);
+    if (sheet) sheets.set(wall, sheet);
+  }
+  for (const wall of run.walls) widen(box, wall, add(wall.point, run.origin, -1), low, high, extent);
   const table =
     closed.length === 1 && floors.length === 1 && closed[0].edges.length === 4 && !tall && run.count <= MOST_NUMBERED &&
     dot(closed[0].plane.normal, up) > 0.999;
-  return { up, across: acrossScreen(box, up), floors, panes, size, box, table };
+  return { up, across: acrossScreen(box, up), floors, panes, sheets, size, box, table };
+}
+
+/** Takes a wall that has an end into view, as far as it is not out of all proportion to where the balls are. */
+function widen(box: [Vec, Vec], wall: Wall, point: Vec, low: Vec, high: Vec, extent: number): void {
+  if (wall.shape === "plane" || (wall.shape === "cylinder" && wall.length === undefined)) return;
+  const { position } = shape(wall, point, 1, 0);
+  for (let i = 0; i < position.length; i++) {
+    const k = i % 3;
+    box[0][k] = Math.min(box[0][k], Math.max(position[i], low[k] - 3 * extent));
+    box[1][k] = Math.max(box[1][k], Math.min(position[i], high[k] + 3 * extent));
+  }
 }
 
 /** The longest level direction of the box: it should lie across the screen. */

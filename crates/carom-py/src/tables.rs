@@ -91,7 +91,8 @@ pub fn put_block(
     put(&frames, "step", b.frame_step, &[f])?;
     put(&frames, "time", b.frame_time, &[f])?;
     put(&frames, "position", b.position, &[f, n, 3])?;
-    if !b.present.is_empty() {
+    // Also in a block without frames: its columns are those of the run. The events are put before.
+    if out.contains("events")? {
         put(&frames, "present", b.present, &[f, n])?;
     }
     put(&frames, "orientation", b.orientation, &[f, n, 4])?;

@@ -54,6 +54,9 @@ def check(scenario: Scenario, case: Case = None, set_: Set = None, as_json: Json
 
 def _facts(described: Scene, cases: list[str]) -> dict[str, Any]:
     facts: dict[str, Any] = {"bodies": len(described.names), "planes": len(described.plane_names)}
+    others = len(described.wall_names) - len(described.plane_names)
+    if others:
+        facts["other_walls"] = others
     if described.parameters:
         facts |= {"case": described.case, "parameters": described.parameters, "cases": cases}
     return facts

@@ -30,6 +30,7 @@ def info(run: Run, as_json: Json = False) -> None:
         "outcome": str(result.outcome),
         "bodies": len(result.names),
         "planes": len(result.planes),
+        **({"other_walls": others} if (others := len(result.walls) - len(result.planes)) else {}),
         "steps": len(result.steps),
         "frames": len(result.time),
         "time_first": float(result.time[0]) if len(result.time) else None,

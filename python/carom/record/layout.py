@@ -7,6 +7,7 @@ without Carom. `docs/reference/results.md` describes the whole.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import NamedTuple
 
 FORMAT = 1
@@ -14,11 +15,17 @@ FORMAT = 1
 #: Groups of a file, in the order of the columns of `/commit`.
 TABLES = ("frames", "contacts", "steps", "impacts", "residuals")
 
+#: A group that only a run has whose balls come and go.
+EVENTS = "events"
+
 #: The column of a flat table that holds running ends into another one; they are made global on writing.
 ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
 
 #: The one column whose rows are not the rows of its table: histories of several contact problems, end to end.
 VALUES = ("residuals", "value")
+
+#: Columns of static tables that hold text.
+TEXTS = ("name", "shape", "motion")
 
 
 class Rows(NamedTuple):
@@ -32,11 +39,17 @@ class Rows(NamedTuple):
     impacts: int = 0
     residuals: int = 0
     values: int = 0
+    events: int = 0
 
     def __add__(self, other: object) -> Rows:  # element by element, not concatenation
         if not isinstance(other, tuple) or len(other) != len(self):
             return NotImplemented
         return Rows(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+def tables(owner: Container[str]) -> tuple[str, ...]:
+    """The tables of a block, of a file or of their columns."""
+    return (*TABLES, EVENTS) if EVENTS in owner else TABLES
 
 
 class Meaning(NamedTuple):
@@ -45,6 +58,8 @@ class Meaning(NamedTuple):
     unit: str
     text: str
 
+
+_MOTION = "how it moves, as JSON: laws of the time and axes of rotation, nothing where it stands"
 
 MEANINGS: dict[str, Meaning] = {
     "frames/step": Meaning("1", "number of the step after which the frame was taken, 0 for the start"),
@@ -57,9 +72,18 @@ MEANINGS: dict[str, Meaning] = {
         "N s, N m s",
         "(frame, joint, 6) impulse at the joint and moment on its first body since the last frame, world frame",
     ),
+    "frames/walls": Meaning(
+        "N s, N m s",
+        "(frame, wall, 6) impulse on each wall and its moment about the wall's point as it is at the frame,"
+        " since the last frame, world frame; planes first, then /walls",
+    ),
+    "frames/present": Meaning(
+        "1", "(frame, body) whether the ball is there; if not, its position is not a number"
+    ),
     "frames/contact_end": Meaning("1", "rows of /contacts up to and including this frame"),
     "contacts/body": Meaning(
-        "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
+        "1",
+        "(row, A and B) body indices; B >= number of bodies is wall B - number of bodies, planes first, then /walls",
     ),
     "contacts/status": Meaning("1", "0 open, 1 stick, 2 slip, at the frame"),
     "contacts/gap": Meaning("m", "gap at the frame"),
@@ -86,7 +110,8 @@ MEANINGS: dict[str, Meaning] = {
         "1", "number of the impact problem in the sequence of its step; 0: the loads that act with the impact"
     ),
     "impacts/body": Meaning(
-        "1", "(row, A and B) body indices; B >= number of bodies is plane B - number of bodies"
+        "1",
+        "(row, A and B) body indices; B >= number of bodies is wall B - number of bodies, planes first, then /walls",
     ),
     "impacts/status": Meaning("1", "0 open, 1 stick, 2 slip"),
     "impacts/normal": Meaning("1", "(row, xyz) unit normal from B to A"),
@@ -148,6 +173,10 @@ MEANINGS: dict[str, Meaning] = {
     "residuals/contacts": Meaning("1", "candidate contacts of the problem, closed or not"),
     "residuals/end": Meaning("1", "end of its history in /residuals/value"),
     "residuals/value": Meaning("1", "residual norms, one per iteration, histories end to end"),
+    "events/step": Meaning("1", "number of the step after which it happened"),
+    "events/time": Meaning("s", "time at the end of that step"),
+    "events/body": Meaning("1", "index of the ball"),
+    "events/kind": Meaning("1", "1 the ball enters, 0 it leaves"),
     "bodies/name": Meaning("1", "names"),
     "bodies/radius": Meaning("m", "radii"),
     "bodies/mass": Meaning("kg", "masses"),
@@ -157,4 +186,20 @@ MEANINGS: dict[str, Meaning] = {
     "planes/point": Meaning("m", "(plane, xyz) a point of the plane"),
     "planes/normal": Meaning("1", "(plane, xyz) unit normal, to the side where bodies live"),
     "planes/material": Meaning("1", "index of the material"),
+    "planes/motion": Meaning("1", _MOTION),
+    "walls/name": Meaning("1", "names"),
+    "walls/shape": Meaning("1", "rectangle, disc, cylinder, sphere or cone; what it has not is not a number"),
+    "walls/point": Meaning("m", "(wall, xyz) centre; middle of the axis of a cylinder, first ring of a cone"),
+    "walls/axis": Meaning(
+        "1", "(wall, xyz) unit axis; of a rectangle or disc the normal, to where bodies live"
+    ),
+    "walls/side": Meaning("1", "(wall, xyz) unit direction of the first side of a rectangle"),
+    "walls/size": Meaning("m", "(wall, 2) lengths of a rectangle along side and across it"),
+    "walls/radius": Meaning("m", "radius; of a cone that of the first ring"),
+    "walls/hole": Meaning("m", "radius of the hole of a disc"),
+    "walls/radius_end": Meaning("m", "radius of the last ring of a cone"),
+    "walls/length": Meaning("m", "length along the axis, infinite for a tube without end"),
+    "walls/inside": Meaning("1", "whether bodies live inside a cylinder, sphere or cone"),
+    "walls/material": Meaning("1", "index of the material"),
+    "walls/motion": Meaning("1", _MOTION),
 }

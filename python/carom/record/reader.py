@@ -12,7 +12,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.record.layout import FORMAT, TABLES, VALUES, Rows
+from carom.record.layout import FORMAT, TABLES, TEXTS, VALUES, Rows
 
 #: A column up to this size is read whole at first use: one read of 3000 frames is as cheap as a read of one.
 CACHE_BYTES = 64 * 1024 * 1024
@@ -161,7 +161,9 @@ class Segments:
         return dict(self._files[0].attrs)
 
     def columns(self, table: str) -> list[str]:
-        """Names of the columns of one of `TABLES`."""
+        """Names of the columns of a table; none of one that the run has not."""
+        if table not in self._files[0]:
+            return []
         return [_text(name) for name in self._files[0][table].attrs["columns"]]
 
     def column(self, table: str, name: str) -> Column:
@@ -178,9 +180,11 @@ class Segments:
         return Column(parts, unit, self, kept)
 
     def static(self, table: str) -> dict[str, NDArray[Any]]:
-        """The table `bodies` or `planes`; names as an array of `str`."""
+        """The table `bodies`, `planes` or `walls` (empty if there are none); text as an array of `str`."""
+        if table not in self._files[0]:
+            return {"name": np.zeros(0, dtype=object)}
         group = self._files[0][table]
-        return {n: np.array(d.asstr()[:], dtype=object) if n == "name" else d[()] for n, d in group.items()}
+        return {n: np.array(d.asstr()[:], dtype=object) if n in TEXTS else d[()] for n, d in group.items()}
 
     def close(self) -> None:
         """Close the files; what was read stays."""

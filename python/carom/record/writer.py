@@ -14,7 +14,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ClassVar
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.record.layout import ENDS, FORMAT, MEANINGS, TABLES, VALUES, Meaning, Rows
+from carom.record.layout import ENDS, FORMAT, MEANINGS, TEXTS, VALUES, Meaning, Rows, tables
 
 Table = Mapping[str, Any]
 
@@ -44,10 +44,10 @@ class RecordError(CaromError):
 class Writer:
     """The writer of one segment. Blocks are appended; `commit` makes what was appended durable for readers.
 
-    `bodies` and `planes` are the static tables (name, radius, ... with N and P rows). `first` counts the rows
+    `bodies`, `planes` and, if there are others, `walls` are the static tables (name, radius, ...). `first` counts the rows
     of the whole run before this segment: what earlier segments hold beyond it was written after the
     checkpoint from which this one starts, and no longer counts. `expected` is a guess of the row counts, used
-    only to avoid large chunks in small files.
+    only to avoid large chunks in small files. Columns in `leave_out` (table, name) are not written.
     """
 
     #: Files that could not even be abandoned (a limit on the size of files holds for anonymous ones too). HDF5 crashes
@@ -61,9 +61,11 @@ class Writer:
         *,
         bodies: Table,
         planes: Table,
+        walls: Table | None = None,
         attributes: Mapping[str, Any],
         first: Rows | None = None,
         expected: Rows | None = None,
+        leave_out: Collection[tuple[str, str]] = (),
     ) -> None:
         self.path = path
         self.first = first or Rows()
@@ -71,8 +73,9 @@ class Writer:
         self.committed = Rows()
         self.last_frame: int | None = None  # step of the newest frame of this segment
         self._attributes = dict(attributes, format=FORMAT, first_rows=np.array(self.first, dtype=np.uint64))
-        self._static = {"bodies": bodies, "planes": planes}
+        self._static = {"bodies": bodies, "planes": planes, **({} if walls is None else {"walls": walls})}
         self._expected = expected or Rows()
+        self._leave_out = frozenset(leave_out)
         self._file: Any = None
         self._commit: h5py.Dataset = None
         self._columns: dict[str, dict[str, h5py.Dataset]] = {}
@@ -90,19 +93,19 @@ class Writer:
             with _explained(self.path):
                 self._create(block)
         counts = _count(block)
-        tables = {name: dict(block[name]) for name in TABLES}
+        parts = {name: dict(block[name]) for name in tables(self._columns)}
         for (table, column), target in ENDS.items():
             offset = np.uint64(getattr(self.first, target) + getattr(self.rows, target))
-            tables[table][column] = np.asarray(tables[table][column], dtype=np.uint64) + offset
+            parts[table][column] = np.asarray(parts[table][column], dtype=np.uint64) + offset
         self.rows = self.rows + counts
         if counts.frames:
-            self.last_frame = int(tables["frames"]["step"][-1])
+            self.last_frame = int(parts["frames"]["step"][-1])
         if not any(counts):
             return
         if not self._pending:
             self._pending_since = time.monotonic()
-        self._pending.append(tables)
-        self._pending_bytes += sum(np.asarray(c).nbytes for t in tables.values() for c in t.values())
+        self._pending.append(parts)
+        self._pending_bytes += sum(np.asarray(c).nbytes for t in parts.values() for c in t.values())
         if self._pending_bytes >= BATCH_BYTES or time.monotonic() - self._pending_since >= BATCH_SECONDS:
             self._write_meanwhile()
 
@@ -194,18 +197,22 @@ class Writer:
         for table, columns in self._static.items():
             group = file.create_group(table)
             for name, values in columns.items():
-                data = np.array(values, dtype=h5py.string_dtype()) if name == "name" else np.asarray(values)
+                text = name in TEXTS
+                data = np.array(values, dtype=h5py.string_dtype()) if text else np.asarray(values)
                 _describe(group.create_dataset(name, data=data), f"{table}/{name}")
-        for table in TABLES:
+        for table in tables(block):
             group = file.create_group(table)
             guess = getattr(self._expected, table)
             self._columns[table] = {}
             for name, values in block[table].items():
+                if (table, name) in self._leave_out:
+                    continue
                 rows = self._expected.values if (table, name) == VALUES else guess
                 self._columns[table][name] = _new_column(group, table, name, np.asarray(values), rows)
             group.attrs["columns"] = list(self._columns[table])
+        width = len(Rows._fields)
         commit = file.create_dataset(
-            "commit", (0, len(Rows._fields)), np.uint64, maxshape=(None, len(Rows._fields)), chunks=(128, 6)
+            "commit", (0, width), np.uint64, maxshape=(None, width), chunks=(128, width)
         )
         commit.attrs["columns"] = list(Rows._fields)
         commit.attrs["description"] = "rows of each table that are whole; the last row counts"
@@ -271,8 +278,7 @@ def _extend(dataset: h5py.Dataset, rows: NDArray[Any]) -> None:
 
 
 def _count(block: Mapping[str, Any]) -> Rows:
-    key = {"frames": "step", "contacts": "gap", "steps": "step", "impacts": "step", "residuals": "step"}
-    counts = {table: len(block[table][key[table]]) for table in TABLES}
+    counts = {table: len(block[table]["gap" if table == "contacts" else "step"]) for table in tables(block)}
     return Rows(**counts, values=len(block["residuals"]["value"]))
 
 

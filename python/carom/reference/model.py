@@ -20,6 +20,10 @@ TOUCH = 1e-9
 """A contact is closed, and a starting overlap admitted, up to this fraction of its reference radius."""
 
 
+BEYOND = ("walls", "wall_motion", "periodic", "inflow", "outlet")
+"""Keys of a model that only the core understands."""
+
+
 @dataclass(frozen=True)
 class Law:
     """Contact law of two materials: mu, e_N, e_T [-] and the radii rho, delta [m] of rolling and spinning."""
@@ -152,6 +156,11 @@ class Model:
         n = len(radius)
         if n > 10:
             raise ValueError(f"the reference is for at most ten bodies, not {n}")
+        beyond = [key for key in BEYOND if key in model]
+        if beyond:
+            raise ValueError(
+                f"the reference knows planes that stand and balls that stay, not {', '.join(beyond)}"
+            )
         mass, inertia = _array(model["mass"]), _array(model["inertia"])
         normal = _array(model.get("plane_normal", ())).reshape(-1, 3)
         normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)

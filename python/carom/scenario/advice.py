@@ -12,9 +12,11 @@ from carom.scenario.attachment_checks import advise_loads
 from carom.scenario.checks import Parts, steps
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
-from carom.scenario.model import Plane, World
+from carom.scenario.model import World
+from carom.scenario.placing import PLANE, Placed
 from carom.scenario.problems import Finding
-from carom.scenario.vectors import dot, scaled
+from carom.scenario.vectors import dot
+from carom.scenario.wall_checks import advise_walls
 
 WARN_TRAVEL = 0.05
 """Travel per step, in radii, above which hits are inaccurate (rule R6)."""
@@ -33,6 +35,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from _heavy_shell(parts)
     yield from advise_start(parts)
     yield from advise_loads(parts)
+    yield from advise_walls(parts)
 
 
 def _has_substeps(parts: Parts) -> bool:
@@ -68,10 +71,10 @@ def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Fin
     """
     bodies = parts.bodies()
     safe, worst, met = math.inf, 0.0, ""
-    for _, plane in parts.planes():
-        normal = np.array(scaled(plane.normal))
+    for plane in _planes(parts):
+        normal = np.array(plane.shape[1])
         rate = np.maximum(0.0, -(bodies.velocity @ normal)) / bodies.radius
-        fall = max(0.0, -dot(world.gravity, scaled(plane.normal))) / bodies.radius
+        fall = max(0.0, -dot(world.gravity, plane.shape[1])) / bodies.radius
         travel = (rate + fall * step) * step
         body = int(travel.argmax())
         if travel[body] > max(PLANE_TRAVEL, worst):
@@ -123,7 +126,7 @@ def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
     for i, law in parts.contacts():
         if law.restitution < 1:
             continue
-        for _, plane in parts.planes():
+        for plane in _planes(parts):
             a, b = law.between
             meets = (a == plane.material and b in kinds) or (b == plane.material and a in kinds)
             if meets and _presses(plane, world):
@@ -137,8 +140,12 @@ def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
                 break
 
 
-def _presses(plane: Plane, world: World) -> bool:
-    return dot(world.gravity, scaled(plane.normal)) < 0
+def _planes(parts: Parts) -> list[Placed]:
+    return [wall for wall in parts.walls() if wall.kind == PLANE]
+
+
+def _presses(plane: Placed, world: World) -> bool:
+    return dot(world.gravity, plane.shape[1]) < 0
 
 
 def _heavy_shell(parts: Parts) -> Iterator[Finding]:

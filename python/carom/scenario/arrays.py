@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from carom.scenario.laws import LawValue, as_core
 from carom.scenario.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
 from carom.scenario.model import Scenario
 from carom.scenario.packing import Packing
-from carom.scenario.vectors import scaled
+from carom.scenario.placing import PLANE, Placed, motion_for_core, placed_walls
+from carom.scenario.walls import WALLS
 
 EXPANDED = 10_000
 """A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond it."""
@@ -24,14 +26,20 @@ LAW_KEYS = ("friction", "restitution", "tangential_restitution", "rolling_radius
 def bodies(tree: Scenario) -> Bodies:
     """All balls of a scenario."""
     tree = with_packings_expanded(tree)
-    entries = {name: list(enumerate(getattr(tree, name))) for name in ("sphere", "rack", "lattice")}
+    entries = {name: list(enumerate(getattr(tree, name))) for name in ("sphere", "rack", "lattice", "inflow")}
     return expand(entries, [m.name for m in tree.material])
+
+
+def walls(tree: Scenario) -> list[Placed]:
+    """All walls of a scenario, in the order of the core."""
+    return placed_walls({name: list(enumerate(getattr(tree, name))) for name in WALLS})
 
 
 def to_arrays(tree: Scenario) -> dict[str, Any] | None:
     """The argument of `carom._core.Simulation` (`_core.pyi` has names, units and shapes); None if a material is unknown."""
     materials = {m.name: i for i, m in enumerate(tree.material)}
-    used = {p.material for p in tree.plane} | {name for c in tree.contact for name in c.between}
+    surfaces = walls(tree)
+    used = {wall.material for wall in surfaces} | {name for c in tree.contact for name in c.between}
     balls = bodies(tree)
     if not used <= set(materials) or balls.material.min(initial=0) < 0:
         return None
@@ -39,6 +47,7 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
     if mechanics is None:
         return None
     laws = tree.contact
+    planes = [wall for wall in surfaces if wall.kind == PLANE]
     return {
         "gravity": np.array(tree.world.gravity),
         "radius": balls.radius,
@@ -49,13 +58,15 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
         "angular_velocity": balls.angular_velocity,
         "orientation": balls.orientation,
         "material": balls.material,
-        "plane_point": _rows([p.point for p in tree.plane]),
-        "plane_normal": _rows([scaled(p.normal) for p in tree.plane]),
-        "plane_material": np.array([materials[p.material] for p in tree.plane], dtype=np.int64),
+        "plane_point": _rows([p.point for p in planes]),
+        "plane_normal": _rows([p.shape[1] for p in planes]),
+        "plane_material": np.array([materials[p.material] for p in planes], dtype=np.int64),
         "law_a": np.array([materials[c.between[0]] for c in laws], dtype=np.int64),
         "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
         **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in LAW_KEYS},
         **mechanics,
+        **_surfaces(surfaces, len(planes), materials),
+        **_world(tree, balls),
         "options": tree.run.options(),
     }
 
@@ -84,7 +95,31 @@ def _mechanics(tree: Scenario, balls: Bodies) -> dict[str, Any] | None:
     return found | {key: rows for key, rows in (("joints", joints), ("loads", loads)) if rows}
 
 
-def _rows(vectors: list[tuple[float, ...]]) -> F64:
+def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) -> dict[str, Any]:
+    """Walls that are no half-spaces, and the motion of all, each only if there are any."""
+    shapes = [
+        {"shape": wall.shape, "point": list(wall.point), "material": materials[wall.material]}
+        for wall in surfaces[planes:]
+    ]
+    motions = [(k, motion_for_core(wall)) for k, wall in enumerate(surfaces) if wall.motion is not None]
+    return {key: rows for key, rows in (("walls", shapes), ("wall_motion", motions)) if rows}
+
+
+def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
+    """Periods, inflows, outlets and the wish to record walls, each only if there are any."""
+    found: dict[str, Any] = {"record_walls": True} if tree.record.walls else {}
+    if tree.world.periodic is not None and any(tree.world.periodic):
+        found["periodic"] = np.array(tree.world.periodic)
+        found["periodic_origin"] = np.array(tree.world.origin)
+    first = {s.index: s.start for s in balls.segments if s.section == "inflow"}
+    if tree.inflow:
+        found["inflow"] = [table.as_core(first[i]) for i, table in enumerate(tree.inflow)]
+    if tree.outlet:
+        found["outlet"] = [table.as_core() for table in tree.outlet]
+    return found
+
+
+def _rows(vectors: Sequence[Sequence[float]]) -> F64:
     return np.array(vectors, dtype=np.float64).reshape(len(vectors), 3)
 
 
@@ -105,6 +140,8 @@ def with_generators_expanded(tree: Scenario) -> Scenario:
     balls = bodies(tree)
     spheres = list(tree.sphere)
     for segment in balls.segments[len(spheres) :]:
+        if segment.section == "inflow":
+            continue  # what enters later is no sphere of the start
         table = getattr(tree, segment.section)[segment.index]
         same = table.model_dump(
             include={"material", "radius", "mass", "density", "inertia"}, exclude_none=True

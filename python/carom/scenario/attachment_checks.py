@@ -37,7 +37,7 @@ def check_names(parts: Parts) -> Iterator[Finding]:
     yield from _functions(parts)
     bodies = parts.bodies()
     known = set(bodies.names)
-    planes = {plane.name for _, plane in parts.planes()}
+    walls = {wall.name: wall for wall in parts.walls()}
     wrong = 0
     for name, section, index, key, ground_admitted in references(parts.entries):
         cause = cure = ""
@@ -48,10 +48,11 @@ def check_names(parts: Parts) -> Iterator[Finding]:
                     "rename the sphere",
                 )
         elif name not in known:
-            if name in planes:
+            if name in walls:
                 what = "joints act" if section == "joint" else f"a {section} acts"
-                cause = f"{quoted(name)} is a plane, and {what} on spheres"
-                cure = 'planes never move: write "ground"' if ground_admitted else _known(name, bodies)
+                cause = f"{quoted(name)} is a {walls[name].section.replace('_', ' ')}, and {what} on spheres"
+                stands = ground_admitted and walls[name].motion is None
+                cure = 'planes never move: write "ground"' if stands else _known(name, bodies)
             elif name == GROUND:
                 cause = f"{quoted(name)} is no sphere"
                 cure = (

@@ -78,7 +78,7 @@ class Sphere(Ball):
 
     section: ClassVar[str] = "sphere"
 
-    name: Name = Field(description="name, unique among spheres and planes", examples=["cue"])
+    name: Name = Field(description="name, unique among spheres and walls", examples=["cue"])
     position: Position = Field(
         description="centre at the start", examples=[[0.0, 0.0, 0.028575]], json_schema_extra=unit("m")
     )

@@ -1,4 +1,4 @@
-"""The scenario as arrays: every ball of every table, in the order spheres, racks, lattices.
+"""The scenario as arrays: every ball of every table, in the order spheres, racks, lattices, inflows.
 
 This order is the numbering of the core and of the results. A generator's balls depend on its keys and its
 seed alone: the random numbers are the raw 64-bit output of PCG64, whose stream NumPy promises to keep, and
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.scenario.balls import Ball, Lattice, Rack, Sphere
+from carom.scenario.flow import Inflow
 from carom.scenario.table import Table
 from carom.scenario.vectors import cross, dot, scaled
 
@@ -48,6 +49,15 @@ class Bodies:
     material: I64  # (N,)
     segments: list[Segment]
 
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Which balls are there at the start, (N,): not those of inflows."""
+        there = np.ones(len(self.names), dtype=bool)
+        for segment in self.segments:
+            if segment.section == "inflow":
+                there[segment.start : segment.stop] = False
+        return there
+
     def origin(self, body: int) -> tuple[str, int]:
         """Section and place in the file of the table that a ball comes from."""
         starts = [segment.start for segment in self.segments]
@@ -56,7 +66,7 @@ class Bodies:
 
 
 def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
-    """All balls of the sections sphere, rack and lattice."""
+    """All balls of the sections sphere, rack, lattice and inflow."""
     known = {name: i for i, name in enumerate(materials)}
     spheres = [(i, t) for i, t in entries.get("sphere", ()) if isinstance(t, Sphere)]
     segments = [Segment(k, k + 1, "sphere", i) for k, (i, _) in enumerate(spheres)]
@@ -65,17 +75,17 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     n = len(spheres)
     position = [np.array([s.position for _, s in spheres], dtype=float).reshape(n, 3)]
     velocity = [np.array([s.velocity for _, s in spheres], dtype=float).reshape(n, 3)]
-    for section in ("rack", "lattice"):
+    for section in ("rack", "lattice", "inflow"):
         for i, table in entries.get(section, ()):
-            assert isinstance(table, Rack | Lattice)
+            assert isinstance(table, Rack | Lattice | Inflow)
             with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are reported by the checks
-                centres = rack_centres(table) if isinstance(table, Rack) else lattice_centres(table)
+                centres = _centres(table)
             count = len(centres)
             segments.append(Segment(len(names), len(names) + count, section, i))
             names += table.ball_names()
             balls.append((table, count))
             position.append(centres)
-            start = table.velocity if isinstance(table, Lattice) else (0.0, 0.0, 0.0)
+            start = (0.0, 0.0, 0.0) if isinstance(table, Rack) else table.velocity
             velocity.append(np.broadcast_to(np.array(start), (count, 3)))
     counts = [count for _, count in balls]
     total = len(names)
@@ -96,6 +106,15 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
         material=np.repeat([known.get(b.material, -1) for b, _ in balls], counts).astype(np.int64),
         segments=segments,
     )
+
+
+def _centres(table: Rack | Lattice | Inflow) -> F64:
+    """Centres (N, 3) of the balls of a table."""
+    if isinstance(table, Rack):
+        return rack_centres(table)
+    if isinstance(table, Lattice):
+        return lattice_centres(table)
+    return np.tile(table.region.centre(), (table.size(), 1))  # where they wait, out of the world
 
 
 def rack_centres(rack: Rack) -> F64:

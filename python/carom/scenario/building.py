@@ -1,4 +1,4 @@
-"""`Builder`: the calls of a `carom.Scene` that add materials, contact laws, balls and planes."""
+"""`Builder`: the calls of a `carom.Scene` that add materials, contact laws and balls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from carom.errors import Problem, ScenarioError, quoted
 from carom.scenario.arguments import explained
 from carom.scenario.balls import Lattice, Rack, Sphere
-from carom.scenario.model import Contact, Material, Plane, Scenario
+from carom.scenario.model import Contact, Material, Scenario
 from carom.scenario.packing import Packing
 from carom.scenario.problems import from_python
 from carom.scenario.table import Table
@@ -36,7 +36,7 @@ class Builder:
     """What a scene is made of; `carom.Scene` adds reading, writing and checking."""
 
     _tree: Scenario
-    _names: set[str]  # of the single spheres and of the planes
+    _names: set[str]  # of the single spheres and of the walls
 
     @explained
     def material(self, name: str) -> Material:
@@ -130,18 +130,6 @@ class Builder:
         self.material(material)
         self._tree.sphere.append(sphere)
         return sphere
-
-    @explained
-    def plane(self, name: str, *, point: Vector, normal: Vector, material: str) -> Plane:
-        """Add a fixed half-space through `point`; `normal` (any length) points to the side where spheres
-        live.
-        """
-        label = f"Scene.plane({quoted(name)})"
-        plane = make(Plane, label, name=name, material=material, point=point, normal=normal)
-        self._take_name(name, label)
-        self.material(material)
-        self._tree.plane.append(plane)
-        return plane
 
     @explained
     def rack(
@@ -253,6 +241,6 @@ class Builder:
 
     def _take_name(self, name: str, label: str) -> None:
         if name in self._names:
-            cause = f"there is already a sphere or plane {quoted(name)}"
+            cause = f"there is already a sphere or wall {quoted(name)}"
             raise ScenarioError([Problem(label, "name", cause, "give another name")])
         self._names.add(name)

@@ -20,17 +20,14 @@ from carom.scenario.balls import Ball
 from carom.scenario.bodies import Bodies, expand
 from carom.scenario.joint_start import check_start
 from carom.scenario.mechanics import MECHANICS
-from carom.scenario.model import Contact, Material, Plane, Scenario
+from carom.scenario.model import Contact, Material, Scenario, World
 from carom.scenario.options import RunBase
 from carom.scenario.overlap import overlaps
+from carom.scenario.placing import Placed, placed_walls
 from carom.scenario.problems import Finding
 from carom.scenario.table import Table
-from carom.scenario.vectors import scaled
-
-TOUCHING = 1e-9
-"""A gap above minus this fraction of the radius counts as touching; the step has the same tolerance."""
-MOST = 20
-"""Overlaps and spheres below planes that are listed; more say nothing new."""
+from carom.scenario.wall_checks import MOST, TOUCHING, check_flow, check_periodic, check_walls
+from carom.scenario.walls import WALLS, Wall
 
 
 @dataclass
@@ -43,11 +40,14 @@ class Parts:
     """Sections with a table that could not be read."""
     lost_materials: frozenset[str] = frozenset()
     """Names of materials whose tables could not be read."""
+    world: World | None = None
+    _walls: list[Placed] | None = field(default=None, repr=False)
     _bodies: Bodies | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, tree: Scenario) -> Parts:
-        return cls(tree.run, {name: list(enumerate(getattr(tree, name))) for name in SECTIONS})
+        entries = {name: list(enumerate(getattr(tree, name))) for name in SECTIONS}
+        return cls(tree.run, entries, world=tree.world)
 
     def materials(self) -> list[str]:
         return [t.name for _, t in self.entries["material"] if isinstance(t, Material)]
@@ -55,8 +55,11 @@ class Parts:
     def contacts(self) -> list[tuple[int, Contact]]:
         return [(i, t) for i, t in self.entries["contact"] if isinstance(t, Contact)]
 
-    def planes(self) -> list[tuple[int, Plane]]:
-        return [(i, t) for i, t in self.entries["plane"] if isinstance(t, Plane)]
+    def walls(self) -> list[Placed]:
+        """All walls, in the order of the core."""
+        if self._walls is None:
+            self._walls = placed_walls(self.entries)
+        return self._walls
 
     def balls_damaged(self) -> bool:
         """Whether a ball is missing because its table could not be read."""
@@ -67,9 +70,15 @@ class Parts:
             self._bodies = expand(self.entries, self.materials())
         return self._bodies
 
+    def place(self, body: int) -> tuple[str, int, str]:
+        """The key that says where a ball is, with its table."""
+        section, index = self.bodies().origin(body)
+        key = {"sphere": "position", "rack": "apex", "lattice": "origin", "inflow": "region"}[section]
+        return section, index, key
 
-BALLS = ("sphere", "rack", "lattice")
-SECTIONS = ("material", "contact", *BALLS, "plane", *MECHANICS)
+
+BALLS = ("sphere", "rack", "lattice", "inflow")
+SECTIONS = ("material", "contact", *BALLS, *WALLS, "outlet", *MECHANICS)
 
 
 def check(parts: Parts) -> Iterator[Finding]:
@@ -88,7 +97,9 @@ def check(parts: Parts) -> Iterator[Finding]:
     bad_numbers = list(_usable_numbers(parts))
     yield from bad_numbers
     if not bad_numbers:
-        yield from _below_planes(parts)
+        yield from check_walls(parts)
+        yield from check_periodic(parts, parts.world)
+        yield from check_flow(parts)
         yield from _overlaps(parts)
         if not wrong_names and not parts.balls_damaged():
             yield from check_start(parts)
@@ -133,13 +144,19 @@ def _names(parts: Parts) -> Iterator[Finding]:
             section, index = bodies.origin(body)
             cause = f"there are two spheres {quoted(bodies.names[body])}"
             yield Finding((section, index, "name"), cause, _rename(section))
-    planes: set[str] = set()
-    for i, plane in parts.planes():
-        if plane.name in balls or plane.name in planes:
-            what = "sphere" if plane.name in balls else "plane"
-            cause = f"there is already a {what} {quoted(plane.name)}"
-            yield Finding(("plane", i, "name"), cause, "give the plane another name")
-        planes.add(plane.name)
+    walls: dict[str, str] = {}
+    for wall in parts.walls():
+        if wall.name in balls or wall.name in walls:
+            what = "sphere" if wall.name in balls else walls[wall.name]
+            cause = f"there is already a {what} {quoted(wall.name)}"
+            yield Finding(
+                (wall.section, wall.index, "name"), cause, f"give the {_words(wall.section)} another name"
+            )
+        walls[wall.name] = _words(wall.section)
+
+
+def _words(section: str) -> str:
+    return section.replace("_", " ")
 
 
 def _repeated(names: Sequence[str]) -> Iterator[int]:
@@ -159,9 +176,9 @@ def _materials(parts: Parts) -> Iterator[Finding]:
     known = parts.materials()
     admitted = set(known) | parts.lost_materials
     cure = 'add [[material]] name = "..."' if not known else ""
-    for section in (*BALLS, "plane"):
+    for section in (*BALLS, *WALLS):
         for i, table in parts.entries[section]:
-            assert isinstance(table, Ball | Plane)
+            assert isinstance(table, Ball | Wall)
             if table.material not in admitted:
                 hint = cure or did_you_mean(table.material, known)
                 yield Finding((section, i, "material"), f"unknown material {quoted(table.material)}", hint)
@@ -196,7 +213,7 @@ def _pairs(parts: Parts) -> Iterator[Finding]:
 
 
 def meetings(parts: Parts) -> dict[tuple[str, str], str]:
-    """Pairs of materials that can meet (planes do not meet planes), with two bodies that show it."""
+    """Pairs of materials that can meet (walls do not meet walls), with two bodies that show it."""
     first: dict[str, list[str]] = {}  # the first two balls of each material
     bodies = parts.bodies()
     names = parts.materials()
@@ -212,10 +229,11 @@ def meetings(parts: Parts) -> dict[tuple[str, str], str]:
             found[a, a] = f"spheres {quoted(first[a][0])} and {quoted(first[a][1])} can meet"
         for b in ordered[k + 1 :]:
             found[a, b] = f"spheres {quoted(first[a][0])} and {quoted(first[b][0])} can meet"
-        for _, plane in parts.planes():
-            pair = (a, plane.material)
+        for wall in parts.walls():
+            pair = (a, wall.material)
             if pair not in found and pair[::-1] not in found:
-                found[pair] = f"sphere {quoted(first[a][0])} can meet plane {quoted(plane.name)}"
+                what = f"{_words(wall.section)} {quoted(wall.name)}"
+                found[pair] = f"sphere {quoted(first[a][0])} can meet {what}"
     return found
 
 
@@ -244,29 +262,16 @@ def _usable_numbers(parts: Parts) -> Iterator[Finding]:
         yield Finding((*bodies.origin(int(body)), "position"), cause, "move the origin near the spheres")
 
 
-def _below_planes(parts: Parts) -> Iterator[Finding]:
-    bodies = parts.bodies()
-    reported = 0
-    for _, plane in parts.planes():
-        gap = (bodies.position - np.array(plane.point)) @ np.array(scaled(plane.normal)) - bodies.radius
-        for body in np.flatnonzero(gap < -TOUCHING * bodies.radius)[: MOST - reported]:
-            reported += 1
-            name, depth = bodies.names[body], -gap[body]
-            cause = f"sphere {quoted(name)} reaches {depth:.4g} m behind plane {quoted(plane.name)}"
-            if depth > 2 * bodies.radius[body]:
-                cure = "move it to the side that the normal points to, or reverse the normal"
-            else:
-                cure = f"move it by {depth:.4g} m along the normal of the plane"
-            yield Finding((*bodies.origin(int(body)), _place(bodies, int(body))), cause, cure)
-
-
 def _overlaps(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
-    found = overlaps(bodies.position, bodies.radius, TOUCHING, MOST)
-    for a, b, gap in found:
+    there = np.flatnonzero(bodies.present)
+    position, radius = bodies.position[there], bodies.radius[there]
+    periods = parts.world.periodic if parts.world is not None else None
+    for first, second, gap in overlaps(position, radius, TOUCHING, MOST, periods):
+        a, b = int(there[first]), int(there[second])
         names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
         cause = f"spheres {names} overlap at the start, gap {gap:.4g} m"
-        section, index = bodies.origin(b)
+        section, index, key = parts.place(b)
         if section == "sphere":
             cure = f"move them {-gap:.4g} m further apart"
         elif section == "rack" and bodies.origin(a) == (section, index):
@@ -275,9 +280,4 @@ def _overlaps(parts: Parts) -> Iterator[Finding]:
             cure = "give a larger spacing or less jitter"
         else:
             cure = f"move the {section} by more than {-gap:.4g} m"
-        yield Finding((section, index, _place(bodies, b)), cause, cure)
-
-
-def _place(bodies: Bodies, body: int) -> str:
-    """The key that says where a ball is."""
-    return {"sphere": "position", "rack": "apex", "lattice": "origin"}[bodies.origin(body)[0]]
+        yield Finding((section, index, key), cause, cure)

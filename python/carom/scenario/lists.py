@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 
 from carom import units
 from carom.errors import quoted
-from carom.scenario.fields import ANY, Bounds, Checked, Integer, Quantity, inside, refuse
+from carom.scenario.fields import ANY, POSITIVE, Bounds, Checked, Integer, Quantity, inside, refuse
 from carom.scenario.vectors import norm, scaled
 
 T = TypeVar("T")
@@ -75,6 +75,17 @@ class Direction(Vector):
         if norm(vector) == 0:
             raise refuse("a direction must not be zero", f"write for example {self.example}")
         return vector
+
+
+@dataclass(frozen=True)
+class Lengths(Vector):
+    """`size` lengths within `bounds`."""
+
+    dimension: str = "length"
+    bounds: Bounds = POSITIVE
+
+    def _item(self) -> Quantity:
+        return Quantity(self.dimension, self.bounds)
 
 
 @dataclass(frozen=True)

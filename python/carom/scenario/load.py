@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from carom.errors import Problem, ScenarioError, nearest
 from carom.scenario import parameters
 from carom.scenario.checks import SECTIONS, Parts, check
-from carom.scenario.model import REPEATED, SINGLE, Scenario
+from carom.scenario.model import REPEATED, SINGLE, Scenario, World
 from carom.scenario.options import Run, RunBase
 from carom.scenario.problems import Finding, Source, findings
 from carom.scenario.table import Table
@@ -193,6 +193,9 @@ def _beyond(raw: Mapping[str, Any], found: list[Finding]) -> list[Finding]:
     run: RunBase | None = None
     if ("run",) not in wrong:
         run = Run.model_validate(raw.get("run", {}))
+    world: World | None = None
+    if ("world",) not in wrong:
+        world = World.model_validate(raw.get("world", {}))
     materials = raw.get("material", [])
     lost = frozenset(
         str(t["name"])
@@ -201,4 +204,4 @@ def _beyond(raw: Mapping[str, Any], found: list[Finding]) -> list[Finding]:
     )
     if raw.get("packing"):  # its balls are not among these tables
         damaged.add("sphere")
-    return list(check(Parts(run, entries, frozenset(damaged), lost)))
+    return list(check(Parts(run, entries, frozenset(damaged), lost, world)))

@@ -13,14 +13,17 @@ from pydantic import Field
 
 from carom.scenario.balls import Lattice, Rack, Sphere
 from carom.scenario.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Pair, Quantity, Text, Version
+from carom.scenario.flow import Inflow, Outlet, Region
 from carom.scenario.joints import Joint
 from carom.scenario.laws import Law, LawValue
-from carom.scenario.lists import Direction, Vector
+from carom.scenario.lists import Lengths, Vector
 from carom.scenario.loads import Drag, Load, LoadFunction, Spring
+from carom.scenario.motion import Motion, Rotation, SurfaceRotation
 from carom.scenario.options import Run
 from carom.scenario.packing import Packing
-from carom.scenario.quantities import Distance, Name, Position, Vec3, unit
+from carom.scenario.quantities import FARTHEST, ZEROS, Distance, Name, Position, Vec3, unit
 from carom.scenario.table import Table
+from carom.scenario.walls import WALLS, BallWall, Box, Cone, Cylinder, Plane
 
 FORMAT = 1
 
@@ -36,6 +39,11 @@ class Record(Table):
     contacts: Annotated[bool, Flag()] = Field(
         True, description="keep the impulses of each contact, accumulated since the last frame"
     )
+    walls: Annotated[bool, Flag()] | None = Field(
+        None,
+        description="keep the impulse on each wall since the last frame; if omitted, where a wall moves",
+        examples=[True],
+    )
 
 
 class World(Table):
@@ -47,6 +55,15 @@ class World(Table):
         description="acceleration of gravity, m/s^2; zeros for none",
         examples=[[0.0, 0.0, -9.8]],
         json_schema_extra=unit("m/s^2"),
+    )
+    periodic: Annotated[Vec3, Lengths(bounds=Bounds(ge=0, le=FARTHEST))] | None = Field(
+        None,
+        description="periods of the world along x, y, z; 0: none along that axis",
+        examples=[[0.1, 0.1, 0.0]],
+        json_schema_extra=unit("m"),
+    )
+    origin: Position = Field(
+        ZEROS, description="lowest corner of the periodic box", json_schema_extra=unit("m")
     )
 
 
@@ -92,21 +109,6 @@ class Contact(Table):
         return f'scene.contact("{self.between[0]}", "{self.between[1]}")'
 
 
-class Plane(Table):
-    """A fixed half-space; spheres live on the side of its normal."""
-
-    section: ClassVar[str] = "plane"
-
-    name: Name = Field(description="name, unique among spheres and planes", examples=["bed"])
-    material: Name = Field(description="name of its material", examples=["cloth"])
-    point: Position = Field(
-        description="any point of the plane", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
-    )
-    normal: Annotated[Vec3, Direction()] = Field(
-        description="points to the side where spheres live; any length but zero", examples=[[0.0, 0.0, 1.0]]
-    )
-
-
 class Scenario(Table):
     """A whole scenario file."""
 
@@ -123,7 +125,15 @@ class Scenario(Table):
     rack: list[Rack] = Field(default_factory=list, description="billiard racks")
     lattice: list[Lattice] = Field(default_factory=list, description="grids of balls")
     packing: list[Packing] = Field(default_factory=list, description="random packings of balls")
-    plane: list[Plane] = Field(default_factory=list, description="fixed half-spaces")
+    inflow: list[Inflow] = Field(
+        default_factory=list, description="balls that enter in the course of the run"
+    )
+    outlet: list[Outlet] = Field(default_factory=list, description="boxes in which balls leave the run")
+    plane: list[Plane] = Field(default_factory=list, description="half-spaces and pieces of planes")
+    cylinder: list[Cylinder] = Field(default_factory=list, description="circular tubes as walls")
+    ball_wall: list[BallWall] = Field(default_factory=list, description="spheres as walls")
+    cone: list[Cone] = Field(default_factory=list, description="cones as walls")
+    box: list[Box] = Field(default_factory=list, description="up to six planes around a room")
     joint: list[Joint] = Field(default_factory=list, description="constraints of the motion")
     load: list[Load] = Field(default_factory=list, description="forces and torques")
     spring: list[Spring] = Field(default_factory=list, description="springs and dampers")
@@ -143,7 +153,9 @@ REPEATED: dict[str, type[Table]] = {
     "rack": Rack,
     "lattice": Lattice,
     "packing": Packing,
-    "plane": Plane,
+    "inflow": Inflow,
+    "outlet": Outlet,
+    **WALLS,
     "joint": Joint,
     "load": Load,
     "spring": Spring,
@@ -151,3 +163,11 @@ REPEATED: dict[str, type[Table]] = {
     "load_function": LoadFunction,
 }
 """Tables written `[[name]]`, any number of times."""
+
+NESTED: dict[str, type[Table]] = {
+    "motion": Motion,
+    "rotation": Rotation,
+    "surface_rotation": SurfaceRotation,
+    "region": Region,
+}
+"""Tables that are values of a key."""

@@ -8,6 +8,7 @@ and a collision only costs a test more.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -23,14 +24,22 @@ Overlap = tuple[int, int, float]
 """Two spheres (lower number first) and their gap, m, which is negative."""
 
 
-def overlaps(position: F64, radius: F64, tolerance: float = 1e-9, most: int = 20) -> list[Overlap]:
+def overlaps(
+    position: F64,
+    radius: F64,
+    tolerance: float = 1e-9,
+    most: int = 20,
+    periods: Sequence[float] | None = None,
+) -> list[Overlap]:
     """The first pairs found whose gap is below `-tolerance` times the smaller radius, at most about `most` of
     them.
 
     The search ends early once it has `most`: spheres that do not overlap cannot crowd a cell, so a crowded
     cell (which would make the search slow) always ends it. `position` (N, 3) and `radius` (N,), both finite,
-    m.
+    m. `periods` (3,) m are those of a periodic world, 0 along axes without: then balls also meet the images of others.
     """
+    if periods is not None and any(periods):
+        return _across_periods(position, radius, tolerance, most, periods)
     found: list[Overlap] = []
     size_class = (
         np.floor(np.log2(radius / radius.min())).astype(np.int64) if len(radius) else np.zeros(0, np.int64)
@@ -64,6 +73,26 @@ def overlaps(position: F64, radius: F64, tolerance: float = 1e-9, most: int = 20
                 if len(found) >= most:
                     return sorted(found)[:most]
     return sorted(found)
+
+
+def _across_periods(
+    position: F64, radius: F64, tolerance: float, most: int, periods: Sequence[float]
+) -> list[Overlap]:
+    """As `overlaps`, for periods of at least four radii: balls near a border get an image beyond the other one."""
+    wrapped, owner = position.copy(), np.arange(len(radius))
+    reach = 2.0 * float(radius.max(initial=0.0))
+    for k, period in enumerate(periods):
+        if period > 0:
+            wrapped[:, k] -= period * np.floor(wrapped[:, k] / period)
+            near = np.flatnonzero(wrapped[:, k] < reach)
+            images = wrapped[near]
+            images[:, k] += period
+            wrapped, owner = np.concatenate([wrapped, images]), np.concatenate([owner, owner[near]])
+    found: dict[tuple[int, int], float] = {}
+    for i, j, gap in overlaps(wrapped, radius[owner], tolerance, 8 * most):
+        a, b = sorted((int(owner[i]), int(owner[j])))
+        found[a, b] = gap
+    return [(a, b, gap) for (a, b), gap in sorted(found.items())][:most]
 
 
 def _touching(

@@ -19,6 +19,7 @@ from carom.scenario.laws import Law, LawVector
 from carom.scenario.lines import Path
 from carom.scenario.lists import Integers, Vector, Vectors
 from carom.scenario.model import REPEATED, SINGLE
+from carom.scenario.problems import nested
 from carom.scenario.table import Table
 
 SECTIONS = ("parameters", "case")
@@ -221,15 +222,25 @@ def _values(tables: Tables, chosen: Chosen) -> dict[str, float | None]:
 
 
 def _tables(raw: Mapping[str, Any]) -> Iterator[tuple[Path, dict[str, Any], type[Table]]]:
-    """Every table of the file that the format knows."""
+    """Every table of the file that the format knows, also those that are values of a key."""
     for section, owner in {**SINGLE, **REPEATED}.items():
         entry = raw.get(section)
         if isinstance(entry, dict):
-            yield (section,), entry, owner
+            yield from _with_inner((section,), entry, owner)
         elif isinstance(entry, list):
             for i, table in enumerate(entry):
                 if isinstance(table, dict):
-                    yield (section, i), table, owner
+                    yield from _with_inner((section, i), table, owner)
+
+
+def _with_inner(
+    path: Path, table: dict[str, Any], owner: type[Table]
+) -> Iterator[tuple[Path, dict[str, Any], type[Table]]]:
+    yield path, table, owner
+    for key, value in table.items():
+        inner = nested(owner, key) if isinstance(value, dict) else None
+        if inner is not None:
+            yield from _with_inner((*path, key), value, inner)
 
 
 @cache

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from itertools import takewhile
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
@@ -15,6 +16,8 @@ from carom.scenario.literal import literal
 from carom.scenario.table import Table
 
 ALTERNATIVES = (("mass", "density"), ("balls", "rows"))
+NESTED = (("motion",), ("region",))
+"""Keys whose values are tables with keys worth naming in a message."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,8 @@ def call(path: Path, raw: Mapping[str, Any]) -> str:
         title = "-".join(map(quoted, between))
     else:
         title = f"number {index + 1}"
-    return " ".join([section, title, *(str(k) for k in path[2:3])])
+    inner = takewhile(lambda key: isinstance(key, str), path[2:]) if path[2:3] in NESTED else path[2:3]
+    return " ".join([section, title, ".".join(map(str, inner))]).rstrip()
 
 
 def findings(
@@ -110,11 +114,34 @@ def findings(
 
 def _owner(path: Path, root: type[Table], tables: Mapping[str, type[Table]]) -> tuple[type[Table], Path]:
     """The class of the table that holds the last key of `path`, and the path of that table."""
+    owner, depth = root, 0
     if path and path[0] in tables:
         depth = 2 if len(path) > 1 and isinstance(path[1], int) else 1
-        if len(path) > depth or depth == 2:
-            return tables[str(path[0])], path[:depth]
-    return root, ()
+        if len(path) == depth == 1:  # the table itself is missing
+            return root, ()
+        owner = tables[str(path[0])]
+    while len(path) > depth + 1 and (inner := nested(owner, str(path[depth]))) is not None:
+        owner, depth = inner, depth + 1
+    return owner, path[:depth]
+
+
+def nested(owner: type[Table], key: str) -> type[Table] | None:
+    """The class of the table that stands at a key of another (`motion` of a wall), if one does."""
+    field = owner.model_fields.get(key)
+    kinds = (field.annotation, *get_args(field.annotation)) if field is not None else ()
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)), None)
+
+
+def _dotted(path: Path, owner: type[Table]) -> str:
+    """The key of a table of that class, or of the tables in it: `radius`, `motion.rotation.axis`."""
+    keys: list[str] = []
+    inside: type[Table] | None = owner
+    for key in path:
+        if inside is None or isinstance(key, int):
+            break
+        keys.append(key)
+        inside = nested(inside, key)
+    return ".".join(keys)
 
 
 def _at(raw: Any, path: Path) -> Any:
@@ -141,6 +168,9 @@ def _translated(
             )
         return Finding(path, f"expected tables, found {quoted(value)}", f"write [[{key}]] and its keys below")
     if kind in ("model_type", "model_attributes_type", "dict_type"):
+        if path and owner.section and nested(owner, key) is not None:
+            cure = f"write {key} = {_example(owner, key)}"
+            return Finding(path, f"expected a table, found {quoted(value)}", cure)
         double = isinstance(path[-1], int) if path else False
         header = f"[[{path[0]}]]" if double else f"[{key}]"
         return Finding(path, f"expected a table, found {quoted(value)}", f"write {header} and its keys below")
@@ -185,6 +215,6 @@ def from_python(
     """The error of a call such as `Scene.sphere("cue", ...)`; keys are the names of its arguments."""
     problems = []
     for finding in findings(error, table, given, {}):
-        key = str(finding.path[0]) if finding.path else ""
+        key = _dotted(finding.path, table)
         problems.append(Problem(label, key, finding.cause, finding.cure))
     return ScenarioError(problems)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from carom import _core
-from carom.scenario.model import REPEATED, SINGLE, Scenario
+from carom.scenario.model import NESTED, REPEATED, SINGLE, Scenario
 from carom.scenario.table import Table
 from carom.units import DIMENSIONS, UNITS
 
@@ -36,7 +36,7 @@ def block(name: str) -> str:
             {key: f for key, f in Scenario.model_fields.items() if key not in {**SINGLE, **REPEATED}},
             Scenario,
         )
-    owner = {**SINGLE, **REPEATED}[name]
+    owner = {**SINGLE, **REPEATED, **NESTED}[name]
     return _table(owner.model_fields, owner)
 
 

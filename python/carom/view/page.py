@@ -22,6 +22,7 @@ import numpy.typing as npt
 from carom.checkpoint import write_whole
 from carom.errors import CaromError
 from carom.view import codec
+from carom.view.scenery import bounds, held, period, scenery
 
 FORMAT = 1
 # A browser holds 20 bytes of each body in each frame; more than this and a laptop begins to swap.
@@ -45,8 +46,8 @@ class Viewable(Protocol):
     """What the viewer asks of a result; `carom.Result` is one.
 
     The tables are anything that gives a column by its name: `bodies["radius"]`, one a body, and
-    `planes["name"]`, `planes["point"]`, `planes["normal"]`, one a plane. `gravity` (3,) and
-    `impacts["time"]` are used where there are such.
+    `planes["name"]`, `planes["point"]`, `planes["normal"]`, one a plane. `gravity` (3,), `impacts["time"]`,
+    `walls` (as `carom.walls.Walls`), `present` (frame, body) and `periodic` (3,) are used where there are such.
     """
 
     @property
@@ -142,19 +143,24 @@ def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[s
     """The facts (all that is not motion) and the gzip'd motion, of every `stride`-th frame."""
     recorded = result.position.shape[0]
     bodies = slice(None, None, every)
+    extra = (recorded - 1) % stride > 0  # the last frame is always in
 
-    def read(array: Frames) -> npt.NDArray[np.float64]:
-        rows = np.asarray(array[::stride], dtype=np.float64)
-        if (recorded - 1) % stride:  # the last frame is always in
-            rows = np.concatenate([rows, np.asarray(array[-1:], dtype=np.float64)])
-        return rows
+    def read(array: Frames) -> npt.NDArray[Any]:
+        rows = np.asarray(array[::stride])
+        return np.concatenate([rows, np.asarray(array[-1:])]) if extra else rows
 
     def read_bodies(name: str) -> npt.NDArray[np.float64]:
-        return _finite(read(getattr(result, name))[:, bodies], name, names, time)
+        values = read(getattr(result, name))[:, bodies].astype(np.float64)
+        return _finite(values if present is None else held(values, present), name, names, time)
 
     names = [str(name) for name in result.names][bodies]
     radius = np.asarray(result.bodies["radius"], dtype=np.float64)[bodies]
-    time = read(result.time)
+    time = read(result.time).astype(np.float64)
+    there = getattr(result, "present", None)
+    present = None if there is None else read(there)[:, bodies].astype(bool)
+    if present is not None and present.all():
+        present = None
+    fold = period(result)
     chunks: list[bytes] = [time.astype("<f8").tobytes()]
     arrays: dict[str, Any] = {"time": {"shape": [len(time)]}}
 
@@ -166,7 +172,9 @@ def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[s
     position = read_bodies("position")
     origin, step = codec.position_grid(position, radius)
     add("position", codec.quantise(position, step, origin), step=step, origin=origin.tolist())
-    low, high = position.min(axis=(0, 1)), position.max(axis=(0, 1))
+    low, high = bounds(position, present, fold)
+    if present is not None:
+        add("present", present[..., np.newaxis].astype(np.int32))
     add(
         "orientation",
         codec.orientation_integers(read_bodies("orientation")),
@@ -177,13 +185,22 @@ def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[s
             step = max(float(np.abs(rate).max()), 1e-300) / 2**20
             add(name, codec.quantise(rate, step, np.zeros(3)), step=step)
 
+    frames = np.append(np.arange(0, recorded, stride), [recorded - 1] if extra else [])
+    set_up = scenery(result, frames.astype(np.int64))
+    if set_up.position.size:
+        corner, step = codec.position_grid(set_up.position, radius)
+        add("wall_position", codec.quantise(set_up.position, step, corner), step=step, origin=corner.tolist())
+        add("wall_orientation", codec.orientation_integers(set_up.orientation))
+
     facts = {
         "format": FORMAT,
         "title": title,
         "names": names,
         "radius": [float(f"{r:.9g}") for r in radius],
         "box": [low.tolist(), high.tolist()],
-        "planes": _planes(result.planes),
+        "planes": set_up.planes,
+        **({"walls": set_up.walls} if set_up.walls else {}),
+        **({"period": fold} if fold is not None else {}),
         "gravity": _gravity(result),
         "marks": _marks(result, time),
         "arrays": arrays,
@@ -199,16 +216,6 @@ def _finite(
         frame, body = bad[0][:2]
         raise CaromError(f"{what} of {names[body]} is not a number at t = {time[frame]:g} s")
     return values
-
-
-def _planes(table: Any) -> list[dict[str, Any]]:
-    names = [n.decode() if isinstance(n, bytes) else str(n) for n in table["name"]]
-    points = np.asarray(table["point"], dtype=np.float64).reshape(-1, 3)
-    normals = np.asarray(table["normal"], dtype=np.float64).reshape(-1, 3)
-    return [
-        {"name": name, "point": point.tolist(), "normal": (normal / np.linalg.norm(normal)).tolist()}
-        for name, point, normal in zip(names, points, normals, strict=True)
-    ]
 
 
 def _gravity(result: Viewable) -> list[float]:

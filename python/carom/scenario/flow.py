@@ -1,0 +1,166 @@
+"""The tables of balls that come and go: `[[inflow]]` and `[[outlet]]`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from carom.scenario.balls import MOST_BALLS, Ball
+from carom.scenario.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Quantity, refuse
+from carom.scenario.lists import Direction
+from carom.scenario.quantities import ZEROS, Length, Name, Position, Seed, Vec3, Velocity, unit
+from carom.scenario.table import Table
+from carom.scenario.vectors import scaled
+
+_BOX, _DISC = ("low", "high"), ("point", "normal", "radius")
+_CURE = "give low and high (a box), or point, normal and radius (a disc)"
+
+
+class Region(Table):
+    """Where the centres of entering balls are: a box or a flat disc."""
+
+    section: ClassVar[str] = "region"
+
+    low: Position | None = Field(
+        None,
+        description="lowest corner of a box",
+        examples=[[0.0, 0.0, 0.3]],
+        json_schema_extra=unit("m"),
+    )
+    high: Position | None = Field(
+        None,
+        description="highest corner of a box; equal coordinates make it flat",
+        examples=[[0.1, 0.1, 0.3]],
+        json_schema_extra=unit("m"),
+    )
+    point: Position | None = Field(
+        None, description="centre of a disc", examples=[[0.0, 0.0, 0.3]], json_schema_extra=unit("m")
+    )
+    normal: Annotated[Vec3, Direction()] | None = Field(
+        None, description="normal of a disc, any length", examples=[[0.0, 0.0, 1.0]]
+    )
+    radius: Length | None = Field(
+        None, description="radius of a disc", examples=[0.05], json_schema_extra=unit("m")
+    )
+
+    @model_validator(mode="after")
+    def _box_or_disc(self) -> Self:
+        given = {key for key in (*_BOX, *_DISC) if getattr(self, key) is not None}
+        if given & set(_BOX) and given & set(_DISC):
+            raise refuse(f"{' and '.join(sorted(given))} do not go together", _CURE)
+        wanted = _DISC if given & set(_DISC) else _BOX
+        missing = [key for key in wanted if key not in given]
+        if missing:
+            raise refuse(f"is incomplete: {' and '.join(missing)} missing", _CURE)
+        if self.low is not None and self.high is not None:
+            for k, axis in enumerate("xyz"):
+                if self.high[k] < self.low[k]:
+                    raise refuse(
+                        f"is below low along {axis}", "give the highest corner of the box", ("high", k)
+                    )
+        return self
+
+    def centre(self) -> Vec3:
+        """Middle of the region, m."""
+        if self.low is not None and self.high is not None:
+            x, y, z = (0.5 * (a + b) for a, b in zip(self.low, self.high, strict=True))
+            return x, y, z
+        assert self.point is not None  # by _box_or_disc
+        return self.point
+
+    def as_core(self) -> tuple[Any, ...]:
+        """`("box", low, high)` or `("disc", point, normal, radius)`."""
+        if self.low is not None and self.high is not None:
+            return "box", list(self.low), list(self.high)
+        assert self.point is not None  # by _box_or_disc
+        assert self.normal is not None
+        assert self.radius is not None
+        return "disc", list(self.point), list(scaled(self.normal)), self.radius
+
+    def label(self) -> str:
+        return "region"
+
+
+class Inflow(Ball):
+    """Balls that enter in the course of the run; `name = "grain"` makes grain1, grain2, ..."""
+
+    section: ClassVar[str] = "inflow"
+
+    name: Name = Field(description="prefix of the names; the number is appended", examples=["grain"])
+    first_number: Annotated[int, Integer(Bounds(ge=0))] = Field(1, description="number of the first ball")
+    count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] = Field(
+        description="number of balls that enter in all", examples=[1000]
+    )
+    region: Region = Field(
+        description="where they enter: `{ low, high }` of a box, or `{ point, normal, radius }` of a disc",
+        examples=[{"low": [0.0, 0.0, 0.3], "high": [0.1, 0.1, 0.3]}],
+    )
+    rate: Annotated[float, Quantity("frequency", NOT_NEGATIVE)] = Field(
+        0.0,
+        description="balls per second; 0: as fast as there is room",
+        examples=[500.0],
+        json_schema_extra=unit("1/s"),
+    )
+    start: Annotated[float, Quantity("time", NOT_NEGATIVE)] = Field(
+        0.0, description="when the first may enter", json_schema_extra=unit("s")
+    )
+    velocity: Velocity = Field(
+        ZEROS, description="velocity with which they enter", json_schema_extra=unit("m/s")
+    )
+    spread: Annotated[float, Quantity("speed", NOT_NEGATIVE)] = Field(
+        0.0,
+        description="each component of that velocity is changed at random by at most this",
+        json_schema_extra=unit("m/s"),
+    )
+    seed: Seed = Field(description="seed of places and velocities", examples=[1])
+
+    def size(self) -> int:
+        """Number of balls."""
+        return self.count
+
+    def ball_names(self) -> list[str]:
+        """Names of the balls, in the order in which they enter."""
+        return [f"{self.name}{k}" for k in range(self.first_number, self.first_number + self.count)]
+
+    def as_core(self, first: int) -> dict[str, Any]:
+        """As the core takes it; `first` is the index of its first ball."""
+        return {
+            "bodies": (first, self.count),
+            "region": self.region.as_core(),
+            "rate": self.rate,
+            "start": self.start,
+            "velocity": list(self.velocity),
+            "spread": self.spread,
+            "seed": self.seed,
+        }
+
+
+class Outlet(Table):
+    """A box: balls whose centre is in it (or outside of it) leave the run."""
+
+    section: ClassVar[str] = "outlet"
+
+    low: Position = Field(
+        description="lowest corner", examples=[[-1.0, -1.0, -0.2]], json_schema_extra=unit("m")
+    )
+    high: Position = Field(
+        description="highest corner", examples=[[1.0, 1.0, -0.1]], json_schema_extra=unit("m")
+    )
+    inside: Annotated[bool, Flag()] = Field(
+        True, description="true: balls inside leave; false: balls outside leave"
+    )
+
+    @model_validator(mode="after")
+    def _has_room(self) -> Self:
+        for k, axis in enumerate("xyz"):
+            if self.high[k] <= self.low[k]:
+                raise refuse(f"is not above low along {axis}", "give the highest corner", ("high", k))
+        return self
+
+    def as_core(self) -> tuple[list[float], list[float], bool]:
+        """As the core takes it."""
+        return list(self.low), list(self.high), self.inside
+
+    def label(self) -> str:
+        return "scene.outlet"

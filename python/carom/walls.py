@@ -1,0 +1,171 @@
+"""`result.walls`: where the walls of a run were, and what the balls did to them.
+
+Places follow from the laws of motion at the times of the frames; forces are means over the interval that ends at a frame.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean, quoted
+from carom.tables import UnknownName
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+F64 = NDArray[np.float64]
+
+
+class Poses:
+    """A prescribed motion as a file keeps it: JSON of what the core got (`wall_motion` in `_core.pyi`), "" for none."""
+
+    def __init__(self, text: str) -> None:
+        given: Mapping[str, Any] = json.loads(text) if text else {}
+        self._translation = given.get("translation")
+        self._rotation = given.get("rotation")
+
+    @property
+    def moves(self) -> bool:
+        """Whether the shape moves."""
+        return self._translation is not None or self._rotation is not None
+
+    def displacement(self, time: F64) -> F64:
+        """Displacement `d` by the translation, (T, 3), m."""
+        if self._translation is None:
+            return np.zeros((len(time), 3))
+        return np.stack([_values(law, time) for law in self._translation], axis=1)
+
+    def orientation(self, time: F64) -> F64:
+        """Rotation `R` since the start as unit quaternions, scalar part first, (T, 4)."""
+        found = np.zeros((len(time), 4))
+        found[:, 0] = 1.0
+        if self._rotation is not None:
+            axis, _, law = self._rotation
+            half = 0.5 * _values(law, time)
+            found[:, 0] = np.cos(half)
+            found[:, 1:] = np.outer(np.sin(half), axis)
+        return found
+
+    def position(self, point: F64, time: F64) -> F64:
+        """Where a point (3,) of the wall is: `c + d + R (point - c)`, (T, 3), m."""
+        displacement = self.displacement(time)
+        if self._rotation is None:
+            return point + displacement
+        centre = np.array(self._rotation[1])
+        q = self.orientation(time)
+        arm = point - centre
+        twice = 2.0 * np.cross(q[:, 1:], arm)
+        turned: F64 = arm + q[:, :1] * twice + np.cross(q[:, 1:], twice)
+        return centre + displacement + turned
+
+
+def _values(law: Sequence[Any], time: F64) -> F64:
+    """A law in the form of the core at several times, (T,)."""
+    from carom.scenario.laws import value_at
+
+    form, data = law
+    value = data if form == "constant" else {form: data}
+    return np.array([value_at(value, float(t)) for t in time])
+
+
+class Wall:
+    """One wall of a result: `result.walls["drum"].torque` is (T, 3)."""
+
+    def __init__(self, result: Result, index: int, facts: Mapping[str, Any]) -> None:
+        self._result = result
+        self.index = index
+        """Number among all walls, planes first."""
+        self.name = str(facts["name"])
+        self.shape = str(facts.get("shape", "plane"))
+        """ "plane", "rectangle", "disc", "cylinder", "sphere" or "cone"."""
+        self.facts = dict(facts)
+        """The row of `result.planes` or of `/walls` of the file: point, axis, radius ..."""
+        self.motion = Poses(str(facts.get("motion", "")))
+
+    @property
+    def time(self) -> Any:
+        """Times of the frames, (T,), s."""
+        return self._result.time
+
+    @cached_property
+    def position(self) -> F64:
+        """The wall's point, (T, 3), m: `point` of its table as the motion carries it; of a side of a box, its middle."""
+        return self.motion.position(np.asarray(self.facts["point"], dtype=np.float64), np.asarray(self.time))
+
+    @cached_property
+    def orientation(self) -> F64:
+        """Rotation since the start as unit quaternions, scalar part first, (T, 4)."""
+        return self.motion.orientation(np.asarray(self.time))
+
+    @property
+    def impulse(self) -> F64:
+        """Impulse of the balls on the wall since the last frame, (T, 3), N s."""
+        return self._recorded()[:, :3]
+
+    @property
+    def angular_impulse(self) -> F64:
+        """Its moment about the wall's point as it moves along, (T, 3), N m s."""
+        return self._recorded()[:, 3:]
+
+    @property
+    def force(self) -> F64:
+        """Mean force on the wall between this frame and the last, (T, 3), N; not a number at the first."""
+        return self.impulse / self._intervals()
+
+    @property
+    def torque(self) -> F64:
+        """Mean torque about the wall's point, (T, 3), N m; not a number at the first frame."""
+        return self.angular_impulse / self._intervals()
+
+    def _recorded(self) -> F64:
+        segments = self._result._segments
+        if "walls" not in segments.columns("frames"):
+            raise CaromError(
+                f"the forces on wall {quoted(self.name)} were not recorded;"
+                " run again with `walls = true` in [record], or carom.simulate(..., walls=True)"
+            )
+        found: F64 = segments.column("frames", "walls")[:, self.index]
+        return found
+
+    def _intervals(self) -> F64:
+        """Time since the last frame, (T, 1), s."""
+        time = np.asarray(self.time)
+        return np.diff(time, prepend=np.nan)[:, np.newaxis]
+
+    def __repr__(self) -> str:
+        how = "moving" if self.motion.moves else "fixed"
+        return f"<wall {self.name!r}: {how} {self.shape}, {len(self.time)} frames>"
+
+
+class Walls(Mapping[str, Wall]):
+    """All walls of a result by name, in the order of the core: planes without end first, then the others."""
+
+    def __init__(self, result: Result, tables: Sequence[Mapping[str, Any]]) -> None:
+        rows = [
+            {key: values[i] for key, values in table.items()}
+            for table in tables
+            for i in range(len(table["name"]))
+        ]
+        self._walls = {str(row["name"]): Wall(result, i, row) for i, row in enumerate(rows)}
+
+    def __getitem__(self, name: str) -> Wall:
+        try:
+            return self._walls[name]
+        except KeyError:
+            known = list(self._walls)
+            raise UnknownName(f"no wall is called {name!r}; {did_you_mean(str(name), known[:20])}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._walls)
+
+    def __len__(self) -> int:
+        return len(self._walls)
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} walls: {', '.join(self)}>"
