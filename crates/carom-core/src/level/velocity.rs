@@ -100,8 +100,13 @@ pub fn solve_island(
         }
     }
     if pile::fits(model, &scratch.contacts, island) {
-        if pile::solve_velocities(model, state, scratch, island, span, report) {
+        let others = pile::may_fall_back(island);
+        let accept = accept_unconverged && !others;
+        if pile::solve_velocities(model, state, scratch, island, span, report, accept) {
             return true;
+        }
+        if !others {
+            return false;
         }
         report.fallbacks += 1;
     }

@@ -76,13 +76,13 @@ impl Memory {
 
 impl Pile {
     /// Problems 2, 3, ... until nothing closes: the number of the last one, and whether nothing closes (otherwise the bound of the
-    /// sequence was reached). Nothing: a problem was not solved.
+    /// sequence was reached, or a little island could not be solved: a fallback).
     pub(super) fn cascade(
         &mut self,
         model: &Model,
         contacts: &[Contact],
         report: &mut StepReport,
-    ) -> Option<(u32, bool)> {
+    ) -> (u32, bool) {
         let mut memory = std::mem::take(&mut self.velocity.cascade);
         let outcome = self.run_cascade(&mut memory, model, contacts, report);
         self.velocity.cascade = memory;
@@ -95,7 +95,7 @@ impl Pile {
         model: &Model,
         contacts: &[Contact],
         report: &mut StepReport,
-    ) -> Option<(u32, bool)> {
+    ) -> (u32, bool) {
         let velocity = &mut self.velocity;
         let closes = |v: &Velocity, slot: u32| {
             let m = &v.members[slot as usize];
@@ -105,7 +105,7 @@ impl Pile {
             .filter(|&slot| closes(velocity, slot))
             .collect();
         if chosen.is_empty() {
-            return Some((1, true));
+            return (1, true);
         }
         memory.open(&velocity.members, self.bodies.len());
         for problem in 2..=model.options.max_problems {
@@ -121,12 +121,14 @@ impl Pile {
                 &chosen,
                 problem,
                 report,
-            )?;
+            );
             if let Some(before) = before {
                 self.keep_round(model, contacts, problem, &chosen, before);
             }
-            if !pushed {
-                return Some((problem, false));
+            // What is not solved here, and what goes nowhere, ends the sequence.
+            report.fallbacks += u32::from(pushed.is_none());
+            if pushed != Some(true) {
+                return (problem, false);
             }
             // Contacts of moved spheres, each once, in the order of the slots.
             chosen.clear();
@@ -143,11 +145,11 @@ impl Pile {
                 }
             }
             if chosen.is_empty() {
-                return Some((problem, true));
+                return (problem, true);
             }
             chosen.sort_unstable();
         }
-        Some((model.options.max_problems, false))
+        (model.options.max_problems, false)
     }
 }
 
@@ -210,7 +212,7 @@ impl Pile {
             bodies: &self.bodies,
             level: Level::Velocity,
             index,
-            report: keep::solved_report(1, 0.0),
+            report: keep::report_of(1, 0.0, true),
         };
         keep::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
     }
@@ -274,6 +276,7 @@ fn solve_little(
         scale: velocity.terms * (little.len() as f64 / velocity.members.len() as f64).sqrt(),
         closing: LEFT * velocity.tol,
         penalty_scale: o.penalty_scale,
+        patience: usize::MAX,
         most: 0,
     };
     let group = &mut memory.group;

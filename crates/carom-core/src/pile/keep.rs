@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::problem::{Keeper, Solve};
 use crate::report::Level;
 use carom_solve::rows::{RowSystem, NODE_DOF};
-use carom_solve::spheres::Body;
+use carom_solve::spheres::{Body, Progress};
 use carom_solve::SolveReport;
 use glam::DVec3;
 
@@ -103,16 +103,16 @@ impl Stated {
 }
 
 impl Pile {
-    /// Keeps a velocity problem that has been solved and not yet been added, if it is wanted.
+    /// Keeps a velocity problem whose solution has not yet been added, if it is wanted or was not solved.
     pub(super) fn keep_velocity(
         &mut self,
         model: &Model,
         contacts: &[Contact],
         index: u32,
-        sweeps: u32,
-        residual: f64,
+        progress: &Progress,
     ) {
-        if !self.keeper.wants(sweeps) {
+        let sweeps = progress.sweeps as u32;
+        if progress.converged && !self.keeper.wants(sweeps) {
             return;
         }
         let memory = &self.velocity;
@@ -133,7 +133,7 @@ impl Pile {
             bodies: &self.bodies,
             level: Level::Velocity,
             index,
-            report: solved_report(sweeps, residual),
+            report: report_of(sweeps, progress.residual, progress.converged),
         };
         let motion = memory.velocities();
         let correction = self.sweeps.velocities();
@@ -141,10 +141,10 @@ impl Pile {
     }
 }
 
-/// A solve that reached its goal.
-pub fn solved_report(sweeps: u32, residual: f64) -> SolveReport {
+/// What a solve by sweeps tells of itself.
+pub fn report_of(sweeps: u32, residual: f64, converged: bool) -> SolveReport {
     SolveReport {
-        converged: true,
+        converged,
         iterations: sweeps,
         residual,
         ..SolveReport::default()

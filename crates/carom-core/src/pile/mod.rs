@@ -24,13 +24,15 @@ use crate::problem::Keeper;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Body, Place, Progress, Sweeps};
 
-/// Contact updates that one solve may cost at least and at most, and sweeps at least: the budget beyond which other solvers may try.
+/// Sweeps and contact updates that one solve may take: what is more of both.
 const SWEEPS: usize = 4_000;
 const LEAST_UPDATES: usize = 2_000_000;
-/// Islands of more contacts than this have no other solver: they may take more sweeps.
-const ALONE: usize = 20_000;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
+/// Sweeps after which the worst contact alone holds nobody up (counted as a fallback).
+const PATIENCE: usize = 1_000;
+/// Islands of more contacts than this have no other solver: a step that fails is halved.
+const ALONE: usize = 500;
 /// Tolerance of piles from which on every island without dense matrix is swept.
 const COARSE: f64 = 1e-5;
 /// Share of the closing tolerance that solvers may leave.
@@ -49,6 +51,8 @@ pub struct Pile {
     velocity: velocity::Memory,
     /// That of the step, while an island is solved.
     keeper: Keeper,
+    /// Take what did not converge, and count it.
+    accept: bool,
 }
 
 impl Pile {
@@ -62,6 +66,7 @@ impl Pile {
             start: Vec::new(),
             velocity: velocity::Memory::default(),
             keeper: Keeper::default(),
+            accept: false,
         }
     }
 
@@ -130,12 +135,12 @@ pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
 
 /// Sweeps that one solve of `contacts` contacts may take.
 fn budget(contacts: usize) -> usize {
-    let sweeps = SWEEPS.max(LEAST_UPDATES / contacts.max(1));
-    if contacts > ALONE {
-        4 * sweeps
-    } else {
-        sweeps.min(16 * SWEEPS)
-    }
+    (LEAST_UPDATES / contacts.max(1)).clamp(SWEEPS, 16 * SWEEPS)
+}
+
+/// Whether the solvers of the small islands may try what failed here: beyond some hundred contacts they take minutes.
+pub fn may_fall_back(island: Island) -> bool {
+    island.contacts.len() <= ALONE
 }
 
 /// The node of a body; the world for walls.

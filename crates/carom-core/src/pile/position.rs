@@ -1,7 +1,7 @@
 //! Position sub-problem of a pile (eqs. 1c-e, 14, 21): linear problems of spheres, one after the other, each at the positions
 //! that the last one led to.
 
-use super::{budget, keep, node, told, warm::Cursor, Pile};
+use super::{budget, keep, node, told, warm::Cursor, Pile, PATIENCE};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
@@ -33,13 +33,17 @@ pub fn solve_positions(
     island: Island,
     span: Span,
     report: &mut StepReport,
+    accept: bool,
 ) -> bool {
     let mut pile = std::mem::take(&mut scratch.pile);
-    let solved = solve(&mut pile, model, state, scratch, island, span, report);
+    let solved = solve(
+        &mut pile, model, state, scratch, island, span, report, accept,
+    );
     scratch.pile = pile;
     solved
 }
 
+#[allow(clippy::too_many_arguments)] // the arguments of the level, and the memory
 fn solve(
     pile: &mut Pile,
     model: &Model,
@@ -48,6 +52,7 @@ fn solve(
     island: Island,
     span: Span,
     report: &mut StepReport,
+    accept: bool,
 ) -> bool {
     let Scratch {
         contacts,
@@ -109,6 +114,7 @@ fn solve(
         scale: 0.0,
         closing: overlap(tolerance, members.len()) * smallest,
         penalty_scale: o.penalty_scale,
+        patience: PATIENCE,
         most: budget(members.len()),
     };
     let strict = Goal {
@@ -118,11 +124,12 @@ fn solve(
         ..goal
     };
     let (mut sweeps, mut round) = (0, 0);
-    let mut done = None;
+    let mut last = pile.sweeps.judge(&goal, 0);
     while sweeps < goal.most {
         round += 1;
         let linear_problem = pile.sweeps.settle(&Goal {
             most: SWEEPS_PER_LINEARISATION.min(goal.most - sweeps),
+            patience: PATIENCE.saturating_sub(sweeps),
             ..strict
         });
         sweeps += linear_problem.sweeps.max(1);
@@ -130,23 +137,18 @@ fn solve(
         if pile.sweeps.set_contacts(&pile.contacts).is_err() {
             break;
         }
-        let now = pile.sweeps.judge(&goal);
-        if now.converged {
-            done = Some(told(&now, round));
+        last = pile.sweeps.judge(&goal, sweeps);
+        if last.converged {
+            report.fallbacks += u32::from(last.lenient);
             break;
         }
     }
     report.sweeps_position = report.sweeps_position.max(sweeps as u32);
-    let Some(told) = done else {
-        return false;
-    };
-    report.add_position(&told);
+    report.add_position(&told(&last, round));
+    report.unconverged += u32::from(accept && !last.converged);
     let velocities = pile.sweeps.velocities();
-    for (&i, u) in pile.spheres.iter().zip(&velocities) {
-        shift[i as usize] = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
-    }
     let impulses = pile.sweeps.impulses();
-    if keeper.wants(sweeps as u32) {
+    if keeper.wants(sweeps as u32) || !last.converged {
         let stated: Vec<keep::Stated> = members
             .iter()
             .zip(impulses.iter().zip(&pile.contacts))
@@ -175,9 +177,15 @@ fn solve(
             bodies: &pile.bodies,
             level: Level::Position,
             index: 0,
-            report: keep::solved_report(sweeps as u32, told.residual),
+            report: keep::report_of(sweeps as u32, last.residual, last.converged),
         };
         keep::keep(keeper, &at, &stated, &velocities, &motion);
+    }
+    if !last.converged && !accept {
+        return false;
+    }
+    for (&i, u) in pile.spheres.iter().zip(&velocities) {
+        shift[i as usize] = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
     }
     for ((&m, r), z) in members.iter().zip(&impulses).zip(&pile.contacts) {
         let c = &mut contacts[m as usize];

@@ -2,7 +2,7 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::group::Law;
-use super::{budget, node, record, warm::Cursor, Pile, LEFT};
+use super::{budget, node, record, warm::Cursor, Pile, LEFT, PATIENCE};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::islands::Island;
@@ -172,9 +172,11 @@ pub fn solve_velocities(
     island: Island,
     span: Span,
     report: &mut StepReport,
+    accept: bool,
 ) -> bool {
     let mut pile = std::mem::take(&mut scratch.pile);
     pile.keeper = std::mem::take(&mut scratch.keeper);
+    pile.accept = accept;
     let solved = pile.impacts(model, state, scratch, island, span, report);
     scratch.keeper = std::mem::take(&mut pile.keeper);
     scratch.pile = pile;
@@ -213,6 +215,7 @@ impl Pile {
         report.restitution_scale = report.restitution_scale.min(own.restitution_scale);
         report.truncated += own.truncated;
         report.fallbacks += own.fallbacks;
+        report.unconverged += own.unconverged;
         self.close(model, scratch, report);
         true
     }
@@ -374,7 +377,7 @@ impl Pile {
         );
         self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
         // Later problems, where something closes.
-        let (last, done) = self.cascade(model, &scratch.contacts, report)?;
+        let (last, done) = self.cascade(model, &scratch.contacts, report);
         problems += last - 1;
         if done {
             return Some(problems);
@@ -444,25 +447,31 @@ impl Pile {
             scale: self.velocity.terms,
             closing: LEFT * self.velocity.tol,
             penalty_scale: o.penalty_scale,
+            patience: PATIENCE,
             most: budget(self.contacts.len()),
         };
-        let mut progress = self.settle(&goal, report)?;
+        let mut progress = self.settle(&goal, report);
+        if !progress.converged && !self.accept {
+            self.keep_velocity(model, contacts, problem, &progress);
+            return None;
+        }
         let scale = if law == Law::First && o.energy_safeguard {
             self.safeguard(model, law, scale, &goal, &mut progress, report)?
         } else {
             scale
         };
-        let (sweeps, residual) = (progress.sweeps as u32, progress.residual);
-        self.keep_velocity(model, contacts, problem, sweeps, residual);
+        report.unconverged += u32::from(!progress.converged);
+        self.keep_velocity(model, contacts, problem, &progress);
         self.commit(problem, &scale);
         Some(())
     }
 
-    fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Option<Progress> {
+    fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Progress {
         let progress = self.sweeps.settle(goal);
         report.sweeps_velocity += progress.sweeps as u32;
         report.residual_velocity = report.residual_velocity.max(progress.residual);
-        progress.converged.then_some(progress)
+        report.fallbacks += u32::from(progress.lenient);
+        progress
     }
 
     /// The chosen contacts as spheres.
@@ -512,7 +521,7 @@ impl Pile {
             let trial = factor(&bounds, |b| 0.5 * (b[0] + b[1]));
             self.write(model, law, &trial);
             self.sweeps.set_contacts(&self.contacts).ok()?;
-            self.settle(goal, report)?;
+            self.settle(goal, report);
             let gaining = self.gains_by(&member_of, goal);
             for (group, [low, high]) in &mut bounds {
                 let middle = 0.5 * (*low + *high);
@@ -526,7 +535,10 @@ impl Pile {
         let found = factor(&bounds, |b| b[0]);
         self.write(model, law, &found);
         self.sweeps.set_contacts(&self.contacts).ok()?;
-        *progress = self.settle(goal, report)?;
+        *progress = self.settle(goal, report);
+        if !progress.converged && !self.accept {
+            return None;
+        }
         let least = found.iter().copied().fold(1.0, f64::min);
         report.restitution_scale = report.restitution_scale.min(least);
         Some(found)

@@ -2,6 +2,8 @@
 
 use super::Sweeps;
 
+/// See [`Goal::patience`].
+pub const LENIENCE: f64 = 40.0;
 /// Sweeps before the first look, and between two looks at most.
 const FIRST: usize = 4;
 const MOST_BETWEEN: usize = 64;
@@ -30,6 +32,9 @@ pub struct Goal {
     /// Bound of [`Norms::closing`].
     pub closing: f64,
     pub penalty_scale: f64,
+    /// Sweeps after which the bound of the worst contact is [`LENIENCE`] times as wide: now and then a contact goes round in circles
+    /// (stick, slip and open in turn) while all others have long agreed.
+    pub patience: usize,
     /// Sweeps at most.
     pub most: usize,
 }
@@ -42,6 +47,8 @@ pub struct Progress {
     pub residual: f64,
     pub closing: f64,
     pub converged: bool,
+    /// Converged by the wider bound of the worst contact alone.
+    pub lenient: bool,
 }
 
 impl Goal {
@@ -60,24 +67,27 @@ impl Goal {
 
     fn judge(&self, norms: &Norms, sweeps: usize) -> Progress {
         let residual = self.relative(norms);
+        let strict = norms.closing <= self.closing;
+        let lenient = sweeps >= self.patience && norms.closing <= LENIENCE * self.closing;
         Progress {
             sweeps,
             residual,
             closing: norms.closing,
-            converged: residual < self.tolerance && norms.closing <= self.closing,
+            converged: residual < self.tolerance && (strict || lenient),
+            lenient: !strict && lenient,
         }
     }
 }
 
 impl Sweeps {
-    /// Where the present impulses stand.
-    pub fn judge(&self, goal: &Goal) -> Progress {
-        goal.judge(&self.norms(goal.penalty_scale), 0)
+    /// Where the present impulses stand after so many sweeps.
+    pub fn judge(&self, goal: &Goal, sweeps: usize) -> Progress {
+        goal.judge(&self.norms(goal.penalty_scale), sweeps)
     }
 
     /// Sweeps until the goal is met or its sweeps are used up. How often it looks follows from how fast the residual falls.
     pub fn settle(&mut self, goal: &Goal) -> Progress {
-        let mut now = self.judge(goal);
+        let mut now = self.judge(goal, 0);
         let mut next = FIRST;
         self.restart();
         while !now.converged && now.sweeps < goal.most && now.residual.is_finite() {
