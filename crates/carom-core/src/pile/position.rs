@@ -21,7 +21,7 @@ use glam::DVec3;
 
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
 /// sideways.
-const SWEEPS_PER_LINEARISATION: usize = 100;
+const SWEEPS_PER_LINEARISATION: usize = 250;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
 const LINEAR_SHARE: f64 = 0.8;
 
