@@ -151,7 +151,8 @@ class Simulation:
     "spread": m/s per component, "seed": int}`, whose balls are absent until they enter. `outlet`: list of
     `(low, high, inside)`.
 
-    Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`.
+    Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`. With
+    `"drop_impacts": True` the table of impacts stays empty.
     """
 
     def __init__(self, model: dict[str, Any]) -> None: ...

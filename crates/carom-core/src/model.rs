@@ -109,6 +109,8 @@ pub struct ModelInput {
     pub wall_motion: Vec<(u32, WallMotion)>,
     /// Whether impulses on walls are recorded where no wall moves.
     pub record_walls: bool,
+    /// Leave out the table of impacts.
+    pub drop_impacts: bool,
     /// Lengths of a periodic box, m, 0 for an axis that does not repeat, and its low corner.
     pub periodic: [f64; 3],
     pub periodic_origin: [f64; 3],
@@ -138,6 +140,7 @@ pub struct Model {
     pub walls: Vec<Wall>,
     /// Whether impulses on walls are summed up: some wall moves, or it was asked for.
     pub record_walls: bool,
+    pub drop_impacts: bool,
     /// Spheres meet by their nearest images; positions are never wrapped.
     pub periodic: Periodic,
     pub flow: Flow,
@@ -205,6 +208,7 @@ impl Model {
             inv_mass: input.mass.iter().map(|m| 1.0 / m).collect(),
             inv_inertia: input.inertia.iter().map(|i| 1.0 / i).collect(),
             material: input.material.clone(),
+            drop_impacts: input.drop_impacts,
             record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
             walls,
             periodic,

@@ -78,6 +78,7 @@ pub struct Recorder {
     pub open_joints: Vec<[DVec3; 2]>,
     /// Of the walls, the same.
     pub open_walls: Vec<[DVec3; 2]>,
+    drop_impacts: bool,
     merged: Vec<ContactRecord>,
     /// Whether balls come and go.
     flows: bool,
@@ -97,6 +98,7 @@ impl Recorder {
         Recorder {
             open_joints: vec![[DVec3::ZERO; 2]; model.joints.len()],
             open_walls: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
+            drop_impacts: model.drop_impacts,
             flows: !model.flow.is_none(),
             ..Recorder::default()
         }
@@ -104,7 +106,12 @@ impl Recorder {
 
     /// Takes the events of a (sub-)step that was made.
     pub fn add_step(&mut self, scratch: &Scratch, step: u64, time: f64, contacts: bool) {
-        for &impact in &scratch.impacts {
+        let impacts = if self.drop_impacts {
+            &[]
+        } else {
+            &scratch.impacts[..]
+        };
+        for &impact in impacts {
             self.block.impacts.push(TimedImpact { step, time, impact });
         }
         for (level, history) in scratch.history.iter().enumerate() {

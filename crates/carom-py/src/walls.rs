@@ -105,9 +105,9 @@ fn motion(given: &Bound<'_, PyDict>) -> PyResult<WallMotion> {
     Ok(out)
 }
 
-/// Whether impulses on walls are recorded where no wall moves.
-pub fn recorded(dict: &Bound<'_, PyDict>) -> PyResult<bool> {
-    match dict.get_item("record_walls")? {
+/// A wish that is `False` where it is not given.
+pub fn wish(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<bool> {
+    match dict.get_item(name)? {
         Some(value) => value.extract(),
         None => Ok(false),
     }

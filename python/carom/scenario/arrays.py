@@ -106,8 +106,10 @@ def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) ->
 
 
 def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
-    """Periods, inflows, outlets and the wish to record walls, each only if there are any."""
+    """Periods, inflows, outlets and the wishes on what to record, each only if there are any."""
     found: dict[str, Any] = {"record_walls": True} if tree.record.walls else {}
+    if not tree.record.impacts:
+        found["drop_impacts"] = True
     if tree.world.periodic is not None and any(tree.world.periodic):
         found["periodic"] = np.array(tree.world.periodic)
         found["periodic_origin"] = np.array(tree.world.origin)

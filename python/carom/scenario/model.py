@@ -29,7 +29,7 @@ FORMAT = 1
 
 
 class Record(Table):
-    """What is kept of a run; impacts and step counts are always whole."""
+    """What is kept of a run; step counts are always whole."""
 
     section: ClassVar[str] = "record"
 
@@ -38,6 +38,9 @@ class Record(Table):
     )
     contacts: Annotated[bool, Flag()] = Field(
         True, description="keep the impulses of each contact, accumulated since the last frame"
+    )
+    impacts: Annotated[bool, Flag()] = Field(
+        True, description="keep the table of impacts; piles of thousands fill gigabytes with it"
     )
     walls: Annotated[bool, Flag()] | None = Field(
         None,
