@@ -101,7 +101,8 @@ def test_stopped_by_a_signal(number: signal.Signals, tmp_path: Path) -> None:
         assert "interrupted at t = " in told
         assert f"continue with: carom resume {run}" in told
         assert kept.status == "interrupted"
-        assert len(list(run.glob("checkpoint-*.npz"))) == 1
+        # An interruption that meets a checkpoint being replaced leaves both: the last two are kept anyway.
+        assert 1 <= len(list(run.glob("checkpoint-*.npz"))) <= 2
     # What is there is the beginning of the undisturbed run.
     end = float(kept.time[frames // 4])
     whole = simulate(carom.Scene.from_toml(find("5.6_break")), step=1e-5, every=20, until=end)
