@@ -90,7 +90,6 @@ fn solve(
         angular,
     };
     at.write(None, &mut pile.contacts);
-    let threads = pile.sweeps.threads;
     let places = (pile.places.len() >= super::SORTED).then_some(&pile.places[..]);
     if pile
         .sweeps
@@ -99,7 +98,6 @@ fn solve(
     {
         return false;
     }
-    pile.sweeps.threads = threads;
     pile.sweeps.warm_start(&pile.start);
     let share = position_floor(o, members.len());
     let smallest = pile

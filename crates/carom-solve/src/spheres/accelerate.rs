@@ -47,7 +47,7 @@ impl Sweeps {
     /// Copies impulses and velocities.
     fn keep(&mut self) {
         let fresh = self.memory.length == 0.0;
-        let threads = self.threads();
+        let threads = self.threads;
         let Sweeps {
             blocks,
             memory,
@@ -78,7 +78,7 @@ impl Sweeps {
 
     /// Goes on along the direction after a sweep.
     fn step(&mut self) {
-        let threads = self.threads();
+        let threads = self.threads;
         let Sweeps {
             blocks,
             memory,

@@ -43,9 +43,6 @@ pub struct Sweeps {
     pub instructions: Instructions,
 }
 
-/// Contacts per thread below which another thread costs more than it gives.
-const PER_THREAD: usize = 8192;
-
 impl Sweeps {
     /// Sorts bodies and contacts into the order of the sweep. With `places` neighbours in space become neighbours in memory; without
     /// them the caller's order of the bodies is kept.
@@ -97,8 +94,7 @@ impl Sweeps {
         self.pairs = 0;
         problem::check(bodies, contacts.len(), places)?;
         let mut layout = Layout::new(bodies, places, &mut self.states);
-        let threads = self.threads.min(contacts.len() / PER_THREAD).max(1);
-        self.blocks = layout.blocks(contacts, &self.states, threads, old)?;
+        self.blocks = layout.blocks(contacts, &self.states, self.threads, old)?;
         self.layout = layout;
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
@@ -116,7 +112,7 @@ impl Sweeps {
             .iter()
             .enumerate()
             .try_for_each(|(index, c)| c.check(index))?;
-        let threads = self.threads();
+        let threads = self.threads;
         let changed = team::map(
             threads,
             self.blocks.iter_mut().collect(),
@@ -140,7 +136,7 @@ impl Sweeps {
     /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
     pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
         assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
-        let threads = self.threads();
+        let threads = self.threads;
         team::map(
             threads,
             self.blocks.iter_mut().collect(),
@@ -190,7 +186,7 @@ impl Sweeps {
     pub fn residual(&self) -> f64 {
         let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
         team::map(
-            self.threads(),
+            self.threads,
             self.blocks.iter().collect(),
             |block: &Block| {
                 residual::largest(
@@ -209,7 +205,7 @@ impl Sweeps {
     pub fn norms(&self, penalty_scale: f64) -> Norms {
         let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
         let parts = team::map(
-            self.threads(),
+            self.threads,
             self.blocks.iter().collect(),
             |block: &Block| {
                 self.instructions.run(residual::NormsOf {
@@ -224,7 +220,7 @@ impl Sweeps {
         for part in &parts {
             sum.add(part);
         }
-        let momenta = team::map(self.threads(), chunks, residual::momentum);
+        let momenta = team::map(self.threads, chunks, residual::momentum);
         let momentum = momenta.iter().sum::<f64>().sqrt();
         Norms {
             residual: sum.residual.sqrt(),
@@ -288,11 +284,6 @@ impl Sweeps {
         groups * (std::mem::size_of::<kernel::Group>() + impulses) + states
     }
 
-    /// Threads that are worth it for this many contacts.
-    fn threads(&self) -> usize {
-        self.threads.min(self.pairs / PER_THREAD).max(1)
-    }
-
     /// How the problem is cut.
     pub fn shape(&self) -> Shape {
         let filled = |blocks: &[Block]| {
@@ -314,7 +305,7 @@ impl Sweeps {
         count: usize,
         work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync,
     ) {
-        let threads = self.threads();
+        let threads = self.threads;
         let chunks: Vec<_> = self
             .states
             .chunks_mut(self.layout.stride)
