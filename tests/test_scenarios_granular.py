@@ -213,11 +213,14 @@ def test_a_tilted_box_slides_to_the_angle_of_repose() -> None:
     assert 20 < slope < 30
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    "seed", [1, pytest.param(2, marks=pytest.mark.long), pytest.param(3, marks=pytest.mark.long)]
+)
 def test_a_heap_has_the_angle_of_repose(seed: int) -> None:
     result = simulated("heap", values={"seed": seed})
-    assert result.summary["removed"] > 50  # it ran over on all sides: no slope of a column that just stood
-    assert np.nanmax(np.abs(result.velocity[-1])) < 0.05
-    heap = granular.heap_angle(result, centre=(0.0, 0.0, 0.0))
-    assert 15 < heap.degrees < 35
-    assert heap.apex - heap.height.min() > 4 * result.parameters["r"]
+    assert result.summary["removed"] > 100  # it ran over: no steeper column that was never in motion
+    assert np.nanmax(np.abs(result.velocity[-1])) < 0.01  # m/s
+    # The slope is some five diameters long: cells of the usual width leave too few points on it.
+    heap = granular.heap_angle(result, centre=(0.0, 0.0, 0.0), cell=1.5)
+    assert 20 < heap.degrees < 35
+    assert heap.error < np.radians(5)
