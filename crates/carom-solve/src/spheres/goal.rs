@@ -3,7 +3,7 @@
 use super::Sweeps;
 
 /// See [`Goal::patience`].
-pub const LENIENCE: f64 = 40.0;
+pub const LENIENCE: f64 = 10.0;
 /// Sweeps before the first look, and between two looks at most.
 const FIRST: usize = 4;
 const MOST_BETWEEN: usize = 64;
