@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -61,11 +62,13 @@ def _events(result: Result) -> str:
     step = np.asarray(result.impacts["step"])
     contacts = np.asarray(result.steps["contacts"])
     most = int(contacts.max()) if len(contacts) else 0
-    with_impacts = len(np.unique(step))
-    return (
-        f"events      {counted(with_impacts, 'step')} with impacts ({counted(len(step), 'impulse')});"
-        f" up to {counted(most, 'contact')} closed at once"
-    )
+    kept = tomllib.loads(result.scenario).get("record", {}).get("impacts", True)
+    if kept:
+        with_impacts = len(np.unique(step))
+        impacts = f"{counted(with_impacts, 'step')} with impacts ({counted(len(step), 'impulse')})"
+    else:
+        impacts = "impacts not recorded"
+    return f"events      {impacts}; up to {counted(most, 'contact')} closed at once"
 
 
 def _iterations(summary: Mapping[str, Any]) -> str:
