@@ -78,7 +78,7 @@ def test_a_floor_between_smooth_walls_carries_all_of_the_weight() -> None:
 
 
 def test_a_floor_between_rough_walls_feels_what_janssen_says() -> None:
-    """Janssen 1895, with K from that of Rankine for grains on the point of yielding (1/3 at 30 degrees) to 1."""
+    """Janssen 1895, with K between 1/4 (Rankine, grains that yield at 37 degrees) and 1."""
     result = simulated("settling_box")
     p = result.parameters
     position = np.asarray(result.position[-1])
