@@ -5,7 +5,7 @@
 
 use super::group::{Group, Law};
 use super::velocity::{self, Memory as Velocity};
-use super::{keep, Pile, LEFT};
+use super::{keep, Pile};
 use crate::contact::Contact;
 use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::model::Model;
@@ -274,7 +274,7 @@ fn solve_little(
         floor: velocity.floor,
         // Its share of what the whole pile is judged by.
         scale: velocity.terms * (little.len() as f64 / velocity.members.len() as f64).sqrt(),
-        closing: LEFT * velocity.tol,
+        closing: velocity.left(o),
         penalty_scale: o.penalty_scale,
         patience: usize::MAX,
         most: 0,

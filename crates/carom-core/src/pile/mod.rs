@@ -28,7 +28,7 @@ use carom_solve::spheres::{self, Body, Place, Progress, Sweeps};
 const SWEEPS: usize = 4_000;
 const LEAST_UPDATES: usize = 2_000_000;
 /// Contacts per thread below which another thread costs more than it gives.
-const PER_THREAD: usize = 32_768;
+const PER_THREAD: usize = 12_288;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
 /// Sweeps after which the worst contact alone holds nobody up (counted as a fallback).

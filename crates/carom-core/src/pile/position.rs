@@ -142,8 +142,6 @@ fn solve(
         }
     }
     report.sweeps_position = report.sweeps_position.max(sweeps as u32);
-    report.add_position(&told(&last, round));
-    report.unconverged += u32::from(accept && !last.converged);
     let velocities = pile.sweeps.velocities();
     let impulses = pile.sweeps.impulses();
     if keeper.wants(sweeps as u32) || !last.converged {
@@ -182,6 +180,8 @@ fn solve(
     if !last.converged && !accept {
         return false;
     }
+    report.add_position(&told(&last, round));
+    report.unconverged += u32::from(!last.converged);
     for (&i, u) in pile.spheres.iter().zip(&velocities) {
         shift[i as usize] = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
     }

@@ -8,7 +8,7 @@ use crate::impact::GAIN_TOLERANCE;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
 use crate::model::Model;
-use crate::options::Impact;
+use crate::options::{Impact, Options};
 use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, Scratch};
 use crate::state::{State, Warm};
@@ -68,6 +68,8 @@ pub(super) struct Memory {
     pub chosen: Vec<u32>,
     pub tol: f64,
     pub floor: f64,
+    /// Largest speed in the island, m/s.
+    pub speed: f64,
     /// Terms of eq. 44 of what is solved already in this step.
     pub terms: f64,
     pub cascade: super::cascade::Memory,
@@ -75,6 +77,12 @@ pub(super) struct Memory {
 }
 
 impl Memory {
+    /// Closing speed that a solve may leave: clear of what counts as closing, and never below what the tolerance can tell at the
+    /// speeds there are.
+    pub fn left(&self, o: &Options) -> f64 {
+        LEFT * self.tol.max(o.pile_tolerance * self.speed)
+    }
+
     /// Relative velocity of a contact's surfaces, of A against B.
     pub fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
         let [la, wa] = v[m.a as usize];
@@ -306,6 +314,7 @@ impl Pile {
         let mass = self.mean(|i| model.mass[i]);
         let speed = speeds.speed.max(speeds.load);
         self.velocity.floor = floor.max(o.tolerance_floor * mass * speed);
+        self.velocity.speed = speed;
     }
 
     /// Rule R2. The number of problems, or nothing if one was not solved.
@@ -445,7 +454,7 @@ impl Pile {
             tolerance: o.tolerance.max(o.pile_tolerance),
             floor: self.velocity.floor,
             scale: self.velocity.terms,
-            closing: LEFT * self.velocity.tol,
+            closing: self.velocity.left(o),
             penalty_scale: o.penalty_scale,
             patience: PATIENCE,
             most: budget(self.contacts.len()),
