@@ -1,0 +1,76 @@
+//! The same bits whatever the number of threads, and after a restored state.
+
+use super::*;
+use crate::common::{bits, simulation};
+use carom_core::ModelInput;
+use scenes::{boxed, drop, lattice, Random};
+
+/// Every number of the state, position multipliers of warm starts among them.
+fn all_bits(s: &Simulation) -> Vec<u64> {
+    let mut out = bits(s);
+    for w in &s.state.warm {
+        out.extend(w.position.to_array().map(f64::to_bits));
+    }
+    out
+}
+
+/// Touching balls that begin to press on each other and on the floor, every one with its own small velocity.
+fn large() -> ModelInput {
+    let mut input = boxed(&lattice(20, 20), 10.0, [0.4, 0.3]);
+    let mut random = Random(3);
+    for v in &mut input.velocity {
+        *v = random.vector().map(|u| 1e-5 * u);
+    }
+    input
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let run = |threads| {
+        let o = Options {
+            threads,
+            ..options(1e-3, 1e-3)
+        };
+        let mut s = simulation(&large(), o);
+        let reports = go_on(&mut s, 3);
+        // A second thread wants 2 x 8192 contacts, a third one 8192 more.
+        let least = |n: u32| reports.iter().filter(|r| r.largest_island > n).count();
+        assert!(
+            least(3 * 8192) > 0 && least(2 * 8192) > 1,
+            "{:?}",
+            reports.iter().map(|r| r.largest_island).collect::<Vec<_>>()
+        );
+        assert!(reports
+            .iter()
+            .all(|r| r.sweeps_position > 4 && r.sweeps_velocity > 4));
+        all_bits(&s)
+    };
+    let one = run(1);
+    assert!(one == run(2), "two threads");
+    assert!(one == run(3), "three threads");
+}
+
+#[test]
+fn a_restored_state_goes_on_with_the_same_bits() {
+    let input = drop(80, 4, [0.4, 0.3], 5);
+    let o = options(5e-4, 1e-7);
+    let mut whole = simulation(&input, o.clone());
+    go_on(&mut whole, 400);
+    let state = whole.state.clone();
+    let kept = state.warm.iter().filter(|w| w.position.z != 0.0).count();
+    assert!(kept > 20, "warm starts of positions: {kept}");
+    go_on(&mut whole, 50);
+    let resume = |forget: bool| {
+        let mut s = simulation(&input, o.clone());
+        s.state = state.clone();
+        if forget {
+            s.state.warm.clear();
+        }
+        go_on(&mut s, 50);
+        all_bits(&s)
+    };
+    let end = all_bits(&whole);
+    assert!(end == resume(false));
+    // The warm starts are used: without them the bits differ.
+    assert!(end != resume(true));
+}
