@@ -281,13 +281,14 @@ def _interruptible(call: Callable[[], dict[str, Any]], cancel: Callable[[], None
             answer.set_exception(error)
 
     thread = threading.Thread(target=work, name="carom solve", daemon=True)
-    thread.start()
     try:
+        thread.start()  # an interruption may come before it returns
         return answer.result()
     except KeyboardInterrupt:
-        _abandoned.append(thread)
         cancel()
-        thread.join(GRACE)
+        if thread.ident is not None:
+            _abandoned.append(thread)
+            thread.join(GRACE)
         raise
 
 
