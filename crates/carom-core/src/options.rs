@@ -263,7 +263,7 @@ options! {
     penalty_slip_speed: f64 = 1e-3,
     /// Substeps per contact time.
     penalty_resolution: u32 = 50,
-    /// Worker threads (islands run on one thread for now; results never depend on this number).
+    /// Worker threads of the search for pairs and of sweeps in large islands; results never depend on this number.
     threads: u32 = 1,
 }
 

@@ -299,10 +299,10 @@ fn solve_little(
         group.push_contact(m, (local(m.a), local(m.b)), slip);
     }
     let (_, residual, solved) = group.solve(&goal);
-    report.residual_velocity = report.residual_velocity.max(residual);
     if !solved {
         return None;
     }
+    report.residual_velocity = report.residual_velocity.max(residual);
     let mut scale = 1.0;
     let nodes = &memory.next_moved[first..];
     let gains = |group: &Group, velocity: &Velocity| {

@@ -530,11 +530,12 @@ impl Pile {
             let trial = factor(&bounds, |b| 0.5 * (b[0] + b[1]));
             self.write(model, law, &trial);
             self.sweeps.set_contacts(&self.contacts).ok()?;
-            self.settle(goal, report);
+            // A trial is no part of the step: its counts are its own, and one that fails admits nothing.
+            let trial = self.settle(goal, &mut StepReport::default());
             let gaining = self.gains_by(&member_of, goal);
             for (group, [low, high]) in &mut bounds {
                 let middle = 0.5 * (*low + *high);
-                if gaining.binary_search(group).is_ok() {
+                if !trial.converged || gaining.binary_search(group).is_ok() {
                     *high = middle;
                 } else {
                     *low = middle;
