@@ -52,15 +52,30 @@ impl Drop for Alarm<'_> {
 /// Runs `rounds` times all stages in order, `work(task)` for every task of a stage. Tasks of one stage may run at the same
 /// time and in any order; a stage starts when the one before is done. Stage `k` has tasks `stages[k]..stages[k + 1]`.
 pub fn run(threads: usize, rounds: usize, stages: &[usize], work: impl Fn(usize) + Sync) {
+    run_until(threads, rounds, stages, |_, task| work(task), |_| false);
+}
+
+/// [`run`] with `work(round, task)`, until `done(round)` after a round. All threads ask, and must be told the same. The rounds
+/// that were run.
+pub fn run_until(
+    threads: usize,
+    rounds: usize,
+    stages: &[usize],
+    work: impl Fn(usize, usize) + Sync,
+    done: impl Fn(usize) -> bool + Sync,
+) -> usize {
     let widest = stages.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0);
     let threads = threads.clamp(1, widest.max(1));
     if threads == 1 {
-        for _ in 0..rounds {
+        for round in 0..rounds {
             for task in stages.first().copied().unwrap_or(0)..stages.last().copied().unwrap_or(0) {
-                work(task);
+                work(round, task);
+            }
+            if done(round) {
+                return round + 1;
             }
         }
-        return;
+        return rounds;
     }
     // A counter per stage, for two rounds in turn: one is set back while the other counts.
     let counters: Vec<AtomicUsize> = (0..2 * stages.len())
@@ -82,20 +97,24 @@ pub fn run(threads: usize, rounds: usize, stages: &[usize], work: impl Fn(usize)
                     if task >= stages[k + 1] {
                         break;
                     }
-                    work(task);
+                    work(round, task);
                 }
                 // The other round's counter of this stage is at rest.
                 counters[((round + 1) % 2) * stages.len() + k].store(stages[k], Ordering::Relaxed);
                 barrier.wait();
             }
+            if done(round) {
+                return round + 1;
+            }
         }
+        rounds
     };
     std::thread::scope(|scope| {
         for _ in 1..threads {
             scope.spawn(member);
         }
-        member();
-    });
+        member()
+    })
 }
 
 /// `work(item)` of every item, in the order of the items.

@@ -1,12 +1,21 @@
 //! Sweeps until the residual of eq. 44 and the worst closing measure are small enough.
 
+use super::accelerate::Change;
 use super::Sweeps;
 
 /// See [`Goal::patience`].
 pub const LENIENCE: f64 = 10.0;
-/// Sweeps before the first look, and between two looks at most.
+/// Sweeps before the first look, and between two looks at least and at most.
 const FIRST: usize = 4;
+const LEAST_BETWEEN: usize = 3;
 const MOST_BETWEEN: usize = 64;
+/// How far below the goal the changes of a sweep must promise to be before it is looked at.
+const LIKELY: f64 = 0.9;
+/// No change is as small.
+const NEVER: Change = Change {
+    squared: -1.0,
+    closing: -1.0,
+};
 /// Most that the absolute floor counts for, over the terms of eq. 44; and the share of it that stands where there are none (as in
 /// `newton`).
 const FLOOR_OVER_TERMS: f64 = 9.0;
@@ -85,29 +94,31 @@ impl Sweeps {
         goal.judge(&self.norms(goal.penalty_scale), sweeps)
     }
 
-    /// Sweeps until the goal is met or its sweeps are used up. How often it looks follows from how fast the residual falls.
+    /// Sweeps until the goal is met or its sweeps are used up. When to look follows from what the sweeps change.
     pub fn settle(&mut self, goal: &Goal) -> Progress {
         let mut now = self.judge(goal, 0);
-        let mut next = FIRST;
+        let (mut most, mut enough) = (FIRST, Change::default());
         self.restart();
         while !now.converged && now.sweeps < goal.most && now.residual.is_finite() {
-            let count = next.min(goal.most - now.sweeps).max(1);
-            self.accelerated(count - 1);
-            let before = now;
-            now = goal.judge(&self.norms(goal.penalty_scale), before.sweeps + count);
-            let per_sweep = excess(&before, goal).ln() - excess(&now, goal).ln();
-            let left = excess(&now, goal).ln() * count as f64 / per_sweep;
-            next = if left.is_finite() && left > 0.0 {
-                (left.ceil() as usize).clamp(FIRST, MOST_BETWEEN)
-            } else {
-                MOST_BETWEEN
-            };
+            let least = LEAST_BETWEEN.min(goal.most - now.sweeps);
+            let count = (most.min(goal.most - now.sweeps)).max(least);
+            self.accelerated(least, NEVER);
+            let done = least + self.accelerated(count - least, enough);
+            now = goal.judge(&self.norms(goal.penalty_scale), now.sweeps + done);
+            if std::env::var("DBG").is_ok() { eprintln!("  {:>5} (+{done}) res {:.3} closing {:.3} visit {:.3} root {:.3e}", now.sweeps, now.residual/goal.tolerance, now.closing/goal.closing, self.memory.last.closing/goal.closing, self.memory.last.squared.sqrt()/goal.floor); }
+            most = MOST_BETWEEN;
+            enough = likely(&self.memory.last, &now, goal);
         }
         now
     }
 }
 
-/// How far from the goal: 1 at the goal.
-fn excess(at: &Progress, goal: &Goal) -> f64 {
-    (at.residual / goal.tolerance).max(at.closing / goal.closing.max(f64::MIN_POSITIVE))
+/// The change of a sweep after which the goal is likely met: residuals are proportional to changes, closing measures at the end of a
+/// sweep to those that it met.
+fn likely(last: &Change, now: &Progress, goal: &Goal) -> Change {
+    let share = |goal: f64, now: f64| if now > 0.0 { LIKELY * goal / now } else { f64::INFINITY };
+    Change {
+        squared: last.squared * share(goal.tolerance, now.residual).powi(2),
+        closing: last.closing * share(goal.closing, now.closing),
+    }
 }

@@ -46,6 +46,11 @@ pub struct Group {
     /// `1/w_N` and `1/w_T`, kg.
     pub mass_normal: Column,
     pub mass_tangential: Column,
+    /// `w_N`, 1/kg.
+    pub weight: Column,
+    /// Of accelerated sweeps: the step before the last sweep, and the change in it, N s.
+    pub direction: [Column; 3],
+    pub change: [Column; 3],
 }
 
 impl Group {
@@ -60,6 +65,7 @@ impl Group {
             a: numbers.map(|[a, _]| a),
             b: numbers.map(|[_, b]| b),
             mass_normal: linear.map(inverse),
+            weight: linear,
             mass_tangential: std::array::from_fn(|lane| inverse(linear[lane] + surface[lane])),
             ..Self::default()
         }
@@ -213,16 +219,18 @@ fn gather<S: Lanes>(s: S, bodies: &impl Bodies, group: &Group, at: usize) -> [V3
     [linear, surface]
 }
 
-/// New impulses of the lanes from `at`; returns their change `d` and `n x d`.
+/// New impulses of the lanes from `at`; returns their change `d` and `n x d`. Before, an accelerated sweep takes the step that its
+/// bodies have taken already.
 #[inline(always)]
-fn solve<S: Lanes>(
+fn solve<S: Lanes, C: Carry>(
     s: S,
+    carry: &mut C,
     [linear, surface]: [V3<S>; 2],
     group: &mut Group,
     at: usize,
 ) -> [V3<S>; 2] {
     let n = parts::<S>(&group.normal, at);
-    let old = parts::<S>(&group.impulse, at);
+    let old = carry.step(s, group, at);
     let z = add(s, linear, parts::<S>(&group.slip, at));
     let z = add(s, z, cross(s, n, surface));
     let zero = s.splat_f64s(0.0);
@@ -244,10 +252,73 @@ fn solve<S: Lanes>(
 
     let new = add(s, scale(s, normal, n), scale(s, ratio, x));
     let change = sub(s, new, old);
-    for k in 0..3 {
-        S::as_mut_simd_f64s(&mut group.impulse[k]).0[at / S::F64_LANES] = new[k];
-    }
+    put::<S>(&mut group.impulse, at, new);
+    carry.note(s, group, at, change, z_n);
     [change, cross(s, n, change)]
+}
+
+#[inline(always)]
+fn put<S: Lanes>(columns: &mut [Column; 3], at: usize, value: V3<S>) {
+    for k in 0..3 {
+        S::as_mut_simd_f64s(&mut columns[k]).0[at / S::F64_LANES] = value[k];
+    }
+}
+
+/// What a sweep does beside solving contacts.
+pub trait Carry {
+    /// Impulses from which the lanes are solved.
+    fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S>;
+    /// Looks at the change, and at the normal measures before it.
+    fn note<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize, change: V3<S>, z_n: S::f64s);
+}
+
+/// A plain sweep.
+pub struct Plain;
+
+impl Carry for Plain {
+    #[inline(always)]
+    fn step<S: Lanes>(&mut self, _s: S, group: &mut Group, at: usize) -> V3<S> {
+        parts::<S>(&group.impulse, at)
+    }
+
+    #[inline(always)]
+    fn note<S: Lanes>(&mut self, _: S, _: &mut Group, _: usize, _: V3<S>, _: S::f64s) {}
+}
+
+/// A sweep that first goes on the way it came: `p <- beta (p + d)`, `r <- r + p` with the change `d` of the last sweep.
+pub struct Along {
+    /// `beta`, and 0 if the group's `p` and `d` are of another problem, else 1.
+    pub beta: f64,
+    pub kept: f64,
+    /// Per lane: `|d|^2` over the masses, and the largest `-z_N` that was met.
+    pub squared: Column,
+    pub closing: Column,
+}
+
+impl Carry for Along {
+    #[inline(always)]
+    fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S> {
+        let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
+        let (p, d) = (
+            parts::<S>(&group.direction, at),
+            parts::<S>(&group.change, at),
+        );
+        let p = scale(s, beta, add(s, scale(s, kept, p), scale(s, kept, d)));
+        put::<S>(&mut group.direction, at, p);
+        add(s, parts::<S>(&group.impulse, at), p)
+    }
+
+    #[inline(always)]
+    fn note<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize, change: V3<S>, z_n: S::f64s) {
+        let lane = at / S::F64_LANES;
+        let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&group.weight, at));
+        let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[lane];
+        *squared = s.add_f64s(*squared, weighted);
+        let closing = &mut S::as_mut_simd_f64s(&mut self.closing).0[lane];
+        let z = s.sub_f64s(s.splat_f64s(0.0), z_n);
+        *closing = s.select_f64s(s.greater_than_f64s(z, *closing), z, *closing);
+        put::<S>(&mut group.change, at, change);
+    }
 }
 
 /// Adds the changes of the lanes from `at` to their bodies.
@@ -279,16 +350,17 @@ fn scatter<S: Lanes>(
 }
 
 /// One pass over groups, in order.
-pub struct Pass<'a, B> {
+pub struct Pass<'a, B, C> {
     pub bodies: B,
     pub groups: &'a mut [Group],
+    pub carry: C,
 }
 
-impl<B: Bodies> Work for Pass<'_, B> {
-    type Output = ();
+impl<B: Bodies, C: Carry> Work for Pass<'_, B, C> {
+    type Output = C;
 
     #[inline(always)]
-    fn run<S: Lanes>(mut self, simd: S) {
+    fn run<S: Lanes>(mut self, simd: S) -> C {
         for group in self.groups.iter_mut() {
             // Two sets of lanes at a time: each is one long chain of dependent operations.
             for at in (0..GROUP).step_by(2 * S::F64_LANES) {
@@ -297,11 +369,12 @@ impl<B: Bodies> Work for Pass<'_, B> {
                     gather(simd, &self.bodies, group, at),
                     gather(simd, &self.bodies, group, next),
                 );
-                let one = solve(simd, one, group, at);
-                let two = solve(simd, two, group, next);
+                let one = solve(simd, &mut self.carry, one, group, at);
+                let two = solve(simd, &mut self.carry, two, group, next);
                 scatter(simd, one, &mut self.bodies, group, at);
                 scatter(simd, two, &mut self.bodies, group, next);
             }
         }
+        self.carry
     }
 }

@@ -25,7 +25,7 @@ pub use problem::{Body, Contact, Place, SpheresError};
 
 use crate::team::{self, lock};
 use groups::{Block, EMPTY, SWAPPED};
-use kernel::{One, Pass, State, Two};
+use kernel::{Carry, One, Pass, Plain, State, Two};
 use layout::Layout;
 use std::sync::Mutex;
 
@@ -167,17 +167,7 @@ impl Sweeps {
     pub fn sweep(&mut self, count: usize) {
         let instructions = self.instructions;
         self.stages(count, |block, left, right| {
-            let groups = &mut block.groups;
-            match right {
-                None => instructions.run(Pass {
-                    bodies: One(left),
-                    groups,
-                }),
-                Some(right) => instructions.run(Pass {
-                    bodies: Two(left, right),
-                    groups,
-                }),
-            }
+            pass(instructions, block, left, right, Plain);
         });
     }
 
@@ -325,6 +315,29 @@ impl Sweeps {
                 );
             }
         });
+    }
+}
+
+/// One pass over the groups of a block.
+fn pass<C: Carry>(
+    instructions: Instructions,
+    block: &mut Block,
+    left: &mut [State],
+    right: Option<&mut [State]>,
+    carry: C,
+) -> C {
+    let groups = &mut block.groups;
+    match right {
+        None => instructions.run(Pass {
+            bodies: One(left),
+            groups,
+            carry,
+        }),
+        Some(right) => instructions.run(Pass {
+            bodies: Two(left, right),
+            groups,
+            carry,
+        }),
     }
 }
 
