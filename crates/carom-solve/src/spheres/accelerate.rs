@@ -183,18 +183,29 @@ impl Work for Follow<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(self, _simd: S) {
+    fn run<S: Lanes>(self, simd: S) {
+        let factors = [self.beta, self.kept];
         for (state, [before, step]) in self.states.iter_mut().zip(self.steps) {
-            for (x, b, p) in [
-                (&mut state.linear, &mut before.linear, &mut step.linear),
-                (&mut state.surface, &mut before.surface, &mut step.surface),
-            ] {
-                for k in 0..4 {
-                    p[k] = self.beta * (self.kept * p[k] + self.kept * (x[k] - b[k]));
-                    x[k] += p[k];
-                    b[k] = x[k];
-                }
-            }
+            follow(
+                simd,
+                factors,
+                [&mut state.linear, &mut before.linear, &mut step.linear],
+            );
+            follow(
+                simd,
+                factors,
+                [&mut state.surface, &mut before.surface, &mut step.surface],
+            );
         }
     }
+}
+
+#[inline(always)]
+fn follow<S: Lanes>(s: S, [beta, kept]: [f64; 2], [x, before, step]: [&mut [f64; 4]; 3]) {
+    let change = s.row_sub(s.row(x), s.row(before));
+    let way = s.row_add(s.row_scale(kept, s.row(step)), s.row_scale(kept, change));
+    let way = s.row_scale(beta, way);
+    *step = s.numbers(way);
+    *x = s.numbers(s.row_add(s.row(x), way));
+    *before = *x;
 }

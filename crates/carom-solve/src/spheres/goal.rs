@@ -105,7 +105,16 @@ impl Sweeps {
             self.accelerated(least, NEVER);
             let done = least + self.accelerated(count - least, enough);
             now = goal.judge(&self.norms(goal.penalty_scale), now.sweeps + done);
-            if std::env::var("DBG").is_ok() { eprintln!("  {:>5} (+{done}) res {:.3} closing {:.3} visit {:.3} root {:.3e}", now.sweeps, now.residual/goal.tolerance, now.closing/goal.closing, self.memory.last.closing/goal.closing, self.memory.last.squared.sqrt()/goal.floor); }
+            if std::env::var("DBG").is_ok() {
+                eprintln!(
+                    "  {:>5} (+{done}) res {:.3} closing {:.3} visit {:.3} root {:.3e}",
+                    now.sweeps,
+                    now.residual / goal.tolerance,
+                    now.closing / goal.closing,
+                    self.memory.last.closing / goal.closing,
+                    self.memory.last.squared.sqrt() / goal.floor
+                );
+            }
             most = MOST_BETWEEN;
             enough = likely(&self.memory.last, &now, goal);
         }
@@ -116,7 +125,13 @@ impl Sweeps {
 /// The change of a sweep after which the goal is likely met: residuals are proportional to changes, closing measures at the end of a
 /// sweep to those that it met.
 fn likely(last: &Change, now: &Progress, goal: &Goal) -> Change {
-    let share = |goal: f64, now: f64| if now > 0.0 { LIKELY * goal / now } else { f64::INFINITY };
+    let share = |goal: f64, now: f64| {
+        if now > 0.0 {
+            LIKELY * goal / now
+        } else {
+            f64::INFINITY
+        }
+    };
     Change {
         squared: last.squared * share(goal.tolerance, now.residual).powi(2),
         closing: last.closing * share(goal.closing, now.closing),

@@ -82,21 +82,37 @@ impl Group {
     }
 }
 
-/// Where the bodies of a block lie: both sides in one chunk, or one side in each of two.
-pub trait Bodies {
+/// Where the bodies of a block are read.
+pub trait Read {
     fn pair(&self, a: u32, b: u32) -> (&State, &State);
+}
+
+/// Where the bodies of a block lie: both sides in one chunk, or one side in each of two.
+pub trait Bodies: Read {
     fn a(&mut self) -> &mut [State];
     fn b(&mut self) -> &mut [State];
 }
 
 pub struct One<'a>(pub &'a mut [State]);
 pub struct Two<'a>(pub &'a mut [State], pub &'a mut [State]);
+/// To read only: the sides may be the same.
+pub struct Both<'a>(pub &'a [State], pub &'a [State]);
 
-impl Bodies for One<'_> {
+impl Read for Both<'_> {
+    #[inline(always)]
+    fn pair(&self, a: u32, b: u32) -> (&State, &State) {
+        (&self.0[a as usize], &self.1[b as usize])
+    }
+}
+
+impl Read for One<'_> {
     #[inline(always)]
     fn pair(&self, a: u32, b: u32) -> (&State, &State) {
         (&self.0[a as usize], &self.0[b as usize])
     }
+}
+
+impl Bodies for One<'_> {
     #[inline(always)]
     fn a(&mut self) -> &mut [State] {
         self.0
@@ -107,11 +123,14 @@ impl Bodies for One<'_> {
     }
 }
 
-impl Bodies for Two<'_> {
+impl Read for Two<'_> {
     #[inline(always)]
     fn pair(&self, a: u32, b: u32) -> (&State, &State) {
         (&self.0[a as usize], &self.1[b as usize])
     }
+}
+
+impl Bodies for Two<'_> {
     #[inline(always)]
     fn a(&mut self) -> &mut [State] {
         self.0
@@ -122,7 +141,7 @@ impl Bodies for Two<'_> {
     }
 }
 
-type V3<S> = [<S as Simd>::f64s; 3];
+pub type V3<S> = [<S as Simd>::f64s; 3];
 
 #[inline(always)]
 fn map2<S: Lanes>(x: V3<S>, y: V3<S>, f: impl Fn(S::f64s, S::f64s) -> S::f64s) -> V3<S> {
@@ -140,7 +159,7 @@ fn add<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
 }
 
 #[inline(always)]
-fn sub<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
+pub fn sub<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
     map2::<S>(
         x,
         y,
@@ -159,7 +178,7 @@ fn scale<S: Lanes>(s: S, f: S::f64s, x: V3<S>) -> V3<S> {
 }
 
 #[inline(always)]
-fn dot<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> S::f64s {
+pub fn dot<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> S::f64s {
     let xy = s.add_f64s(s.mul_f64s(x[0], y[0]), s.mul_f64s(x[1], y[1]));
     s.add_f64s(xy, s.mul_f64s(x[2], y[2]))
 }
@@ -181,12 +200,12 @@ fn cross<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
 
 /// Lanes `at..` of a column.
 #[inline(always)]
-fn part<S: Lanes>(column: &Column, at: usize) -> S::f64s {
+pub fn part<S: Lanes>(column: &Column, at: usize) -> S::f64s {
     S::as_simd_f64s(column).0[at / S::F64_LANES]
 }
 
 #[inline(always)]
-fn parts<S: Lanes>(columns: &[Column; 3], at: usize) -> V3<S> {
+pub fn parts<S: Lanes>(columns: &[Column; 3], at: usize) -> V3<S> {
     [
         part::<S>(&columns[0], at),
         part::<S>(&columns[1], at),
@@ -197,7 +216,7 @@ fn parts<S: Lanes>(columns: &[Column; 3], at: usize) -> V3<S> {
 /// Relative velocity without spin, and the sum of surface velocities, of the lanes from `at`. Rows are summed before they are
 /// turned to columns: half as many turns, and the same bits.
 #[inline(always)]
-fn gather<S: Lanes>(s: S, bodies: &impl Bodies, group: &Group, at: usize) -> [V3<S>; 2] {
+pub fn gather<S: Lanes>(s: S, bodies: &impl Read, group: &Group, at: usize) -> [V3<S>; 2] {
     let (ia, ib) = (
         &group.a[at..at + S::F64_LANES],
         &group.b[at..at + S::F64_LANES],
@@ -219,38 +238,59 @@ fn gather<S: Lanes>(s: S, bodies: &impl Bodies, group: &Group, at: usize) -> [V3
     [linear, surface]
 }
 
+/// Measures `z` of the lanes from `at`.
+#[inline(always)]
+pub fn measures<S: Lanes>(s: S, [linear, surface]: [V3<S>; 2], group: &Group, at: usize) -> V3<S> {
+    let n = parts::<S>(&group.normal, at);
+    let z = add(s, linear, parts::<S>(&group.slip, at));
+    add(s, z, cross(s, n, surface))
+}
+
+/// `r - m z` on the cone: along `n` on the half-line, with the mass `m_N`, across on the disc that belongs to it, with `m_T`.
+#[inline(always)]
+pub fn project<S: Lanes>(
+    s: S,
+    r: V3<S>,
+    [r_n, z_n]: [S::f64s; 2],
+    z: V3<S>,
+    n: V3<S>,
+    [mass_n, mass_t]: [S::f64s; 2],
+    friction: S::f64s,
+) -> V3<S> {
+    let zero = s.splat_f64s(0.0);
+    let normal = s.sub_f64s(r_n, s.mul_f64s(z_n, mass_n));
+    let normal = s.select_f64s(s.greater_than_f64s(normal, zero), normal, zero);
+    let x = sub(s, r, scale(s, mass_t, z));
+    let x_n = s.sub_f64s(r_n, s.mul_f64s(mass_t, z_n));
+    let x = sub(s, x, scale(s, x_n, n));
+    let squared = dot(s, x, x);
+    let radius = s.mul_f64s(friction, normal);
+    let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
+    let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
+    let ratio = s.select_f64s(outside, ratio, s.splat_f64s(1.0));
+    add(s, scale(s, normal, n), scale(s, ratio, x))
+}
+
 /// New impulses of the lanes from `at`; returns their change `d` and `n x d`. Before, an accelerated sweep takes the step that its
 /// bodies have taken already.
 #[inline(always)]
 fn solve<S: Lanes, C: Carry>(
     s: S,
     carry: &mut C,
-    [linear, surface]: [V3<S>; 2],
+    bodies: [V3<S>; 2],
     group: &mut Group,
     at: usize,
 ) -> [V3<S>; 2] {
     let n = parts::<S>(&group.normal, at);
     let old = carry.step(s, group, at);
-    let z = add(s, linear, parts::<S>(&group.slip, at));
-    let z = add(s, z, cross(s, n, surface));
-    let zero = s.splat_f64s(0.0);
-
-    let old_n = dot(s, old, n);
-    let z_n = dot(s, z, n);
-    let normal = s.sub_f64s(old_n, s.mul_f64s(z_n, part::<S>(&group.mass_normal, at)));
-    let normal = s.select_f64s(s.greater_than_f64s(normal, zero), normal, zero);
-
-    let p = part::<S>(&group.mass_tangential, at);
-    let x = sub(s, old, scale(s, p, z));
-    let x_n = s.sub_f64s(old_n, s.mul_f64s(p, z_n));
-    let x = sub(s, x, scale(s, x_n, n));
-    let squared = dot(s, x, x);
-    let radius = s.mul_f64s(part::<S>(&group.friction, at), normal);
-    let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
-    let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
-    let ratio = s.select_f64s(outside, ratio, s.splat_f64s(1.0));
-
-    let new = add(s, scale(s, normal, n), scale(s, ratio, x));
+    let z = measures(s, bodies, group, at);
+    let (old_n, z_n) = (dot(s, old, n), dot(s, z, n));
+    let masses = [
+        part::<S>(&group.mass_normal, at),
+        part::<S>(&group.mass_tangential, at),
+    ];
+    let friction = part::<S>(&group.friction, at);
+    let new = project(s, old, [old_n, z_n], z, n, masses, friction);
     let change = sub(s, new, old);
     put::<S>(&mut group.impulse, at, new);
     carry.note(s, group, at, change, z_n);

@@ -1,7 +1,7 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
 use super::groups::{Block, EMPTY};
-use super::kernel::{Group, State};
+use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, Group, State};
 use super::lanes::{Lanes, Work, GROUP};
 use glam::DVec3;
 
@@ -88,8 +88,7 @@ impl Sums {
     }
 }
 
-/// Residual rows `P(r - p z) - r` with `p = penalty_scale / w`, and what they are compared with. Plain loops over lanes become vector
-/// code, the same bits on all instruction sets. Lanes without contact have only zeros.
+/// Residual rows `P(r - p z) - r` with `p = penalty_scale / w`, and what they are compared with. Lanes without contact have only zeros.
 pub struct NormsOf<'a> {
     pub block: &'a Block,
     pub left: &'a [State],
@@ -101,56 +100,46 @@ impl Work for NormsOf<'_> {
     type Output = Sums;
 
     #[inline(always)]
-    fn run<S: Lanes>(self, _simd: S) -> Sums {
-        let mut residual = [0.0; GROUP];
-        let mut projected = [0.0; GROUP];
-        let mut impulse = [0.0; GROUP];
-        let mut closing = [0.0f64; GROUP];
+    fn run<S: Lanes>(self, s: S) -> Sums {
+        let mut sums = [[0.0; GROUP]; 4];
+        let scale_of = s.splat_f64s(self.penalty_scale);
+        let bodies = Both(self.left, self.right);
         for group in &self.block.groups {
-            let mut d = [[0.0; GROUP]; 3];
-            let mut spin = [[0.0; GROUP]; 3];
-            for lane in 0..GROUP {
-                let a = &self.left[group.a[lane] as usize];
-                let b = &self.right[group.b[lane] as usize];
-                for k in 0..3 {
-                    d[k][lane] = a.linear[k] - b.linear[k];
-                    spin[k][lane] = a.surface[k] + b.surface[k];
+            for at in (0..GROUP).step_by(S::F64_LANES) {
+                let n = parts::<S>(&group.normal, at);
+                let r = parts::<S>(&group.impulse, at);
+                let z = measures(s, gather(s, &bodies, group, at), group, at);
+                let (r_n, z_n) = (dot(s, r, n), dot(s, z, n));
+                let masses = [
+                    s.mul_f64s(scale_of, part::<S>(&group.mass_normal, at)),
+                    s.mul_f64s(scale_of, part::<S>(&group.mass_tangential, at)),
+                ];
+                let phi = project(
+                    s,
+                    r,
+                    [r_n, z_n],
+                    z,
+                    n,
+                    masses,
+                    part::<S>(&group.friction, at),
+                );
+                let residual = sub(s, phi, r);
+                let lane = at / S::F64_LANES;
+                for (sum, x) in sums.iter_mut().zip([residual, phi, r]) {
+                    let sum = &mut S::as_mut_simd_f64s(sum).0[lane];
+                    *sum = s.add_f64s(*sum, dot(s, x, x));
                 }
-            }
-            let (n, r) = (&group.normal, &group.impulse);
-            for l in 0..GROUP {
-                let z = [0, 1, 2].map(|k: usize| {
-                    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-                    d[k][l] + (n[i][l] * spin[j][l] - n[j][l] * spin[i][l]) + group.slip[k][l]
-                });
-                let along = |x: [f64; 3]| x[0] * n[0][l] + x[1] * n[1][l] + x[2] * n[2][l];
-                let squared = |x: [f64; 3]| x[0] * x[0] + x[1] * x[1] + x[2] * x[2];
-                let r = [0, 1, 2].map(|k: usize| r[k][l]);
-                let (r_n, z_n) = (along(r), along(z));
-                let normal = (r_n - self.penalty_scale * group.mass_normal[l] * z_n).max(0.0);
-                let p = self.penalty_scale * group.mass_tangential[l];
-                let x = [0, 1, 2].map(|k: usize| r[k] - p * z[k]);
-                let x_n = along(x);
-                let across = [0, 1, 2].map(|k: usize| x[k] - x_n * n[k][l]);
-                let length = squared(across).sqrt();
-                let radius = group.friction[l] * normal;
-                let ratio = if length > radius {
-                    radius / length
-                } else {
-                    1.0
-                };
-                let phi = [0, 1, 2].map(|k: usize| normal * n[k][l] + ratio * across[k]);
-                residual[l] += squared([0, 1, 2].map(|k: usize| phi[k] - r[k]));
-                projected[l] += squared(phi);
-                impulse[l] += squared(r);
-                closing[l] = closing[l].max(-z_n);
+                let closing = &mut S::as_mut_simd_f64s(&mut sums[3]).0[lane];
+                let depth = s.sub_f64s(s.splat_f64s(0.0), z_n);
+                *closing = s.select_f64s(s.greater_than_f64s(depth, *closing), depth, *closing);
             }
         }
+        let [residual, projected, impulse] = [0, 1, 2].map(|k: usize| sums[k].iter().sum());
         Sums {
-            residual: residual.iter().sum(),
-            projected: projected.iter().sum(),
-            impulse: impulse.iter().sum(),
-            closing: closing.iter().copied().fold(0.0, f64::max),
+            residual,
+            projected,
+            impulse,
+            closing: sums[3].iter().copied().fold(0.0, f64::max),
         }
     }
 }
