@@ -278,6 +278,7 @@ fn solve_little(
         penalty_scale: o.penalty_scale,
         patience: usize::MAX,
         most: 0,
+        had: 0,
     };
     let group = &mut memory.group;
     group.clear();

@@ -114,6 +114,7 @@ fn solve(
         penalty_scale: o.penalty_scale,
         patience: PATIENCE,
         most: budget(members.len()),
+        had: 0,
     };
     let strict = Goal {
         tolerance: LINEAR_SHARE * goal.tolerance,
@@ -128,6 +129,7 @@ fn solve(
         let linear_problem = pile.sweeps.settle(&Goal {
             most: SWEEPS_PER_LINEARISATION.min(goal.most - sweeps),
             patience: PATIENCE.saturating_sub(sweeps),
+            had: sweeps,
             ..strict
         });
         sweeps += linear_problem.sweeps.max(1);

@@ -458,6 +458,7 @@ impl Pile {
             penalty_scale: o.penalty_scale,
             patience: PATIENCE,
             most: budget(self.contacts.len()),
+            had: 0,
         };
         let mut progress = self.settle(&goal, report);
         if !progress.converged && !self.accept {

@@ -71,8 +71,8 @@ impl Sweeps {
         self.memory.age = NEW;
     }
 
-    /// Up to `count` accelerated sweeps, until one changes no more than `enough`; how many there were.
-    pub(super) fn accelerated(&mut self, count: usize, enough: Change) -> usize {
+    /// Up to `count` sweeps with `beta <= cap`, until one changes no more than `enough`; how many there were.
+    pub(super) fn accelerated(&mut self, count: usize, cap: f64, enough: Change) -> usize {
         let Sweeps {
             layout,
             states,
@@ -108,7 +108,7 @@ impl Sweeps {
             .chain(layout.stages.iter().map(|k| k + chunks.len()))
             .collect();
         let work = |round: usize, task: usize| {
-            let [beta, kept] = factors(rounds[round].age.load(Relaxed));
+            let [beta, kept] = factors(rounds[round].age.load(Relaxed), cap);
             let Some(index) = task.checked_sub(chunks.len()) else {
                 let (states, steps) = &mut *lock(&chunks[task]);
                 instructions.run(Follow {
@@ -161,12 +161,12 @@ impl Sweeps {
 }
 
 /// `beta` at an age of the momentum, and 0 if there is none yet, else 1.
-fn factors(age: u64) -> [f64; 2] {
+fn factors(age: u64, cap: f64) -> [f64; 2] {
     if age == NEW {
         return [0.0, 0.0];
     }
     let k = (age - 1) as f64;
-    [k / (k + RAMP), 1.0]
+    [(k / (k + RAMP)).min(cap), 1.0]
 }
 
 /// The step of the bodies of a chunk: the contacts' step as velocities. The inverse masses beside the velocities do not change: their

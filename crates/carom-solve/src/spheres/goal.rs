@@ -11,6 +11,9 @@ const LEAST_BETWEEN: usize = 3;
 const MOST_BETWEEN: usize = 64;
 /// How far below the goal the changes of a sweep must promise to be before it is looked at.
 const LIKELY: f64 = 0.9;
+/// Sweeps after which the momentum is bounded by the next of these, in turn.
+const TIRED: usize = 250;
+const CAPS: [f64; 8] = [1.0, 1.0, 0.9, 0.8, 1.0, 0.7, 0.5, 0.0];
 /// No change is as small.
 const NEVER: Change = Change {
     squared: -1.0,
@@ -46,6 +49,8 @@ pub struct Goal {
     pub patience: usize,
     /// Sweeps at most.
     pub most: usize,
+    /// Sweeps that the same problem, linearised elsewhere, has had already.
+    pub had: usize,
 }
 
 /// What was reached.
@@ -102,8 +107,9 @@ impl Sweeps {
         while !now.converged && now.sweeps < goal.most && now.residual.is_finite() {
             let least = LEAST_BETWEEN.min(goal.most - now.sweeps);
             let count = (most.min(goal.most - now.sweeps)).max(least);
-            self.accelerated(least, NEVER);
-            let done = least + self.accelerated(count - least, enough);
+            let cap = momentum(goal.had + now.sweeps);
+            self.accelerated(least, cap, NEVER);
+            let done = least + self.accelerated(count - least, cap, enough);
             now = goal.judge(&self.norms(goal.penalty_scale), now.sweeps + done);
             if std::env::var("DBG").is_ok() {
                 eprintln!(
@@ -120,6 +126,11 @@ impl Sweeps {
         }
         now
     }
+}
+
+/// Largest `beta` after so many sweeps: where contacts stick, slip and open in turn it may be the momentum that drives them.
+fn momentum(sweeps: usize) -> f64 {
+    CAPS[sweeps / TIRED % CAPS.len()]
 }
 
 /// The change of a sweep after which the goal is likely met: residuals are proportional to changes, closing measures at the end of a
