@@ -13,7 +13,7 @@ const MOST_BETWEEN: usize = 64;
 const LIKELY: f64 = 0.9;
 /// Sweeps after which the momentum is bounded by the next of these, in turn.
 const TIRED: usize = 250;
-const CAPS: [f64; 8] = [1.0, 1.0, 0.9, 0.8, 1.0, 0.7, 0.5, 0.0];
+const CAPS: [f64; 2] = [1.0, 0.5];
 /// No change is as small.
 const NEVER: Change = Change {
     squared: -1.0,
