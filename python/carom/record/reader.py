@@ -122,22 +122,22 @@ class Column(NDArrayOperatorsMixin):
 
 class Segments:
     """All segments of a run, opened for reading while they may still be written to. Row counts are those at
-    opening.
+    opening; with `upto` rows beyond it do not count, as if a further segment began there.
     """
 
-    def __init__(self, paths: Sequence[Path]) -> None:
+    def __init__(self, paths: Sequence[Path], upto: Rows | None = None) -> None:
         if not paths:
             raise CaromError("there are no results yet: no results.h5 in the run directory")
         self._files = [_open(path) for path in paths]
         firsts = [Rows(*(int(n) for n in file.attrs["first_rows"])) for file in self._files]
+        ends = firsts if upto is None else [*firsts, upto]
         self._rows: list[Rows] = []
         for k, file in enumerate(self._files):
             commit = file["commit"]
             written = Rows(*(int(n) for n in commit[-1])) if commit.shape[0] else Rows()
             # A later segment overrules every row from its start on, in all segments before it.
             limits = [
-                min(f[i] for f in firsts[k + 1 :]) if firsts[k + 1 :] else None
-                for i in range(len(Rows._fields))
+                min(f[i] for f in ends[k + 1 :]) if ends[k + 1 :] else None for i in range(len(Rows._fields))
             ]
             self._rows.append(
                 Rows(

@@ -151,10 +151,28 @@ class Writer:
                 self._file.flush()
                 _extend(self._commit, np.array([rows], dtype=np.uint64))
                 self._commit.flush()
+                self._check_place()
         except BaseException as error:
             self._failure = error  # what was lost cannot be made good: nothing more is written to this file
             raise
         self.committed = rows
+
+    def _check_place(self) -> None:
+        """Raise if nobody can find what was written: a file that was removed or replaced goes on taking it all in."""
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.stat(self.path), os.fstat(self._file.id.get_vfd_handle())):
+                return
+        raise RecordError(
+            f"{self.path} was removed or replaced while the run wrote it; put it back and continue the run with"
+            " `carom resume`, or compute it anew"
+        )
+
+    def sync(self) -> None:
+        """Force what was committed to the disk, so that it outlives a power failure."""
+        self._wait()
+        if self._file is not None:
+            with _explained(self.path):
+                os.fsync(self._file.id.get_vfd_handle())
 
     def close(self) -> None:
         """Commit the rest and close the file."""
