@@ -12,11 +12,9 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -26,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.files import reason, write_whole
 from carom.record.layout import Rows
-from carom.record.writer import RecordError, reason, unwritable
 
 #: 2: with the version and the build that wrote it.
 FORMAT = 2
@@ -128,39 +126,6 @@ def build() -> str:
         return ""
     at = head.find(note)
     return head[at + len(note) : at + len(note) + 20].hex() if at >= 0 else ""
-
-
-def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents: bool = False) -> None:
-    """Replace a file by another in one move: readers see the old or the new one, never half of it.
-
-    With `parents` the directory is made if it is not there.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        if parents:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        with open(temporary, "wb") as file:
-            file.write(data)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
-        os.replace(temporary, path)
-        if durable:
-            _sync_directory(path.parent)
-    except OSError as error:
-        with suppress(OSError):
-            temporary.unlink()
-        raise RecordError(f"cannot write {path}: {unwritable(error)}") from error
-
-
-def _sync_directory(path: Path) -> None:
-    # The rename itself must reach the disk; some systems cannot sync a directory, and then do not need it.
-    with suppress(OSError):
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _digest(head: NDArray[np.uint8], arrays: list[NDArray[Any]]) -> bytes:

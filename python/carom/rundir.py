@@ -19,9 +19,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
-from carom.checkpoint import write_whole
 from carom.errors import CaromError
-from carom.record.writer import RecordError, reason, unwritable
+from carom.files import RecordError, reason, unwritable, write_whole
 
 #: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted. By the last two
 #: a directory is known, and they go last.
