@@ -55,7 +55,7 @@ def _open_swmr(path: Path) -> h5py.File:
     try:
         return h5py.File(path, "r", **as_written)
     except OSError as error:
-        if "lock" not in str(error):
+        if "unable to lock" not in str(error):
             raise
         # Network file systems may have no locks, or keep that of a writer that died.
         return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
