@@ -93,6 +93,8 @@ def load(path: Path) -> Checkpoint:
         if head["format"] != FORMAT:
             raise ValueError(f"it has format {head['format']}, wanted {FORMAT}")
         rows, state = Rows(*head["rows"]), _unpack(head["state"], arrays)
+        if not isinstance(state, dict) or not isinstance(head["step"], int):
+            raise ValueError("its state is not one of a run")
         return Checkpoint(
             head["step"], head["time"], rows, head["scenario"], state, head["version"], head["build"]
         )
