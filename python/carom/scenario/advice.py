@@ -23,7 +23,7 @@ WARN_TRAVEL = 0.05
 FINE_TRAVEL = 0.02
 """Travel per step, in radii, that accuracy runs should keep to."""
 MASS_RATIO = 1e4
-"""Heaviest over lightest ball up to which solvers work as they do among equals. Columns of 6 to 40 balls that a heavy one hits
+"""Heaviest over lightest ball up to which solvers work as they do among equals. Columns of 6 to 40 balls hit by a heavy one
 at 3 m/s: at 1e4 every step takes a fallback and the energy rises by up to 1e-6 of itself, at 1e8 by 1e-4, at 1e10 by 1e-2.
 """
 PLANE_TRAVEL = 0.5
