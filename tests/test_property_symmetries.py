@@ -139,7 +139,7 @@ def groups_apart(cases: list[Case], order: list[int]) -> None:
     of balls, as long as they stand in the same order."""
     law = cases[0].law
     groups = [
-        replace(c, x=c.x + [16.0 * k, 0, 0], law=law, wall_law=law, gravity=cases[0].gravity)
+        replace(c, x=c.x + np.array([16.0 * k, 0, 0]), law=law, wall_law=law, gravity=cases[0].gravity)
         for k, c in enumerate(cases)
     ]
     owner = np.concatenate([np.full(len(c.r), k) for k, c in enumerate(groups)])
