@@ -6,6 +6,7 @@ more memory than its bytes can fill (`carom.hdf5`).
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,11 @@ from carom.record.layout import FORMAT, TABLES, Rows
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError)
 #: The head of a file: its signature, the version of its layout, at byte 11 what its writer does, from 28 on its end.
 HEAD, SIGNATURE = 48, b"\x89HDF\r\n\x1a\n"
-#: Bytes that may be missing at the end of a file whose writer was killed: they were announced, and not yet written.
-MISSING_END = 1 << 20
+#: Bytes that may be missing at the end of a file whose writer was killed: room that was announced and never used. The library
+#: writes the announcement last.
+MISSING_END = 4096
+#: Seconds that a living writer is given to write what it has announced.
+PATIENCE = 0.5
 
 
 def open_results(path: Path) -> h5py.File:
@@ -63,16 +67,21 @@ def _open_swmr(path: Path) -> h5py.File:
 
 def _may_be_written(path: Path) -> bool:
     """Whether the head of a file says that a process has it open for writing (or was killed while it had)."""
-    with open(path, "rb") as file:
-        head = file.read(HEAD)
-    if len(head) < HEAD or not head.startswith(SIGNATURE) or head[8] < 3:
-        return False  # the library says what is wrong
-    if not head[11]:
-        return False
-    end, size = int.from_bytes(head[28:36], "little"), path.stat().st_size
-    if end > size + MISSING_END:
-        raise OSError(f"truncated file: {size} of {end} bytes")
-    return True
+    begin = time.monotonic()
+    while True:
+        with open(path, "rb") as file:
+            head = file.read(HEAD)
+        if len(head) < HEAD or not head.startswith(SIGNATURE) or head[8] < 3:
+            return False  # the library says what is wrong
+        if not head[11]:
+            return False
+        # A reader beside a writer would wait for the end of a file that was cut off, and for ever.
+        end, size = int.from_bytes(head[28:36], "little"), path.stat().st_size
+        if end <= size + MISSING_END:
+            return True
+        if time.monotonic() - begin > PATIENCE:
+            raise OSError(f"truncated file: {size} of {end} bytes")
+        time.sleep(0.01)
 
 
 # --- nothing on trust: a file may have been damaged, or made by others ----------------------------------------------
