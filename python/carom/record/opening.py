@@ -22,7 +22,7 @@ from carom.record.layout import FORMAT, TABLES, Rows
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError)
 #: The head of a file: its signature, the version of its layout, at byte 11 what its writer does, from 28 on its end.
 HEAD, SIGNATURE = 48, b"\x89HDF\r\n\x1a\n"
-#: Bytes that may be missing at the end of a file whose writer was killed: room that was announced and never used. The library
+#: Bytes that may be missing at the end of a file whose writer was killed: announced and never used. The library
 #: writes the announcement last.
 MISSING_END = 4096
 #: Seconds that a living writer is given to write what it has announced.
