@@ -39,7 +39,7 @@ def flip_impulse(frame: int) -> Fault:
 
 
 def _tangential(file: h5py.File, row: int, change: Callable[[F64, F64], F64]) -> None:
-    """Replace the sliding part of an impulse and give the body what it then lacks, so that momentum and spin still balance."""
+    """Replace the sliding part of an impulse and give the body the difference: momentum and spin still balance."""
     impulse, normal = file["contacts/impulse"][row], file["contacts/normal"][row]
     push = (impulse @ normal) * normal
     new = push + change(push, impulse - push)
@@ -159,7 +159,7 @@ def move_body(frame: int, body: int, by: F64) -> Fault:
 
 
 def restitute(row: int, factor: float) -> Fault:
-    """The impulse of an impact, and of its contact, is larger, with the motion that it would give and the speeds recorded so."""
+    """The impulse of an impact and of its contact is larger, with the motion that it would give and the speeds so."""
 
     def edit(file: h5py.File) -> None:
         a, b = (int(i) for i in file["impacts/body"][row])
@@ -235,11 +235,13 @@ def report_gap(frame: int, by: float) -> Fault:
     return edit
 
 
-def lighter_wall(frame: int, wall: int) -> Fault:
-    """A wall is said to have got half the impulse."""
+def lighter_wall(wall: int) -> Fault:
+    """A wall is said to have got half of its largest impulse."""
 
     def edit(file: h5py.File) -> None:
-        file["frames/walls"][frame, wall, :3] *= 0.5
+        impulse = file["frames/walls"][:, wall, :3]
+        frame = int(np.argmax((impulse**2).sum(axis=1)))
+        file["frames/walls"][frame, wall, :3] = 0.5 * impulse[frame]
 
     return edit
 

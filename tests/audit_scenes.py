@@ -21,7 +21,10 @@ def rolling() -> carom.Scene:
 def two_balls(**law: float) -> carom.Scene:
     """An oblique impact of spinning balls, free in space."""
     return balls(
-        [(0, 0, 0), (0.0595, 0.02, 0)], [(1.0, 0, 0), (0, 0, 0)], [(0, 3.0, 1.0), (0, 0, 2.0)], law={**LAW, **law}
+        [(0, 0, 0), (0.0595, 0.02, 0)],
+        [(1.0, 0, 0), (0, 0, 0)],
+        [(0, 3.0, 1.0), (0, 0, 2.0)],
+        law={**LAW, **law},
     )
 
 
@@ -81,9 +84,13 @@ def joined() -> carom.Scene:
 def loaded() -> carom.Scene:
     """A ball with a spring, drag and a force in time."""
     scene = ball_on_plane((0, 0, 0))
-    scene.spring("ball", "ground", points=[[0, 0, R], [-0.3, 0, R]], stiffness=50.0, damping=0.3, rest_length=0.25)
+    scene.spring(
+        "ball", "ground", points=[[0, 0, R], [-0.3, 0, R]], stiffness=50.0, damping=0.3, rest_length=0.25
+    )
     scene.drag("ball", translation=0.05, rotation=1e-5)
-    scene.load("ball", force=[0, {"expression": "0.3*sin(10*t)"}, 0], torque=[0, 0, {"polynomial": [0, 1e-3]}])
+    scene.load(
+        "ball", force=[0, {"expression": "0.3*sin(10*t)"}, 0], torque=[0, 0, {"polynomial": [0, 1e-3]}]
+    )
     return scene
 
 

@@ -15,12 +15,14 @@ Bounds: `M U = G^T nu` is solved to the tolerance of eq. 44 (`Block.left`); velo
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+
 from carom.audit import forces
-from carom.audit.data import Block
-from carom.audit.forces import Loads, Sums
+from carom.audit.block import Block
+from carom.audit.forces import Sums
+from carom.audit.loads import Loads, of_loads
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, conjugate, dot, exponential, norm, product, rotation_vector
-from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 CONTACTS = "impulses of contacts were not recorded; bodies in free flight were judged"
@@ -30,12 +32,17 @@ RECORD = "contacts = true in [record]"
 def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
     """`free` (B, N): bodies that cannot have touched anything; without recorded contacts only they are judged."""
     run = block.run
-    sums, loads = forces.of_contacts(block), forces.of_loads(block)
+    sums, loads = forces.of_contacts(block), of_loads(block)
     known = block.there & ~loads.unknown
     if run.has_contacts:
         lost = known & ~block.kept[:, None] & ~free
         for kind in ("momentum", "spin", "position", "rotation"):
-            tally.skip(kind, "the last frame of a run that stopped early has no impulses", "resume the run", lost.sum())
+            tally.skip(
+                kind,
+                "the last frame of a run that stopped early has no impulses",
+                "resume the run",
+                lost.sum(),
+            )
         known &= block.kept[:, None] | free
     else:
         for kind in ("momentum", "spin", "position", "rotation"):
@@ -144,20 +151,29 @@ def walls(block: Block, tally: Tally) -> None:
     Bound: rounding of sums of as many terms as there are steps and contacts.
     """
     run, c = block.run, block.rows
+    if not run.walls:
+        return
     if "walls" not in run.result._segments.columns("frames"):
         tally.skip("wall impulse", "impulses on walls were not recorded", "walls = true in [record]")
         return
-    given = np.asarray(run.result._segments.column("frames", "walls")[block.first : block.first + block.count])
+    given = np.asarray(
+        run.result._segments.column("frames", "walls")[block.first : block.first + block.count]
+    )
     if not run.has_contacts:
         _whole_momentum(block, tally, given)
         return
-    summed, size = np.zeros(given.shape[:2] + (3,)), np.zeros(given.shape[:2])
+    summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
     rows = c.b >= run.bodies
     at = (c.k[rows], c.b[rows] - run.bodies)
     np.add.at(summed, at, -c.impulse[rows])
     np.add.at(size, at, norm(c.impulse[rows]))
     value = norm(given[..., :3] - summed)
-    bound = EPS * (16.0 + 2.0 * block.updates)[:, None] * size * np.sqrt(1.0 + np.bincount(c.k, minlength=block.count))[:, None]
+    bound = (
+        EPS
+        * (16.0 + 2.0 * block.updates)[:, None]
+        * size
+        * np.sqrt(1.0 + np.bincount(c.k, minlength=block.count))[:, None]
+    )
     count = given.shape[1]
     kept = np.flatnonzero(np.broadcast_to(block.kept[:, None], value.shape))
     tally.measure("wall impulse", value.ravel()[kept], bound.ravel()[kept],
@@ -168,7 +184,9 @@ def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
     """Without contacts: the momentum of all bodies together changes by weight and by the impulses on the walls."""
     run = block.run
     judged = block.there.all(axis=1) & block.kept & (not run.loads and not run.joints)
-    tally.skip("wall impulse", "momentum as a whole: bodies come and go, or loads act", RECORD, int((~judged).sum()))
+    tally.skip(
+        "wall impulse", "momentum as a whole: bodies come and go, or loads act", RECORD, int((~judged).sum())
+    )
     m = run.mass[:, None]
     weight = run.mass.sum() * run.gravity * block.dt[:, None]
     value = norm((m * (block.v1 - block.v0)).sum(axis=1) - weight + given[..., :3].sum(axis=1))
