@@ -11,6 +11,7 @@ log.jsonl          one JSON object per line: what happened when
 
 from __future__ import annotations
 
+import errno
 import json
 import time
 from collections.abc import Iterator, Mapping
@@ -185,6 +186,11 @@ class RunDir:
         try:
             self._log = open(self.log_file, "a", encoding="utf-8")  # noqa: SIM115  # closed below, also by the kernel
         except OSError as error:
+            told = f"cannot write {self.log_file}: {reason(error)}"
+            if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
+                raise RecordError(
+                    f"{told}; copy the run to where it can be written, and continue it there"
+                ) from error
             raise RecordError(f"cannot write {self.log_file}: {unwritable(error)}") from error
         try:
             if not any(_lock(self._log, shared=False) for _ in _attempts()):

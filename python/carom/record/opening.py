@@ -6,7 +6,12 @@ more memory than its bytes can fill (`carom.hdf5`).
 
 from __future__ import annotations
 
+import ctypes
+import functools
+import os
+import re
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +30,8 @@ HEAD, SIGNATURE = 48, b"\x89HDF\r\n\x1a\n"
 #: Bytes that may be missing at the end of a file whose writer was killed: announced and never used. The library
 #: writes the announcement last.
 MISSING_END = 4096
+#: Times that metadata are read in the hope that a living writer completes them; the pauses add up to half a second.
+READ_ATTEMPTS = 29
 #: Seconds that a living writer is given to write what it has announced.
 PATIENCE = 0.5
 
@@ -55,14 +62,45 @@ def open_results(path: Path) -> h5py.File:
 def _open_swmr(path: Path) -> h5py.File:
     # A file that was closed is opened as one: of a damaged one the library then says so, where it would read on for ever
     # in the hope that a writer mends it.
-    as_written = {"libver": "latest", "swmr": True} if _may_be_written(path) else {}
+    if not _may_be_written(path):
+        return h5py.File(path, "r")
     try:
-        return h5py.File(path, "r", **as_written)
+        return _open_written(path, locking=True)
     except OSError as error:
         if "unable to lock" not in str(error):
             raise
         # Network file systems may have no locks, or keep that of a writer that died.
-        return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
+        return _open_written(path, locking=False)
+
+
+def _open_written(path: Path, *, locking: bool) -> h5py.File:
+    """Open beside a writer, or what a killed one left, and give up on what it left half written."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    access.set_libver_bounds(h5py.h5f.LIBVER_LATEST, h5py.h5f.LIBVER_LATEST)
+    if not locking:
+        access.set_file_locking(False, False)
+    limit = _attempts_setter()
+    if limit is not None:
+        limit(access.id, READ_ATTEMPTS)
+    return h5py.File(h5py.h5f.open(os.fsencode(path), h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ, access))
+
+
+@functools.cache
+def _attempts_setter() -> Callable[[int, int], int] | None:
+    """`H5Pset_metadata_read_attempts`, which h5py has not; None where its library cannot be found.
+
+    A reader that finds a wrong checksum takes it for work in progress and reads again, after a pause that doubles each
+    time, a hundred times by default: for ever, if the writer was killed in the middle.
+    """
+    try:
+        mapped = Path("/proc/self/maps").read_text(encoding="utf-8")
+        library = next(re.finditer(r"\S*/libhdf5[-.][^/\s]*\.so\S*|\S*/libhdf5_serial[-.]\S*", mapped))
+        found = ctypes.CDLL(library[0]).H5Pset_metadata_read_attempts
+    except (OSError, StopIteration, AttributeError):
+        return None
+    found.argtypes, found.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
+    return found  # type: ignore[no-any-return]
 
 
 def _may_be_written(path: Path) -> bool:
