@@ -100,7 +100,7 @@ def _attempts_setter() -> Callable[[int, int], int] | None:
     except (OSError, StopIteration, AttributeError):
         return None
     found.argtypes, found.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def _may_be_written(path: Path) -> bool:
