@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import audit_faults as fault
 import audit_scenes as scenes
@@ -16,7 +17,7 @@ from carom import audit
 Maker = Callable[[str], Path]
 
 CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
-    "break": (scenes.break_, 0.3, {}),
+    "break": (scenes.break_, 0.25, {}),
     "rolling": (scenes.rolling, 0.15, {}),
     "two": (scenes.two_balls, 0.05, {}),
     "two-tangential": (lambda: scenes.two_balls(tangential_restitution=0.4), 0.05, {}),
@@ -52,7 +53,17 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Maker:
     return make
 
 
-@pytest.mark.parametrize("name", CLEAN)
+#: Runs and faults whose likes are in the quick tier.
+LONG = {"two-tangential", "drum-penalty", "joined-moreau", "pile-moreau", "velocity changed, moreau", 
+        "frame shifted, moreau", "velocity changed, penalty", "velocity changed, joined", "closing contact", "into the floor, penalty"}  # fmt: skip
+
+
+def tiered(names: Iterable[str]) -> list[Any]:
+    """Parameters, some of them for the long tier."""
+    return [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in names]
+
+
+@pytest.mark.parametrize("name", tiered(CLEAN))
 def test_a_clean_run_is_clean(run: Maker, name: str) -> None:
     report = audit.check(run(name))
     assert report.ok, repr(report)
@@ -116,7 +127,7 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
 }
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", tiered(FAULTS))
 def test_a_planted_fault_is_caught_by_its_law(run: Maker, tmp_path: Path, name: str) -> None:
     scene, plant, kind = FAULTS[name]
     report = audit.check(fault.planted(run(scene), tmp_path / "copy", plant))

@@ -188,8 +188,9 @@ class Block:
         return np.where(self.large, max(t["tolerance"], t["pile_tolerance"]), t["tolerance"])
 
     def left(self, size: F64) -> F64:
-        """(B,) what a solver may leave of multipliers `size` (K,) of the contacts: tol_r times the sum of the four norms of
-        eq. 44 (inertia, contact, constraint and multiplier rows), each the root of the sum of the squares of all contacts.
+        """(B,) what a solver may leave of multipliers `size` (K,) of the contacts: tol_r times the sum of the norms of
+        eq. 44 (inertia, loads, contact forces, constraint and multiplier rows). Each is about the root of the sum of the
+        squares of all contacts, that of the contact forces of balls with several of them more: eight times it in all.
         """
         squares = np.bincount(self.rows.k, size * size, minlength=self.count)
-        return np.asarray(4.0 * self.tolerance * np.sqrt(squares))
+        return np.asarray(8.0 * self.tolerance * np.sqrt(squares))

@@ -127,7 +127,7 @@ def _sign(block: Block, tally: Tally, r: Rows) -> None:
     parts = forces.split(r.impulse, r.normal, start)
     excess = np.minimum(*(norm(p.sliding) - mu * np.maximum(p.normal, 0.0) for p in parts))
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
-    bound = 4.0 * block.tolerance[r.k] * whole * (1.0 + mu) + 16.0 * EPS * size
+    bound = 8.0 * block.tolerance[r.k] * whole * (1.0 + mu) + 16.0 * EPS * size
     tally.measure("friction cone", np.maximum(excess, 0.0)[kept], bound[kept], lambda i: place(int(kept[i])))
 
 
@@ -191,7 +191,7 @@ class _Replay:
         self.known = keys[self.contact] == self.key if len(keys) else np.zeros(len(r), dtype=bool)
         self.mu = friction(block)[self.contact] if len(keys) else np.zeros(len(r))
         size = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
-        self.left = (4.0 * block.tolerance * np.sqrt(size))[r.k]
+        self.left = (8.0 * block.tolerance * np.sqrt(size))[r.k]
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         other = np.minimum(r.b, run.bodies - 1)
         start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])[1]

@@ -16,7 +16,7 @@ class Kind:
 
 
 _ROUNDING = "rounding of the numbers involved"
-_SOLVER = "4 tol_r times the root of the sum of squares of all multipliers (eq. 44), and rounding"
+_SOLVER = "8 tol_r times the root of the sum of squares of all multipliers (eq. 44), and rounding"
 
 _KINDS = (
     Kind("numbers", "every recorded number is finite", "numbers", "none"),

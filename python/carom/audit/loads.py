@@ -183,6 +183,9 @@ def _joints(block: Block, out: Loads) -> None:
                 [solved, solved * (2.0 * reach + run.radius[body]) + turned], axis=1
             )
             way = np.stack([size, reach * size + norm(couple)], axis=1) * block.dt[:, None]
+            # Multipliers of joints at positions are not recorded; they are solved against the way of the weight at least.
+            fall = 16.0 * block.tolerance * norm(run.gravity) * block.dt**2
+            out.shift_slack[:, body] += np.stack([fall, fall / run.radius[body]], axis=1)
             out.shift_slack[:, body] += way / np.array([run.mass[body], run.inertia[body]])
             out.unknown[:, body] |= ~block.kept
 
