@@ -52,7 +52,7 @@ class TestNoNumbers:
     """A load, a law or a function that gives no number."""
 
     @pytest.mark.parametrize(
-        ("law", "step"), [("sqrt(0.0105 - t)", 11), ("1/(t - 0.01)", 10), ("ln(0.0095 - t)", 10)]
+        ("law", "step"), [("sqrt(0.0105 - t)", 11), ("1/max(0, 0.0095 - t)", 10), ("ln(0.0095 - t)", 10)]
     )
     def test_of_a_law_of_time(self, law: str, step: int, tmp_path: Path) -> None:
         scene = two_balls()
@@ -74,7 +74,8 @@ class TestNoNumbers:
         result = failed(scene, tmp_path / "run")
         kept(result, 10)
         assert result.outcome.kind == "load_failed"
-        assert result.outcome.bodies == ("b",)
+        assert 'load function "wild"' in result.outcome.message
+        assert "sphere number 2" in result.outcome.message
 
     def test_of_the_motion_of_a_wall(self, tmp_path: Path) -> None:
         scene = two_balls()
@@ -128,9 +129,9 @@ class TestBlowUp:
         assert problem.contacts == 1
         with pytest.raises(SystemExit) as left:
             main(["solve", str(result.path / "failing_problem.h5"), "--json"])
-        assert left.value.code in (None, 0, 3)
-        (solved,) = json.loads(capsys.readouterr().out)["problems"]
-        assert solved["contacts"] == 1
+        assert left.value.code in (None, 0, 3), "solved or not, it is a problem"
+        (solved,) = json.loads(capsys.readouterr().out)["results"]
+        assert Path(solved["file"]).name == "failing_problem.h5"
 
     def test_is_never_taken_for_a_solution(self, tmp_path: Path) -> None:
         scene = two_balls(on_nonconvergence="warn")
