@@ -5,7 +5,7 @@ scenario.toml      the scenario as it was run: every default spelled out, random
 run.json           status, outcome, versions, summary
 results.h5         frames, contacts, impacts, steps; after a resume also results-0002.h5 and so on
 checkpoint-*.npz   the last two states from which the run continues bit for bit
-*.aside            what `carom resume --checkpoint` put aside
+*.aside*           what `carom resume --checkpoint` put aside
 log.jsonl          one JSON object per line: what happened when
 """
 
@@ -32,7 +32,7 @@ _OWN = (
     "failing_problem.h5",
     "problems/*.hdf5",
     "problems/.*.tmp",
-    "*.aside",
+    "*.aside*",
     "plots/*",
     "view.html",
     ".*.tmp",

@@ -76,7 +76,6 @@ def _open_swmr(path: Path) -> h5py.File:
 def _open_written(path: Path, *, locking: bool) -> h5py.File:
     """Open beside a writer, or what a killed one left, and give up on what it left half written."""
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
     access.set_libver_bounds(h5py.h5f.LIBVER_LATEST, h5py.h5f.LIBVER_LATEST)
     if not locking:
         access.set_file_locking(False, False)
