@@ -76,11 +76,11 @@ def fill_disk_at_calls(whole: Whole, folder: Path, shim: Path, tries: int, rng: 
 
 
 def test_killed_at_a_system_call(small: Whole, shim: Path, tmp_path: Path) -> None:
-    kill_at_calls(small, tmp_path, shim, 4, np.random.default_rng(1))
+    kill_at_calls(small, tmp_path, shim, 3, np.random.default_rng(1))
 
 
 def test_a_disk_that_is_full_from_some_write_on(small: Whole, shim: Path, tmp_path: Path) -> None:
-    fill_disk_at_calls(small, tmp_path, shim, 3, np.random.default_rng(2))
+    fill_disk_at_calls(small, tmp_path, shim, 2, np.random.default_rng(2))
 
 
 @pytest.mark.long
