@@ -54,8 +54,18 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Maker:
 
 
 #: Runs and faults whose likes are in the quick tier.
-LONG = {"two-tangential", "drum-penalty", "joined-moreau", "pile-moreau", "velocity changed, moreau", 
-        "frame shifted, moreau", "velocity changed, penalty", "velocity changed, joined", "closing contact", "into the floor, penalty"}  # fmt: skip
+LONG = {
+    "two-tangential",
+    "drum-penalty",
+    "joined-moreau",
+    "pile-moreau",
+    "velocity changed, moreau",
+    "frame shifted, moreau",
+    "velocity changed, penalty",
+    "velocity changed, joined",
+    "closing contact",
+    "into the floor, penalty",
+}
 
 
 def tiered(names: Iterable[str]) -> list[Any]:

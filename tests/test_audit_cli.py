@@ -94,8 +94,16 @@ def test_options_that_do_not_fit_are_refused(run: Path) -> None:
     assert called(run / "scenario.toml", "--rerun")[0] == 2
 
 
-FORMULAS = ["0.01 + 0.1*exp(-v)", "-v^2 + 2^3^2", "min(v, 0.5, 2*v)/max(1, v)", "atan2(v, 1 + v)*sqrt(v + 1)", 
-            "sin(20*v)**2", "abs(v - 0.3)*sign(v - 0.3) + floor(3*v)*0", "ln(1 + v) - log10(2 + v)", "pi*cos(v)/(1 + tan(v/3))"]  # fmt: skip
+FORMULAS = [
+    "0.01 + 0.1*exp(-v)",
+    "-v^2 + 2^3^2",
+    "min(v, 0.5, 2*v)/max(1, v)",
+    "atan2(v, 1 + v)*sqrt(v + 1)",
+    "sin(20*v)**2",
+    "abs(v - 0.3)*sign(v - 0.3) + floor(3*v)*0",
+    "ln(1 + v) - log10(2 + v)",
+    "pi*cos(v)/(1 + tan(v/3))",
+]
 
 
 @pytest.mark.parametrize("text", FORMULAS)

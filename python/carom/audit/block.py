@@ -170,7 +170,9 @@ class Block:
 
     @cached_property
     def large(self) -> NDArray[np.bool_]:
-        """(B,) intervals in which an island may have had more than `dense_contacts` contacts."""
+        """(B,) intervals in which an island may have had more than `dense_contacts` contacts; the projection does not count
+        those that it looks at.
+        """
         return np.asarray(self.over(self.run.steps["candidates"]) > self.run.options["dense_contacts"])
 
     @cached_property

@@ -169,6 +169,11 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         "impact = sequence",
         int((single & odd).sum()),
     )
+    # Later problems of a pile may change the impulse of a contact that has no row in the table.
+    quiet = ~block.piled | (block.over(run.steps["impact_problems"]) <= 1)
+    why = "piles do not record which contacts took part in later impact problems"
+    tally.skip("slip", why, "pile_contacts above the contacts", int((single & ~quiet[c.k]).sum()))
+    odd = odd | ~quiet[c.k]
     hit = struck(block)
     size = norm(c.impulse)
     rows = np.flatnonzero(single & ~odd & ~hit & (size > 0.0))

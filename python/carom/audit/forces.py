@@ -66,7 +66,9 @@ def of_contacts(block: Block) -> Sums:
     reach = np.append(run.radius, 0.0)
     start = block.start[1]
     both = split(c.impulse, c.normal, start)
-    shifted = split(c.position_impulse, c.normal, start)
+    pushed = _projected(block)
+    frame = (block.end[1], block.end[1]) if run.method == "moreau" else (c.normal, start)
+    shifted = split(pushed, *frame)
     angle = turn(block)
     spread = np.where(block.single[c.k] | (angle == 0.0), 0.0, np.maximum(angle, norm(c.normal - start)))
 
@@ -93,11 +95,21 @@ def of_contacts(block: Block) -> Sums:
         moments=(moment(both[0], c.moment), moment(both[1], c.moment)),
         moment_size=collect(ra * size + couple, rb * size + couple),
         turned=collect(ra * (size + slide) * spread, rb * (size + slide) * spread),
-        shift=collect(c.position_impulse, -c.position_impulse),
+        shift=collect(pushed, -pushed),
         shift_size=collect(norm(c.position_impulse), norm(c.position_impulse)),
         shift_moments=(moment(shifted[0], c.position_moment), moment(shifted[1], c.position_moment)),
         count=collect(np.ones(len(c)), np.ones(len(c))),
     )
+
+
+def _projected(block: Block) -> F64:
+    """Position impulses (K, 3). The projection of Moreau-Jean acts along the normals of the places that it
+    leaves, and is recorded along those of the middle of the step: size from the record, direction from the frame.
+    """
+    c, run = block.rows, block.run
+    if run.method != "moreau":
+        return c.position_impulse
+    return np.asarray(norm(c.position_impulse)[:, None] * block.end[1])
 
 
 def speeds(block: Block) -> F64:

@@ -99,6 +99,9 @@ def complementarity(block: Block, tally: Tally) -> None:
     bound = np.maximum(
         touching, np.where(block.large[c.k], 0.5 * run.loosest["pile_tolerance"] * length, 0.0)
     )
+    # Of larger islands eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
+    left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
+    bound = bound + np.where(block.large[c.k], left, 0.0)
     bound = bound + np.where(single, 0.0, way)
     keep = np.flatnonzero(
         block.there[c.k, c.a] & block.there[c.k, ball] | (c.b >= run.bodies) & block.there[c.k, c.a]

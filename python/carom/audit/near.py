@@ -1,7 +1,7 @@
 """Which bodies come near each other in an interval, found anew from the frames.
 
 A body is somewhere within its *way*: the distance between its two places, or what its speeds at both frames and its weight
-allow, whichever is more. Ways are cut at eight radii, beyond which pairs are too many to look at; of a body whose way is
+allow, whichever is more. Ways are cut at some radii, beyond which pairs are too many to look at; of a body whose way is
 cut, nothing is concluded from having met nobody.
 """
 
@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 LONGEST = 8.0
-"""Ways are cut at this many radii."""
+"""Ways are cut at this many radii, of many bodies at a quarter of it."""
 ALL_PAIRS = 64
 """Up to this many bodies all pairs are measured at once."""
 
@@ -47,7 +47,7 @@ def near(block: Block) -> Near:
     travelled = norm(block.x1 - block.x0)
     fast = np.maximum(norm(block.v0), norm(block.v1)) * block.dt[:, None]
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
-    longest = LONGEST * run.radius
+    longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
     k, a, b = (np.concatenate(parts) for parts in zip(_balls(block, way), _walls(block, way), strict=True))
     other = np.minimum(b, run.bodies - 1)
@@ -120,7 +120,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     t = run.loosest
     if run.method == "moreau" and not run.options["position_projection"]:
         return np.asarray(_way(run, block, k, a, b) + rounding)
-    many = block.over(run.steps["candidates"])[k] > 50
+    many = (block.over(run.steps["candidates"])[k] > 50) | block.piled[k]
     tired = block.over(run.steps["fallbacks"])[k] > 0
     aim = np.maximum(t["gap_tolerance"], 0.5 * t["pile_tolerance"] * np.where(tired, 10.0, 1.0))
     return np.asarray(np.where(many, aim, t["gap_tolerance"]) * r + rounding)
