@@ -19,7 +19,7 @@ from physics_scenes import F64, balls
 LAWS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 #: Solved to rounding: what differs between a scene and its transform is then rounding too.
 SHARP = {"tolerance": 1e-12, "pile_tolerance": 1e-12, "tolerance_floor": 1e-15}
-EXAMPLES = {False: 12, True: 400}
+EXAMPLES = {False: 6, True: 400}
 """Scenes of each law in the quick and in the long tier."""
 
 
