@@ -173,7 +173,9 @@ class Block:
         """(B,) intervals in which an island may have had more than `dense_contacts` contacts; the projection does not count
         those that it looks at.
         """
-        return np.asarray(self.over(self.run.steps["candidates"]) > self.run.options["dense_contacts"])
+        run = self.run
+        projected = run.method == "moreau" and bool(run.options["position_projection"])
+        return np.asarray((self.over(run.steps["candidates"]) > run.options["dense_contacts"]) | projected)
 
     @cached_property
     def piled(self) -> NDArray[np.bool_]:
