@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.hdf5 import Untrusted, child, dataset, first_line
-from carom.record.layout import FORMAT, TABLES, Rows
+from carom.record.layout import FORMAT, TABLES, VALUES, Rows, tables
 
 #: What h5py raises over damaged files.
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError)
@@ -37,19 +37,25 @@ PATIENCE = 0.5
 
 
 def open_results(path: Path) -> h5py.File:
+    cut = None
     try:
+        cut = _cut(path)
         file = _open_swmr(path)
     except OSError as error:
         if not path.exists():
             raise CaromError(f"{path}: no such file") from error
         raise CaromError(
-            f"{path} cannot be read as results of a run: {str(error).splitlines()[0]}"
+            f"{path} cannot be read as results of a run: {cut or str(error).splitlines()[0]}"
         ) from error
     try:
         found = int(file.attrs.get("format", -1))
         whole = all(table_of(file, table) is not None for table in TABLES) and "commit" in file
+        if cut is not None and whole and not _holds_what_counts(file, path.stat().st_size):
+            raise CaromError(cut)
     except (CaromError, *DAMAGED) as error:
         file.close()
+        if cut is not None:
+            raise CaromError(f"{path} cannot be read as results of a run: {cut}") from error
         raise damaged(path, "/", error) from error
     if found != FORMAT or not whole:
         file.close()
@@ -104,21 +110,70 @@ def _attempts_setter() -> Callable[[int, int], int] | None:
 
 def _may_be_written(path: Path) -> bool:
     """Whether the head of a file says that a process has it open for writing (or was killed while it had)."""
+    head = _head(path)
+    return head is not None and bool(head[11])
+
+
+def _head(path: Path) -> bytes | None:
+    with open(path, "rb") as file:
+        head = file.read(HEAD)
+    known = len(head) == HEAD and head.startswith(SIGNATURE) and head[8] >= 3
+    return head if known else None  # the library says what is wrong
+
+
+def _cut(path: Path) -> str | None:
+    """What is missing at the end of a file that was not closed; None if nothing is, or may come yet.
+
+    That is so after a kill and on a full disk, where only what was announced and never used may be missing, and in a file
+    that somebody cut.
+    """
     begin = time.monotonic()
     while True:
-        with open(path, "rb") as file:
-            head = file.read(HEAD)
-        if len(head) < HEAD or not head.startswith(SIGNATURE) or head[8] < 3:
-            return False  # the library says what is wrong
-        if not head[11]:
-            return False
-        # A reader beside a writer would wait for the end of a file that was cut off, and for ever.
+        head = _head(path)
+        if head is None or not head[11]:
+            return None
         end, size = int.from_bytes(head[28:36], "little"), path.stat().st_size
         if end <= size + MISSING_END:
-            return True
+            return None
         if time.monotonic() - begin > PATIENCE:
-            raise OSError(f"truncated file: {size} of {end} bytes")
+            told = f"truncated file: {size} of {end} bytes"
+            if _attempts_setter() is None:  # the library would wait for the rest, and for ever
+                raise OSError(told)
+            return told
         time.sleep(0.01)
+
+
+def _holds_what_counts(file: h5py.File, size: int) -> bool:
+    """Whether the rows that were committed lie in the first `size` bytes of the file; HDF5 reads zeros beyond."""
+    rows = written(file)
+    for table in tables(file):
+        group = table_of(file, table)
+        if group is None:
+            return False
+        for name in group:
+            values = (table, name) == VALUES
+            column = dataset(file, f"{table}/{name}")
+            if not _reaches(column, rows.values if values else getattr(rows, table), size):
+                return False
+    return _reaches(file["commit"], len(file["commit"]), size)
+
+
+def _reaches(column: h5py.Dataset, rows: int, size: int) -> bool:
+    """Whether the first `rows` rows of a column lie in the first `size` bytes of its file."""
+    if rows == 0:
+        return True
+    seen = 0
+    last = 0
+
+    def look(chunk: Any) -> None:
+        nonlocal seen, last
+        here = min(column.chunks[0], rows - chunk.chunk_offset[0])
+        if here > 0:
+            seen += here
+            last = max(last, chunk.byte_offset + -(-chunk.size * here // column.chunks[0]))
+
+    column.id.chunk_iter(look)
+    return seen >= rows and last <= size
 
 
 # --- nothing on trust: a file may have been damaged, or made by others ----------------------------------------------

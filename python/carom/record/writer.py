@@ -34,6 +34,8 @@ MAX_CHUNK_ROWS = 4096
 #: Rows wait in memory until there are this many bytes of them, or the oldest is this many seconds old.
 BATCH_BYTES = 16 * 1024 * 1024
 BATCH_SECONDS = 1.0
+#: More than a file takes before its first row.
+SETUP_BYTES = 512 * 1024
 
 
 class Writer:
@@ -85,8 +87,12 @@ class Writer:
         file.
         """
         if self._file is None:
-            with _explained(self.path):
-                self._create(block)
+            try:
+                with _explained(self.path):
+                    self._create(block)
+            except BaseException:
+                self.abandon()  # before HDF5 tries to write what there is no room for, which it does not survive
+                raise
         counts = _count(block)
         parts = {name: dict(block[name]) for name in tables(self._columns)}
         for (table, column), target in ENDS.items():
@@ -203,6 +209,8 @@ class Writer:
         # Until it is in SWMR mode nobody can read the file, nor could anybody ever if we were killed before: it gets
         # its name when it can be read.
         unborn = self.path.with_name(f".{self.path.name}.{os.getpid()}.tmp")
+        # HDF5 does not survive to run out of room while it sets up a file: there must be some.
+        unborn.write_bytes(bytes(SETUP_BYTES))
         file = h5py.File(unborn, "w", libver="latest")
         self._file = file
         for key, value in self._attributes.items():
