@@ -1,0 +1,186 @@
+"""A run as the auditor reads it: the files through `carom.load`, the scenario as arrays, frames in blocks of intervals.
+
+Nothing here computes physics. An *interval* is what lies between two neighbouring frames: the state at both ends, and what
+`/contacts`, `/impacts` and `/steps` recorded in between.
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.formula import law
+from carom.audit.report import Place
+from carom.audit.surfaces import Surface
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+NAMES = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
+
+
+def zeros(form: Any) -> F64:
+    """A stand-in for a Python load function, which no file can hold."""
+    raise AssertionError("a load function is never called by the auditor")
+
+
+class Run:
+    """What a run left behind, as arrays in SI units. N bodies, T frames, S steps."""
+
+    def __init__(self, result: Result) -> None:
+        from carom.scene import Scene
+
+        self.result = result
+        self.path = Path(result.path)
+        scene = Scene.from_toml(self.path / "scenario.toml")
+        self.opaque = [place.name for place in scene.load_functions if place.function is None]
+        for name in list(self.opaque):
+            scene.load_function(zeros, name=name)
+        self.model = scene.to_model()
+        self.options: dict[str, Any] = dict(self.model["options"])
+        self.record = scene.record
+        self.method = str(self.options["method"])
+        self.h = float(self.options["step"])
+        self.radius: F64 = result.bodies["radius"]
+        self.mass: F64 = result.bodies["mass"]
+        self.inertia: F64 = result.bodies["inertia"]
+        self.material = np.asarray(result.bodies["material"]).astype(np.int64)
+        self.gravity: F64 = result.gravity
+        self.period: F64 | None = result.periodic
+        self.names = [*result.names, *result.wall_names]
+        self.bodies = len(self.radius)
+        self.walls = _walls(self.model)
+        self.joints: list[Any] = list(self.model.get("joints", ()))
+        self.loads: list[Any] = list(self.model.get("loads", ()))
+        self.time = np.asarray(result.time)
+        self.step = np.asarray(result.step).astype(np.int64)
+        self.frames = len(self.time)
+        self.steps = {name: np.asarray(result.steps[name]) for name in result.steps.columns}
+
+    @cached_property
+    def loosest(self) -> dict[str, float]:
+        """Each tolerance at its loosest: `carom resume --set` may have changed it within the run."""
+        names = ("tolerance", "pile_tolerance", "gap_tolerance", "touching_tolerance", "tolerance_floor")
+        found = {name: float(self.options[name]) for name in names}
+        for change in self.result._about.get("changes", ()):
+            for name, value in {**change, **change.get("options", {})}.items():
+                if name in found:
+                    found[name] = max(found[name], float(value))
+        return found
+
+    @cached_property
+    def law_of(self) -> I64:
+        """Number of the contact law of two materials, (M, M), -1 where there is none."""
+        a, b = self.model["law_a"], self.model["law_b"]
+        most = 1 + max([*a, *b, *self.material, *(w.material for w in self.walls)], default=0)
+        found = np.full((most, most), -1, dtype=np.int64)
+        found[a, b] = found[b, a] = np.arange(len(a))
+        return found
+
+    def law_index(self, a: I64, b: I64) -> I64:
+        """Laws of the pairs of bodies a and b (walls from N on)."""
+        of_walls = np.array([w.material for w in self.walls], dtype=np.int64)
+        material = np.concatenate([self.material, of_walls])
+        return np.asarray(self.law_of[material[a], material[b]])
+
+    def coefficient(self, name: str, index: I64) -> F64:
+        """A column of the contact laws."""
+        return np.asarray(np.asarray(self.model[name], dtype=np.float64)[index])
+
+    def friction(self, index: I64, slip: F64) -> F64:
+        """mu at the slip speed of the start of the step, m/s; without a law of it the constant."""
+        mu = self.coefficient("friction", index)
+        for k, form in enumerate(self.model.get("friction_law") or ()):
+            if form is not None:
+                mine = index == k
+                mu[mine] = law(form, slip[mine])[0]
+        return mu
+
+    @property
+    def friction_varies(self) -> bool:
+        """Whether any friction is a law of the slip speed."""
+        return any(form is not None for form in self.model.get("friction_law") or ())
+
+    @property
+    def has_contacts(self) -> bool:
+        """Whether impulses of contacts were recorded."""
+        return bool(self.record.contacts)
+
+    @property
+    def has_impacts(self) -> bool:
+        """Whether the table of impacts was recorded."""
+        return self.record.impacts is not False
+
+    def between(self, a: F64, b: F64) -> F64:
+        """`a - b` of places (K, 3), to the nearest image in a periodic world."""
+        d = a - b
+        if self.period is None:
+            return d
+        length = np.where(self.period > 0, self.period, 1.0)
+        return np.asarray(d - np.where(self.period > 0, self.period, 0.0) * np.rint(d / length))
+
+    def meet(self, time: F64, a: I64, b: I64, x: F64, y: F64) -> tuple[F64, F64]:
+        """Gap (K,) and normal (K, 3) from B to A at the times (K,): `x` places of A, `y` of B (unused at walls)."""
+        d = self.between(x, y)
+        distance = np.sqrt((d * d).sum(axis=1))
+        other = np.append(self.radius, 0.0)[np.minimum(b, self.bodies)]
+        gap = distance - self.radius[a] - other
+        normal = np.divide(d, distance[:, None], out=np.zeros_like(d), where=distance[:, None] > 0)
+        for k in np.unique(b[b >= self.bodies]):
+            rows = b == k
+            gap[rows], normal[rows] = self.walls[k - self.bodies].meet(
+                time[rows], x[rows], self.radius[a[rows]]
+            )
+        return gap, normal
+
+    def frame_place(self, frame: int, *bodies: int) -> Place:
+        """A place at a frame."""
+        who = tuple(self.names[b] if 0 <= b < len(self.names) else f"body {b}" for b in bodies)
+        return Place(int(frame), int(self.step[frame]), float(self.time[frame]), who)
+
+    def step_place(self, step: int, *bodies: int) -> Place:
+        """A place at a step, with the first frame that follows it."""
+        frame = int(np.searchsorted(self.step, step))
+        who = tuple(self.names[b] if 0 <= b < len(self.names) else f"body {b}" for b in bodies)
+        return Place(min(frame, self.frames - 1), int(step), float(step * self.h), who)
+
+    @cached_property
+    def top_speeds(self) -> F64:
+        """(N,) largest speed of each body at any frame, m/s."""
+        best = np.zeros(self.bodies)
+        size = max(1, 1_000_000 // self.bodies)
+        for first in range(0, self.frames, size):
+            v = np.nan_to_num(np.asarray(self.result.velocity[first : first + size]))
+            best = np.maximum(best, np.sqrt((v * v).sum(axis=-1)).max(axis=0))
+        return best
+
+    @cached_property
+    def cut(self) -> NDArray[np.bool_]:
+        """(S,) steps that were made in parts: halved for convergence, or cut for travel."""
+        parts = np.zeros(len(self.steps["step"])) if self.method == "penalty" else self.steps["substeps"]
+        return np.asarray((self.steps["halvings"] > 0) | (parts > 0))
+
+
+def read(path: str | Path) -> Run:
+    """Open a run directory, also one that did not reach its end."""
+    from carom.result import UnfinishedRun, load
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnfinishedRun)
+        return Run(load(path))
+
+
+def _walls(model: dict[str, Any]) -> list[Surface]:
+    motions = {int(k): motion for k, motion in model.get("wall_motion", ())}
+    planes = zip(model["plane_point"], model["plane_normal"], model["plane_material"], strict=True)
+    shapes = [(("plane", normal), point, material) for point, normal, material in planes]
+    shapes += [(w["shape"], w["point"], w["material"]) for w in model.get("walls", ())]
+    return [Surface(s, p, int(m), motions.get(k)) for k, (s, p, m) in enumerate(shapes)]

@@ -1,0 +1,154 @@
+"""What acted on each body in each interval: recorded impulses of contacts, as sums over the contacts of each body.
+
+Moments of sliding impulses depend on the normal of their lever, `-r n x P_T` on either body. The scheme takes the normal of
+`t_n` for the tangents beside that of `t_{n+1}` for the normal impulse (eqs. 39, 41); piles and Moreau-Jean have one frame.
+Both readings of a recorded impulse are therefore admitted: `Impulse.split` gives them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.block import Block
+from carom.audit.formula import law
+from carom.audit.vectors import dot, norm
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Split:
+    """An impulse (K, 3) as its normal part (K,), its sliding part (K, 3) and the lever's normal (K, 3)."""
+
+    normal: F64
+    sliding: F64
+    lever: F64
+
+
+def split(impulse: F64, end: F64, start: F64) -> tuple[Split, Split]:
+    """Both readings: all rows in the frame of `end`; or the normal part along `end` and the rest across `start`."""
+    normal = dot(impulse, end)
+    one = Split(normal, impulse - normal[:, None] * end, end)
+    aligned = dot(start, end)
+    usable = aligned > 0.1
+    normal = np.where(usable, dot(impulse, start) / np.where(usable, aligned, 1.0), normal)
+    lever = np.where(usable[:, None], start, end)
+    return one, Split(normal, impulse - normal[:, None] * end, lever)
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums over the contacts of each body: (B, N, ...)."""
+
+    impulse: F64
+    size: F64
+    """Sum of the lengths of the impulses, N s."""
+    moments: tuple[F64, F64]
+    """Moment by either reading, N m s."""
+    moment_size: F64
+    turned: F64
+    """What the moments may be off by the turn of normals within the interval, N m s."""
+    shift: F64
+    """Position impulses, N s^2."""
+    shift_size: F64
+    shift_moments: tuple[F64, F64]
+    count: F64
+    """Contacts of the body."""
+
+
+def of_contacts(block: Block) -> Sums:
+    """Sums of the recorded contacts of a block."""
+    c, run = block.rows, block.run
+    shape = (block.count, run.bodies)
+    reach = np.append(run.radius, 0.0)
+    start = block.start[1]
+    both = split(c.impulse, c.normal, start)
+    pushed = _projected(block)
+    frame = (block.end[1], block.end[1]) if run.method == "moreau" else (c.normal, start)
+    shifted = split(pushed, *frame)
+    angle = turn(block)
+    spread = np.where(block.single[c.k] | (angle == 0.0), 0.0, np.maximum(angle, norm(c.normal - start)))
+
+    def collect(of_a: F64, of_b: F64) -> F64:
+        """Adds what a row gives to its bodies; walls take nothing."""
+        out = np.zeros((*shape, *of_a.shape[1:]))
+        np.add.at(out, (c.k, c.a), of_a)
+        ball = c.b < run.bodies
+        np.add.at(out, (c.k[ball], c.b[ball]), of_b[ball])
+        return out
+
+    def moment(s: Split, own: F64) -> F64:
+        arm = np.cross(s.lever, s.sliding)
+        return collect(
+            own - reach[c.a][:, None] * arm, -own - reach[np.minimum(c.b, run.bodies)][:, None] * arm
+        )
+
+    size, slide = norm(c.impulse), norm(both[0].sliding)
+    ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]
+    couple = norm(c.moment)
+    return Sums(
+        impulse=collect(c.impulse, -c.impulse),
+        size=collect(size, size),
+        moments=(moment(both[0], c.moment), moment(both[1], c.moment)),
+        moment_size=collect(ra * size + couple, rb * size + couple),
+        turned=collect(ra * (size + slide) * spread, rb * (size + slide) * spread),
+        shift=collect(pushed, -pushed),
+        shift_size=collect(norm(c.position_impulse), norm(c.position_impulse)),
+        shift_moments=(moment(shifted[0], c.position_moment), moment(shifted[1], c.position_moment)),
+        count=collect(np.ones(len(c)), np.ones(len(c))),
+    )
+
+
+def _projected(block: Block) -> F64:
+    """Position impulses (K, 3). The projection of Moreau-Jean acts along the normals of the places that it
+    leaves, and is recorded along those of the middle of the step: size from the record, direction from the frame.
+    """
+    c, run = block.rows, block.run
+    if run.method != "moreau":
+        return c.position_impulse
+    return np.asarray(norm(c.position_impulse)[:, None] * block.end[1])
+
+
+def speeds(block: Block) -> F64:
+    """(B, N) a bound on the speed of each body within an interval, m/s: the larger of both ends, what gravity gives, and all
+    its recorded impulses together.
+    """
+    run, c = block.run, block.rows
+    ends = np.maximum(norm(block.v0), norm(block.v1))
+    pushed = np.zeros_like(ends)
+    if run.has_contacts and len(c):
+        size = norm(c.impulse)
+        np.add.at(pushed, (c.k, c.a), size)
+        ball = c.b < run.bodies
+        np.add.at(pushed, (c.k[ball], c.b[ball]), size[ball])
+    return np.asarray(ends + norm(run.gravity) * block.dt[:, None] + pushed / run.mass)
+
+
+def turn(block: Block) -> F64:
+    """(K,) a bound on the angle by which the normal of a contact turned within its interval, rad; 0 at flat walls that do
+    not turn. The contact point moves at most at the speed of the bodies over the smallest radius of curvature.
+    """
+    c, run = block.rows, block.run
+    speed = speeds(block)
+    ball = np.minimum(c.b, run.bodies - 1)
+    relative = speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, ball], 0.0)
+    curvature = 1.0 / (run.radius[c.a] + run.radius[ball])
+    spin = np.zeros(len(c))
+    for k in np.unique(c.b[c.b >= run.bodies]):
+        wall, rows = run.walls[k - run.bodies], np.flatnonzero(c.b == k)
+        curvature[rows] = wall.curvature
+        if wall.travels:
+            for time in (block.t0, block.t1):
+                velocity, _, _ = wall.velocity(time[c.k[rows]], block.x1[c.k[rows], c.a[rows]])
+                relative[rows] = np.maximum(relative[rows], speed[c.k[rows], c.a[rows]] + norm(velocity))
+            if wall.rotation is not None:
+                rate = np.maximum(
+                    *(np.abs(law(wall.rotation[2], t[c.k[rows]])[1]) for t in (block.t0, block.t1))
+                )
+                spin[rows] = 2.0 * rate
+    with np.errstate(invalid="ignore"):
+        angle = (np.where(relative > 0.0, curvature * relative, 0.0) + spin) * block.dt[c.k]
+    return np.minimum(angle, np.pi)
