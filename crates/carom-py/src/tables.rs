@@ -34,10 +34,12 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("step", step)?;
             out.set_item("time", time)?;
         }
-        Outcome::NotFinite { step, time, body } => {
+        Outcome::BlowUp { step, time, what } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
-            out.set_item("bodies", [*body])?;
+            out.set_item("level", what.level.name())?;
+            out.set_item("bodies", [what.bodies.0, what.bodies.1])?;
+            out.set_item("message", format!("its speed is {:.3e} m/s", what.speed))?;
         }
         Outcome::MissingLaw { step, time, bodies } => {
             out.set_item("step", step)?;
@@ -65,10 +67,14 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             step,
             time,
             message,
+            body,
         } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
             out.set_item("message", message)?;
+            if let Some(body) = body {
+                out.set_item("bodies", [*body])?;
+            }
         }
     }
     Ok(out)
