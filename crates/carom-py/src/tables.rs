@@ -39,7 +39,12 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("time", time)?;
             out.set_item("level", what.level.name())?;
             out.set_item("bodies", [what.bodies.0, what.bodies.1])?;
-            out.set_item("message", format!("its speed is {:.3e} m/s", what.speed))?;
+            let message = if what.speed.is_finite() {
+                format!("at {:.3e} m/s", what.speed)
+            } else {
+                "its motion is no number".to_owned()
+            };
+            out.set_item("message", message)?;
         }
         Outcome::MissingLaw { step, time, bodies } => {
             out.set_item("step", step)?;
