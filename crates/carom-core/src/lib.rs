@@ -3,6 +3,7 @@
 //! Start at [`step`]: it is the page of the time step. `docs/theory/algorithm.md` states it in formulas; the oracle
 //! `carom.reference` states it in NumPy.
 
+pub mod blow_up;
 pub mod contact;
 pub mod flow;
 pub mod force;

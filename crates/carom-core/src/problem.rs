@@ -262,6 +262,29 @@ impl Keeper {
         self.ranking.retain(stays);
     }
 
+    /// Begins a step that is made once more to keep all of it; gives what `end_again` needs.
+    pub(crate) fn begin_again(&mut self, step: u64, time: f64) -> (Vec<KeptProblem>, usize) {
+        let before = (
+            std::mem::take(&mut self.kept),
+            std::mem::take(&mut self.hardest),
+        );
+        self.begin_step(step, time);
+        self.chosen = true;
+        before
+    }
+
+    /// Ends it: the last of its problems that fits, with the problem itself; what was kept before stays.
+    pub(crate) fn end_again(
+        &mut self,
+        (kept, hardest): (Vec<KeptProblem>, usize),
+        fits: impl Fn(&KeptProblem) -> bool,
+    ) -> Option<KeptProblem> {
+        let mut again = std::mem::replace(&mut self.kept, kept);
+        (self.hardest, self.chosen) = (hardest, false);
+        let last = again.iter().rposition(fits)?;
+        Some(again.swap_remove(last))
+    }
+
     /// Takes the problems of the chosen steps made since the last call.
     pub fn take(&mut self) -> Vec<KeptProblem> {
         std::mem::take(&mut self.kept)

@@ -1,5 +1,6 @@
 //! What a step, and a run, tell about themselves.
 
+use crate::blow_up::BlowUp;
 use crate::flow::Exchange;
 use carom_solve::report::Rung;
 use carom_solve::SolveReport;
@@ -327,8 +328,8 @@ pub enum Outcome {
         joints: u32,
         residual: f64,
     },
-    /// A position or velocity is not finite.
-    NotFinite { step: u64, time: f64, body: u32 },
+    /// A velocity or position is no finite number, or grew beyond every bound.
+    BlowUp { step: u64, time: f64, what: BlowUp },
     /// More pairs may meet within a step than the neighbour list holds.
     TooManyPairs { step: u64, time: f64 },
     /// Method `penalty` would need more substeps for a step than it may take.
@@ -358,6 +359,8 @@ pub enum Outcome {
         step: u64,
         time: f64,
         message: String,
+        /// The sphere it acts on, if on one alone.
+        body: Option<u32>,
     },
 }
 
@@ -365,7 +368,8 @@ impl Outcome {
     pub fn kind(&self) -> &'static str {
         match self {
             Outcome::NotConverged { .. } => "not_converged",
-            Outcome::NotFinite { .. } => "not_finite",
+            Outcome::BlowUp { what, .. } if what.speed.is_finite() => "blow_up",
+            Outcome::BlowUp { .. } => "not_finite",
             Outcome::MissingLaw { .. } => "missing_law",
             Outcome::LoadFailed { .. } => "load_failed",
             Outcome::FrictionFailed { .. } => "friction_failed",
@@ -392,7 +396,12 @@ impl Outcome {
             Outcome::NotConverged { .. } => {
                 "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations"
             }
-            Outcome::NotFinite { .. } => "look for extreme speeds, masses or radii; try a smaller step",
+            Outcome::BlowUp { what, .. } if what.level == Level::Smooth => {
+                "a load drives it there without any contact: look at loads, springs and joints on it, its mass and the step"
+            }
+            Outcome::BlowUp { .. } => {
+                "look for extreme speeds, masses, inertias or radii of these bodies; try a smaller step"
+            }
             Outcome::TooFast { .. } => {
                 "take the step that the message names, or more max_halvings; if the speed is not meant, look at what made it"
             }

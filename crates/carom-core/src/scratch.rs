@@ -75,7 +75,7 @@ pub struct Scratch {
     /// Memory of method `penalty`.
     pub penalty: Workspace,
     /// What a load said that failed.
-    pub load_error: Option<String>,
+    pub load_error: Option<crate::force::LoadError>,
     /// Impulse at the joint and moment on sphere A of every joint in the step: both levels, N s and N m s.
     pub joint_reaction: Vec<[DVec3; 2]>,
     /// Impulse on every wall in the step and its moment about the wall's place, N s and N m s; empty unless recorded.

@@ -1,5 +1,6 @@
 //! A run: model, state, scratch and records together; halving of steps that fail, monitors, outcome.
 
+use crate::blow_up::BlowUp;
 use crate::flow::{self, Exchange};
 use crate::force;
 use crate::model::{InitialState, Model};
@@ -163,6 +164,9 @@ impl Simulation {
         let mut report = StepReport::new(number, time);
         self.scratch.keeper.begin_step(number, time);
         if let Err(failure) = self.attempt(0, self.time(), recording, &mut report) {
+            if let Failure::BlowUp(what) = failure {
+                self.keep_blow_up(what, recording);
+            }
             return Err(self.outcome(failure, number));
         }
         // A problem that the halves of the step could solve is no failure.
@@ -280,6 +284,23 @@ impl Simulation {
         made
     }
 
+    /// Keeps the contact problem of a blow-up: the step is made once more, in vain, with every problem of it kept.
+    #[cold]
+    fn keep_blow_up(&mut self, what: BlowUp, recording: Recording) {
+        if what.level == Level::Smooth || self.model.options.method == Method::Penalty {
+            return;
+        }
+        let (number, time) = (self.state.step + 1, self.time());
+        let mut report = StepReport::new(number, time);
+        let wanted = self.scratch.keeper.begin_again(number, time);
+        let mark = self.recorder.mark();
+        let again = self.attempt(0, time, recording, &mut report);
+        debug_assert!(again.is_err(), "the same step fails in the same way");
+        self.recorder.rewind(mark);
+        let island = |p: &KeptProblem| p.level == what.level && p.bodies.contains(&what.bodies);
+        self.failed = self.scratch.keeper.end_again(wanted, island);
+    }
+
     fn outcome(&mut self, failure: Failure, step: u64) -> Outcome {
         let time = step as f64 * self.model.options.step;
         match failure {
@@ -290,7 +311,7 @@ impl Simulation {
                 length,
             } => self.too_fast(step, bodies, travel, length),
             Failure::TooManySubsteps => Outcome::TooManySubsteps { step, time },
-            Failure::NotFinite(body) => Outcome::NotFinite { step, time, body },
+            Failure::BlowUp(what) => Outcome::BlowUp { step, time, what },
             Failure::MissingLaw(a, b) => Outcome::MissingLaw {
                 step,
                 time,
@@ -302,11 +323,16 @@ impl Simulation {
                 bodies,
                 message: format!("mu = {mu} at a slip of {slip:.3e} m/s"),
             },
-            Failure::Load => Outcome::LoadFailed {
-                step,
-                time,
-                message: self.scratch.load_error.take().unwrap_or_default(),
-            },
+            Failure::Load => {
+                let said = self.scratch.load_error.take();
+                let (message, body) = said.map_or((String::new(), None), |e| (e.text, e.body));
+                Outcome::LoadFailed {
+                    step,
+                    time,
+                    message,
+                    body,
+                }
+            }
             Failure::NotConverged(level) => {
                 let (mut bodies, mut contacts, mut joints, mut residual) = ((0, 0), 0, 0, f64::NAN);
                 if level == Level::Smooth {
@@ -341,19 +367,13 @@ impl Simulation {
         let o = &self.model.options;
         let part = o.step / f64::from(1u32 << o.max_halvings);
         let speed = travel / part;
-        let n = self.model.spheres();
-        let other = match (bodies.1 as usize).checked_sub(n) {
-            None => format!("sphere {}", bodies.1),
-            Some(wall) => format!("wall {wall}"),
-        };
         Outcome::TooFast {
             step,
             time: step as f64 * o.step,
             bodies,
             message: format!(
-                "sphere {} meets {other} at {speed:.3e} m/s: {:.3} radii in {part:.3e} s, the smallest part of a step; take \
-                 a step of {:.1e} s or less",
-                bodies.0,
+                "they meet at {speed:.3e} m/s: {:.3e} radii in {part:.3e} s, the smallest part of a step; take a step of \
+                 {:.1e} s or less",
                 travel / length,
                 0.5 * length / speed,
             ),

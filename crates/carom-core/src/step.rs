@@ -3,6 +3,7 @@
 //! predict and smooth -> broad -> meet -> position -> velocity -> finish. The state is written in `finish` alone: a
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
+use crate::blow_up::{self, BlowUp};
 use crate::contact::Contact;
 use crate::force::{self, Motion};
 use crate::level::{position, smooth, velocity};
@@ -30,7 +31,8 @@ pub(crate) const MAX_RELIST: u32 = 20;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Failure {
     NotConverged(Level),
-    NotFinite(u32),
+    /// A velocity or position is no finite number, or grew beyond [`crate::blow_up::FASTEST`].
+    BlowUp(BlowUp),
     MissingLaw(u32, u32),
     /// More pairs may meet within the step than the list holds: the step is far too long for the speeds.
     TooManyPairs,
@@ -116,8 +118,8 @@ pub(crate) fn predict_and_smooth(
         scratch.power = power(model, &motion_of(state, span.start));
     }
     scratch.wall_impulse.fill([DVec3::ZERO; 2]);
-    if let Err(message) = scratch.walls.begin(model, span) {
-        scratch.load_error = Some(message);
+    if let Err(error) = scratch.walls.begin(model, span) {
+        scratch.load_error = Some(error);
         return Err(Failure::Load);
     }
     smooth::solve(model, state, scratch, coefficients, span.start, report)
@@ -496,8 +498,16 @@ pub(crate) fn finish(
         if state.present[i] {
             potential += force::weight_potential(model, i, scratch.position[i]);
         }
-        if !(kinetic.is_finite() && potential.is_finite()) {
-            return Err(Failure::NotFinite(i as u32));
+        // Rates of the whole step: what the position level did counts too.
+        let way = (scratch.position[i] - state.position[i]) / span.h;
+        let numbers = kinetic.is_finite() && potential.is_finite();
+        if !(numbers && blow_up::within_bounds(v, w) && blow_up::within_bounds(way, DVec3::ZERO)) {
+            return Err(Failure::BlowUp(blow_up::locate(
+                scratch,
+                i,
+                (v, way),
+                span.h,
+            )));
         }
         scratch.jump[i] = [v, w];
     }

@@ -181,7 +181,7 @@ impl Callable {
                 .map(|r| std::array::from_fn(|k| r[k]))
                 .collect())
         })
-        .map_err(|error| LoadError(error.to_string()))
+        .map_err(|error| LoadError::new(error.to_string()))
     }
 }
 

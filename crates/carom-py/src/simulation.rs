@@ -194,7 +194,7 @@ impl Simulation {
                 )));
             }
         }
-        let open = read_open(state)?;
+        let open = read_open(state, bodies as u64)?;
         let integers = convert::indices(state, "monitor_int")?;
         let floats = convert::floats(state, "monitor_float")?;
         let Some(monitors) = monitors_from(&integers, &floats) else {

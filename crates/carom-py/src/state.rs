@@ -93,11 +93,7 @@ pub fn read_touches(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<Touc
             "state: touch_value holds a number that is not finite",
         ));
     }
-    if keys.chunks(2).any(|k| k[0] >= k[1] || k[1] >= bodies) {
-        return Err(ModelError::new_err(
-            "state: touch_key names a body that the model has not",
-        ));
-    }
+    check_keys("touch_key", &keys, bodies)?;
     let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
     let touches: Vec<Touch> = values
         .iter()
@@ -117,7 +113,17 @@ pub fn read_touches(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<Touc
     Ok(touches)
 }
 
-pub fn read_open(state: &Bound<'_, PyDict>) -> PyResult<Vec<ContactRecord>> {
+/// Pairs of a sphere and a later body of a model of `bodies` spheres and walls.
+fn check_keys(name: &str, keys: &[u64], bodies: u64) -> PyResult<()> {
+    if keys.chunks(2).any(|k| k[0] >= k[1] || k[1] >= bodies) {
+        return Err(ModelError::new_err(format!(
+            "state: {name} names a body that the model has not"
+        )));
+    }
+    Ok(())
+}
+
+pub fn read_open(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<ContactRecord>> {
     let keys = convert::indices(state, "open_key")?;
     let status = convert::indices(state, "open_status")?;
     let values = convert::rows::<20>(state, "open_value")?;
@@ -125,6 +131,10 @@ pub fn read_open(state: &Bound<'_, PyDict>) -> PyResult<Vec<ContactRecord>> {
         return Err(ModelError::new_err(
             "state: the open contact records differ in length",
         ));
+    }
+    check_keys("open_key", &keys, bodies)?;
+    if status.iter().any(|&s| s > u64::from(u8::MAX)) {
+        return Err(ModelError::new_err("state: open_status is out of range"));
     }
     let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
     Ok(values
@@ -172,6 +182,7 @@ pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
             "state: warm_key and warm_value differ in length",
         ));
     }
+    check_keys("warm_key", &keys, bodies)?;
     let warm = values
         .iter()
         .enumerate()

@@ -34,10 +34,17 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             out.set_item("step", step)?;
             out.set_item("time", time)?;
         }
-        Outcome::NotFinite { step, time, body } => {
+        Outcome::BlowUp { step, time, what } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
-            out.set_item("bodies", [*body])?;
+            out.set_item("level", what.level.name())?;
+            out.set_item("bodies", [what.bodies.0, what.bodies.1])?;
+            let message = if what.speed.is_finite() {
+                format!("at {:.3e} m/s", what.speed)
+            } else {
+                "its motion is no number".to_owned()
+            };
+            out.set_item("message", message)?;
         }
         Outcome::MissingLaw { step, time, bodies } => {
             out.set_item("step", step)?;
@@ -65,10 +72,14 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             step,
             time,
             message,
+            body,
         } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
             out.set_item("message", message)?;
+            if let Some(body) = body {
+                out.set_item("bodies", [*body])?;
+            }
         }
     }
     Ok(out)

@@ -41,11 +41,8 @@ impl Load for Applied {
     fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
         let [f, m] = self.wrench(at.time);
         if !(f.is_finite() && m.is_finite()) {
-            let text = format!(
-                "force {f} N, torque {m} N m on sphere {} at t = {} s",
-                self.body, at.time
-            );
-            return Err(LoadError(text));
+            let text = format!("force {f} N, torque {m} N m at t = {} s", at.time);
+            return Err(LoadError::on(self.body, text));
         }
         let w = &mut wrench[self.body as usize];
         w[0] += f;

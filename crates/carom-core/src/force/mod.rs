@@ -112,9 +112,23 @@ pub struct Magnitude {
     pub rounding: f64,
 }
 
-/// A load could not be evaluated (a function of the user raised).
+/// A load could not be evaluated: what it said (a function of the user raised), and on which sphere it acts, if on one.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LoadError(pub String);
+pub struct LoadError {
+    pub text: String,
+    pub body: Option<u32>,
+}
+
+impl LoadError {
+    pub fn new(text: String) -> LoadError {
+        LoadError { text, body: None }
+    }
+
+    pub fn on(body: u32, text: String) -> LoadError {
+        let body = Some(body);
+        LoadError { text, body }
+    }
+}
 
 /// Refuses a coefficient that is not finite or negative.
 pub(crate) fn coefficient(name: &'static str, value: f64) -> Result<(), (&'static str, String)> {
@@ -144,12 +158,12 @@ pub fn add_loads(model: &Model, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Resul
         for i in bodies {
             let [force, moment] = wrench[i];
             if !(force.is_finite() && moment.is_finite()) {
-                return Err(LoadError(format!(
-                    "load {} gives {force} N and {moment} N m on sphere {} at t = {} s; they must be finite",
+                let text = format!(
+                    "load {} gives {force} N and {moment} N m at t = {} s; they must be finite",
                     index + 1,
-                    i + 1,
                     at.time
-                )));
+                );
+                return Err(LoadError::on(i as u32, text));
             }
         }
     }

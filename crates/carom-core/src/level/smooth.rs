@@ -4,6 +4,7 @@
 //! iteration, in closed form. Joints and other loads go to Newton's method (`smooth_newton.rs`).
 
 use super::smooth_newton::{place, Weights};
+use crate::blow_up::BlowUp;
 use crate::force::{self, LoadError};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
@@ -84,7 +85,7 @@ fn iterate(
         ..
     } = scratch;
     let mut failed = |error: LoadError| {
-        *load_error = Some(error.0);
+        *load_error = Some(error);
         Failure::Load
     };
     smooth.begin(model, weights.time).map_err(&mut failed)?;
@@ -113,6 +114,10 @@ fn iterate(
             break;
         }
         report.iterations_smooth = report.iterations_smooth.max(iteration + 1);
+    }
+    if !report.residual_smooth.is_finite() {
+        let body = smooth.worst(model).0;
+        return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, body)));
     }
     Err(Failure::NotConverged(Level::Smooth))
 }

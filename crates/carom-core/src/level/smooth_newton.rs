@@ -183,10 +183,11 @@ impl SmoothScratch {
             for row in &joint.rows {
                 let (value, slope) = (row.law.value(time), row.law.slope(time));
                 if !(value.is_finite() && slope.is_finite()) {
-                    return Err(LoadError(format!(
+                    let text = format!(
                         "the law of joint {} gives {value} with the slope {slope} at t = {time} s",
                         index + 1
-                    )));
+                    );
+                    return Err(LoadError::on(joint.a, text));
                 }
             }
         }

@@ -14,9 +14,10 @@
 
 use super::elastic::Elastic;
 use super::workspace::Workspace;
+use crate::blow_up::{self, BlowUp};
 use crate::force::{self, LoadError};
 use crate::model::Model;
-use crate::report::StepReport;
+use crate::report::{Level, StepReport};
 use crate::rotation;
 use crate::scratch::{History, Scratch};
 use crate::state::State;
@@ -73,8 +74,8 @@ fn advance(
     let h = attempt.coefficients.h;
     let span = Span::new(attempt.time, h);
     scratch.wall_impulse.fill([DVec3::ZERO; 2]);
-    if let Err(message) = work.bodies.walls.begin(model, span) {
-        return evaluated(scratch, Err(LoadError(message)));
+    if let Err(error) = work.bodies.walls.begin(model, span) {
+        return evaluated(scratch, Err(error));
     }
     work.bodies.walls.place(model, span.start);
     let begun = work.begin(model, state, elastic, attempt.time);
@@ -227,7 +228,7 @@ fn refresh(
 /// Keeps what a load said that could not be evaluated.
 fn evaluated(scratch: &mut Scratch, loads: Result<(), LoadError>) -> Result<(), Failure> {
     loads.map_err(|error| {
-        scratch.load_error = Some(error.0);
+        scratch.load_error = Some(error);
         Failure::Load
     })
 }
@@ -335,8 +336,15 @@ fn finish(
         if work.present[i] {
             potential += force::weight_potential(model, i, work.bodies.position[i]);
         }
-        if !(kinetic.is_finite() && potential.is_finite()) {
-            return Err(Failure::NotFinite(i as u32));
+        let numbers = kinetic.is_finite() && potential.is_finite();
+        if !(numbers && blow_up::within_bounds(v, w)) {
+            let touching = work.pairs.iter().filter(|p| p.closed).map(|p| (p.a, p.b));
+            return Err(Failure::BlowUp(BlowUp::of(
+                Level::Velocity,
+                i as u32,
+                v,
+                touching,
+            )));
         }
     }
     potential += work.potential;

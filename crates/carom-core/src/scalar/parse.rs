@@ -8,6 +8,8 @@ use super::function::{Binary, Function, Unary, FUNCTIONS};
 
 /// Longest text, in characters.
 pub const LONGEST: usize = 4000;
+/// Longest message of an error, in characters.
+const LONGEST_MESSAGE: usize = 400;
 /// Deepest nesting of parentheses and powers of powers: bounds the stack of the parser, whatever the text.
 pub const DEEPEST: usize = 64;
 
@@ -329,7 +331,12 @@ impl Parser<'_> {
         self.error_at(self.at, message)
     }
 
+    /// With the place; a word of the text may be as long as the text, and is not repeated whole.
     fn error_at(&self, at: usize, message: String) -> String {
-        format!("column {}: {message}", at + 1)
+        let shown = match message.char_indices().nth(LONGEST_MESSAGE) {
+            Some((end, _)) => format!("{} ...", &message[..end]),
+            None => message,
+        };
+        format!("column {}: {shown}", at + 1)
     }
 }

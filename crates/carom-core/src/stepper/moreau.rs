@@ -108,7 +108,7 @@ fn weigh_loads(
     let mut wrench = vec![[DVec3::ZERO; 2]; model.spheres()];
     let at = step::motion_of(state, time);
     if let Err(error) = force::add_loads(model, &at, &mut wrench) {
-        scratch.load_error = Some(error.0);
+        scratch.load_error = Some(error);
         return Err(Failure::Load);
     }
     for (i, [force, moment]) in wrench.into_iter().enumerate() {

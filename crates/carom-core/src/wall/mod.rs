@@ -11,7 +11,9 @@ pub use carom_geom::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
 pub use check::checked;
 pub use motion::{WallMotion, WallRotation, WallTwist};
 
+use crate::blow_up::{within_bounds, FASTEST};
 use crate::contact::Contact;
+use crate::force::LoadError;
 use crate::model::Model;
 use crate::state::State;
 use crate::stepper::Span;
@@ -132,7 +134,7 @@ impl Walls {
     }
 
     /// Moves the walls to a step. Fails with a message where a law gives no number.
-    pub fn begin(&mut self, model: &Model, span: Span) -> Result<(), String> {
+    pub fn begin(&mut self, model: &Model, span: Span) -> Result<(), LoadError> {
         self.span = span;
         if self.courses.is_empty() {
             return Ok(());
@@ -153,19 +155,14 @@ impl Walls {
                 now: end,
                 turn: (end.angle - start.angle) * axis,
             };
-            let moved = [
-                end.centre,
-                end.velocity,
-                end.spin,
-                start.velocity,
-                start.spin,
-            ];
-            if !moved.iter().all(|x| x.is_finite()) {
-                return Err(format!(
-                    "the motion of wall {} is not finite by t = {} s",
-                    index + 1,
+            let slow =
+                within_bounds(end.velocity, end.spin) && within_bounds(start.velocity, start.spin);
+            if !(slow && end.centre.is_finite() && end.angle.is_finite()) {
+                let text = format!(
+                    "its motion is not finite, or faster than {FASTEST:e} m/s or rad/s, by t = {} s",
                     span.end
-                ));
+                );
+                return Err(LoadError::on((model.spheres() + index) as u32, text));
             }
         }
         Ok(())
