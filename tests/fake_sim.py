@@ -243,6 +243,14 @@ class Simulation:
         }
 
 
+RECORD: dict[str, Any] = {
+    "every": None,
+    "contacts": True,
+    "walls": None,
+    **dict.fromkeys(("checkpoint_steps", "checkpoint_time", "checkpoint_wall")),
+}
+
+
 @dataclass(frozen=True)
 class Scene:
     """As much of `carom.Scene` as running needs: spheres above a plane, options in a table that any key may
@@ -256,7 +264,7 @@ class Scene:
     case: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     run: Any = field(default_factory=lambda: SimpleNamespace(until=1.0, **defaults()))
-    record: Any = field(default_factory=lambda: SimpleNamespace(every=None, contacts=True, walls=None))
+    record: Any = field(default_factory=lambda: SimpleNamespace(**RECORD))
 
     def with_options(self, **options: Any) -> Scene:
         run, record = dict(vars(self.run)), dict(vars(self.record))

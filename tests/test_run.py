@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -263,36 +264,159 @@ def test_a_segment_without_a_checkpoint_of_its_own_is_overruled(
     assert everything(run) == everything(tmp_path / "whole")
 
 
-def test_a_damaged_checkpoint_costs_time_only(
-    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def stopped_with_two_checkpoints(scene: Any, run: Path) -> tuple[Path, Path]:
+    """A run of 1000 steps that was interrupted after 500, and its checkpoints, the newest first."""
+    interrupted(scene, run, 500, until=1.0, checkpoint_steps=200)
+    newest, older = checkpoint.found(run)
+    return newest, older
+
+
+@pytest.fixture
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)
-    monkeypatch.setattr("carom.drive.FIRST_CHECKPOINT_SECONDS", 0.0)
-    monkeypatch.setattr("carom.drive.CHECKPOINT_SECONDS", 0.0)
-    monkeypatch.setattr("carom.drive.CHECKPOINT_SHARE", 1e9)
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_a_damaged_checkpoint_is_refused_and_the_previous_one_offered(scene: Any, tmp_path: Path) -> None:
     carom.simulate(scene, until=1.0, out=tmp_path / "whole")
     run = tmp_path / "run"
-    interrupted(scene, run, 500, until=1.0)
-    newest, older = checkpoint.found(run)  # two are kept
+    newest, older = stopped_with_two_checkpoints(scene, run)
     content = bytearray(newest.read_bytes())
     content[len(content) // 2] ^= 1
     newest.write_bytes(content)
-    found, complaints = checkpoint.newest(run)
-    assert found is not None
-    assert found.step == checkpoint.load(older).step
-    assert newest.name in complaints[0]
-    assert carom.resume(run).outcome.ok
+    before = sorted((p.name, p.read_bytes()) for p in run.glob("[!l]*"))
+    with pytest.raises(CaromError) as refused:
+        carom.resume(run)
+    assert f"checkpoint {newest} cannot be used: it" in str(refused.value)
+    step = checkpoint.load(older).step
+    assert f"the previous one, of step {step} (t = {step * 1e-3:g} s), can be" in str(refused.value)
+    assert f"`carom resume {run} --checkpoint previous`" in str(refused.value)
+    assert sorted((p.name, p.read_bytes()) for p in run.glob("[!l]*")) == before  # nothing was done
+    assert carom.resume(run, checkpoint="previous").outcome.ok
     assert everything(run) == everything(tmp_path / "whole")
-    assert "damaged checkpoint" in (run / "log.jsonl").read_text()
+    # It is not in the way again, and still there to be looked at.
+    assert (run / f"{newest.name}.aside").read_bytes() == bytes(content)
+    assert "put aside" in (run / "log.jsonl").read_text()
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_if_no_checkpoint_can_be_used_the_run_can_begin_anew(scene: Any, tmp_path: Path) -> None:
+    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
+    run = tmp_path / "run"
+    newest, older = stopped_with_two_checkpoints(scene, run)
+    for path in (newest, older):
+        path.write_bytes(b"torn")
+    for wish in ("newest", "previous"):
+        with pytest.raises(
+            CaromError, match=r"no other can be; `carom resume .* --checkpoint start` computes"
+        ):
+            carom.resume(run, checkpoint=wish)
+    assert carom.resume(run, checkpoint="start").outcome.ok
+    assert everything(run) == everything(tmp_path / "whole")
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_the_newest_is_offered_where_the_previous_is_damaged(scene: Any, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    _, older = stopped_with_two_checkpoints(scene, run)
+    older.write_bytes(older.read_bytes()[:-100])
+    with pytest.raises(
+        CaromError, match=r"the newest one, of step 5\d\d .* can be: `carom resume [^`]*run` cont"
+    ):
+        carom.resume(run, checkpoint="previous")
+    older.unlink()
+    with pytest.raises(CaromError, match="has no previous checkpoint, only checkpoint-0"):
+        carom.resume(run, checkpoint="previous")
+    with pytest.raises(CaromError, match=r"unknown choice 'previos'; did you mean previous\?"):
+        carom.resume(run, checkpoint="previos")
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_a_foreign_checkpoint_is_refused(scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = tmp_path / "run"
+    newest, _ = stopped_with_two_checkpoints(scene, run)
+    own = newest.read_bytes()
+    # Of another scenario, with the same shapes.
+    other = scene.with_options(step=0.002)
+    interrupted(other, tmp_path / "other", 500, until=2.0)
+    newest.write_bytes(checkpoint.found(tmp_path / "other")[0].read_bytes())
+    with pytest.raises(CaromError, match="belongs to another scenario; the previous one, of step"):
+        carom.resume(run)
+    newest.write_bytes(own)
+    # Of another format.
+    with monkeypatch.context() as old:
+        old.setattr(checkpoint, "FORMAT", 1)
+        checkpoint.save(run, checkpoint.Checkpoint(999, 0.999, Rows(), "", {}))
+    with pytest.raises(CaromError, match="it has format 1, wanted 2; the previous one, of step"):
+        carom.resume(run)
+
+
+def test_a_checkpoint_of_another_version_is_taken_only_if_that_is_asked_for(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    carom.simulate(scene, until=0.1, out=run)
+    carom.simulate(scene, until=0.2, out=tmp_path / "whole")
+    monkeypatch.setattr(fake_sim, "__version__", "newer")
+    with pytest.raises(CaromError, match=r"it is of Carom fake, this is newer, .* or give --any-version"):
+        carom.resume(run, until=0.2)
+    carom.resume(run, until=0.2, any_version=True)
+    assert everything(run) == everything(tmp_path / "whole")
+
+
+def test_another_build_of_the_same_version_is_mentioned(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    monkeypatch.setattr(checkpoint, "build", lambda: "one")
+    carom.simulate(scene, until=0.1, out=run)
+    monkeypatch.setattr(checkpoint, "build", lambda: "two")
+    with pytest.warns(carom.run.CaromWarning, match="was built anew since the checkpoint was written"):
+        carom.resume(run, until=0.2)
 
 
 def test_without_any_checkpoint_the_run_begins_again(scene: Any, tmp_path: Path) -> None:
     carom.simulate(scene, until=0.2, out=tmp_path / "whole")
     run = tmp_path / "run"
     carom.simulate(scene, until=0.1, out=run)
-    for path in checkpoint.found(run):
-        path.write_bytes(b"torn")
-    carom.resume(run, until=0.2)
+    for path in checkpoint.found(run):  # as if killed before the first
+        path.unlink()
+    with pytest.warns(
+        carom.run.CaromWarning, match="no checkpoint had been written yet; the run begins anew"
+    ):
+        carom.resume(run, until=0.2)
+    assert everything(run) == everything(tmp_path / "whole")
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_results_that_are_gone_are_missed(scene: Any, tmp_path: Path) -> None:
+    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
+    run = tmp_path / "run"
+    stopped_with_two_checkpoints(scene, run)
+    results = run / "results.h5"
+    content = results.read_bytes()
+    results.unlink()
+    with pytest.raises(CaromError, match=r"there are no results yet.*--checkpoint start"):
+        carom.resume(run)
+    # Of another run, shorter than this one.
+    carom.simulate(scene, until=0.1, out=tmp_path / "short")
+    results.write_bytes((tmp_path / "short" / "results.h5").read_bytes())
+    with pytest.raises(
+        CaromError, match=r"of the 5\d\d rows of frames up to it 101 are in results.h5: a results file"
+    ):
+        carom.resume(run)
+    results.write_bytes(b"torn")
+    with pytest.raises(CaromError, match=r"cannot be read as results of a run.*--checkpoint start"):
+        carom.resume(run)
+    # What is put back will do.
+    results.write_bytes(content)
+    assert carom.resume(run).outcome.ok
+    assert everything(run) == everything(tmp_path / "whole")
+    # A segment in the middle is missed as well, and the run can begin anew with a further one.
+    results.write_bytes(b"torn")
+    carom.resume(run, checkpoint="start")
+    assert (run / "results.h5.aside").read_bytes() == b"torn"
+    assert carom.load(run).segment_names == ["results-0002.h5", "results-0003.h5"]
     assert everything(run) == everything(tmp_path / "whole")
 
 
@@ -400,9 +524,9 @@ def test_a_checkpoint_gives_back_every_bit(
     state: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     directory = tmp_path_factory.mktemp("c")
-    saved = checkpoint.Checkpoint(7, 0.1, Rows(1, 2, 3, 4, 5, 6), "abc", state)
+    saved = checkpoint.Checkpoint(7, 0.1, Rows(1, 2, 3, 4, 5, 6), "abc", state, "1.2", "f0")
     back = checkpoint.load(checkpoint.save(directory, saved))
-    assert (back.step, back.time, back.rows, back.scenario) == (7, 0.1, Rows(1, 2, 3, 4, 5, 6), "abc")
+    assert replace(back, state={}) == replace(saved, state={})
     assert same(state, back.state)
 
 

@@ -13,11 +13,13 @@ from carom.rundir import RunDir
 if TYPE_CHECKING:
     from carom.scene import Scene
 
-#: Options that may change when a run is continued: how hard the contact problems are solved, not which ones.
+#: Options that may change when a run is continued: how hard the contact problems are solved, not which ones; and
+#: when checkpoints are written.
 CHANGEABLE = (
     *("tolerance", "pile_tolerance", "tolerance_floor", "gap_tolerance", "solver", "max_iterations"),
     *("penalty_scale", "proximal_shift", "line_search", "max_line_search", "max_problems", "dense_contacts"),
     *("gauss_seidel_sweeps", "max_halvings", "on_nonconvergence", "threads"),
+    *("checkpoint_steps", "checkpoint_time", "checkpoint_wall"),
 )
 
 

@@ -3,17 +3,18 @@
 A checkpoint is a plain `.npz` without pickles. The state, a tree of dicts, lists, arrays and numbers, is laid
 out as arrays `0`, `1`, ... and a JSON description that refers to them; a SHA-256 over all of it tells a torn
 or altered file from a whole one. It is written to a temporary file, forced to the disk and renamed; the last
-two are kept, so that even a damaged newest one costs only the time since the one before.
+two are kept, so that even a damaged newest one costs only the time since the one before. Which of them a run
+continues from is decided in `carom.restart`.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
-import os
 import zipfile
+import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -23,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.files import reason, write_whole
 from carom.record.layout import Rows
-from carom.record.writer import RecordError, reason, unwritable
 
-FORMAT = 1
+#: 2: with the version and the build that wrote it.
+FORMAT = 2
 KEEP = 2
 
 
@@ -39,6 +41,8 @@ class Checkpoint:
     rows: Rows
     scenario: str  # SHA-256 of what the state depends on; another scene must not continue it
     state: Mapping[str, Any]
+    version: str = ""  # of the core that computed it
+    build: str = ""  # and of its machine code, if it is known
 
 
 def save(directory: Path, checkpoint: Checkpoint) -> Path:
@@ -52,17 +56,24 @@ def save(directory: Path, checkpoint: Checkpoint) -> Path:
         "time": checkpoint.time,
         "rows": list(checkpoint.rows),
         "scenario": checkpoint.scenario,
+        "version": checkpoint.version,
+        "build": checkpoint.build,
         "state": _pack(checkpoint.state, arrays),
     }
     text = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
     members = {str(i): array for i, array in enumerate(arrays)}
     buffer = BytesIO()
     np.savez(buffer, head=text, sha256=np.frombuffer(_digest(text, arrays), dtype=np.uint8), **members)  # type: ignore[arg-type]
-    path = directory / f"checkpoint-{checkpoint.step:012d}.npz"
+    path = directory / name(checkpoint.step)
     write_whole(path, buffer.getbuffer(), durable=True)
     for old in found(directory)[KEEP:]:
         old.unlink(missing_ok=True)
     return path
+
+
+def name(step: int) -> str:
+    """The file of the checkpoint after `step`; names sort as steps do."""
+    return f"checkpoint-{step:012d}.npz"
 
 
 def found(directory: Path) -> list[Path]:
@@ -81,54 +92,42 @@ def load(path: Path) -> Checkpoint:
         head = json.loads(text.tobytes())
         if head["format"] != FORMAT:
             raise ValueError(f"it has format {head['format']}, wanted {FORMAT}")
-        state = _unpack(head["state"], arrays)
-        return Checkpoint(head["step"], head["time"], Rows(*head["rows"]), head["scenario"], state)
-    except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile, EOFError) as error:
-        raise CaromError(f"checkpoint {path} cannot be used: {reason(error)}") from error
+        rows, state = Rows(*head["rows"]), _unpack(head["state"], arrays)
+        if not isinstance(state, dict) or not isinstance(head["step"], int):
+            raise ValueError("its state is not one of a run")
+        return Checkpoint(
+            head["step"], head["time"], rows, head["scenario"], state, head["version"], head["build"]
+        )
+    except _DAMAGE as error:
+        told = reason(error)
+        if not told.startswith("it") and getattr(error, "errno", None) is None:
+            told = f"it is damaged ({told})"
+        raise CaromError(f"checkpoint {path} cannot be used: {told}") from error
 
 
-def newest(directory: Path) -> tuple[Checkpoint | None, list[str]]:
-    """The newest checkpoint that is whole, or None; and what is wrong with those that are not."""
-    complaints: list[str] = []
-    for path in found(directory):
-        try:
-            return load(path), complaints
-        except CaromError as error:
-            complaints.append(str(error))
-    return None, complaints
+#: What NumPy, zipfile and the code above raise of a file that was cut or altered.
+_DAMAGE = (
+    *(OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, MemoryError),
+    *(zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError),
+)
 
 
-def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents: bool = False) -> None:
-    """Replace a file by another in one move: readers see the old or the new one, never half of it.
+@functools.cache
+def build() -> str:
+    """The identity that the linker gave the compiled core; empty where it gave none.
 
-    With `parents` the directory is made if it is not there.
+    Two builds of one version may differ, as of sources that were changed in between.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    from carom import _core
+
+    note = b"\x04\0\0\0\x14\0\0\0\x03\0\0\0GNU\0"  # NT_GNU_BUILD_ID of an ELF file, 20 bytes
     try:
-        if parents:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        with open(temporary, "wb") as file:
-            file.write(data)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
-        os.replace(temporary, path)
-        if durable:
-            _sync_directory(path.parent)
-    except OSError as error:
-        with suppress(OSError):
-            temporary.unlink()
-        raise RecordError(f"cannot write {path}: {unwritable(error)}") from error
-
-
-def _sync_directory(path: Path) -> None:
-    # The rename itself must reach the disk; some systems cannot sync a directory, and then do not need it.
-    with suppress(OSError):
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+        with open(_core.__file__, "rb") as file:
+            head = file.read(4096)
+    except (AttributeError, TypeError, OSError):
+        return ""
+    at = head.find(note)
+    return head[at + len(note) : at + len(note) + 20].hex() if at >= 0 else ""
 
 
 def _digest(head: NDArray[np.uint8], arrays: list[NDArray[Any]]) -> bytes:

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 BLOCK_SECONDS = 0.1
 #: Bytes of results the core may hold in one block.
 BLOCK_BYTES = 64 * 1024 * 1024
-#: A checkpoint is written this many seconds after the last one, at first sooner, and never for more than 2 %
-#: of the time.
+#: Where the scenario says nothing else, a checkpoint is written this many seconds after the last one, at first
+#: sooner, and never for more than 2 % of the time.
 CHECKPOINT_SECONDS = 30.0
 FIRST_CHECKPOINT_SECONDS = 3.0
 CHECKPOINT_SHARE = 0.02
@@ -58,6 +58,41 @@ class Plan:
         """The plan for `until` seconds; without `every` about 1000 frames are kept."""
         steps = max(1, math.ceil(until / step - 1e-9))
         return cls(steps, every or thinned(steps), step, contacts)
+
+
+@dataclass(frozen=True)
+class Cadence:
+    """When checkpoints are written: every so many `steps`, every so much simulated `time` (s), every so much
+    `wall` time (s), whichever comes first. Without any of them it is left to the constants above.
+    """
+
+    steps: int | None = None
+    time: float | None = None
+    wall: float | None = None
+
+    def next_step(self, step: int, size: float) -> int | None:
+        """The first step after `step` that is due by steps or simulated time; `size` is that of a step, s."""
+        due = []
+        if self.steps is not None:
+            due.append((step // self.steps + 1) * self.steps)
+        if self.time is not None:
+            # Rounded as `Plan.of` rounds: a time that is a step up to rounding is that step.
+            passed = math.floor(step * size / self.time + 1e-9)
+            due.append(max(step + 1, math.ceil((passed + 1) * self.time / size - 1e-9)))
+        return min(due, default=None)
+
+    def first_wall(self) -> float:
+        """Seconds from the start of the process to its first checkpoint."""
+        return self._wall(FIRST_CHECKPOINT_SECONDS)
+
+    def next_wall(self, spent: float) -> float:
+        """Seconds from one checkpoint, which took `spent` seconds, to the next."""
+        return self._wall(max(CHECKPOINT_SECONDS, spent / CHECKPOINT_SHARE))
+
+    def _wall(self, otherwise: float) -> float:
+        if self.wall is not None:
+            return self.wall
+        return otherwise if self.steps is None and self.time is None else math.inf
 
 
 def thinned(steps: int, frames: int = 1000) -> int:
@@ -139,19 +174,24 @@ def drive(
     *,
     bodies: int,
     identity: str,
-    checkpoints: bool,
+    checkpoints: Cadence | None,
     stop: Interrupt,
     progress: Callable[[Progress], None] | None,
     problems: Problems | None = None,
 ) -> Ending:
     """Advance from the simulation's step to the plan's last one; everything recorded is committed when it
-    returns. `problems` are the contact problems to keep.
+    returns. Without `checkpoints` none are written. `problems` are the contact problems to keep.
     """
+    from carom import _core
+
     begin = last_saved = time.perf_counter()
     first_step = simulation.step
-    core_s = save_s = 0.0
+    core_s = 0.0
     failure: dict[str, Any] | None = None
-    next_save = FIRST_CHECKPOINT_SECONDS
+    # Intervals are measured by `perf_counter`, which no change of the clock moves.
+    cadence = checkpoints or Cadence()
+    next_save = cadence.first_wall()
+    due = cadence.next_step(first_step, plan.step)
     # Where the last step is no frame of the grid, it is computed by itself and framed: results then end at
     # `until`. The checkpoint is taken before it, so that a later extension of the run is not disturbed by a
     # frame off the grid.
@@ -161,23 +201,30 @@ def drive(
         problems.begin(simulation)
 
     def save() -> None:
-        nonlocal save_s, last_saved, next_save
+        nonlocal last_saved, next_save, due
         start = time.perf_counter()
-        # Rows first, then the state that belongs to them: a state must never be ahead of what can be read.
+        # Rows first, then the state that belongs to them: a state must never be ahead of what can be read,
+        # not even after the power failed.
         writer.commit()
+        writer.sync()
         rows = writer.first + writer.committed
         state = simulation.state()
         path = checkpoint.save(
-            directory.path, checkpoint.Checkpoint(simulation.step, simulation.time, rows, identity, state)
+            directory.path,
+            checkpoint.Checkpoint(
+                simulation.step, simulation.time, rows, identity, state, _core.__version__, checkpoint.build()
+            ),
         )
         last_saved = time.perf_counter()
-        save_s = last_saved - start
-        next_save = max(CHECKPOINT_SECONDS, save_s / CHECKPOINT_SHARE)
-        directory.log("checkpoint", step=simulation.step, file=path.name, seconds=round(save_s, 4))
+        spent = last_saved - start
+        next_save = cadence.next_wall(spent)
+        due = cadence.next_step(simulation.step, plan.step)
+        directory.log("checkpoint", step=simulation.step, file=path.name, seconds=round(spent, 4))
 
     while simulation.step < plan.steps and failure is None and not stop:
         last = simulation.step >= grid_end
-        steps = 1 if last else min(grid_end - simulation.step, _block_steps(bodies, plan))
+        to_go = grid_end - simulation.step if due is None else min(grid_end, due) - simulation.step
+        steps = 1 if last else min(to_go, _block_steps(bodies, plan))
         if last and checkpoints:
             save()
         start = time.perf_counter()
@@ -190,7 +237,8 @@ def drive(
         now = time.perf_counter()
         if progress is not None:
             progress(_progress(block, simulation, plan, now - begin, first_step))
-        if checkpoints and now - last_saved > next_save and simulation.step < grid_end:
+        is_due = simulation.step == due or now - last_saved > next_save
+        if checkpoints and is_due and failure is None and simulation.step < grid_end:
             save()
 
     if failure is not None:

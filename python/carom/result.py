@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.about import checked
 from carom.errors import CaromError, counted, did_you_mean
 from carom.record import Column, Segments
 from carom.rundir import RunDir
@@ -56,7 +57,7 @@ class Result:
 
     def __init__(self, directory: RunDir) -> None:
         self._directory = directory
-        self._about = directory.read()
+        self._about = checked(directory)
         self._segments = Segments(directory.segments())
 
     @property
@@ -161,8 +162,12 @@ class Result:
             return []
         from carom.scenario.joints import default_name
 
-        joints = tomllib.loads(text).get("joint", [])
-        return [str(joint.get("name") or default_name(i)) for i, joint in enumerate(joints)]
+        try:
+            joints = tomllib.loads(text).get("joint", [])
+            return [str(joint.get("name") or default_name(i)) for i, joint in enumerate(joints)]
+        except (ValueError, AttributeError, TypeError, RecursionError) as error:
+            path = self._directory.scenario
+            raise CaromError(f"{path} is damaged ({error}); a run keeps its scenario there") from error
 
     @property
     def gravity(self) -> F64:
@@ -199,7 +204,11 @@ class Result:
     @property
     def scenario(self) -> str:
         """The scenario as it was run, as TOML."""
-        return self._directory.scenario.read_text(encoding="utf-8")
+        path = self._directory.scenario
+        try:
+            return path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise CaromError(f"{path} cannot be read ({error}); a run keeps its scenario there") from error
 
     def __getitem__(self, name: str) -> Body:
         try:

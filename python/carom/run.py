@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import carom
-from carom import changes, checkpoint, summary
-from carom.drive import Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
+from carom import changes, checkpoint, restart, summary
+from carom.drive import Cadence, Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
 from carom.errors import CaromError
 from carom.record import Rows, Writer
 from carom.record.walls import tables
@@ -69,7 +69,7 @@ def simulate(
     not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The run directory is `out` (an
     existing one is refused without `force`), or a temporary one that lives as long as the result;
     `Result.save` keeps it. `progress` is called about ten times a second. Ctrl-C stops between two steps with
-    everything recorded, then raises `KeyboardInterrupt`.
+    everything recorded, then raises `KeyboardInterrupt`. With `out` SIGTERM too first leaves a checkpoint.
 
     `save_problems` keeps contact problems in `problems/` of the run directory (docs/reference/problems.md), in
     `problem_form` "local" or "global": of one step, of several (`[100, 200]`, `range(200, 301, 50)`, `"100,200:300:50"`,
@@ -84,7 +84,7 @@ def simulate(
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
     choice = chosen(scene, save_problems, problem_form)
     stop = Interrupt()
-    with stop.listening(signal.SIGINT):
+    with stop.listening(signal.SIGINT, *([] if out is None else [signal.SIGTERM])):
         if out is not None:
             create = partial(RunDir.create, out, force=force)
             result = launch(scene, create, stop=stop, progress=progress, problems=choice)
@@ -138,6 +138,8 @@ def resume(
     run: str | Path,
     *,
     until: float | str | None = None,
+    checkpoint: str = "newest",
+    any_version: bool = False,
     progress: OnProgress | None = None,
     load_functions: LoadFunctions = (),
     **options: Any,
@@ -147,15 +149,23 @@ def resume(
 
     A run that failed goes on from its last good state with other numerical `options`, as `tolerance=1e-7`; what
     describes the physics, and the step, cannot change within a run. A run that has reached its end already is
-    returned as it is. A run whose scene has Python functions (`Scene.load_function`) needs them again:
-    `load_functions`, in the order in which they were added.
+    returned as it is. If the newest checkpoint cannot be used, `checkpoint` may be "previous", or "start" to compute
+    the run anew; with `any_version` one of another version of Carom is taken. A run whose scene has Python functions
+    (`Scene.load_function`) needs them again: `load_functions`, in the order in which they were added.
     """
     stop = Interrupt()
     if until is not None:
         options["until"] = until
-    with stop.listening(signal.SIGINT):
+    with stop.listening(signal.SIGINT, signal.SIGTERM):
         result = relaunch(
-            RunDir.open(run), options, stop=stop, progress=progress, load_functions=load_functions
+            RunDir.open(run),
+            options,
+            stop=stop,
+            progress=progress,
+            load_functions=load_functions,
+            checkpoint=checkpoint,
+            any_version=any_version,
+            tell=lambda text: warnings.warn(text, CaromWarning, stacklevel=3),
         )
     return _judged(result, stop)
 
@@ -207,7 +217,7 @@ def launch(
         except BaseException:
             directory.remove()
             raise
-        _execute(scene, directory, start, writer, stop=stop, progress=progress, checkpoints=keep)
+        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=keep)
     return load(directory.path)
 
 
@@ -219,10 +229,14 @@ def relaunch(
     stop: Interrupt,
     progress: OnProgress | None = None,
     load_functions: LoadFunctions = (),
+    checkpoint: str = "newest",
+    any_version: bool = False,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> Result:
-    """Continue the run in `directory` from its newest whole checkpoint, or from the start if there is none.
+    """Continue the run in `directory` from its newest checkpoint, or from the start if it came to none.
 
-    `options` are `until` and numerical options of the core; `places` says how messages call them.
+    `options` are `until` and numerical options of the core; `places` says how messages call them. `checkpoint` and
+    `any_version` are explained in `carom.restart.choose`. `tell` is called with what the user should know.
     """
     from carom.scene import Scene
 
@@ -241,24 +255,24 @@ def relaunch(
             f"{directory.scenario} was changed since the run began, and a run continues only with the same scenario;"
             " start a new one with `carom run`"
         )
-    if directory.is_finished(plan.steps):
+    if directory.is_finished(plan.steps) and checkpoint == "newest":
         return load(directory.path)
     if identify(model) == was:
         changes.refuse_to_fail_again(directory, about)
     with directory.writing():
         about = directory.read()
-        saved, complaints = checkpoint.newest(directory.path)
+        saved = restart.choose(directory, about, checkpoint, any_version=any_version)
         if saved is not None:
-            if saved.scenario not in changes.identities(about):
-                raise CaromError(
-                    f"the newest checkpoint in {directory.path} belongs to another scenario; remove it"
-                )
             reached = max(saved.time, (about.get("outcome") or {}).get("time") or 0.0)
             if plan.until < reached - 0.5 * plan.step:
                 raise CaromError(f"the run has reached t = {reached:g} s already; give --until a later time")
-            simulation.restore(dict(saved.state))
-        for complaint in complaints:
-            directory.log("damaged checkpoint", message=complaint)
+            _restore(simulation, saved)
+        aside = restart.put_aside(directory, saved)
+        if aside:
+            directory.log("put aside", files=aside)
+        for remark in restart.remarks(saved, checkpoint):
+            tell(remark)
+            directory.log("remark", message=remark)
         changes.note_changes(directory, about, old, scene, simulation.step)
         about.update(status="running", outcome=None)
         directory.write(
@@ -268,8 +282,22 @@ def relaunch(
             directory.write_scenario(scene.to_toml(resolved=True))
         start = _Start(simulation, model, plan, about, saved.rows if saved else Rows())
         writer = _writer(scene, directory.next_segment(), start)
-        _execute(scene, directory, start, writer, stop=stop, progress=progress, checkpoints=True)
+        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=True)
     return load(directory.path)
+
+
+def _restore(simulation: Simulation, saved: checkpoint.Checkpoint) -> None:
+    from carom import _core
+
+    try:
+        simulation.restore(dict(saved.state))
+    except _core.ModelError as error:  # the state of another version may be made otherwise
+        raise CaromError(f"the checkpoint of step {saved.step} does not fit this Carom: {error}") from error
+
+
+def _cadence(scene: Scene) -> Cadence:
+    record = scene.record
+    return Cadence(record.checkpoint_steps, record.checkpoint_time, record.checkpoint_wall)
 
 
 @dataclass
@@ -307,7 +335,7 @@ def _execute(
     *,
     stop: Interrupt,
     progress: OnProgress | None,
-    checkpoints: bool,
+    keep: bool,
 ) -> None:
     """Run from `start` into the segment of `writer` and say in `run.json` how it ended."""
     simulation, plan, about = start.simulation, start.plan, start.about
@@ -334,7 +362,7 @@ def _execute(
             plan,
             bodies=len(scene.names),
             identity=about["scenario"]["identity"],
-            checkpoints=checkpoints,
+            checkpoints=_cadence(scene) if keep else None,
             stop=stop,
             progress=progress,
             problems=problems,
@@ -424,13 +452,15 @@ def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
     if outcome.ok:
         return result
     if stop and outcome.kind == "interrupted":
+        if stop.signal == signal.SIGTERM:  # it now does what it would have done without us
+            signal.raise_signal(signal.SIGTERM)
         where = f"what was computed is in {result.path}" if kept else "pass out=... to keep what was computed"
         raise KeyboardInterrupt(f"interrupted at t = {outcome.time:g} s; {where}")
     raise RunFailed(str(outcome), result)
 
 
 def _temporary() -> RunDir:
-    return RunDir(Path(tempfile.mkdtemp(prefix="carom-")))
+    return RunDir(Path(tempfile.mkdtemp(prefix="carom-")), durable=False)
 
 
 def _discard(directory: RunDir) -> None:

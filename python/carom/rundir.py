@@ -5,6 +5,7 @@ scenario.toml      the scenario as it was run: every default spelled out, random
 run.json           status, outcome, versions, summary
 results.h5         frames, contacts, impacts, steps; after a resume also results-0002.h5 and so on
 checkpoint-*.npz   the last two states from which the run continues bit for bit
+*.aside            what `carom resume --checkpoint` put aside
 log.jsonl          one JSON object per line: what happened when
 """
 
@@ -18,30 +19,39 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
-from carom.checkpoint import write_whole
 from carom.errors import CaromError
-from carom.record.writer import RecordError, reason, unwritable
+from carom.files import RecordError, reason, unwritable, write_whole
 
-#: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted.
+#: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted. By the last two
+#: a directory is known, and they go last.
 _OWN = (
     "scenario.toml",
-    "run.json",
     "results*.h5",
     "checkpoint-*.npz",
-    "log.jsonl",
     "failing_problem.h5",
     "problems/*.hdf5",
+    "problems/.*.tmp",
+    "*.aside",
     "plots/*",
     "view.html",
     ".*.tmp",
+    "run.json",
+    "log.jsonl",
 )
+
+#: Attempts to become the writer, and the pause after each, s.
+LOCK_ATTEMPTS = 10
+LOCK_PAUSE = 0.02
 
 
 class RunDir:
-    """The files of one run. `create` makes a new one, `RunDir(path)` stands for one that is there."""
+    """The files of one run. `create` makes a new one, `RunDir(path)` stands for one that is there. If it is `durable`,
+    what describes the run is forced to the disk, without which its checkpoints were worth nothing.
+    """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, durable: bool = True) -> None:
         self.path = path
+        self.durable = durable
         self.scenario = path / "scenario.toml"
         self.about = path / "run.json"
         self.log_file = path / "log.jsonl"
@@ -60,6 +70,11 @@ class RunDir:
         if not path.exists():
             raise CaromError(f"{path}: no such run directory")
         if not (path / "run.json").is_file():
+            if path.is_dir() and cls(path)._is_own():
+                raise CaromError(
+                    f"{path}: the run was stopped before it wrote anything, and there is nothing to continue;"
+                    f" start it again, as `carom run SCENARIO -o {path} --force`"
+                )
             what = (
                 "a file, not a run directory"
                 if path.is_file()
@@ -77,7 +92,7 @@ class RunDir:
         try:
             if path.is_dir() and force:
                 old = cls(path)
-                if any(path.iterdir()) and not old.about.exists():
+                if any(path.iterdir()) and not (old.about.exists() or old._is_own()):
                     raise CaromError(
                         f"{path} holds other files and is not a run directory; choose another with -o"
                     )
@@ -120,7 +135,8 @@ class RunDir:
 
     def next_segment(self) -> Path:
         """Where a new segment goes."""
-        n = len(self.segments()) + 1
+        taken = [path.stem.removeprefix("results").lstrip("-") or "1" for path in self.segments()]
+        n = max((int(number) for number in taken if number.isdecimal()), default=0) + 1
         return self.path / ("results.h5" if n == 1 else f"results-{n:04d}.h5")
 
     def read(self) -> dict[str, Any]:
@@ -142,11 +158,11 @@ class RunDir:
     def write(self, about: Mapping[str, Any]) -> None:
         """Replace `run.json`."""
         text = json.dumps(about, indent=2, ensure_ascii=False, allow_nan=True) + "\n"
-        write_whole(self.about, text.encode(), durable=False)
+        write_whole(self.about, text.encode(), durable=self.durable)
 
     def write_scenario(self, text: str) -> None:
         """Replace `scenario.toml`."""
-        write_whole(self.scenario, text.encode(), durable=False)
+        write_whole(self.scenario, text.encode(), durable=self.durable)
 
     def write_in_place(self, about: Mapping[str, Any]) -> None:
         """Overwrite `run.json` where it lies: the last resort on a full disk, which has no room for a second file."""
@@ -171,7 +187,7 @@ class RunDir:
         except OSError as error:
             raise RecordError(f"cannot write {self.log_file}: {unwritable(error)}") from error
         try:
-            if not _lock(self._log, shared=False):
+            if not any(_lock(self._log, shared=False) for _ in _attempts()):
                 raise CaromError(
                     f"{self.path} is being written by another process; wait for it, or interrupt it first"
                 )
@@ -196,6 +212,12 @@ class RunDir:
             for file in self.path.glob(pattern):
                 file.unlink()
 
+    def _is_own(self) -> bool:
+        """Whether it is what a run leaves that was killed before it wrote `run.json`: the log, and nothing foreign."""
+        own = {file for pattern in _OWN for file in self.path.glob(pattern)}
+        there = set(self.path.iterdir())
+        return self.log_file in there and there <= own
+
     def remove(self) -> None:
         """Delete what a run writes, and the directory if nothing else is in it."""
         with suppress(OSError):
@@ -213,6 +235,13 @@ def size_on_disk(path: Path) -> int:
 def now() -> str:
     """The time for `run.json`, UTC, to the second."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+
+
+def _attempts() -> Iterator[None]:
+    """Several in a fraction of a second: a reader that looks whether somebody writes holds the lock for a moment."""
+    for _ in range(LOCK_ATTEMPTS):
+        yield
+        time.sleep(LOCK_PAUSE)
 
 
 def _literal(stem: str) -> str:

@@ -83,7 +83,7 @@ def _directory() -> str:
         with tempfile.TemporaryFile(dir="."):
             pass
     except OSError as error:
-        from carom.record.writer import unwritable
+        from carom.files import unwritable
 
         raise RuntimeError(f"not writable: {unwritable(error)}, or change to another directory") from error
     return f"writable, {shutil.disk_usage('.').free / 1e9:.1f} GB free"

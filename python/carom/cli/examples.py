@@ -55,8 +55,8 @@ def copy(
 
     Example: carom examples copy paper/5.6_break
     """
-    from carom.checkpoint import write_whole
     from carom.errors import CaromError
+    from carom.files import write_whole
 
     source = find(name)
     target = to / source.name if to.is_dir() or to.suffix != ".toml" else to

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from carom.cli.options import Json, Quiet, Run, overrides
-from carom.cli.output import guarded
+from carom.cli.output import guarded, note
 from carom.cli.progress import progress_bar
 from carom.cli.run import report
 
@@ -28,6 +28,18 @@ def resume(
             help="Go on with another numerical option of [run], as tolerance; may be repeated.",
         ),
     ] = None,
+    checkpoint: Annotated[
+        str,
+        typer.Option(
+            "--checkpoint",
+            metavar="newest|previous|start",
+            help="Continue from the one before the newest, or compute the run anew, if the newest cannot be used.",
+        ),
+    ] = "newest",
+    any_version: Annotated[
+        bool,
+        typer.Option("--any-version", help="Take a checkpoint of another version of Carom; bits may differ."),
+    ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
@@ -45,5 +57,14 @@ def resume(
     options, places = overrides(set_, until)
     stop = Interrupt()
     with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
-        result = relaunch(RunDir.open(run), options, places=places, stop=stop, progress=bar)
+        result = relaunch(
+            RunDir.open(run),
+            options,
+            places=places,
+            stop=stop,
+            progress=bar,
+            checkpoint=checkpoint,
+            any_version=any_version,
+            tell=note,
+        )
     return report(result, quiet=quiet, as_json=as_json)

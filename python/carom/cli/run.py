@@ -47,6 +47,14 @@ def run(
     form: Annotated[
         str, typer.Option("--form", metavar="local|global", help="Form of these problems.")
     ] = "local",
+    on_nonconvergence: Annotated[
+        str | None,
+        typer.Option(
+            "--on-nonconvergence",
+            metavar="stop|warn",
+            help="A step that cannot be solved: stop there (default), or go on and mark it in the result.",
+        ),
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
@@ -65,6 +73,8 @@ def run(
     from carom.run import chosen, launch
     from carom.rundir import RunDir
 
+    if on_nonconvergence is not None:
+        set_ = [*(set_ or []), f"run.on_nonconvergence={on_nonconvergence}"]
     described = scene(scenario, case, set_, until)
     for advice in described.validate():
         note(f"warning: {advice}")

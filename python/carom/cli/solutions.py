@@ -115,7 +115,7 @@ def profile_of(done: Sequence[Attempt], names: Sequence[str]) -> Profile:
 
 def write(done: Sequence[Attempt], names: Sequence[str], out: Path, formats: Sequence[str]) -> list[Path]:
     """`results.csv`, and of several problems the profiles as figures with their numbers."""
-    from carom.checkpoint import write_whole
+    from carom.files import write_whole
 
     files = [out / "results.csv"]
     write_whole(files[0], _csv(done).encode(), durable=False, parents=True)

@@ -19,8 +19,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from carom.checkpoint import write_whole
 from carom.errors import CaromError
+from carom.files import write_whole
 from carom.paper.document import to_json
 from carom.paper.page import markdown
 from carom.paper.runner import Report
@@ -110,7 +110,7 @@ def _umask() -> int:
 
 
 def _unwritable(path: Path, error: OSError) -> CaromError:
-    from carom.record.writer import unwritable
+    from carom.files import unwritable
 
     return CaromError(f"cannot write {path}: {unwritable(error)}")
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.checkpoint import write_whole
+from carom.files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,8 @@ Matrices are groups `m, n, nz, nzmax, p, i, x`: `nz = -2` compressed rows, `-1` 
 which the first `nz` count, with the row in `i` and the column in `p` (as all files have it; a comment in FCLib's
 header says the opposite). `docs/reference/problems.md` has the whole.
 
-The groups `solution` and `guesses` are not read: what stands there need not be a solution.
+The groups `solution` and `guesses` are not read: what stands there need not be a solution. Links and storage that lead
+out of the file are refused, and so are arrays larger than the bytes behind them (`carom.hdf5`).
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.checkpoint import write_whole
+from carom.files import write_whole
+from carom.hdf5 import Untrusted, child, first_line, read
 from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
 from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
@@ -66,10 +68,11 @@ def read_fclib(path: Path | str) -> LocalProblem | GlobalProblem:
             problem = _read(file)
     except ContactProblemError as error:
         raise ContactProblemError(f"{path}: {error}") from error
+    except Untrusted as error:
+        raise refuse(f"{path}: {error.place}", error.cause, error.cure) from error
     except UNREADABLE as error:
-        cause = str(error).splitlines()[0] if str(error) else type(error).__name__
         cure = "is it an HDF5 file, and whole?"
-        raise refuse(str(path), f"cannot be read ({cause})", cure) from error
+        raise refuse(str(path), f"cannot be read ({first_line(error)})", cure) from error
     for warning in told:
         warnings.warn(f"{path}: {warning.message}", warning.category, stacklevel=2)
     return problem
@@ -119,7 +122,7 @@ def write_fclib(
 
 
 def _read(file: h5py.File) -> LocalProblem | GlobalProblem:
-    found = [name for name in dict.fromkeys(GROUPS.values()) if isinstance(file.get(name), h5py.Group)]
+    found = [name for name in dict.fromkeys(GROUPS.values()) if isinstance(child(file, name), h5py.Group)]
     if not found:
         there = ", ".join(map(str, list(file)[:6])) or "nothing"
         raise refuse(
@@ -128,7 +131,7 @@ def _read(file: h5py.File) -> LocalProblem | GlobalProblem:
             f"one of {', '.join(dict.fromkeys(GROUPS.values()))}",
         )
     name = found[0]
-    group = file[name]
+    group = child(file, name)
     dimension = _int(group, "spacedim")
     is_global = "global" in name
     allowed = [d for (whole, d), g in GROUPS.items() if g == name and whole == is_global]
@@ -156,19 +159,14 @@ def _read(file: h5py.File) -> LocalProblem | GlobalProblem:
 
 
 def _group(group: h5py.Group, key: str) -> h5py.Group:
-    found = group.get(key)
+    found = child(group, key)
     if not isinstance(found, h5py.Group):
         raise refuse(f"{group.name}/{key}", "missing", "a contact problem has this group")
     return found
 
 
 def _array(group: h5py.Group, key: str, kinds: str) -> NDArray[Any]:
-    found = group.get(key)
-    if not isinstance(found, h5py.Dataset) or found.shape is None:
-        raise refuse(f"{group.name}/{key}", "missing", "a contact problem has these numbers")
-    if found.dtype.kind not in kinds:
-        raise refuse(f"{group.name}/{key}", f"of type {found.dtype}", "numbers are wanted")
-    array: NDArray[Any] = np.atleast_1d(found[()])
+    array: NDArray[Any] = np.atleast_1d(read(group, key, kinds))
     return array.reshape(-1)
 
 
@@ -185,8 +183,13 @@ def _int(group: h5py.Group, key: str) -> int:
 
 def _text(group: h5py.Group, key: str) -> str:
     """A string of `info`, "" if missing; published ones hold bytes that are no UTF-8."""
-    found = group.get(f"info/{key}")
-    if not isinstance(found, h5py.Dataset) or found.shape not in ((), (1,)):
+    found = child(group, f"info/{key}")
+    if (
+        not isinstance(found, h5py.Dataset)
+        or found.shape not in ((), (1,))
+        or found.is_virtual
+        or found.external
+    ):
         return ""
     value = found[()] if found.shape == () else found[0]
     return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)

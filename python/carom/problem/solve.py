@@ -20,8 +20,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.checkpoint import write_whole
 from carom.errors import CaromError, counted, did_you_mean, one_line
+from carom.files import write_whole
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.fclib import write_fclib
 from carom.problem.global_ import GlobalProblem, invert

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from carom.files import RecordError
 from carom.record.layout import FORMAT, Rows
 from carom.record.reader import Column, Segments
-from carom.record.writer import RecordError, Writer
+from carom.record.writer import Writer
 
 __all__ = ["FORMAT", "Column", "RecordError", "Rows", "Segments", "Writer"]

@@ -6,13 +6,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.record.layout import FORMAT, TABLES, TEXTS, VALUES, Rows
+from carom.record.layout import TEXTS, VALUES, Rows
+from carom.record.opening import (
+    DAMAGED,
+    column_of,
+    damaged,
+    first_rows,
+    open_results,
+    read_rows,
+    static_of,
+    table_of,
+    written,
+)
 
 #: A column up to this size is read whole at first use: one read of 3000 frames is as cheap as a read of one.
 CACHE_BYTES = 64 * 1024 * 1024
@@ -108,12 +118,12 @@ class Column(NDArrayOperatorsMixin):
     def _rows(self, start: int, stop: int, stride: int = 1) -> NDArray[Any]:
         """Rows `start:stop:stride` over all segments."""
         pieces, offset = [], 0
-        for dataset, rows in self._parts:
+        for part, rows in self._parts:
             low = max(start, offset)
             low += (start - low) % stride
             high = min(stop, offset + rows)
             if low < high:
-                pieces.append(dataset[low - offset : high - offset : stride])
+                pieces.append(read_rows(part, slice(low - offset, high - offset, stride)))
             offset += rows
         if not pieces:
             return np.empty((0, *self.shape[1:]), self.dtype)
@@ -122,28 +132,27 @@ class Column(NDArrayOperatorsMixin):
 
 class Segments:
     """All segments of a run, opened for reading while they may still be written to. Row counts are those at
-    opening.
+    opening; with `upto` rows beyond it do not count, as if a further segment began there.
     """
 
-    def __init__(self, paths: Sequence[Path]) -> None:
+    def __init__(self, paths: Sequence[Path], upto: Rows | None = None) -> None:
         if not paths:
             raise CaromError("there are no results yet: no results.h5 in the run directory")
-        self._files = [_open(path) for path in paths]
-        firsts = [Rows(*(int(n) for n in file.attrs["first_rows"])) for file in self._files]
+        self._files = [open_results(path) for path in paths]
+        firsts = [first_rows(file) for file in self._files]
+        ends = firsts if upto is None else [*firsts, upto]
         self._rows: list[Rows] = []
         for k, file in enumerate(self._files):
-            commit = file["commit"]
-            written = Rows(*(int(n) for n in commit[-1])) if commit.shape[0] else Rows()
+            whole = written(file)
             # A later segment overrules every row from its start on, in all segments before it.
             limits = [
-                min(f[i] for f in firsts[k + 1 :]) if firsts[k + 1 :] else None
-                for i in range(len(Rows._fields))
+                min(f[i] for f in ends[k + 1 :]) if ends[k + 1 :] else None for i in range(len(Rows._fields))
             ]
             self._rows.append(
                 Rows(
                     *(
                         max(0, min(w, m - f) if m is not None else w)
-                        for w, f, m in zip(written, firsts[k], limits, strict=True)
+                        for w, f, m in zip(whole, firsts[k], limits, strict=True)
                     )
                 )
             )
@@ -162,9 +171,13 @@ class Segments:
 
     def columns(self, table: str) -> list[str]:
         """Names of the columns of a table; none of one that the run has not."""
-        if table not in self._files[0]:
+        group = table_of(self._files[0], table)
+        if group is None:
             return []
-        return [_text(name) for name in self._files[0][table].attrs["columns"]]
+        try:
+            return [_text(name) for name in group.attrs["columns"]]
+        except DAMAGED as error:
+            raise damaged(self._files[0], f"/{table}: its list of columns", error) from error
 
     def column(self, table: str, name: str) -> Column:
         """One column over all segments."""
@@ -172,8 +185,10 @@ class Segments:
         if found is None:
             if self._closed:
                 raise CaromError(f"the result is closed, and {name} was not read before")
-            datasets = [file[table][name] for file in self._files]
             counts = [rows.values if (table, name) == VALUES else getattr(rows, table) for rows in self._rows]
+            datasets = [
+                column_of(file, f"{table}/{name}", n) for file, n in zip(self._files, counts, strict=True)
+            ]
             unit = _text(datasets[0].attrs.get("unit", ""))
             found = self._found[table, name] = (list(zip(datasets, counts, strict=True)), unit, [])
         parts, unit, kept = found
@@ -181,10 +196,13 @@ class Segments:
 
     def static(self, table: str) -> dict[str, NDArray[Any]]:
         """The table `bodies`, `planes` or `walls` (empty if there are none); text as an array of `str`."""
-        if table not in self._files[0]:
+        group = table_of(self._files[0], table)
+        if group is None:
             return {"name": np.zeros(0, dtype=object)}
-        group = self._files[0][table]
-        return {n: np.array(d.asstr()[:], dtype=object) if n in TEXTS else d[()] for n, d in group.items()}
+        columns = {name: static_of(self._files[0], f"{table}/{name}", name in TEXTS) for name in group}
+        if "name" not in columns or len({len(values) for values in columns.values()}) > 1:
+            raise damaged(self._files[0], f"/{table}", "its columns differ in length, or name is missing")
+        return columns
 
     def close(self) -> None:
         """Close the files; what was read stays."""
@@ -196,34 +214,6 @@ class Segments:
         }
         for file in self._files:
             file.close()
-
-
-def _open(path: Path) -> h5py.File:
-    try:
-        file = _open_swmr(path)
-    except OSError as error:
-        if not path.exists():
-            raise CaromError(f"{path}: no such file") from error
-        raise CaromError(
-            f"{path} cannot be read as results of a run: {str(error).splitlines()[0]}"
-        ) from error
-    found = int(file.attrs.get("format", -1))
-    if found != FORMAT or any(table not in file for table in (*TABLES, "commit")):
-        file.close()
-        raise CaromError(
-            f"{path} is not a results file of this version of Carom (format {found}, wanted {FORMAT})"
-        )
-    return file
-
-
-def _open_swmr(path: Path) -> h5py.File:
-    try:
-        return h5py.File(path, "r", libver="latest", swmr=True)
-    except OSError as error:
-        if "lock" not in str(error):
-            raise
-        # Network file systems may have no locks, or keep that of a writer that died.
-        return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
 
 
 def _text(value: Any) -> str:

@@ -9,7 +9,6 @@ Readers trust nothing else. No compression: it buys 10-16 % of the size for ten 
 
 from __future__ import annotations
 
-import errno
 import os
 import tempfile
 import threading
@@ -23,7 +22,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError
+from carom.files import RecordError, unwritable
 from carom.record.layout import ENDS, FORMAT, MEANINGS, TEXTS, VALUES, Meaning, Rows, tables
 
 Table = Mapping[str, Any]
@@ -35,10 +34,6 @@ MAX_CHUNK_ROWS = 4096
 #: Rows wait in memory until there are this many bytes of them, or the oldest is this many seconds old.
 BATCH_BYTES = 16 * 1024 * 1024
 BATCH_SECONDS = 1.0
-
-
-class RecordError(CaromError):
-    """Results could not be written: no space, no permission, a file system that went away."""
 
 
 class Writer:
@@ -151,10 +146,28 @@ class Writer:
                 self._file.flush()
                 _extend(self._commit, np.array([rows], dtype=np.uint64))
                 self._commit.flush()
+                self._check_place()
         except BaseException as error:
             self._failure = error  # what was lost cannot be made good: nothing more is written to this file
             raise
         self.committed = rows
+
+    def _check_place(self) -> None:
+        """Raise if nobody can find what was written: a file that was removed or replaced goes on taking it all in."""
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.stat(self.path), os.fstat(self._file.id.get_vfd_handle())):
+                return
+        raise RecordError(
+            f"{self.path} was removed or replaced while the run wrote it; put it back and continue the run with"
+            " `carom resume`, or compute it anew"
+        )
+
+    def sync(self) -> None:
+        """Force what was committed to the disk, so that it outlives a power failure."""
+        self._wait()
+        if self._file is not None:
+            with _explained(self.path):
+                os.fsync(self._file.id.get_vfd_handle())
 
     def close(self) -> None:
         """Commit the rest and close the file."""
@@ -295,37 +308,3 @@ class _explained:
         # h5py reports some failed writes as RuntimeError (from closing) instead of OSError.
         if isinstance(error, (OSError, RuntimeError)):
             raise RecordError(f"cannot write {self.path}: {unwritable(error)}") from error
-
-
-def reason(error: BaseException) -> str:
-    """The cause of an input/output error in a few words; HDF5 hides the error number inside a long message."""
-    return _known(error)[0]
-
-
-def unwritable(error: BaseException) -> str:
-    """Cause and cure of a failed attempt to write."""
-    cause, cure = _known(error)
-    return f"{cause}; {cure}"
-
-
-def _known(error: BaseException) -> tuple[str, str]:
-    text = str(error)
-    number = getattr(error, "errno", None)
-    elsewhere = "write elsewhere with -o"
-    for code, cause, cure in (
-        (errno.ENOSPC, "no space left on the disk", f"free some, or {elsewhere}"),
-        (errno.EDQUOT, "the disk quota is used up", f"free some, or {elsewhere}"),
-        (errno.EFBIG, "the file grew beyond the limit of this process", "raise it (ulimit -f)"),
-        (errno.EACCES, "permission denied", elsewhere),
-        (errno.EPERM, "permission denied", elsewhere),
-        (errno.EROFS, "the file system is read-only", elsewhere),
-        (errno.EIO, "the disk reports an input/output error", elsewhere),
-        (errno.ENOTDIR, "a part of the path is a file, not a directory", elsewhere),
-        (errno.EEXIST, "a part of the path is a file, not a directory", elsewhere),
-        (errno.EISDIR, "it is a directory", "name a file"),
-        (errno.ENAMETOOLONG, "the name is too long", "choose a shorter one"),
-    ):
-        if number == code or f"errno = {code}," in text:
-            return cause, cure
-    words = getattr(error, "strerror", None) if number is not None else None
-    return words or (text.splitlines()[0] if text else type(error).__name__), elsewhere

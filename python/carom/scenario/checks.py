@@ -16,8 +16,9 @@ import numpy as np
 
 from carom.errors import did_you_mean, quoted
 from carom.scenario.attachment_checks import check_names
-from carom.scenario.balls import Ball
+from carom.scenario.balls import MOST_BALLS, Ball, Generator
 from carom.scenario.bodies import Bodies, expand
+from carom.scenario.flow import Inflow
 from carom.scenario.joint_start import check_start
 from carom.scenario.mechanics import MECHANICS
 from carom.scenario.model import Contact, Material, Scenario, World
@@ -84,6 +85,10 @@ SECTIONS = ("material", "contact", *BALLS, *WALLS, "outlet", *MECHANICS)
 def check(parts: Parts) -> Iterator[Finding]:
     """Everything that forbids a run."""
     yield from _times(parts)
+    crowd = list(_crowd(parts))
+    yield from crowd
+    if crowd:
+        return  # before anything is allocated for so many
     yield from _names(parts)
     yield from _materials(parts)
     yield from _pairs(parts)
@@ -126,6 +131,18 @@ def _times(parts: Parts) -> Iterator[Finding]:
     elif steps(run) > 10**12:
         cause = f"{run.until:g} s in steps of {run.step:g} s are more than 10^12 steps"
         yield Finding(("run", "step"), cause, "give a longer step or a shorter until")
+
+
+def _crowd(parts: Parts) -> Iterator[Finding]:
+    """Every table may stand for `MOST_BALLS` balls, and all of them together."""
+    total = 0
+    for section in BALLS:
+        for i, table in parts.entries[section]:
+            total += table.size() if isinstance(table, Generator | Inflow) else 1
+            if total > MOST_BALLS:
+                cause = f"with this table there are more than {MOST_BALLS} balls"
+                yield Finding((section, i), cause, "reduce their number")
+                return
 
 
 def _names(parts: Parts) -> Iterator[Finding]:

@@ -198,9 +198,9 @@ def _beyond(raw: Mapping[str, Any], found: list[Finding]) -> list[Finding]:
         world = World.model_validate(raw.get("world", {}))
     materials = raw.get("material", [])
     lost = frozenset(
-        str(t["name"])
+        t["name"]
         for t in (materials if isinstance(materials, list) else [])
-        if isinstance(t, dict) and "name" in t
+        if isinstance(t, dict) and isinstance(t.get("name"), str)
     )
     if raw.get("packing"):  # its balls are not among these tables
         damaged.add("sphere")

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from carom.scenario.balls import Lattice, Rack, Sphere
-from carom.scenario.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Pair, Quantity, Text, Version
+from carom.scenario.fields import NOT_NEGATIVE, POSITIVE, Bounds, Flag, Integer, Pair, Quantity, Text, Version
 from carom.scenario.flow import Inflow, Outlet, Region
 from carom.scenario.joints import Joint
 from carom.scenario.laws import Law, LawValue
@@ -46,6 +46,21 @@ class Record(Table):
         None,
         description="keep the impulse on each wall since the last frame; if omitted, where a wall moves",
         examples=[True],
+    )
+    checkpoint_steps: Annotated[int, Integer(Bounds(ge=1))] | None = Field(
+        None, description="steps between checkpoints", examples=[10_000]
+    )
+    checkpoint_time: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
+        None,
+        description="simulated time between checkpoints",
+        examples=[0.5],
+        json_schema_extra=unit("s"),
+    )
+    checkpoint_wall: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
+        None,
+        description="real time between checkpoints; without any of the three about 30 s, at most 2 % of the run",
+        examples=[600.0],
+        json_schema_extra=unit("s"),
     )
 
 

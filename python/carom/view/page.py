@@ -19,8 +19,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from carom.checkpoint import write_whole
 from carom.errors import CaromError
+from carom.files import write_whole
 from carom.view import codec
 from carom.view.scenery import bounds, held, period, scenery
 

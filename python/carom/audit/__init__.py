@@ -1,0 +1,76 @@
+"""The auditor: judges a finished run by the laws of physics alone, from its files, without any code of the solvers.
+
+`carom.audit.check("runs/break-1")` returns a `Report`: for each kind of law (`carom.audit.kinds`) how often it was judged, the
+worst violation with its place and time, and what could not be judged from what was recorded, with the option that would
+record it. `docs/reference/audit.md` states all laws and bounds.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
+
+if TYPE_CHECKING:
+    from carom.audit.data import Run
+    from carom.result import Result
+
+__all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check"]
+
+
+def check(run: Result | str | Path) -> Report:
+    """Judge a run: a `carom.Result`, a run directory, or its `results.h5`."""
+    from carom.audit.data import read
+
+    path = Path(run if isinstance(run, (str, Path)) else run.path)
+    if path.is_file():
+        path = path.parent
+    evidence = read(path)
+    tally = Tally()
+    with np.errstate(invalid="ignore", over="ignore"):  # NaNs of damaged files are findings, not accidents
+        _judge(evidence, tally)
+    result = evidence.result
+    return Report(str(path), result.title, evidence.method, evidence.frames, tally.close(), tuple(_warnings(evidence)))
+
+
+def _judge(run: Run, tally: Tally) -> None:
+    from carom.audit import cones, energy, gaps, impacts, joints, motion, tables, tunnel
+    from carom.audit.near import near
+
+    tables.judge(run, tally)
+    energy.rises(run, tally)
+    for block in run.blocks():
+        pairs = near(block)
+        tables.frames(block, tally)
+        motion.judge(block, tally, pairs.free)
+        motion.walls(block, tally)
+        gaps.penetration(block, pairs, tally)
+        gaps.recorded(block, tally)
+        gaps.complementarity(block, tally)
+        gaps.approach(block, pairs, tally)
+        cones.judge(block, tally)
+        cones.passivity(block, tally)
+        impacts.judge(block, tally)
+        energy.judge(block, pairs, tally)
+        tunnel.judge(block, pairs, tally)
+        joints.judge(block, tally)
+
+
+def _warnings(run: Run) -> list[str]:
+    """What the run says of itself that a reader of the verdict should know."""
+    found = []
+    result = run.result
+    if not result.outcome.ok:
+        found.append(f"the run did not reach its end: {result.outcome.brief}")
+    for column, words in (
+        ("unconverged", "steps were accepted without convergence"),
+        ("missed_impacts", "impacts were missed: bodies overlapped while separating"),
+        ("truncated", "impact sequences were cut at their limit"),
+    ):
+        count = int((run.steps[column] > 0).sum())
+        if count:
+            found.append(f"{words} ({count} steps)")
+    return found

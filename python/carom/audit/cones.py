@@ -1,0 +1,240 @@
+"""Impulses in their cones, and maximum dissipation: friction against the slip at its bound, moments against the rolling.
+
+    Lambda_N >= 0,  |Lambda_T| <= mu Lambda_N,  |M_R| <= rho Lambda_N,  |M_S| <= delta Lambda_N
+    Lambda_T = -mu Lambda_N z/|z| where z != 0                                                   (eqs. 15, 16, 18, 23)
+
+Solvers satisfy them up to `Block.left`. An impulse gathered over several steps lies in the cone of its last normal widened by
+the angle by which the normal has turned (`forces.turn`): cones are convex, and so are their sums.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from carom.audit import forces
+from carom.audit.data import Block
+from carom.audit.near import stiffness
+from carom.audit.rates import Pairs, Rates, compliance, rates
+from carom.audit.report import Place, Tally
+from carom.audit.vectors import EPS, across, dot, norm
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+
+def judge(block: Block, tally: Tally) -> None:
+    """Signs, cones and directions of the recorded contacts."""
+    if not block.run.has_contacts:
+        for kind in ("sign", "friction cone", "rolling cone", "spinning cone", "slip", "roll"):
+            tally.skip(kind, "impulses of contacts were not recorded", "contacts = true in [record]", block.count)
+        return
+    c = block.rows
+    if not len(c):
+        return
+    mu = friction(block)
+    levels = [(c.impulse, c.moment)]
+    if block.run.method == "nsga":
+        levels.append((c.position_impulse, c.position_moment))
+    for impulse, moment in levels:
+        _cones(block, tally, mu, impulse, moment)
+    _directions(block, tally, mu)
+
+
+def friction(block: Block) -> F64:
+    """(K,) mu of each contact: that of the slip at the start of the step, or the largest of all speeds that may have
+    occurred where several steps or parts of one lie between the frames. NaN where there is no law.
+    """
+    run, c = block.run, block.rows
+    index = run.law_index(c.a, c.b)
+    if not run.friction_varies:
+        return run.friction(index, np.zeros(len(c)))
+    lever = block.start[1]
+    slip = norm(_rates(block, lever, lever, start=True).slip)
+    mu = run.friction(index, slip)
+    loose = ~block.single[c.k]
+    if loose.any():
+        speed = forces.speeds(block) * 2.0
+        ball = np.minimum(c.b, run.bodies - 1)
+        spin = np.maximum(norm(block.w0), norm(block.w1)) * run.radius * 4.0
+        top = (speed + spin)[c.k, c.a] + (speed + spin)[c.k, ball]
+        most = np.max([run.friction(index, share * top) for share in np.linspace(0.0, 1.0, 65)], axis=0)
+        mu = np.where(loose, np.maximum(mu, most), mu)
+    return mu
+
+
+def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rates:
+    run, c = block.run, block.rows
+    x, v, w, t = (block.x0, block.v0, block.w0, block.t0) if start else (block.centres, block.v1, block.w1, block.t1)
+    ball = np.minimum(c.b, run.bodies - 1)
+    motion = (v[c.k, c.a], w[c.k, c.a], v[c.k, ball], w[c.k, ball])
+    return rates(run, Pairs(c.a, c.b, t[c.k], x[c.k, c.a], normal), motion, normal, lever)
+
+
+def _place(block: Block, rows: object = None) -> object:
+    c = block.rows
+
+    def place(i: int) -> Place:
+        at = int(i if rows is None else rows[i])  # type: ignore[index]
+        return block.place(int(c.k[at]), int(c.a[at]), int(c.b[at]))
+
+    return place
+
+
+def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> None:
+    run, c = block.run, block.rows
+    size = norm(impulse)
+    left = block.left(size)[c.k] + 16.0 * EPS * size
+    angle = np.where(block.single[c.k], 0.0, forces.turn(block))
+    angle = np.where(angle > 0.0, np.maximum(angle, norm(c.normal - block.start[1])), 0.0)
+    parts = forces.split(impulse, c.normal, block.start[1])
+    place = _place(block)
+    judged = np.flatnonzero(angle < 0.5 * np.pi)
+    open_place = _place(block, judged)
+    for kind in ("sign", "friction cone"):
+        tally.skip(kind, "the normal turned by more than a right angle between frames", "every = 1 in [record]",
+                   len(c) - len(judged))  # fmt: skip
+    # A normal that turned by `angle` makes of a push at most so much of a pull.
+    pulled = np.minimum(*(-p.normal for p in parts)) - size * np.sin(np.minimum(angle, 0.5 * np.pi))
+    tally.measure("sign", np.maximum(pulled[judged], 0.0), left[judged], open_place)  # type: ignore[arg-type]
+    wide = np.arctan(mu) + angle
+    slope = np.where(wide < 0.5 * np.pi - 1e-3, np.tan(np.minimum(wide, 0.5 * np.pi - 1e-3)), np.inf)
+    with np.errstate(invalid="ignore"):
+        excess = np.minimum(
+            *(norm(p.sliding) - np.where(p.normal > 0.0, slope * p.normal, 0.0) for p in parts)
+        )
+    excess = np.where(np.isinf(slope) | (norm(impulse) == 0.0), 0.0, excess)
+    bound = left * (1.0 + np.where(np.isfinite(slope), slope, 0.0))
+    if run.method == "penalty":
+        # Friction goes with the normal force before or after it within a substep, also with that of the first frame.
+        depth = np.maximum(0.0, -block.start[0])
+        force = stiffness(run, c.a, c.b) * depth ** float(run.options["penalty_exponent"])
+        substep = (block.dt / np.maximum(block.updates - block.n, 1))[c.k]
+        bound = bound + mu * (size / float(run.options["penalty_resolution"]) + 2.0 * force * substep)
+    tally.measure("friction cone", np.maximum(excess[judged], 0.0), bound[judged], open_place)  # type: ignore[arg-type]
+    index = run.law_index(c.a, c.b)
+    for kind, name in (("rolling cone", "rolling_radius"), ("spinning cone", "spinning_radius")):
+        radius = run.coefficient(name, index)
+        if not norm(moment).any() and not radius.any():
+            continue
+        # Of the whole normal impulse: a turned normal has not made it more than its length.
+        pushed = np.where(angle > 0.0, size, np.maximum(*(p.normal for p in parts)))
+        spins = [np.abs(dot(moment, p.lever)) for p in parts]
+        rolls = [norm(across(moment, p.lever)) for p in parts]
+        turned = norm(moment) * np.sin(np.minimum(angle, 0.5 * np.pi))
+        value = np.minimum(*(rolls if kind == "rolling cone" else spins)) - turned
+        bound = left * np.maximum(radius, 0.0) + left * run.radius[c.a] + 16.0 * EPS * norm(moment)
+        tally.measure(kind, np.maximum(value - radius * pushed, 0.0), bound, place)  # type: ignore[arg-type]
+
+
+def struck(block: Block) -> NDArray[np.bool_]:
+    """(K,) contacts that took part in an impact of their interval: its law is another (`impacts`)."""
+    run, c = block.run, block.rows
+    table = run.result.impacts
+    step = np.asarray(table["step"]).astype(np.int64)
+    low, high = np.searchsorted(step, [block.s0[0] + 1, block.s1[-1] + 1])
+    body = np.asarray(table["body"][low:high]).astype(np.int64).reshape(-1, 2)
+    k = np.searchsorted(block.s1, step[low:high])
+    many = len(run.names)
+    return np.isin((c.k * many + c.a) * many + c.b, (k * many + body[:, 0]) * many + body[:, 1])
+
+
+def _directions(block: Block, tally: Tally, mu: F64) -> None:
+    """In one whole step without an impact at the contact all its impulse is of one problem, with `z` the velocity at the end."""
+    run, c = block.run, block.rows
+    if run.method == "penalty":
+        why = "penalty smooths friction over the slip speeds of its substeps"
+        tally.skip("slip", why, "use nsga or moreau", len(c))
+        return
+    cure = "every = 1 in [record]"
+    single = block.single[c.k]
+    tally.skip("slip", "several steps, or parts of one, lie between the frames", cure, int((~single).sum()))
+    if not run.has_impacts:
+        tally.skip("slip", "which contacts had an impact was not recorded", "impacts = true in [record]", len(c))
+        return
+    index = run.law_index(c.a, c.b)
+    odd = (run.options["impact"] == "sequence-paper") & (run.coefficient("tangential_restitution", index) != 0.0)
+    tally.skip("slip", "the printed law restores slip in every problem", "impact = sequence", int((single & odd).sum()))
+    hit = struck(block)
+    size = norm(c.impulse)
+    rows = np.flatnonzero(single & ~odd & ~hit & (size > 0.0))
+    if not rows.size:
+        return
+    left = block.left(size)[c.k] + 16.0 * EPS * size
+    defects, bounds = [], []
+    for part in forces.split(c.impulse, c.normal, block.start[1]):
+        found = _rates(block, c.normal, part.lever)
+        push = np.maximum(part.normal, 0.0)
+        scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
+                             ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
+        noise = 64.0 * EPS * scale
+        own = compliance(run, c.a, c.b)
+        defects.append(opposed(part.sliding, found.slip, mu * push, left, 2.0 * own[1] * left + noise))
+        bounds.append(left * (1.0 + mu))
+    best = np.argmin([d / b for d, b in zip(defects, bounds, strict=True)], axis=0)
+    value, bound = (np.where(best == 0, x[0], x[1]) for x in (defects, bounds))
+    tally.measure("slip", value[rows], bound[rows], _place(block, rows))  # type: ignore[arg-type]
+    _turning(block, tally, rows, left, index)
+
+
+def opposed(force: F64, slip: F64, most: F64, left: F64, still: F64) -> F64:
+    """How far a friction (K, 3) is from `-most slip/|slip|`, beyond what a slip error of `still` may turn or weaken it.
+
+    A slip below `still` may as well be none: then the cone alone binds, and the defect is 0.
+    """
+    speed = norm(slip)
+    moving = speed > still
+    wanted = -most[:, None] * np.divide(slip, speed[:, None], out=np.zeros_like(slip), where=moving[:, None])
+    allowed = 2.0 * most * np.minimum(1.0, np.divide(still, speed, out=np.ones_like(speed), where=moving))
+    return np.where(moving, np.maximum(0.0, norm(force - wanted) - allowed), 0.0)
+
+
+def _turning(block: Block, tally: Tally, rows: NDArray[np.int64], left: F64, index: NDArray[np.int64]) -> None:
+    run, c = block.run, block.rows
+    rho, delta = (run.coefficient(name, index) for name in ("rolling_radius", "spinning_radius"))
+    if not (rho.any() or delta.any()):
+        return
+    own = compliance(run, c.a, c.b)[2]
+    values, bounds = [], []
+    for part in forces.split(c.impulse, c.normal, block.start[1]):
+        n = part.lever
+        turning = _rates(block, c.normal, n).turning
+        push = np.maximum(part.normal, 0.0)
+        still = 2.0 * own * left * run.radius[c.a] + 64.0 * EPS * norm(block.w1[c.k, c.a])
+        roll = opposed(across(c.moment, n), across(turning, n), rho * push, left, still)
+        spin = opposed(
+            dot(c.moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, left, still
+        )
+        values.append(np.where(rho > 0.0, roll, 0.0) + np.where(delta > 0.0, spin, 0.0))
+        bounds.append(left * (run.radius[c.a] + rho + delta))
+    value = np.minimum(*values)
+    chosen = rows[(rho[rows] > 0.0) | (delta[rows] > 0.0)]
+    tally.measure("roll", value[chosen], bounds[0][chosen], _place(block, chosen))  # type: ignore[arg-type]
+
+
+def passivity(block: Block, tally: Tally) -> None:
+    """The contacts of an interval do no work together (rule R4): each impact problem may gain 1e-10 of the kinetic energy by
+    rounding, problems of piles a hundredth of tol_r, and the problem of the loads `tol_r` of the work itself.
+    """
+    run, c = block.run, block.rows
+    if not run.has_contacts:
+        tally.skip("passivity", "work of contacts was not recorded", "contacts = true in [record]", block.count)
+        return
+    if not run.options["energy_safeguard"] or run.options["impact"] == "sequence-paper":
+        tally.skip("passivity", "the run lets impacts gain energy", "energy_safeguard = true", block.count)
+        return
+    columns = c.work
+    if run.method == "penalty":
+        if run.options["penalty_friction"] == "spring":
+            cure = "penalty_friction = regularised"
+            tally.skip("passivity", "springs of friction give back what they hold", cure, block.count)
+            return
+        columns = c.work[:, 1:]  # normal forces give back what they took: between frames they may do work
+    work = np.bincount(c.k, columns.sum(axis=1), minlength=block.count)
+    size = np.bincount(c.k, np.abs(columns).sum(axis=1), minlength=block.count)
+    problems = run.total(run.steps["impact_problems"] + 1.0, block)
+    share = np.where(block.piled, np.maximum(1e-10, 0.01 * block.tolerance), 1e-10)
+    top = run.over(run.steps["energy_kinetic"], block)
+    bound = problems * share * top + block.tolerance * size + 64.0 * EPS * (size + top)
+    gone = (np.bincount(c.k, minlength=block.count) == 0) | ~block.kept
+    kept = np.flatnonzero(~gone)
+    tally.measure("passivity", np.maximum(work, 0.0)[kept], bound[kept], lambda i: block.place(int(kept[i])))
+

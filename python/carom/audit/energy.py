@@ -1,0 +1,221 @@
+"""Energy: recorded energies are those of the motion, they change by the recorded work alone, and never rise beyond it.
+
+Between two frames, with weight alone and whole steps, exactly
+
+    nsga     E' - E = sum of works of contacts + energy_work + in - out - g . sum nu
+    moreau   E' - E = sum of works of contacts + energy_work + in - out - (h/2) g . sum P - (theta - 1/2) h g . sum m dv
+
+where `sum nu` and `sum P` run over what the balls got from contacts: the position correction lifts bodies (nsga), and the
+theta rule moves them by the mean of velocities that contacts changed at its end (moreau). Works are recorded by cause, relative
+to moving walls, whose own work (`energy_work`) is taken with the mean of their velocities at both ends of the step: the two
+differ by half of the change of the wall's velocity times its impulses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.data import Block, Run
+from carom.audit.forces import speeds
+from carom.audit.motion import kinetic
+from carom.audit.near import Near, stiffness
+from carom.audit.report import Tally
+from carom.audit.vectors import EPS, dot, norm, rotated
+
+F64 = NDArray[np.float64]
+RISE_PILE = 2e-6
+"""Share of the total that a step of 1 ms in a pile may gain: what the simulator promises (`docs/reference/audit.md`)."""
+
+
+def judge(block: Block, near: Near, tally: Tally) -> None:
+    """All three, for the intervals of a block."""
+    potential = _potential(block, near)
+    motion = kinetic(block)[1]
+    _record(block, tally, motion, potential)
+    _balance(block, tally)
+
+
+def scale(block: Block) -> F64:
+    """(B,) sum of the absolute energies of all bodies at the second frame, J: what roundings are relative to."""
+    run = block.run
+    height = np.abs(np.nan_to_num(block.x1)) @ np.abs(run.gravity)
+    each = run.mass * (dot(block.v1, block.v1) + height) + run.inertia * dot(block.w1, block.w1)
+    return np.asarray(np.nansum(each, axis=1))
+
+
+def _potential(block: Block, near: Near) -> F64 | None:
+    """Potential energy at the second frame, (B,), J; None where the frames do not tell it."""
+    run = block.run
+    present = np.asarray(run.result.present[block.first : block.first + block.count])
+    found = -np.where(present, run.mass * (np.nan_to_num(block.x1) @ run.gravity), 0.0).sum(axis=1)
+    if run.method == "penalty":
+        if run.options["penalty_friction"] == "spring":
+            return None
+        n = float(run.options["penalty_exponent"])
+        curved = [run.walls[b - run.bodies].kind not in ("plane", "rectangle", "disc")
+                  for b in np.unique(near.b[near.b >= run.bodies])]  # fmt: skip
+        if any(curved):
+            return None
+        depth = np.maximum(0.0, -np.where(np.isfinite(near.gap1), near.gap1, 0.0))
+        each = stiffness(run, near.a, near.b) * depth ** (n + 1.0) / (n + 1.0)
+        found = found + np.bincount(near.k, each, minlength=block.count)
+    for load in run.loads:
+        if load["kind"] == "spring":
+            found = found + _spring(block, load)
+    return np.asarray(found)
+
+
+def _spring(block: Block, load: dict[str, object]) -> F64:
+    ends = []
+    for side in "ab":
+        body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)  # type: ignore[call-overload]
+        at = np.broadcast_to(arm, (block.count, 3))
+        ends.append(at if body < 0 else block.x1[:, body] + rotated(block.q1[:, body], at))
+    stretch = norm(ends[0] - ends[1]) - float(load["rest_length"])  # type: ignore[arg-type]
+    return np.asarray(0.5 * float(load["stiffness"]) * stretch**2)  # type: ignore[arg-type]
+
+
+def _last(block: Block, name: str) -> F64:
+    """A column of the steps at the second frames."""
+    return np.asarray(block.run.steps[name][block.s1 - 1], dtype=np.float64)
+
+
+def _record(block: Block, tally: Tally, motion: F64, potential: F64 | None) -> None:
+    """Bound: rounding of a sum over all bodies, in any order."""
+    run = block.run
+    bound = EPS * (16.0 + run.bodies) * scale(block) + 1e-300
+    tally.measure("energy record", np.abs(_last(block, "energy_kinetic") - motion), bound, block.place)
+    if potential is None:
+        why = "the potential of springs of friction, and of contacts with curved walls, is not in the frames"
+        tally.skip("energy record", why, "use nsga or moreau", block.count)
+        return
+    size = bound + 16.0 * EPS * np.abs(potential)
+    if run.method == "penalty":
+        # An indentation is known to a rounding of the coordinates, its energy to that over the indentation.
+        size = size + 1e-9 * np.abs(potential + 0.0) + 1e-9 * motion
+    tally.measure("energy record", np.abs(_last(block, "energy_potential") - potential), size, block.place)
+
+
+def _balance(block: Block, tally: Tally) -> None:
+    run, c = block.run, block.rows
+    if not run.has_contacts:
+        tally.skip("energy balance", "work of contacts was not recorded", "contacts = true in [record]", block.count)
+        return
+    if run.method == "penalty" or run.loads or run.joints:
+        why = "work within substeps" if run.method == "penalty" else "loads and joints work between the levels of a step"
+        tally.skip("energy balance", f"{why}; judged as a rise of energy", "a scene of weight and contacts", block.count)
+        return
+    start = block.s0 == 0
+    names = ("energy_kinetic", "energy_potential")
+    column = sum(np.concatenate([[np.nan], run.steps[name]]) for name in names)
+    change = np.diff(np.stack([column[block.s0], column[block.s1]]), axis=0)[0]  # type: ignore[index]
+    first = _at_start(block)
+    change = np.where(start, column[block.s1] - first, change)  # type: ignore[index]
+    parts = (run.total(run.steps[name], block) for name in ("energy_work", "energy_in", "energy_out"))
+    given, entered, left_out = parts
+    work = np.bincount(c.k, c.work.sum(axis=1), minlength=block.count)
+    ball = (c.b < run.bodies)[:, None]
+    lift = np.where(ball, 0.0, c.position_impulse) @ run.gravity  # of a pair both parts cancel
+    if run.method == "moreau":
+        lift = lift + 0.5 * run.h * (np.where(ball, 0.0, c.impulse) @ run.gravity)
+        gain = np.nansum(np.where(block.there, run.mass * ((block.v1 - block.v0) @ run.gravity), 0.0), axis=1)
+        work = work - (float(run.options["theta"]) - 0.5) * run.h * gain
+    work = work - np.bincount(c.k, lift, minlength=block.count)
+    value = np.abs(change - given - entered + left_out - work)
+    speed = speeds(block)
+    impulse = norm(c.impulse)
+    at = speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, np.minimum(c.b, run.bodies - 1)], 0.0)
+    fast = np.bincount(c.k, impulse * at, minlength=block.count)
+    moved = np.bincount(c.k, norm(c.position_impulse), minlength=block.count) * norm(run.gravity)
+    top = np.maximum(scale(block), np.abs(change)) + np.bincount(c.k, np.abs(c.work).sum(axis=1), minlength=block.count)
+    # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
+    bound = 4.0 * block.tolerance * (fast + moved + np.bincount(c.k, np.abs(c.work).sum(axis=1), minlength=block.count))
+    bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n) * top + _walls(block)
+    judged = block.kept & ~(block.cut & (run.method == "moreau"))
+    kept = np.flatnonzero(judged)
+    tally.measure("energy balance", value[kept], bound[kept], lambda i: block.place(int(kept[i])))
+
+
+def _at_start(block: Block) -> float:
+    """Energy at the first frame of the run, J."""
+    run = block.run
+    x, v, w = (np.asarray(c[0]) for c in (run.result.position, run.result.velocity, run.result.angular_velocity))
+    here = np.asarray(run.result.present[0])
+    each = 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)) - run.mass * (np.nan_to_num(x) @ run.gravity)
+    return float(np.where(here, each, 0.0).sum())
+
+
+def _walls(block: Block) -> F64:
+    """(B,) half of the change of a moving wall's velocity over the interval times its impulses, and the second order of its
+    way, J.
+    """
+    run, c = block.run, block.rows
+    found = np.zeros(block.count)
+    for w, wall in enumerate(run.walls):
+        mine = np.flatnonzero(c.b == run.bodies + w)
+        if not wall.moves or not mine.size:
+            continue
+        k, a = c.k[mine], c.a[mine]
+        radius = run.radius[a][:, None]
+        ends = []
+        for time, x in ((block.t0, block.x0), (block.t1, block.x1)):
+            shape, material, spin = wall.velocity(time[k], x[k, a] - radius * c.normal[mine])
+            ends.append((shape, material, spin))
+        change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
+        size = norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a]
+        moved = norm(c.position_impulse[mine]) * norm(ends[1][0]) / run.h
+        np.add.at(found, k, change * size + 0.0 * moved)
+    return found
+
+
+def rises(run: Run, tally: Tally) -> None:
+    """No step may gain energy beyond the work of loads and walls and what bodies bring or take.
+
+    Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding; in steps with islands of more
+    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that
+    are not flat, the position correction lifts what overlaps after the smooth motion, by at most the way of a step:
+    `h |g| sum m |v|`, that is `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step
+    (algorithm, section 10). Moreau-Jean: `h |g|/2` times all impulses that weight and motion can give,
+    for it moves bodies by the mean of velocities. Penalty: the square of its resolution. Works of moving walls are exact for
+    constant velocities, else off by the share by which these change in the step; those of springs, drag and joints by the
+    change of power within it, which the second difference of the kinetic energy shows.
+    """
+    s, o = run.steps, run.options
+    kinetic, h = s["energy_kinetic"], run.h
+    total = kinetic + s["energy_potential"]
+    if len(total) < 3:
+        return
+    rise = np.diff(total) - (s["energy_work"] + s["energy_in"] - s["energy_out"])[1:]
+    g, weight = float(norm(run.gravity)), float(run.mass.sum() * norm(run.gravity))
+    motion = np.maximum(kinetic[1:], kinetic[:-1])
+    top = np.maximum.accumulate(motion) + weight * run.radius.max()
+    bound = 1e-12 * top + 16.0 * EPS * np.abs(s["energy_potential"][1:])
+    large = s["candidates"][1:] > o["dense_contacts"]
+    bound = bound + np.where(large, RISE_PILE * (h / 1e-3) ** 2 * top, 0.0)
+    round_walls = any(not wall.flat or wall.rotation is not None for wall in run.walls)
+    if run.bodies > 1 or round_walls:
+        bound = bound + np.where(s["contacts"][1:] > 0, h * g * np.sqrt(2.0 * motion * run.mass.sum()), 0.0)
+    if run.method == "moreau":
+        given = 2.0 * np.sqrt(2.0 * motion * run.mass.sum()) + weight * h
+        bound = bound + 0.5 * h * g * given
+    if run.method == "penalty":
+        bound = bound + top / float(o["penalty_resolution"]) ** 2
+    if run.joints or run.loads:
+        second = np.abs(np.diff(kinetic, n=2))
+        bound = bound + np.maximum(np.append(second, second[-1]), np.insert(second, 0, second[0]))
+    bound = bound + _unsteady(run) * np.abs(s["energy_work"][1:])
+    tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(int(s["step"][i + 1])))
+
+
+def _unsteady(run: Run) -> F64:
+    """(S - 1,) largest share by which the velocity of a moving wall changes in a step."""
+    end = run.steps["time"][1:]
+    found = np.zeros(len(end))
+    for wall in run.walls:
+        if wall.moves:
+            p = np.broadcast_to(wall.point, (len(end), 3))
+            old, new = (np.hstack([v for v in wall.velocity(t, p)]) for t in (end - run.h, end))
+            size = norm(old) + norm(new)
+            found = np.maximum(found, np.divide(norm(new - old), size, out=np.zeros_like(size), where=size > 0.0))
+    return found

@@ -1,0 +1,158 @@
+"""Gaps: no overlap, recorded gaps and normals are those of the positions, only closed contacts push, nothing goes on closing."""
+
+from __future__ import annotations
+
+import numpy as np
+from carom.audit import forces
+from carom.audit.data import Block
+from carom.audit.near import Near, deepest
+from carom.audit.rates import Pairs, compliance, rates
+from carom.audit.report import Tally
+from carom.audit.vectors import EPS, norm
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+PARTS = "the step was made in parts, or several lie between the frames"
+EVERY = "every = 1 in [record]"
+
+
+def penetration(block: Block, near: Near, tally: Tally) -> None:
+    """Overlap of every pair at every frame (eq. 14: `g_N >= 0`); bounds: `near.deepest`."""
+    run = block.run
+    bound = deepest(run, block, near.k, near.a, near.b)
+    value = np.maximum(0.0, -near.gap1)
+    tally.measure("penetration", value, bound,
+                  lambda i: block.place(int(near.k[i]), int(near.a[i]), int(near.b[i])))  # fmt: skip
+
+
+def recorded(block: Block, tally: Tally) -> None:
+    """Gap and normal of each recorded contact against those of the positions of its frame.
+
+    They are those of the last step in which the contact was closed, so they can be compared where one whole step lies
+    between frames. Bound: 16 roundings of the coordinates, of a normal over the distance of the centres.
+    """
+    run, c = block.run, block.rows
+    if run.method == "penalty":
+        for kind in ("gap", "normal"):
+            tally.skip(kind, "penalty records them within its substeps", "use nsga or moreau", len(c))
+        return
+    single = block.single[c.k]
+    for kind in ("gap", "normal"):
+        tally.skip(kind, PARTS, EVERY, int((~single).sum()))
+    rows = np.flatnonzero(single)
+    gap, normal = (x[rows] for x in block.end)
+    if run.method == "moreau":
+        # Frames of Moreau-Jean are those of the middle of the step; its gaps are those of the end.
+        normal = _middle(block)[1][rows]
+    extent = np.abs(block.x1[c.k, c.a]).max(axis=1)[rows] + run.radius[c.a[rows]]
+
+    def place(i: int) -> object:
+        return block.place(int(c.k[rows[i]]), int(c.a[rows[i]]), int(c.b[rows[i]]))
+
+    tally.measure("gap", np.abs(c.gap[rows] - gap), 16.0 * EPS * extent, place)  # type: ignore[arg-type]
+    smallest = run.radius[c.a[rows]]
+    bound = 16.0 * EPS * (1.0 + extent / smallest)
+    off = norm(c.normal[rows] - normal)
+    # Pairs that only overlap, or that only the projection pushed, keep a frame of their own.
+    if run.method == "moreau":
+        pushed = norm(c.impulse[rows]) > 0.0
+        off, bound = off[pushed], bound[pushed]
+        rows = rows[pushed]
+    tally.measure("normal", off, bound, place)  # type: ignore[arg-type]
+
+
+def _middle(block: Block) -> tuple[F64, F64]:
+    """Gaps and normals of the recorded contacts in the middle of a step, `x + (h/2) v`, walls where they are then."""
+    run, c = block.run, block.rows
+    x = block.x0 + 0.5 * run.h * block.v0
+    other = np.minimum(c.b, run.bodies - 1)
+    return run.meet(block.t0[c.k] + 0.5 * run.h, c.a, c.b, x[c.k, c.a], x[c.k, other])
+
+
+def complementarity(block: Block, tally: Tally) -> None:
+    """A contact with an impulse is closed (eqs. 8a, 14): `gap <= touching_tolerance r_c`, or what solvers leave.
+
+    Moreau-Jean asks the middle of the step. Where the step was made in parts, or several lie between the frames, or with
+    method penalty, the contact may have opened since: by no more than its bodies can have moved (`forces.speeds`).
+    """
+    run, c = block.run, block.rows
+    if not len(c):
+        return
+    gap = np.array(block.end[0])
+    single = block.single[c.k]
+    if run.method == "moreau":
+        pushed = norm(c.impulse) > 0.0
+        gap = np.where(single & pushed, _middle(block)[0], gap)
+    ball = np.minimum(c.b, run.bodies - 1)
+    length = np.minimum(run.radius[c.a], np.where(c.b < run.bodies, run.radius[ball], np.inf))
+    speed = forces.speeds(block)
+    way = 2.0 * (speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, ball], 0.0)) * block.dt[c.k]
+    for w, wall in enumerate(run.walls):
+        mine = c.b == run.bodies + w
+        if wall.travels and mine.any():
+            at = (c.k[mine], c.a[mine])
+            way[mine] += 2.0 * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at])[0]) * block.dt[c.k[mine]]
+    extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
+    touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
+    bound = np.maximum(touching, np.where(block.large[c.k], 0.5 * run.loosest["pile_tolerance"] * length, 0.0))
+    bound = bound + np.where(single, 0.0, way)
+    keep = np.flatnonzero(block.there[c.k, c.a] & block.there[c.k, ball] | (c.b >= run.bodies) & block.there[c.k, c.a])
+    value = np.maximum(gap[keep], 0.0)
+    tally.measure("complementarity", np.where(np.isinf(value), 1e300, value), bound[keep],
+                  lambda i: block.place(int(c.k[keep[i]]), int(c.a[keep[i]]), int(c.b[keep[i]])))  # fmt: skip
+
+
+def approach(block: Block, near: Near, tally: Tally) -> None:
+    """At the end of a step no closed contact closes (eqs. 1f-h, rule 26): `gamma_N >= -tol`.
+
+    `tol` is the closing tolerance: 1e-2 (in islands of more than 100 contacts `pile_closing_tolerance`) of the largest speed
+    that loads give in a step, or `closing_tolerance_speed` of the largest speed, whichever is more; with what the solver
+    leaves, `2 D_cc` times that of the impulses. Moreau-Jean and penalty leave overlaps that close; they are not judged.
+    """
+    run = block.run
+    if run.method != "nsga":
+        tally.skip("approach", "holds for nsga alone: others let contacts close after the step", "use nsga", block.count)
+        return
+    o = run.options
+    length = np.minimum(run.radius[near.a], np.append(run.radius, np.inf)[np.minimum(near.b, run.bodies)])
+    rows = np.flatnonzero(near.gap1 <= 0.5 * run.options["touching_tolerance"] * length)
+    if not rows.size:
+        return
+    k, a, b = near.k[rows], near.a[rows], near.b[rows]
+    ball, normal = np.minimum(b, run.bodies - 1), near.normal1[rows]
+    motion = (block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball])
+    found = rates(run, Pairs(a, b, block.t1[k], block.x1[k, a], normal), motion, normal, normal)
+    many = run.over(run.steps["candidates"], block) > 100
+    share = np.where(many, max(o["pile_closing_tolerance"], o["closing_tolerance_load"]), o["closing_tolerance_load"])
+    fastest = np.nanmax(np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1), axis=1)
+    load = _load(block) + _walls(block)
+    tolerance = np.maximum(share * load, o["closing_tolerance_speed"] * np.maximum(fastest, load))
+    left = block.left(norm(block.rows.impulse))[k] * 2.0 * compliance(run, a, b)[0]
+    if not run.has_contacts:  # what the solver may leave of impulses is not known, but of what the bodies lost
+        change = norm(block.v1 - block.v0 - run.gravity * block.dt[:, None, None])
+        left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
+    bound = tolerance[k] + left + 64.0 * EPS * fastest[k]
+    tally.measure("approach", np.maximum(0.0, -found.normal), bound,
+                  lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip
+
+
+def _load(block: Block) -> F64:
+    """(B,) largest speed that weight and other loads give a body in a step, m/s."""
+    run = block.run
+    weight = np.full(block.count, float(norm(run.gravity)) * run.h)
+    if not run.loads and not run.joints:
+        return weight
+    given = forces.of_loads(block)
+    pushed = (norm(given.impulse[..., :3]) + given.slack[..., 0]) / run.mass / np.maximum(block.n, 1)[:, None]
+    return np.asarray(weight + pushed.max(axis=1))
+
+
+def _walls(block: Block) -> F64:
+    """(B,) largest change of a moving wall's velocity in a step, m/s."""
+    run, found = block.run, np.zeros(block.count)
+    for wall in run.walls:
+        if wall.travels:
+            p = np.broadcast_to(wall.point, (block.count, 3))
+            before = wall.velocity(block.t1 - run.h, p)[1]
+            found = np.maximum(found, norm(wall.velocity(block.t1, p)[1] - before))
+    return found

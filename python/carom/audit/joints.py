@@ -1,0 +1,83 @@
+"""Joints hold: their rows at the positions, their rates at the velocities (eqs. 1c-d, 1f-g; algorithm, section 7).
+
+    point     d . (p_A - p_B) = c(t)        d . (v_pA - v_pB) = c'(t)        p = x + R s
+    distance  |p_A - p_B| = c(t)            its rate
+    rotation                                e . (w_A - w_B) = c'(t)
+
+Bounds: positions `1e3 gap_tolerance` of the lengths involved (the residual of eq. 44 is relative to all forces of the island,
+and joints of a chain add theirs up), speeds `1e3 tol_r` of the speeds. Moreau-Jean holds rates alone: its lengths drift.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.data import Block
+from carom.audit.formula import law
+from carom.audit.report import Tally
+from carom.audit.vectors import EPS, dot, norm, rotated
+
+F64 = NDArray[np.float64]
+
+
+def judge(block: Block, tally: Tally) -> None:
+    """All joints at the second frames."""
+    run = block.run
+    if run.joints and run.method == "moreau" and not run.options["position_projection"]:
+        tally.skip("joint", "moreau holds joints by their speeds; lengths drift", "position_projection = true", block.count)
+    names = run.result.joint_names
+    for joint, name in zip(run.joints, names, strict=True):
+        for row in joint["rows"]:
+            _row(block, tally, joint, row, name)
+
+
+def _row(block: Block, tally: Tally, joint: dict[str, int], row: tuple[object, ...], name: str) -> None:
+    run = block.run
+    kind, direction, arm_a, arm_b, form = row
+    a, b = joint["a"], joint["b"]
+    value, slope = law(form, block.t1)  # type: ignore[arg-type]
+    at_a, rate_a, size_a = _point(block, a, arm_a)
+    at_b, rate_b, size_b = _point(block, b, arm_b)
+    along = np.broadcast_to(np.asarray(direction, dtype=np.float64), at_a.shape)
+    between, rate = at_a - at_b, rate_a - rate_b
+    length = size_a + size_b + np.abs(value)
+    t = run.loosest
+    speed = norm(rate_a) + norm(rate_b) + np.abs(slope)
+    if kind == "rotation":
+        w = block.w1[:, a] - (block.w1[:, b] if b >= 0 else 0.0)
+        off = (dot(w, along) - slope) * run.radius[a]
+        speed = (norm(w) + norm(block.w1[:, a])) * run.radius[a] + np.abs(slope) * run.radius[a]
+    else:
+        if kind == "distance":
+            measure = norm(between)
+            along = between / np.where(measure > 0.0, measure, 1.0)[:, None]
+        else:
+            measure = dot(between, along)
+        off = dot(rate, along) - slope
+        if not (run.method == "moreau" and not run.options["position_projection"]):
+            bound = 1e3 * t["gap_tolerance"] * (length + run.radius[a]) + 64.0 * EPS * (norm(at_a) + norm(at_b))
+            tally.measure("joint", np.abs(measure - value), bound, lambda i: _place(block, i, name))
+    floor = 1e3 * t["tolerance"] * (speed + norm(run.gravity) * run.h + 1e-3 * run.radius[a] / run.h * t["tolerance"])
+    if run.method == "moreau":  # rates hold where the smooth motion ends: directions turn by a step from there
+        spin = np.maximum(norm(block.w0), norm(block.w1))
+        swing = spin[:, a] + (spin[:, b] if b >= 0 else 0.0)
+        turning = swing + norm(rate) / np.maximum(norm(between), 1e-3 * run.radius[a])
+        floor = floor + 4.0 * run.h * turning * speed * (kind != "rotation")
+    tally.measure("joint speed", np.abs(off), floor + 64.0 * EPS * speed, lambda i: _place(block, i, name))
+
+
+def _place(block: Block, k: int, name: str) -> object:
+    from dataclasses import replace
+
+    return replace(block.place(k), who=(name,))
+
+
+def _point(block: Block, body: int, arm: object) -> tuple[F64, F64, F64]:
+    """Place, velocity and size (B,) of a point of a body, or of the ground (-1)."""
+    given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
+    if body < 0:
+        return given, np.zeros_like(given), norm(given)
+    lever = rotated(block.q1[:, body], given)
+    at = block.x1[:, body] + lever
+    return at, block.v1[:, body] + np.cross(block.w1[:, body], lever), norm(at)

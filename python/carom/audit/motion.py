@@ -1,0 +1,187 @@
+"""Centres and orientations follow from velocities, loads and position impulses; momentum and spin from impulses.
+
+In one step of the nonsmooth generalized-alpha scheme (eqs. 5a-b, 6a-b; weight alone) with the recorded multipliers
+
+    x' = x + h v + h^2 g/2 + sum nu/m          m (v' - v) = m g h + sum Lambda
+    R' = exp(psi) R, psi = h w + sum l x nu/I  I (w' - w) = sum l x Lambda + couples,   l = -r n
+
+and of Moreau-Jean `x' = x + h (theta v' + (1 - theta) v) + sum nu/m`. Momentum adds up over any number of steps. A way does
+not: over several steps, or parts of one, a body is free to be where its recorded impulses, each at any time of the interval,
+can have brought it: within `2 dt sum |Lambda|/m` of free flight, twice as impulses of turning normals cancel in their sum.
+
+Bounds: `M U = G^T nu` is solved to the tolerance of eq. 44 (`Block.left`); velocities are sums of impulses to rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from carom.audit import forces
+from carom.audit.data import Block
+from carom.audit.forces import Loads, Sums
+from carom.audit.report import Tally
+from carom.audit.vectors import EPS, conjugate, dot, exponential, norm, product, rotation_vector
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+CONTACTS = "impulses of contacts were not recorded; bodies in free flight were judged"
+RECORD = "contacts = true in [record]"
+
+
+def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
+    """`free` (B, N): bodies that cannot have touched anything; without recorded contacts only they are judged."""
+    run = block.run
+    sums, loads = forces.of_contacts(block), forces.of_loads(block)
+    known = block.there & ~loads.unknown
+    if run.has_contacts:
+        lost = known & ~block.kept[:, None] & ~free
+        for kind in ("momentum", "spin", "position", "rotation"):
+            tally.skip(kind, "the last frame of a run that stopped early has no impulses", "resume the run", lost.sum())
+        known &= block.kept[:, None] | free
+    else:
+        for kind in ("momentum", "spin", "position", "rotation"):
+            tally.skip(kind, CONTACTS, RECORD, int((known & ~free).sum()))
+        known &= free
+    hidden = int((block.there & loads.unknown).sum())
+    if run.opaque:
+        cure = "judge the run with a load that a scenario can hold"
+        tally.skip("momentum", f"the Python load {run.opaque[0]} is in no file", cure, hidden)
+    else:
+        tally.skip("momentum", "springs and drag between distant frames", "every = 1 in [record]", hidden)
+    _momentum(block, tally, sums, loads, known)
+    _spin(block, tally, sums, loads, known)
+    _position(block, tally, sums, loads, known)
+    _rotation(block, tally, sums, loads, known)
+
+
+def _rounding(block: Block) -> F64:
+    """Roundings that may have gathered: a few for every step, or substep."""
+    return EPS * (8.0 + 2.0 * block.updates)[:, None]
+
+
+def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: NDArray[np.bool_]) -> None:
+    chosen = np.flatnonzero(known)
+    tally.measure(
+        kind, value.ravel()[chosen], bound.ravel()[chosen], lambda i: block.per_body(int(chosen[i]))
+    )
+
+
+def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+    run = block.run
+    m = run.mass[:, None]
+    weight = m * run.gravity * block.dt[:, None, None]
+    given = loads.impulse[..., :3]
+    value = norm(m * (block.v1 - block.v0) - weight - given - s.impulse)
+    size = m[:, 0] * (norm(block.v0) + norm(block.v1)) + norm(weight) + norm(given) + s.size
+    _take(block, tally, "momentum", value, _rounding(block) * size + loads.slack[..., 0], known)
+
+
+def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+    run = block.run
+    inertia = run.inertia[:, None]
+    given = loads.impulse[..., 3:]
+    change = inertia * (block.w1 - block.w0) - given
+    value = np.minimum(*(norm(change - moment) for moment in s.moments))
+    size = inertia[:, 0] * (norm(block.w0) + norm(block.w1)) + norm(given) + s.moment_size
+    bound = _rounding(block) * size + loads.slack[..., 1] + s.turned
+    _take(block, tally, "spin", value, bound, known)
+
+
+def _position(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+    run = block.run
+    dt, g = block.dt[:, None, None], run.gravity
+    smooth = loads.shift[..., :3]
+    moreau = run.method == "moreau"
+    theta = float(run.options["theta"])
+    # Free flight of n steps: sum of h (theta v_{k+1} + (1 - theta) v_k) for Moreau-Jean, exact else.
+    lag = (theta - 0.5) * run.h if moreau else 0.0
+    flight = dt * block.v0 + (0.5 * dt * dt + lag * dt) * g + smooth
+    # The theta rule holds with impulses too, in whole steps.
+    whole = dt * (theta * block.v1 + (1.0 - theta) * block.v0) if moreau else flight
+    single = block.single
+    way = np.where(single[:, None, None], whole, flight) + s.shift / run.mass[:, None]
+    value = norm(block.x1 - block.x0 - way)
+    size = norm(block.x0) + norm(block.x1) + norm(dt * block.v0) + norm(dt * block.v1)
+    bound = _rounding(block) * size + loads.shift_slack[..., 0] + np.where(
+        single[:, None], 0.0, norm(loads.impulse[..., :3]) / run.mass * block.dt[:, None]
+    )  # fmt: skip
+    touched = s.count > 0
+    left = block.left(norm(block.rows.position_impulse))[:, None] / run.mass
+    reach = 2.0 * (s.size * block.dt[:, None] + s.shift_size) / run.mass
+    bound = bound + np.where(touched, left + np.where(single[:, None], 0.0, reach), 0.0)
+    _take(block, tally, "position", value, bound, known)
+
+
+def _rotation(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+    run = block.run
+    dt = block.dt[:, None, None]
+    inertia = run.inertia[:, None]
+    moreau = run.method == "moreau"
+    theta = float(run.options["theta"])
+    whole = dt * (theta * block.w1 + (1.0 - theta) * block.w0) if moreau else dt * block.w0
+    single = block.single
+    psi = np.where(single[:, None, None], whole, dt * block.w0) + loads.shift[..., 3:]
+    turned = product(block.q1, conjugate(block.q0))
+    value = np.minimum(
+        *(
+            norm(rotation_vector(product(conjugate(exponential(psi + m / inertia)), turned)))
+            for m in s.shift_moments
+        )
+    )
+    bound = _rounding(block) * (4.0 + norm(dt * block.w0)) + loads.shift_slack[..., 1]
+    bound = bound + np.where(
+        single[:, None], 0.0, norm(loads.impulse[..., 3:]) / inertia[:, 0] * block.dt[:, None]
+    )
+    size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
+    left = block.left(size)[:, None] / inertia[:, 0]
+    reach = 2.0 * (s.moment_size * block.dt[:, None] + s.shift_size * run.radius) / inertia[:, 0]
+    bound = bound + np.where(s.count > 0, left + np.where(single[:, None], 0.0, reach), 0.0)
+    _take(block, tally, "rotation", value, bound, known)
+
+
+def walls(block: Block, tally: Tally) -> None:
+    """Impulses on walls (where recorded) are those of their contacts, with the opposite sign.
+
+    Bound: rounding of sums of as many terms as there are steps and contacts.
+    """
+    run, c = block.run, block.rows
+    if "walls" not in run.result._segments.columns("frames"):
+        tally.skip("wall impulse", "impulses on walls were not recorded", "walls = true in [record]")
+        return
+    given = np.asarray(run.result._segments.column("frames", "walls")[block.first : block.first + block.count])
+    if not run.has_contacts:
+        _whole_momentum(block, tally, given)
+        return
+    summed, size = np.zeros(given.shape[:2] + (3,)), np.zeros(given.shape[:2])
+    rows = c.b >= run.bodies
+    at = (c.k[rows], c.b[rows] - run.bodies)
+    np.add.at(summed, at, -c.impulse[rows])
+    np.add.at(size, at, norm(c.impulse[rows]))
+    value = norm(given[..., :3] - summed)
+    bound = EPS * (16.0 + 2.0 * block.updates)[:, None] * size * np.sqrt(1.0 + np.bincount(c.k, minlength=block.count))[:, None]
+    count = given.shape[1]
+    kept = np.flatnonzero(np.broadcast_to(block.kept[:, None], value.shape))
+    tally.measure("wall impulse", value.ravel()[kept], bound.ravel()[kept],
+                  lambda i: block.place(int(kept[i]) // count, run.bodies + int(kept[i]) % count))  # fmt: skip
+
+
+def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
+    """Without contacts: the momentum of all bodies together changes by weight and by the impulses on the walls."""
+    run = block.run
+    judged = block.there.all(axis=1) & block.kept & (not run.loads and not run.joints)
+    tally.skip("wall impulse", "momentum as a whole: bodies come and go, or loads act", RECORD, int((~judged).sum()))
+    m = run.mass[:, None]
+    weight = run.mass.sum() * run.gravity * block.dt[:, None]
+    value = norm((m * (block.v1 - block.v0)).sum(axis=1) - weight + given[..., :3].sum(axis=1))
+    size = (run.mass * (norm(block.v0) + norm(block.v1))).sum(axis=1) + norm(given[..., :3]).sum(axis=1)
+    bound = EPS * (16.0 + 2.0 * block.updates) * (size + norm(weight)) * np.sqrt(run.bodies)
+    kept = np.flatnonzero(judged)
+    tally.measure("wall impulse", value[kept], bound[kept], lambda i: block.place(int(kept[i])))
+
+
+def kinetic(block: Block) -> tuple[F64, F64]:
+    """Kinetic energy at both frames of each interval, (B,), J; of bodies that are there."""
+    run = block.run
+    found = []
+    for v, w in ((block.v0, block.w0), (block.v1, block.w1)):
+        found.append(0.5 * np.nansum(run.mass * dot(v, v) + run.inertia * dot(w, w), axis=1))
+    return found[0], found[1]

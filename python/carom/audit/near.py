@@ -1,0 +1,162 @@
+"""Which bodies come near each other in an interval, found anew from the frames.
+
+A body is somewhere within its *way*: the distance between its two places, or what its speeds at both frames and its weight
+allow, whichever is more. Ways are cut at eight radii, beyond which pairs are too many to look at; of a body whose way is
+cut, nothing is concluded from having met nobody.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from carom.audit.data import Block, Run
+from carom.audit.vectors import norm
+from carom.packing.neighbours import pairs as neighbours
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+LONGEST = 8.0
+"""Ways are cut at this many radii."""
+ALL_PAIRS = 64
+"""Up to this many bodies all pairs are measured at once."""
+
+
+@dataclass(frozen=True)
+class Near:
+    """Pairs that may have touched, M of them: interval, bodies A and B (walls from N on), gaps and normals at both ends."""
+
+    k: I64
+    a: I64
+    b: I64
+    gap0: F64
+    normal0: F64
+    gap1: F64
+    normal1: F64
+    free: NDArray[np.bool_]
+    """(B, N) bodies that can have touched nothing."""
+
+
+def near(block: Block) -> Near:
+    """All pairs of a block that may have touched."""
+    run = block.run
+    travelled = norm(block.x1 - block.x0)
+    fast = np.maximum(norm(block.v0), norm(block.v1)) * block.dt[:, None]
+    possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
+    longest = LONGEST * run.radius
+    way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
+    k, a, b = (np.concatenate(parts) for parts in zip(_balls(block, way), _walls(block, way), strict=True))
+    other = np.minimum(b, run.bodies - 1)
+    gap0, normal0 = run.meet(block.t0[k], a, b, block.x0[k, a], block.x0[k, other])
+    gap1, normal1 = run.meet(block.t1[k], a, b, block.x1[k, a], block.x1[k, other])
+    free = block.there & (possible < longest)
+    free[k, a] = False
+    ball = b < run.bodies
+    free[k[ball], b[ball]] = False
+    return Near(k, a, b, gap0, normal0, gap1, normal1, free)
+
+
+def _balls(block: Block, way: F64) -> tuple[I64, I64, I64]:
+    run = block.run
+    reach = run.radius + way
+    if run.bodies <= ALL_PAIRS:
+        a, b = np.triu_indices(run.bodies, 1)
+        d = run.between(block.x0[:, a].reshape(-1, 3), block.x0[:, b].reshape(-1, 3)).reshape(block.count, -1, 3)
+        with np.errstate(invalid="ignore"):
+            close = norm(d) <= reach[:, a] + reach[:, b]
+        close &= block.there[:, a] & block.there[:, b]
+        k, pair = np.nonzero(close)
+        return k, a[pair], b[pair]
+    found = []
+    for k in range(block.count):
+        here = np.flatnonzero(block.there[k])
+        first, second = neighbours(block.x0[k, here], reach[k, here], run.period)
+        found.append((np.full(len(first), k), here[first], here[second]))
+    ks, firsts, seconds = zip(*found, strict=True)
+    return np.concatenate(ks), np.concatenate(firsts), np.concatenate(seconds)
+
+
+def _walls(block: Block, way: F64) -> tuple[I64, I64, I64]:
+    run = block.run
+    found = [(np.zeros(0, np.int64),) * 3]
+    ks, bodies = np.nonzero(block.there)
+    for w, wall in enumerate(run.walls):
+        x = block.x0[ks, bodies]
+        gap, _ = wall.meet(block.t0[ks], x, run.radius[bodies])
+        reach = way[ks, bodies]
+        if wall.travels:
+            for time, place in ((block.t0, block.x0), (block.t1, block.x1)):
+                speed = norm(wall.velocity(time[ks], place[ks, bodies])[0])
+                reach = np.maximum(reach, way[ks, bodies] + 2.0 * speed * block.dt[ks])
+        # Whoever is behind a sheet has no gap to it, yet may come through it.
+        close = (gap <= reach) | (np.isinf(gap) & (norm(x - wall.point) < 1e300) & wall.sheet)
+        found.append((ks[close], bodies[close], np.full(int(close.sum()), run.bodies + w)))
+    parts = list(zip(*found, strict=True))
+    return tuple(np.concatenate(p) for p in parts)  # type: ignore[return-value]
+
+
+def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
+    """(K,) how deep pairs may overlap, m.
+
+    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate in islands of up to 50 contacts; beyond, the solver aims
+    at half of `pile_tolerance r`, ten times that after its patience ended (a fallback is counted then). Moreau-Jean, without
+    projection: a contact is seen where the middle of a step overlaps and closes until the step's end, so the way of one step
+    at the largest speeds of the run. Penalty: the elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of
+    the run; twice the indentation under the whole weight comes on top.
+    """
+    other = np.append(run.radius, np.inf)[np.minimum(b, run.bodies)]
+    r = np.minimum(run.radius[a], other)
+    ball = np.minimum(b, run.bodies - 1)
+    extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, ball)))
+    rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
+    if run.method == "penalty":
+        return _compressed(run, a, b, r) + rounding
+    t = run.loosest
+    if run.method == "moreau" and not run.options["position_projection"]:
+        return _way(run, block, k, a, b) + rounding
+    many = run.over(run.steps["candidates"], block)[k] > 50
+    tired = run.over(run.steps["fallbacks"], block)[k] > 0
+    aim = np.maximum(t["gap_tolerance"], 0.5 * t["pile_tolerance"] * np.where(tired, 10.0, 1.0))
+    return np.where(many, aim, t["gap_tolerance"]) * r + rounding
+
+
+def _way(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
+    fastest = top_speeds(run)
+    speed = fastest[a] + np.append(fastest, 0.0)[np.minimum(b, run.bodies)]
+    for w, wall in enumerate(run.walls):
+        mine = b == run.bodies + w
+        if wall.travels and mine.any():
+            speed[mine] += 2.0 * norm(wall.velocity(block.t1[k[mine]], block.x1[k[mine], a[mine]])[0])
+    return np.asarray(run.h * (speed + norm(run.gravity) * run.h))
+
+
+def top_speeds(run: Run) -> F64:
+    """(N,) largest speed of each body at any frame, m/s."""
+    if not hasattr(run, "_top_speeds"):
+        best = np.zeros(run.bodies)
+        size = max(1, 1_000_000 // run.bodies)
+        for first in range(0, run.frames, size):
+            best = np.fmax(best, np.nanmax(norm(np.asarray(run.result.velocity[first : first + size])), axis=0))
+        run._top_speeds = best  # type: ignore[attr-defined]
+    return run._top_speeds  # type: ignore[attr-defined, no-any-return]
+
+
+def stiffness(run: Run, a: I64, b: I64) -> F64:
+    """(K,) K of the elastic force `K d^n` of method penalty, N/m^n."""
+    o = run.options
+    if o["penalty_stiffness"] > 0.0:
+        return np.full(len(a), float(o["penalty_stiffness"]))
+    effective = 0.5 * o["penalty_young_modulus"] / (1.0 - o["penalty_poisson_ratio"] ** 2)
+    curvature = 1.0 / run.radius[a] + np.append(1.0 / run.radius, 0.0)[np.minimum(b, run.bodies)]
+    return np.asarray(4.0 / 3.0 * effective / np.sqrt(curvature))
+
+
+def _compressed(run: Run, a: I64, b: I64, r: F64) -> F64:
+    n = float(run.options["penalty_exponent"])
+    # A curved wall may be softer than a plane: at least the contact with an equal ball.
+    k = stiffness(run, a, b) * np.where(b >= run.bodies, np.sqrt(0.5), 1.0)
+    kinetic = float(np.max(run.steps["energy_kinetic"], initial=0.0))
+    weight = float(run.mass.sum() * norm(run.gravity))
+    return np.asarray(((n + 1.0) * kinetic / k) ** (1.0 / (n + 1.0)) + 2.0 * (weight / k) ** (1.0 / n))

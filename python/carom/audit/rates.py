@@ -1,0 +1,67 @@
+"""Relative velocities at contacts (eqs. 34, 41), walls' own motion taken off (`docs/theory/algorithm.md`, section 10)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from carom.audit.data import Run
+from carom.audit.vectors import across, dot
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """At K contacts: normal velocity (K,), slip velocity and relative angular velocity (K, 3)."""
+
+    normal: F64
+    slip: F64
+    turning: F64
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """K pairs of bodies, of which B may be a wall, with the places that tell a wall's velocity."""
+
+    a: I64
+    b: I64
+    time: F64
+    centre: F64
+    """Centres of A, (K, 3)."""
+    foot: F64
+    """Normals at which A touches B, (K, 3): `centre - r foot` is the place of a wall that counts."""
+
+
+def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, lever: F64) -> Rates:
+    """`motion`: v and w of A, v and w of B, each (K, 3), of which those of B do not count at walls. The normal row acts along
+    `normal`, the others in the frame of `lever`.
+    """
+    v_a, w_a, v_b, w_b = motion
+    wall = p.b >= run.bodies
+    r_a, r_b = run.radius[p.a], np.append(run.radius, 0.0)[np.minimum(p.b, run.bodies)]
+    v_b, w_b = (np.where(wall[:, None], 0.0, x) for x in (v_b, w_b))
+    through, slipping, turning = v_a - v_b, v_a - v_b, w_a - w_b
+    slipping = slipping + np.cross(lever, r_a[:, None] * w_a + r_b[:, None] * w_b)
+    for k in np.unique(p.b[wall]):
+        surface = run.walls[k - run.bodies]
+        if not surface.moves:
+            continue
+        rows = p.b == k
+        point = p.centre[rows] - r_a[rows, None] * p.foot[rows]
+        shape, material, spin = surface.velocity(p.time[rows], point)
+        through[rows] -= shape
+        slipping[rows] -= material
+        turning[rows] -= spin
+    return Rates(dot(through, normal), across(slipping, lever), turning)
+
+
+def compliance(run: Run, a: I64, b: I64) -> tuple[F64, F64, F64]:
+    """(K,) own compliances `D_cc` of the normal, the sliding and the turning rows (`docs/theory/algorithm.md`, section 2)."""
+    m, i, r = (np.append(x, y) for x, y in ((run.mass, np.inf), (run.inertia, np.inf), (run.radius, 0.0)))
+    other = np.minimum(b, run.bodies)
+    normal = 1.0 / m[a] + 1.0 / m[other]
+    turning = 1.0 / i[a] + 1.0 / i[other]
+    return normal, normal + r[a] ** 2 / i[a] + r[other] ** 2 / i[other], turning

@@ -1,0 +1,196 @@
+"""Walls as the auditor sees them: gap, normal and velocity of a surface at any time, from its shape and its laws of motion.
+
+Normals point from the wall to the ball. Pieces of surfaces have one face: a centre that is deeper behind it than its radius,
+within the outline, is on the far side and meets nothing (its gap is infinite).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from carom.audit.formula import law
+from carom.audit.vectors import dot, rotated, unit
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+
+class Surface:
+    """One wall: `shape` as models keep it (kind and parameters), a point of it, and its motion or None."""
+
+    def __init__(self, shape: Sequence[Any], point: Any, material: int, motion: Mapping[str, Any] | None):
+        self.kind = str(shape[0])
+        self.parameters = tuple(np.asarray(p, dtype=np.float64) for p in shape[1:])
+        self.point = np.asarray(point, dtype=np.float64)
+        self.material = material
+        motion = motion or {}
+        self.translation = motion.get("translation")
+        self.rotation = motion.get("rotation")
+        self.sliding = motion.get("surface_velocity")
+        self.spinning = motion.get("surface_rotation")
+
+    @property
+    def moves(self) -> bool:
+        """Whether the shape or its material moves."""
+        return any(m is not None for m in (self.translation, self.rotation, self.sliding, self.spinning))
+
+    @property
+    def travels(self) -> bool:
+        """Whether the shape itself moves."""
+        return self.translation is not None or self.rotation is not None
+
+    @property
+    def flat(self) -> bool:
+        """A plane without end: its normal does not depend on where it is met."""
+        return self.kind == "plane"
+
+    @property
+    def curvature(self) -> float:
+        """Largest curvature of the face, 1/m; edges of pieces are sharper than that (infinite)."""
+        if self.kind in ("rectangle", "disc"):
+            return math.inf
+        if self.kind == "sphere":
+            return 1.0 / float(self.parameters[0])
+        if self.kind == "cylinder":
+            return 1.0 / float(self.parameters[1]) if math.isinf(float(self.parameters[2])) else math.inf
+        return math.inf if self.kind == "cone" else 0.0
+
+    def pose(self, time: F64) -> tuple[F64, F64, F64]:
+        """Pivot (3,), displacement (K, 3) and rotation as quaternions (K, 4) at the times (K,)."""
+        time = np.atleast_1d(time)
+        shift = np.zeros((len(time), 3))
+        if self.translation is not None:
+            shift = np.stack([law(form, time)[0] for form in self.translation], axis=1)
+        turn = np.zeros((len(time), 4))
+        turn[:, 0] = 1.0
+        if self.rotation is None:
+            return np.zeros(3), shift, turn
+        axis, pivot, form = self.rotation
+        half = 0.5 * law(form, time)[0]
+        turn[:, 0], turn[:, 1:] = np.cos(half), np.outer(np.sin(half), np.asarray(axis))
+        return np.asarray(pivot, dtype=np.float64), shift, turn
+
+    def local(self, time: F64, x: F64) -> F64:
+        """Places (K, 3) in the axes of the wall where it stood at the start."""
+        if not self.travels:
+            return x
+        pivot, shift, turn = self.pose(time)
+        return pivot + rotated(turn * np.array([1.0, -1.0, -1.0, -1.0]), x - shift - pivot)
+
+    def meet(self, time: F64, x: F64, radius: F64) -> tuple[F64, F64]:
+        """Gap (K,), m, and normal (K, 3) of balls at the places `x` (K, 3) at the times (K,)."""
+        gap, normal = self._meet(self.local(time, x) - self.point, radius)
+        if self.rotation is not None:
+            normal = rotated(self.pose(time)[2], normal)
+        return gap, normal
+
+    def velocity(self, time: F64, p: F64) -> tuple[F64, F64, F64]:
+        """Velocity of the shape and of the material at the points (K, 3), and angular velocity of the material, each (K, 3)."""
+        time = np.broadcast_to(time, len(p))
+        pivot, shift, turn = self.pose(time)
+        shape, spin = np.zeros_like(p), np.zeros_like(p)
+        if self.translation is not None:
+            shape = np.stack([law(form, time)[1] for form in self.translation], axis=1)
+        if self.rotation is not None:
+            axis, _, form = self.rotation
+            spin = np.outer(law(form, time)[1], np.asarray(axis))
+            shape = shape + np.cross(spin, p - pivot - shift)
+        material, of_material = np.array(shape), np.array(spin)
+        if self.sliding is not None:
+            material += rotated(turn, np.broadcast_to(self.sliding, p.shape))
+        if self.spinning is not None:
+            axis, point, rate = self.spinning
+            own = rate * rotated(turn, np.broadcast_to(axis, p.shape))
+            place = pivot + shift + rotated(turn, np.broadcast_to(np.asarray(point) - pivot, p.shape))
+            material += np.cross(own, p - place)
+            of_material += own
+        return shape, material, of_material
+
+    def height(self, local: F64) -> tuple[F64, F64]:
+        """Signed distance (K,) of places, in the wall's own axes, over the face of a piece of a surface, m, and how far inside
+        its outline they are, m (negative: beyond it). For rectangles, discs, tubes with ends and cones.
+        """
+        away = local - self.point
+        if self.kind == "rectangle":
+            normal, side, size = self.parameters
+            across = np.cross(normal, side)
+            inside = np.minimum(
+                0.5 * size[0] - np.abs(away @ side), 0.5 * size[1] - np.abs(away @ across)
+            )
+            return away @ normal, inside
+        along, radial, _ = self._profile(away)
+        if self.kind == "disc":
+            _, radius, hole = self.parameters
+            inner = radial - hole if hole > 0 else np.full_like(radial, np.inf)
+            return along, np.minimum(radius - radial, inner)
+        (u0, v0), (du, dv), length, sign = self._line()
+        u, v = along - u0, radial - v0
+        place = (u * du + v * dv) / length
+        return sign * (v * du - u * dv) / length, np.minimum(place, length - place)
+
+    @property
+    def sheet(self) -> bool:
+        """Whether it is a piece of a surface, with a far side."""
+        if self.kind == "cylinder":
+            return not math.isinf(float(self.parameters[2]))
+        return self.kind in ("rectangle", "disc", "cone")
+
+    def _line(self) -> tuple[tuple[float, float], tuple[float, float], float, float]:
+        """Of tubes with ends and cones: start and way of the profile along and across the axis, its length, the side."""
+        if self.kind == "cylinder":
+            _, radius, length, inside = (p if p.ndim else float(p) for p in self.parameters)
+            start, way = (-0.5 * length, radius), (length, 0.0)
+        else:
+            _, first, last, length, inside = (p if p.ndim else float(p) for p in self.parameters)
+            start, way = (0.0, first), (length, last - first)
+        return start, way, math.hypot(*way), -1.0 if inside else 1.0
+
+    def _profile(self, away: F64) -> tuple[F64, F64, F64]:
+        """Places along the axis, distances from it, and unit vectors away from it."""
+        axis = self.parameters[0]
+        along = away @ axis
+        across = away - np.outer(along, axis)
+        radial = np.linalg.norm(across, axis=1)
+        return along, radial, unit(across)
+
+    def _meet(self, away: F64, radius: F64) -> tuple[F64, F64]:
+        if self.kind == "plane":
+            normal = np.broadcast_to(self.parameters[0], away.shape)
+            return dot(away, normal) - radius, normal
+        if self.kind == "sphere":
+            size, inside = self.parameters
+            sign = -1.0 if inside else 1.0
+            return sign * (np.linalg.norm(away, axis=1) - size) - radius, sign * unit(away)
+        if self.kind == "rectangle":
+            normal, side, size = self.parameters
+            across = np.cross(normal, side)
+            near = np.outer(np.clip(away @ side, -0.5 * size[0], 0.5 * size[0]), side)
+            near += np.outer(np.clip(away @ across, -0.5 * size[1], 0.5 * size[1]), across)
+            return _from(away - near, np.broadcast_to(normal, away.shape), away @ normal, radius)
+        along, radial, outward = self._profile(away)
+        axis = self.parameters[0]
+        if self.kind == "disc":
+            near = np.clip(radial, self.parameters[2], self.parameters[1])[:, None] * outward
+            return _from(away - near, np.broadcast_to(axis, away.shape), along, radius)
+        if self.kind == "cylinder" and math.isinf(float(self.parameters[2])):
+            sign = -1.0 if self.parameters[3] else 1.0
+            return sign * (radial - self.parameters[1]) - radius, sign * outward
+        (u0, v0), (du, dv), length, sign = self._line()
+        u, v = along - u0, radial - v0
+        place = np.clip((u * du + v * dv) / length, 0.0, length)
+        near = np.outer(u0 + place * du / length, axis) + (v0 + place * dv / length)[:, None] * outward
+        face = sign * (du * outward - np.outer(np.full(len(u), dv), axis)) / length
+        return _from(away - near, face, sign * (v * du - u * dv) / length, radius)
+
+
+def _from(arm: F64, face: F64, height: F64, radius: F64) -> tuple[F64, F64]:
+    """Gap and normal from the arm of the nearest point: on the face the height counts with its sign, at edges the distance."""
+    distance = np.linalg.norm(arm, axis=1)
+    # On the face the arm is along its normal; its height may be negative there.
+    on_face = np.linalg.norm(arm - height[:, None] * face, axis=1) <= 1e-9 * (radius + distance)
+    gap = np.where(on_face, height, distance) - radius
+    normal = np.where(on_face[:, None], face, unit(arm))
+    return np.where(on_face & (height < -radius), np.inf, gap), normal

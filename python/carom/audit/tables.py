@@ -1,0 +1,93 @@
+"""The files as such: finite numbers, unit quaternions, times and counts that fit, bodies and start of the scenario."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.data import Block, Run
+from carom.audit.report import Place, Tally
+from carom.audit.vectors import EPS, norm
+
+F64 = NDArray[np.float64]
+ROWS = 200_000
+"""Rows that are read at a time."""
+
+
+def judge(run: Run, tally: Tally) -> None:
+    """What concerns whole tables."""
+    _numbers(run, tally)
+    _clock(run, tally)
+    _scenario(run, tally)
+
+
+def frames(block: Block, tally: Tally) -> None:
+    """Numbers and quaternions of the second frames of a block."""
+    run = block.run
+    columns = ("position", "velocity", "angular_velocity", "orientation")
+    here = np.asarray(run.result.present[block.first : block.first + block.count])
+    for name, values in zip(columns, (block.x1, block.v1, block.w1, block.q1), strict=True):
+        wrong = (~np.isfinite(values)).sum(axis=-1) * here
+        tally.measure("numbers", wrong, 0.0, block.per_body if name else block.per_body)
+    off = np.abs(norm(block.q1) - 1.0)
+    chosen = np.flatnonzero(here)
+    # The simulator normalises after every step; what the scenario gives is normalised too.
+    tally.measure("quaternion", off.ravel()[chosen], 8.0 * EPS, lambda i: block.per_body(int(chosen[i])))
+
+
+def _numbers(run: Run, tally: Tally) -> None:
+    segments = run.result._segments
+    for table in ("contacts", "impacts", "steps"):
+        for name in segments.columns(table):
+            column = segments.column(table, name)
+            if column.dtype.kind != "f":
+                continue
+            for first in range(0, len(column), ROWS):
+                values = np.asarray(column[first : first + ROWS])
+                wrong = (~np.isfinite(values)).reshape(len(values), -1).sum(axis=1)
+                place = Place(who=(f"/{table}/{name}",))
+                tally.measure("numbers", wrong.sum(keepdims=True), 0.0, lambda i, p=place: p)  # type: ignore[misc]
+
+
+def _clock(run: Run, tally: Tally) -> None:
+    """Times are step numbers times h; frames and steps follow one another, each step has its row, impacts their steps."""
+    h, steps = run.h, run.steps
+    tally.measure("clock", np.abs(run.time - run.step * h), 2.0 * EPS * run.step * h, run.frame_place)
+    number = steps["step"].astype(np.int64)
+    tally.measure("clock", np.abs(steps["time"] - number * h), 2.0 * EPS * number * h,
+                  lambda i: run.step_place(int(number[i])))  # fmt: skip
+    order = np.abs(number - np.arange(1, len(number) + 1)) * h
+    tally.measure("clock", order, 0.0, lambda i: run.step_place(i + 1))
+    backwards = (np.diff(run.step) <= 0) * h
+    tally.measure("clock", backwards, 0.0, lambda i: run.frame_place(i + 1))
+    late = np.maximum(0, run.step - len(number)) * h
+    tally.measure("clock", late, 0.0, run.frame_place)
+    tables = [run.result.impacts] + ([run.result.events] if len(run.result.events) else [])
+    for table in tables:
+        at = np.asarray(table["step"]).astype(np.int64)
+        if not at.size:
+            continue
+        off = np.abs(np.asarray(table["time"]) - at * h) + h * ((at > len(number)) | (np.diff(at, prepend=0) < 0))
+        tally.measure("clock", off, 2.0 * EPS * at * h, lambda i, at=at: run.step_place(int(at[i])))  # type: ignore[misc]
+    ends = np.asarray(run.result._segments.column("frames", "contact_end")).astype(np.int64)
+    tally.measure("clock", (np.diff(ends, prepend=0) < 0) * h, 0.0, run.frame_place)
+
+
+def _scenario(run: Run, tally: Tally) -> None:
+    """Bodies are those of the scenario, and the first frame is its start. Decimals of a file are read to one rounding."""
+    for name in ("radius", "mass", "inertia"):
+        wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run, name))
+        if wanted.shape != found.shape:
+            tally.measure("scenario", [np.inf], 0.0, lambda i: Place(who=(f"/bodies/{name}",)))
+            return
+        tally.measure("scenario", np.abs(found / wanted - 1.0), 8.0 * EPS, lambda i: Place(who=(run.names[i],)))
+    if not run.frames or int(run.step[0]) != 0:
+        return
+    present = np.asarray(run.result.present[0])
+    if not present.all() or len(run.result.events):
+        present = present & False  # what enters at the start has places drawn, and the rest is absent
+    for name in ("position", "velocity", "angular_velocity"):
+        wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run.result, name)[0])
+        off = norm(found - wanted) / (norm(wanted) + run.radius * (1.0 if name == "position" else 0.0) + 1e-300)
+        chosen = np.flatnonzero(present)
+        tally.measure("scenario", off[chosen], 8.0 * EPS, lambda i, c=chosen: run.frame_place(0, int(c[i])))  # type: ignore[misc]

@@ -1,0 +1,67 @@
+"""A little algebra of rows of vectors (K, 3) and of unit quaternions (K, 4), scalar part first."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+EPS = float(np.finfo(np.float64).eps)
+
+
+def dot(a: F64, b: F64) -> F64:
+    """Scalar products along the last axis."""
+    found: F64 = (a * b).sum(axis=-1)
+    return found
+
+
+def norm(a: F64) -> F64:
+    """Lengths along the last axis."""
+    return np.asarray(np.sqrt((a * a).sum(axis=-1)))
+
+
+def unit(a: F64) -> F64:
+    """Directions; of a null vector a null vector."""
+    length = norm(a)[..., None]
+    return np.divide(a, length, out=np.zeros_like(a), where=length > 0.0)
+
+
+def across(a: F64, normal: F64) -> F64:
+    """The part of each vector across a unit normal."""
+    return a - dot(a, normal)[..., None] * normal
+
+
+def rotated(q: F64, a: F64) -> F64:
+    """Vectors turned by unit quaternions."""
+    twice = 2.0 * np.cross(q[..., 1:], a)
+    turned: F64 = a + q[..., :1] * twice + np.cross(q[..., 1:], twice)
+    return turned
+
+
+def product(p: F64, q: F64) -> F64:
+    """Products of quaternions."""
+    scalar = p[..., 0] * q[..., 0] - dot(p[..., 1:], q[..., 1:])
+    vector = p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])
+    return np.concatenate([scalar[..., None], vector], axis=-1)
+
+
+def conjugate(q: F64) -> F64:
+    """Inverse rotations."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def exponential(psi: F64) -> F64:
+    """Unit quaternions of rotation vectors, rad."""
+    half = 0.5 * psi
+    angle = norm(half)[..., None]
+    return np.concatenate([np.cos(angle), np.sinc(angle / np.pi) * half], axis=-1)
+
+
+def rotation_vector(q: F64) -> F64:
+    """Rotation vectors of unit quaternions, rad, of length pi at most."""
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = norm(q[..., 1:])[..., None]
+    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    found: F64 = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0) * q[..., 1:]
+    return found

@@ -1,0 +1,140 @@
+"""Opens a results file and takes nothing in it on trust: it may be damaged, or made by others.
+
+What cannot be read becomes a `CaromError` with file and place; nothing outside the file is followed, and no column takes
+more memory than its bytes can fill (`carom.hdf5`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.hdf5 import Untrusted, child, dataset, first_line
+from carom.record.layout import FORMAT, TABLES, Rows
+
+#: What h5py raises over damaged files.
+DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError)
+#: The head of a file: its signature, the version of its layout, at byte 11 what its writer does, from 28 on its end.
+HEAD, SIGNATURE = 48, b"\x89HDF\r\n\x1a\n"
+#: Bytes that may be missing at the end of a file whose writer was killed: they were announced, and not yet written.
+MISSING_END = 1 << 20
+
+
+def open_results(path: Path) -> h5py.File:
+    try:
+        file = _open_swmr(path)
+    except OSError as error:
+        if not path.exists():
+            raise CaromError(f"{path}: no such file") from error
+        raise CaromError(
+            f"{path} cannot be read as results of a run: {str(error).splitlines()[0]}"
+        ) from error
+    try:
+        found = int(file.attrs.get("format", -1))
+        whole = all(table_of(file, table) is not None for table in TABLES) and "commit" in file
+    except (CaromError, *DAMAGED) as error:
+        file.close()
+        raise damaged(path, "/", error) from error
+    if found != FORMAT or not whole:
+        file.close()
+        raise CaromError(
+            f"{path} is not a results file of this version of Carom (format {found}, wanted {FORMAT})"
+        )
+    return file
+
+
+def _open_swmr(path: Path) -> h5py.File:
+    # A file that was closed is opened as one: of a damaged one the library then says so, where it would read on for ever
+    # in the hope that a writer mends it.
+    as_written = {"libver": "latest", "swmr": True} if _may_be_written(path) else {}
+    try:
+        return h5py.File(path, "r", **as_written)
+    except OSError as error:
+        if "unable to lock" not in str(error):
+            raise
+        # Network file systems may have no locks, or keep that of a writer that died.
+        return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
+
+
+def _may_be_written(path: Path) -> bool:
+    """Whether the head of a file says that a process has it open for writing (or was killed while it had)."""
+    with open(path, "rb") as file:
+        head = file.read(HEAD)
+    if len(head) < HEAD or not head.startswith(SIGNATURE) or head[8] < 3:
+        return False  # the library says what is wrong
+    if not head[11]:
+        return False
+    end, size = int.from_bytes(head[28:36], "little"), path.stat().st_size
+    if end > size + MISSING_END:
+        raise OSError(f"truncated file: {size} of {end} bytes")
+    return True
+
+
+# --- nothing on trust: a file may have been damaged, or made by others ----------------------------------------------
+
+
+def damaged(file: h5py.File | Path, place: str, error: object) -> CaromError:
+    path = file if isinstance(file, Path) else file.filename
+    cause = first_line(error) if isinstance(error, BaseException) else str(error)
+    return CaromError(
+        f"{path}: {place} cannot be read ({cause}); the file is damaged: take a copy, or run again"
+    )
+
+
+def read_rows(part: Any, rows: slice) -> NDArray[Any]:
+    try:
+        return np.asarray(part[rows])
+    except DAMAGED as error:
+        raise damaged(part.file, part.name, error) from error
+
+
+def table_of(file: h5py.File, table: str) -> h5py.Group | None:
+    """A table as a group of the file itself; None if it is not there."""
+    found = child(file, table)
+    return found if isinstance(found, h5py.Group) else None
+
+
+def column_of(file: h5py.File, key: str, rows: int) -> h5py.Dataset:
+    """A column of which `rows` rows count."""
+    try:
+        return dataset(file, key, rows=rows)
+    except Untrusted as error:
+        raise damaged(file, error.place, error.cause) from error
+
+
+def static_of(file: h5py.File, key: str, text: bool) -> NDArray[Any]:
+    """A column of a table that does not change in a run."""
+    try:
+        found = dataset(file, key, "OS" if text else "biuf")
+        return np.array(found.asstr()[:], dtype=object) if text else np.asarray(found[()])
+    except (Untrusted, AttributeError, *DAMAGED) as error:
+        raise damaged(file, f"/{key}", error) from error
+
+
+def first_rows(file: h5py.File) -> Rows:
+    """How many rows earlier segments have."""
+    try:
+        return _rows(file.attrs["first_rows"])
+    except DAMAGED as error:
+        raise damaged(file, "first_rows", error) from error
+
+
+def written(file: h5py.File) -> Rows:
+    """How many rows of the file are whole."""
+    try:
+        commit = dataset(file, "commit", "iu", rows=len(file["commit"]))
+        return _rows(commit[-1]) if len(commit) else Rows()
+    except (Untrusted, *DAMAGED) as error:
+        raise damaged(file, "/commit", error) from error
+
+
+def _rows(numbers: Any) -> Rows:
+    found = Rows(*(int(n) for n in numbers))
+    if min(found) < 0:
+        raise ValueError(f"{min(found)} rows")
+    return found

@@ -1,0 +1,83 @@
+"""Whatever stands in a file, Carom uses it or refuses it in words: no traceback, panic, hang or endless allocation.
+
+Mutations by fixed seeds, in child processes with a limit on memory and time (`tests/fuzz`). The quick tier tries a few
+hundred, the long tier thousands; `python -m fuzz TARGET SECONDS` in `tests` as many as one likes.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fuzz import campaign, material
+from fuzz.pool import Pool
+
+CORPUS = Path(__file__).parent / "fuzz" / "corpus"
+#: Cases of each target in the quick tier: about a second each.
+QUICK = {"scenario": 40, "problem": 40, "result": 8, "checkpoint": 80, "state": 600, "expression": 1200}
+#: Seconds of each target in the long tier.
+LONG = float(os.environ.get("CAROM_FUZZ_SECONDS", "60"))
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return material.make(tmp_path_factory.mktemp("material"))
+
+
+def told(case: bytes, seen: str) -> str:
+    return f"{seen}\nthe input: {case[:300]!r}"
+
+
+@pytest.fixture(scope="module")
+def pool(base: Path) -> Iterator[Pool]:
+    with Pool(base) as pool:
+        yield pool
+
+
+@pytest.mark.parametrize("target", QUICK)
+def test_damaged_input_is_used_or_refused(target: str, base: Path, pool: Pool) -> None:
+    verdicts: Counter[str] = Counter()
+    for case in itertools.islice(campaign.cases(target, base, 0), QUICK[target]):
+        verdict = pool.one(target, case)
+        assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}")
+        verdicts[verdict.kind] += 1
+    # The mutations are no use if they break nothing, or everything.
+    assert verdicts["refused"] >= 0.1 * QUICK[target], verdicts
+    assert verdicts["taken"] >= 1, verdicts
+
+
+@pytest.mark.parametrize(
+    "path", sorted(CORPUS.glob("*/*")), ids=lambda path: f"{path.parent.name}-{path.name}"
+)
+def test_what_was_trouble_once(path: Path, pool: Pool) -> None:
+    verdict = pool.one(path.parent.name, path.read_bytes())
+    assert verdict.ok, f"{verdict.kind}: {verdict.text}"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("target", QUICK)
+def test_damaged_input_for_a_minute(target: str, base: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    begin, verdicts = time.monotonic(), Counter[str]()
+    cases = campaign.cases(target, base, random.SystemRandom().randrange(10**9))
+    with Pool(base, patience=60.0) as pool:
+        while time.monotonic() - begin < LONG:
+            case = next(cases)
+            verdict = pool.one(target, case)
+            assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}")
+            verdicts[verdict.kind] += 1
+    with capsys.disabled():
+        print(f" {target}: {verdicts.total()} cases, {dict(verdicts)}")
+
+
+def test_the_harness_sees_what_it_is_for(base: Path) -> None:
+    with Pool(base, patience=2.0) as pool:
+        assert pool.one("_crash", b"segfault").kind == "crash"
+        assert pool.one("_crash", b"allocate").kind == "MemoryError", "and the next case has a new child"
+        assert pool.one("_crash", b"raise").kind == "KeyError"
+        assert pool.one("_crash", b"hang").kind == "hang"

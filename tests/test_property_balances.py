@@ -1,0 +1,218 @@
+"""Balances of mechanics on random scenes: momentum, angular momentum, energy, no penetration. The bounds are of rounding
+wherever the scheme is exact; `docs/reference/determinism.md` lists what is exact and what holds to which order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import strategies as st
+from physics_scenes import F64
+from random_scenes import (
+    EXAMPLES,
+    Case,
+    Run,
+    angular_momentum,
+    directions,
+    free_scenes,
+    gaps,
+    hundredths,
+    laws,
+    momentum,
+    vectors,
+    walled_scenes,
+)
+
+# Rounding of some thousand sums of terms that cancel.
+ROUNDING = 1e-13
+PHASES = [phase for phase in Phase if phase != Phase.explain]
+quick = settings(max_examples=EXAMPLES[False], phases=PHASES)
+many = settings(max_examples=EXAMPLES[True], phases=PHASES, suppress_health_check=list(HealthCheck))
+"""The quick tier draws the same scenes each time (`conftest.py`), and so does the long one, more of them."""
+
+
+def size(case: Case) -> float:
+    """Sum of the momenta's sizes, kg m/s: what rounding of momentum is measured by."""
+    return float(case.m @ np.linalg.norm(case.v, axis=1))
+
+
+def kinetic(case: Case, v: F64, w: F64) -> float:
+    inertia = case.kappa * case.m * case.r**2
+    return float(0.5 * (case.m @ (v * v).sum(1) + inertia @ (w * w).sum(1)))
+
+
+def small(bound: float, measured: Any, case: Case, what: str) -> None:
+    worst = float(np.max(measured, initial=0.0))
+    assert worst <= bound, f"{what}: {worst:.3e} is above {bound:.1e} in\n{case.to_toml()}"
+
+
+# ----------------------------------------------------------------------------------------- momentum of free balls
+
+
+def momentum_is_conserved(case: Case) -> None:
+    """Every impulse acts twice, with opposite signs, whatever the solver left: no tolerance enters. Nor do those of
+    the position level move the centre of mass."""
+    run = case.run()
+    p = momentum(case, run)
+    small(ROUNDING, np.abs(p - p[0]) / (size(case) or 1.0), case, "momentum")
+    centre = np.einsum("i,tik->tk", case.m, run.x) / case.m.sum()
+    uniform = centre[0] + case.step * np.arange(len(p))[:, None] * p[0] / case.m.sum()
+    small(ROUNDING, np.abs(centre - uniform), case, "way of the centre of mass, m")
+
+
+def angular_momentum_changes_as_the_impulses_say(case: Case, about: F64) -> None:
+    """The arm of friction is that of t_n while centres are those of t_{n+1}, and the position level moves centres without
+    velocities: angular momentum is conserved to first order in h, and to rounding it changes by
+    sum over contacts of P x (v_A - v_B) + ((x_A - x_B)(n+1) - (r_A + r_B) n(n)) x F."""
+    run = case.run()
+    momenta = angular_momentum(case, run, about)
+    explained = np.zeros_like(momenta)
+    np.add.at(explained, run.contact_step, gains(case, run))
+    reach = np.abs(run.x - about).max() + case.r.max()
+    scale = reach * size(case) + case.kappa * case.m * case.r**2 @ np.linalg.norm(case.w, axis=1)
+    small(
+        ROUNDING, np.abs(np.diff(momenta, axis=0) - explained[1:]) / (scale or 1.0), case, "angular momentum"
+    )
+
+
+def gains(case: Case, run: Run) -> F64:
+    """What each row of contacts adds to the angular momentum, (rows, 3)."""
+    a, b = np.asarray(run.contacts["body"]).astype(int).T
+    n = run.contact_step
+    before, after = run.x[n - 1, a] - run.x[n - 1, b], run.x[n, a] - run.x[n, b]
+    start = before / np.linalg.norm(before, axis=1)[:, None]
+    arm = after - (case.r[a] + case.r[b])[:, None] * start
+    # Friction lies across the normal of t_n, the normal impulse along that of t_{n+1}: it goes through both centres.
+    impulse, normal = np.asarray(run.contacts["impulse"]), np.asarray(run.contacts["normal"])
+    along = np.einsum("ck,ck->c", impulse, start) / np.einsum("ck,ck->c", normal, start)
+    friction = impulse - along[:, None] * normal
+    approach = run.v[n - 1, a] - run.v[n - 1, b]
+    return np.asarray(np.cross(run.contacts["position_impulse"], approach) + np.cross(arm, friction))
+
+
+@st.composite
+def head_on(draw: Any) -> tuple[Case, int]:
+    """Two balls that meet on the line of their centres, about which they spin, within some steps; both drift together."""
+    case = draw(free_scenes(most=2))
+    along, speed, steps = draw(directions()), draw(hundredths(10, 300)), draw(st.integers(1, 20))
+    part = draw(hundredths(0, 100))
+    reach = case.r.sum() + (steps - draw(hundredths(1, 99))) * case.step * speed
+    drift = draw(vectors())
+    x = np.array([np.zeros(3), reach * along])
+    v = drift + speed * np.array([part * along, (part - 1) * along])
+    w = np.array([draw(hundredths(-3000, 3000)) * along for _ in range(2)])
+    return replace(case, x=x, v=v, w=w, law=draw(laws())), steps
+
+
+def angular_momentum_of_a_head_on_hit_is_conserved(hit: tuple[Case, int], about: F64) -> None:
+    """The normal does not turn in the step of the hit, approach and corrections lie along it: nothing is left to gain.
+    Spins across it would slip, and the position level's friction push the centres aside."""
+    case, steps = hit
+    run = case.run(steps)
+    assert set(run.contact_step) == {steps}
+    momenta = angular_momentum(case, run, about)
+    reach = np.abs(run.x - about).max() + case.r.max()
+    scale = reach * size(case) + case.kappa * case.m * case.r**2 @ np.linalg.norm(case.w, axis=1)
+    small(ROUNDING, np.abs(momenta - momenta[0]) / scale, case, "angular momentum")
+
+
+def spins_of_smooth_balls_do_not_change(case: Case) -> None:
+    """Without friction nothing turns a ball: the same bits."""
+    run = case.run()
+    assert np.array_equal(run.w, np.broadcast_to(case.w, run.w.shape)), case.to_toml()
+
+
+# ------------------------------------------------------------------------------------------- energy, penetration
+
+
+def energy_never_rises(case: Case) -> None:
+    """At every step, in every scene: free, in clusters and against walls, with any restitution."""
+    run = case.run()
+    # That at the start is not in the table of steps; the first step counts all the same.
+    start = kinetic(case, case.v, case.w) - float(case.m @ (case.x @ case.gravity))
+    energy = np.concatenate([[start], run.energy])
+    fall = case.m.sum() * np.linalg.norm(case.gravity) * np.abs(run.x).max()
+    scale = kinetic(case, case.v, case.w) + fall
+    small(1e-12, np.diff(energy) / (scale or 1.0), case, "rise of the energy in a step, of the total")
+
+
+def nothing_penetrates(case: Case) -> None:
+    """At the end of every step, measured from the positions alone: within 1e-10 of the smaller radius."""
+    run = case.run()
+    small(1e-10, [-gaps(x, case.r).min() for x in run.x[1:]], case, "overlap of balls, of the radius")
+    for point, normal in zip(case.point, case.normal):
+        small(1e-10, -((run.x[1:] - point) @ normal - case.r) / case.r, case, "overlap with a plane")
+    orientation = np.linalg.norm(run.q, axis=2)
+    small(1e-14, np.abs(orientation - 1), case, "length of the quaternions")
+
+
+@st.composite
+def elastic(draw: Any) -> Case:
+    """Smooth balls with e_N = 1."""
+    return replace(draw(free_scenes(frictionless=True)), law=np.array([0.0, 1.0, 0.0, 0.0, 0.0]))
+
+
+def perfectly_elastic_balls_keep_their_energy(case: Case) -> None:
+    """Hits of several at once, solved one problem after the other, included, as long as the sequence ends by itself."""
+    run = case.run()
+    start = kinetic(case, case.v, case.w)
+    assume(start > 0 and not run.steps["truncated"].any())
+    small(1e-11, np.abs(run.energy / start - 1), case, "change of the energy, of the total")
+
+
+# --------------------------------------------------------------------------------------------------- both tiers
+
+LAWS = {
+    "momentum": (momentum_is_conserved, [free_scenes()]),
+    "angular momentum": (angular_momentum_changes_as_the_impulses_say, [free_scenes(), vectors(3.0)]),
+    "angular momentum, head-on": (angular_momentum_of_a_head_on_hit_is_conserved, [head_on(), vectors(3.0)]),
+    "spins of smooth balls": (spins_of_smooth_balls_do_not_change, [free_scenes(frictionless=True)]),
+    "energy": (energy_never_rises, [walled_scenes()]),
+    "energy of elastic balls": (perfectly_elastic_balls_keep_their_energy, [elastic()]),
+    "penetration": (nothing_penetrates, [walled_scenes()]),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_law(name: str) -> None:
+    law, drawn = LAWS[name]
+    quick(given(*drawn)(law))()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", LAWS)
+def test_law_in_many_scenes(name: str) -> None:
+    law, drawn = LAWS[name]
+    many(given(*drawn)(law))()
+
+
+# --------------------------------------------------------------------------------------- the scenes are no toys
+
+
+def test_the_scenes_hold_what_they_should() -> None:
+    """Impacts of several balls, islands, rolling contacts, quick and slow balls: laws about nothing would all hold."""
+    seen: dict[str, int] = dict.fromkeys(
+        ("scenes", "impacts", "several", "islands of 3", "rest", "slip", "stick"), 0
+    )
+
+    @settings(max_examples=24)
+    @given(walled_scenes())
+    def count(case: Case) -> None:
+        run = case.run(20)
+        status = np.asarray(run.contacts["status"])
+        seen["scenes"] += 1
+        seen["impacts"] += len(run.impacts["step"]) > 0
+        seen["several"] += bool(np.any(np.asarray(run.impacts["problem"]) > 1))
+        seen["islands of 3"] += bool(run.steps["largest_island"].max() >= 3)
+        seen["rest"] += bool(np.abs(run.v[-1] - run.v[-2]).max() == 0)
+        seen["stick"] += bool((status == 1).any())
+        seen["slip"] += bool((status == 2).any())
+
+    count()
+    print(seen)
+    for name, least in {"impacts": 16, "several": 6, "islands of 3": 9, "stick": 8, "slip": 8}.items():
+        assert seen[name] >= least, seen
