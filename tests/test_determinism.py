@@ -96,7 +96,8 @@ def swing() -> carom.Scene:
 def grains(n: int = 300) -> carom.Scene:
     """Grains thrown into a box: a pile after some hundredths of a second."""
     rng, side, r, wide = np.random.default_rng(1), 6, 0.005, 2.14 * 0.005
-    places = np.array([[i % side, i // side % side, i // side**2] for i in range(n)]) + [0.5, 0.5, 0.55]
+    places = np.array([[i % side, i // side % side, i // side**2] for i in range(n)])
+    places = places + np.array([0.5, 0.5, 0.55])
     box = wide * side
     walls = [((0, 0, 0), (0, 0, 1)), ((0, 0, 0), (1, 0, 0)), ((box, 0, 0), (-1, 0, 0)), ((0, 0, 0), (0, 1, 0)),
              ((0, box, 0), (0, -1, 0))]  # fmt: skip
@@ -187,7 +188,7 @@ def check_threads(
 
 
 def test_an_island_swept_by_several_threads() -> None:
-    """2400 balls fall into three chunks of the sweeps (`crates/carom-solve/src/spheres`): what is least for threads to meet."""
+    """2400 balls are three chunks of the sweeps (`crates/carom-solve/src/spheres`), the least for threads to meet."""
     scene = lattice(10)
     assert 2048 < len(scene.names) < 3072
     check_threads(scene, 2, (8,), 6_000, contacts_per_thread=1)
@@ -269,7 +270,6 @@ def test_another_process_with_other_hashes_and_addresses() -> None:
 
 def test_a_single_bit_is_seen() -> None:
     scene = two_balls()
-    x, *_ = scene.spheres
     moved = carom.Scene.from_toml(scene.to_toml().replace("0.03", repr(float(np.nextafter(0.03, 1)))))
     assert moved.spheres[1].position[1] != scene.spheres[1].position[1]
     with pytest.raises(AssertionError, match="two balls"):
