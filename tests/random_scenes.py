@@ -19,7 +19,7 @@ from physics_scenes import F64, balls
 LAWS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 #: Solved to rounding: what differs between a scene and its transform is then rounding too.
 SHARP = {"tolerance": 1e-12, "pile_tolerance": 1e-12, "tolerance_floor": 1e-15}
-EXAMPLES = {False: 12, True: 400}
+EXAMPLES = {False: 6, True: 400}
 """Scenes of each law in the quick and in the long tier."""
 
 
@@ -239,8 +239,9 @@ def free_scenes(draw: Any, most: int = 12, frictionless: bool = False) -> Case:
 def walled_scenes(draw: Any, most: int = 12, apart: float = 0.0) -> Case:
     """The same with up to three planes of any slope, each of which supports the scene (a ball touches it) or lies a little
     behind, and gravity or none."""
-    case = draw(free_scenes(most))
-    point, normal = [], []
+    case: Case = draw(free_scenes(most))
+    point: list[F64] = []
+    normal: list[F64] = []
     for _ in range(draw(st.integers(0, 3))):
         n = draw(directions())
         if any(n @ other < -0.9 for other in normal):

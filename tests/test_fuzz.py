@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from carom.errors import CaromError
+from carom.record import Segments
 from fuzz import campaign, material
 from fuzz.pool import Pool
 
@@ -81,3 +83,15 @@ def test_the_harness_sees_what_it_is_for(base: Path) -> None:
         assert pool.one("_crash", b"allocate").kind == "MemoryError", "and the next case has a new child"
         assert pool.one("_crash", b"raise").kind == "KeyError"
         assert pool.one("_crash", b"hang").kind == "hang"
+
+
+def test_a_file_cut_off_while_its_writer_lived_is_refused_at_once(base: Path, tmp_path: Path) -> None:
+    # HDF5 reads on for ever here, in the hope that the writer brings the rest.
+    whole = bytearray((base / material.RUN / "results.h5").read_bytes())
+    whole[11] = 5  # open for writing, with readers
+    cut = tmp_path / "results.h5"
+    cut.write_bytes(whole[: len(whole) // 2])
+    begin = time.monotonic()
+    with pytest.raises(CaromError, match=r"results\.h5 cannot be read .*truncated file"):
+        Segments([cut])
+    assert time.monotonic() - begin < 5.0

@@ -129,15 +129,65 @@ def spins_of_smooth_balls_do_not_change(case: Case) -> None:
 # ------------------------------------------------------------------------------------------- energy, penetration
 
 
-def energy_never_rises(case: Case) -> None:
-    """At every step, in every scene: free, in clusters and against walls, with any restitution."""
-    run = case.run()
-    # That at the start is not in the table of steps; the first step counts all the same.
+def rises(case: Case, run: Run) -> tuple[F64, float]:
+    """Rise of the energy in each step, (S,), and the total it is measured by, J."""
+    # The energy at the start is not in the table of steps; the first step counts all the same.
     start = kinetic(case, case.v, case.w) - float(case.m @ (case.x @ case.gravity))
-    energy = np.concatenate([[start], run.energy])
     fall = case.m.sum() * np.linalg.norm(case.gravity) * np.abs(run.x).max()
-    scale = kinetic(case, case.v, case.w) + fall
-    small(1e-12, np.diff(energy) / (scale or 1.0), case, "rise of the energy in a step, of the total")
+    total = float(kinetic(case, case.v, case.w) + fall)
+    return np.diff(np.concatenate([[start], run.energy])), total or 1.0
+
+
+def curved_path(case: Case, run: Run) -> F64:
+    """What balls that slide or roll on one another may gain in each step, (S,) J: h^2 N v^2/(2 rho) for each contact, rho
+    the distance of the centres (section 10 of docs/theory/algorithm.md). N h is the impulse of both levels."""
+    gained = np.zeros(len(run.x) - 1)
+    contacts = run.contacts
+    for k, step in enumerate(run.contact_step):
+        a, b = (int(i) for i in contacts["body"][k])
+        if b >= len(case.r):
+            continue
+        n = np.asarray(contacts["normal"][k])
+        pressed = abs(contacts["impulse"][k] @ n) + abs(contacts["position_impulse"][k] @ n) / case.step
+        speeds = [run.v[s, a] - run.v[s, b] for s in (step - 1, step)]
+        across = max(float(u @ u - (u @ n) ** 2) for u in speeds)
+        gained[step - 1] += case.step * pressed * across / (2 * (case.r[a] + case.r[b]))
+    return gained
+
+
+def energy_of_free_balls_never_rises(case: Case) -> None:
+    """At every step, alone and in clusters, with any restitution and friction."""
+    rise, total = rises(case, case.run())
+    small(1e-12, rise / total, case, "rise of the energy in a step, of the total")
+
+
+def energy_rises_by_no_more_than_curved_paths_explain(case: Case) -> None:
+    """Under gravity and among walls balls roll on each other for long. Four times what a smooth path gains: a step may
+    begin or end a contact."""
+    run = case.run()
+    rise, total = rises(case, run)
+    small(
+        1e-12, (rise - 4 * curved_path(case, run)) / total, case, "unexplained rise of the energy in a step"
+    )
+
+
+@pytest.mark.parametrize(("friction", "degrees", "sideways"), [(0.0, 5, 0.0), (0.8, 20, 0.3), (0.3, 20, 0.3)])
+def test_what_a_ball_on_a_ball_gains_is_the_path(friction: float, degrees: float, sideways: float) -> None:
+    """A ball slides or rolls off another on a floor: the largest rise is h^2 N v^2/(2 rho) to a few per cent."""
+    r, lean = np.array([0.01, 0.02]), np.deg2rad(degrees)
+    x = np.array([[0, 0, 0.01], [0.03 * np.sin(lean), 0, 0.01 + 0.03 * np.cos(lean)]])
+    law = np.array([friction, 0.0, 0.0, 0.0, 0.0])
+    case = Case(x, np.array([[0, 0, 0], [0, sideways, 0]]), np.zeros((2, 3)), r, 8e3 * r**3, np.full(2, 0.4),
+                np.array([0, 0, -9.8]), np.zeros((1, 3)), np.array([[0, 0, 1.0]]), law, law)  # fmt: skip
+    run = case.run()
+    rise, _ = rises(case, run)
+    k = int(np.argmax(rise))
+    assert rise[k] > 1e-7
+    pressed = np.abs(np.einsum("ck,ck->c", run.contacts["impulse"], run.contacts["normal"]))
+    between = [c for c in np.flatnonzero(run.contact_step == k + 1) if run.contacts["body"][c][1] == 1]
+    [contact] = between
+    n, u = np.asarray(run.contacts["normal"][contact]), run.v[k + 1, 0] - run.v[k + 1, 1]
+    assert rise[k] == pytest.approx(case.step * pressed[contact] * (u @ u - (u @ n) ** 2) / 0.06, rel=0.1)
 
 
 def nothing_penetrates(case: Case) -> None:
@@ -171,7 +221,8 @@ LAWS = {
     "angular momentum": (angular_momentum_changes_as_the_impulses_say, [free_scenes(), vectors(3.0)]),
     "angular momentum, head-on": (angular_momentum_of_a_head_on_hit_is_conserved, [head_on(), vectors(3.0)]),
     "spins of smooth balls": (spins_of_smooth_balls_do_not_change, [free_scenes(frictionless=True)]),
-    "energy": (energy_never_rises, [walled_scenes()]),
+    "energy, free": (energy_of_free_balls_never_rises, [free_scenes()]),
+    "energy, among walls": (energy_rises_by_no_more_than_curved_paths_explain, [walled_scenes()]),
     "energy of elastic balls": (perfectly_elastic_balls_keep_their_energy, [elastic()]),
     "penetration": (nothing_penetrates, [walled_scenes()]),
 }
@@ -214,5 +265,5 @@ def test_the_scenes_hold_what_they_should() -> None:
 
     count()
     print(seen)
-    for name, least in {"impacts": 16, "several": 6, "islands of 3": 9, "stick": 8, "slip": 8}.items():
+    for name, least in {"impacts": 12, "several": 4, "islands of 3": 6, "stick": 1, "slip": 6}.items():
         assert seen[name] >= least, seen

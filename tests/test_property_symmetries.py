@@ -37,11 +37,20 @@ def speed(case: Case) -> float:
     return float(moving.max() + 60 * case.step * np.linalg.norm(case.gravity)) or 1.0
 
 
-def agree(case: Case, one: State, other: State, what: str, bound: float = AGREE) -> None:
-    """Positions over the smallest radius, velocities over the fastest speed."""
+def sure(run: Run) -> int:
+    """States before the first sequence of impacts that was cut off. It ends by a problem in which contacts are redundant, as
+    those of a ball in a corner of three rough walls: its solution need not be unique (docs/theory/algorithm.md, section 6),
+    and rounding chooses. `relabelled` found it: velocities then differ by 1e-6 to 1e-4."""
+    cut = np.flatnonzero(run.steps["truncated"])
+    return int(cut[0]) + 1 if len(cut) else len(run.x)
+
+
+def agree(case: Case, run: Run, other: State, what: str, bound: float = AGREE) -> None:
+    """Positions over the smallest radius, velocities over the fastest speed, as long as the motion is unique."""
+    one, until = state(run), sure(run)
     scales = (case.r.min(), speed(case), speed(case) / case.r.min())
     for name, a, b, scale in zip("xvw", one, other, scales):
-        worst = float(np.abs(a - b).max() / scale)
+        worst = float(np.abs(a - b)[:until].max() / scale)
         assert worst <= bound, (
             f"{what}: {name} differs by {worst:.2e}, above {bound:.0e}, in\n{case.to_toml()}"
         )
@@ -72,7 +81,7 @@ def rotations() -> st.SearchStrategy[F64]:
 
 
 def turned(case: Case, q: F64) -> None:
-    agree(case, state(case.run()), back(case.turned(q).run(), q), "turned or mirrored")
+    agree(case, case.run(), back(case.turned(q).run(), q), "turned or mirrored")
 
 
 def mirrored_in_x_or_y(case: Case) -> None:
@@ -86,7 +95,7 @@ def mirrored_in_x_or_y(case: Case) -> None:
 def elsewhere(case: Case, shift: F64) -> None:
     """Rounding of positions then is that of larger numbers."""
     run = replace(case, x=case.x + shift, point=case.point + shift).run()
-    agree(case, state(case.run()), (run.x - shift, run.v, run.w), "moved")
+    agree(case, case.run(), (run.x - shift, run.v, run.w), "moved")
 
 
 # ----------------------------------------------------------------------------------------------- moving observers
@@ -96,7 +105,7 @@ def observed_in_motion(case: Case, shift: F64, bound: float = AGREE, **options: 
     case = case.with_options(**options)
     still, moving = case.run(), replace(case, v=case.v + shift).run()
     way = case.step * np.arange(len(still.x))[:, None, None] * shift
-    agree(case, state(still), (moving.x - way, moving.v - shift, moving.w), "Galilean shift", bound)
+    agree(case, still, (moving.x - way, moving.v - shift, moving.w), "Galilean shift", bound)
 
 
 def galilean(case: Case, shift: F64) -> None:
@@ -119,9 +128,11 @@ def begun_later(case: Case, first: int) -> None:
     are constant. Without gravity it is zero and the bits are the same."""
     whole = case.run()
     rest = replace(case, x=whole.x[first], v=whole.v[first], w=whole.w[first]).run(60 - first)
-    one: State = (whole.x[first:], whole.v[first:], whole.w[first:])
-    compare = agree if case.gravity.any() else same_bits
-    compare(case, one, state(rest), f"begun at step {first}")
+    tail = (whole.x[first:], whole.v[first:], whole.w[first:])
+    if case.gravity.any():
+        agree(case, rest, tail, f"begun at step {first}")
+    else:
+        same_bits(case, tail, state(rest), f"begun at step {first}")
 
 
 # ------------------------------------------------------------------------------------------------------- labels
@@ -131,7 +142,7 @@ def relabelled(case: Case, order: list[int]) -> None:
     """Who is A and who is B, and the order of the rows in each problem, follow from the indices: rounding differs."""
     permutation = np.array([k for k in order if k < len(case.r)])
     run, inverse = case.ordered(permutation).run(), np.argsort(permutation)
-    agree(case, state(case.run()), (run.x[:, inverse], run.v[:, inverse], run.w[:, inverse]), "relabelled")
+    agree(case, case.run(), (run.x[:, inverse], run.v[:, inverse], run.w[:, inverse]), "relabelled")
 
 
 def groups_apart(cases: list[Case], order: list[int]) -> None:
@@ -139,7 +150,7 @@ def groups_apart(cases: list[Case], order: list[int]) -> None:
     of balls, as long as they stand in the same order."""
     law = cases[0].law
     groups = [
-        replace(c, x=c.x + [16.0 * k, 0, 0], law=law, wall_law=law, gravity=cases[0].gravity)
+        replace(c, x=c.x + np.array([16.0 * k, 0, 0]), law=law, wall_law=law, gravity=cases[0].gravity)
         for k, c in enumerate(cases)
     ]
     owner = np.concatenate([np.full(len(c.r), k) for k, c in enumerate(groups)])
@@ -169,7 +180,7 @@ def unscaled(case: Case, length: float, mass: float, time: float) -> State:
 
 def in_any_units(case: Case, powers: tuple[int, int, int]) -> None:
     length, mass, time = (3.0 ** (0.25 * k) for k in powers)
-    agree(case, state(case.run()), unscaled(case, length, mass, time), f"units {powers}")
+    agree(case, case.run(), unscaled(case, length, mass, time), f"units {powers}")
 
 
 def in_binary_units(case: Case, mass: int, time: int) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -177,6 +179,32 @@ def test_only_what_was_committed_is_read(scene: Any, tmp_path: Path) -> None:
     assert segments.column("frames", "time").shape == (100,)
     segments.close()
     writer.abandon()
+
+
+def test_a_block_torn_by_a_kill_is_an_error_and_no_wait_for_ever(scene: Any, tmp_path: Path) -> None:
+    """HDF5 takes it for the work of a living writer and would read on, with pauses that double, for longer than a life."""
+    writer = Writer(tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes={})
+    writer.append(fake_sim.Simulation(scene.to_model()).advance(100, 1, True, 9.0))
+    writer.commit()
+    content = bytearray((tmp_path / "x.h5").read_bytes())  # as a killed process leaves it
+    writer.close()
+    heads = [found.start() for found in re.finditer(b"OHDR", content)]
+    seen = 0
+    for k, at in enumerate(heads):
+        torn = content.copy()
+        torn[at + 20] ^= 0xFF
+        (tmp_path / f"{k}.h5").write_bytes(torn)
+        begin = time.monotonic()
+        try:
+            segments = Segments([tmp_path / f"{k}.h5"])
+            for column in ("position", "time", "velocity"):
+                np.asarray(segments.column("frames", column))
+        except CaromError:
+            seen += 1
+        assert time.monotonic() - begin < 10
+        if seen == 3:
+            break
+    assert seen == 3
 
 
 def test_columns_are_data(scene: Any, tmp_path: Path) -> None:
@@ -412,12 +440,13 @@ def test_results_that_are_gone_are_missed(scene: Any, tmp_path: Path) -> None:
     results.write_bytes(content)
     assert carom.resume(run).outcome.ok
     assert everything(run) == everything(tmp_path / "whole")
-    # A segment in the middle is missed as well, and the run can begin anew with a further one.
-    results.write_bytes(b"torn")
-    carom.resume(run, checkpoint="start")
-    assert (run / "results.h5.aside").read_bytes() == b"torn"
-    assert carom.load(run).segment_names == ["results-0002.h5", "results-0003.h5"]
-    assert everything(run) == everything(tmp_path / "whole")
+    # If it is gone for good, the run can begin anew, and what is left of the old one is put aside.
+    for k in ("", "2"):
+        results.write_bytes(b"torn")
+        carom.resume(run, checkpoint="start")
+        assert (run / f"results.h5.aside{k}").read_bytes() == b"torn"
+        assert carom.load(run).segment_names == ["results.h5"]
+        assert everything(run) == everything(tmp_path / "whole")
 
 
 def test_another_scenario_is_not_continued(scene: Any, tmp_path: Path) -> None:

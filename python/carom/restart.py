@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -69,22 +68,23 @@ def choose(
     raise CaromError(f"{chosen}; no other can be; `{here} --checkpoint start` computes the run anew")
 
 
-def put_aside(directory: RunDir, chosen: Checkpoint | None) -> list[str]:
+def put_aside(directory: RunDir, chosen: Checkpoint | None, wish: str) -> list[str]:
     """Rename what stands in the way of continuing from `chosen`; returns the names as they were.
 
-    These are newer checkpoints, which would otherwise count as the newest, and, for a run that begins anew,
-    results that cannot be read, without which none could.
+    These are newer checkpoints, which would otherwise count as the newest, and, if it was wished that the run begins
+    anew, all its results: nothing in them counts any more, and they may be damaged in any way.
     """
-    refused = [
+    passed = [
         path
         for path in checkpoint.found(directory.path)
         if chosen is None or path.name > checkpoint.name(chosen.step)
     ]
-    if chosen is None:
-        refused += [path for path in directory.segments() if not _readable(path)]
-    for path in refused:
-        path.replace(path.with_name(path.name + ASIDE))
-    return [path.name for path in refused]
+    if wish == "start":  # after the checkpoints, which are worth nothing without them
+        passed += directory.segments()
+    for path in passed:
+        taken = len(list(path.parent.glob(path.name + ASIDE + "*")))
+        path.replace(path.with_name(path.name + ASIDE + (str(taken + 1) if taken else "")))
+    return [path.name for path in passed]
 
 
 def remarks(chosen: Checkpoint | None, wish: str) -> list[str]:
@@ -137,10 +137,3 @@ def _missing(directory: RunDir, rows: Rows) -> str | None:
         f"of the {getattr(rows, table)} rows of {table} up to it {getattr(there, table)} are in"
         f" {', '.join(path.name for path in paths)}: a results file was removed, replaced or cut (put it back if you can)"
     )
-
-
-def _readable(path: Path) -> bool:
-    with suppress(CaromError):
-        Segments([path]).close()
-        return True
-    return False

@@ -267,7 +267,7 @@ def relaunch(
             if plan.until < reached - 0.5 * plan.step:
                 raise CaromError(f"the run has reached t = {reached:g} s already; give --until a later time")
             _restore(simulation, saved)
-        aside = restart.put_aside(directory, saved)
+        aside = restart.put_aside(directory, saved, checkpoint)
         if aside:
             directory.log("put aside", files=aside)
         for remark in restart.remarks(saved, checkpoint):

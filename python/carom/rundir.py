@@ -5,12 +5,13 @@ scenario.toml      the scenario as it was run: every default spelled out, random
 run.json           status, outcome, versions, summary
 results.h5         frames, contacts, impacts, steps; after a resume also results-0002.h5 and so on
 checkpoint-*.npz   the last two states from which the run continues bit for bit
-*.aside            what `carom resume --checkpoint` put aside
+*.aside*           what `carom resume --checkpoint` put aside
 log.jsonl          one JSON object per line: what happened when
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import time
 from collections.abc import Iterator, Mapping
@@ -31,7 +32,7 @@ _OWN = (
     "failing_problem.h5",
     "problems/*.hdf5",
     "problems/.*.tmp",
-    "*.aside",
+    "*.aside*",
     "plots/*",
     "view.html",
     ".*.tmp",
@@ -185,6 +186,11 @@ class RunDir:
         try:
             self._log = open(self.log_file, "a", encoding="utf-8")  # noqa: SIM115  # closed below, also by the kernel
         except OSError as error:
+            told = f"cannot write {self.log_file}: {reason(error)}"
+            if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
+                raise RecordError(
+                    f"{told}; copy the run to where it can be written, and continue it there"
+                ) from error
             raise RecordError(f"cannot write {self.log_file}: {unwritable(error)}") from error
         try:
             if not any(_lock(self._log, shared=False) for _ in _attempts()):

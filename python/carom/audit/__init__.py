@@ -1,8 +1,8 @@
 """The auditor: judges a finished run by the laws of physics alone, from its files, without any code of the solvers.
 
-`carom.audit.check("runs/break-1")` returns a `Report`: for each kind of law (`carom.audit.kinds`) how often it was judged, the
-worst violation with its place and time, and what could not be judged from what was recorded, with the option that would
-record it. `docs/reference/audit.md` states all laws and bounds.
+`carom.audit.check("runs/break-1")` returns a `Report`: for each kind of law (`carom.audit.kinds`) how often it was
+judged, the worst violation with its place and time, and what could not be judged from what was recorded, with the
+option that would record it. `docs/reference/audit.md` states all laws and bounds.
 """
 
 from __future__ import annotations
@@ -33,16 +33,19 @@ def check(run: Result | str | Path) -> Report:
     with np.errstate(invalid="ignore", over="ignore"):  # NaNs of damaged files are findings, not accidents
         _judge(evidence, tally)
     result = evidence.result
-    return Report(str(path), result.title, evidence.method, evidence.frames, tally.close(), tuple(_warnings(evidence)))
+    return Report(
+        str(path), result.title, evidence.method, evidence.frames, tally.close(), tuple(_warnings(evidence))
+    )
 
 
 def _judge(run: Run, tally: Tally) -> None:
     from carom.audit import cones, energy, gaps, impacts, joints, motion, tables, tunnel
+    from carom.audit.block import blocks
     from carom.audit.near import near
 
     tables.judge(run, tally)
     energy.rises(run, tally)
-    for block in run.blocks():
+    for block in blocks(run):
         pairs = near(block)
         tables.frames(block, tally)
         motion.judge(block, tally, pairs.free)

@@ -6,17 +6,20 @@ Between two frames, with weight alone and whole steps, exactly
     moreau   E' - E = sum of works of contacts + energy_work + in - out - (h/2) g . sum P - (theta - 1/2) h g . sum m dv
 
 where `sum nu` and `sum P` run over what the balls got from contacts: the position correction lifts bodies (nsga), and the
-theta rule moves them by the mean of velocities that contacts changed at its end (moreau). Works are recorded by cause, relative
-to moving walls, whose own work (`energy_work`) is taken with the mean of their velocities at both ends of the step: the two
-differ by half of the change of the wall's velocity times its impulses.
+theta rule moves them by the mean of velocities that contacts changed at its end (moreau). Works are recorded by cause,
+relative to moving walls, whose own work (`energy_work`) is taken with the mean of their velocities at both ends of the
+step: the two differ by half of the change of the wall's velocity times its impulses.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.data import Block, Run
+from carom.audit.block import Block
+from carom.audit.data import Run
 from carom.audit.forces import speeds
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
@@ -66,14 +69,14 @@ def _potential(block: Block, near: Near) -> F64 | None:
     return np.asarray(found)
 
 
-def _spring(block: Block, load: dict[str, object]) -> F64:
+def _spring(block: Block, load: dict[str, Any]) -> F64:
     ends = []
     for side in "ab":
-        body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)  # type: ignore[call-overload]
+        body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)
         at = np.broadcast_to(arm, (block.count, 3))
         ends.append(at if body < 0 else block.x1[:, body] + rotated(block.q1[:, body], at))
-    stretch = norm(ends[0] - ends[1]) - float(load["rest_length"])  # type: ignore[arg-type]
-    return np.asarray(0.5 * float(load["stiffness"]) * stretch**2)  # type: ignore[arg-type]
+    stretch = norm(ends[0] - ends[1]) - float(load["rest_length"])
+    return np.asarray(0.5 * float(load["stiffness"]) * stretch**2)
 
 
 def _last(block: Block, name: str) -> F64:
@@ -100,11 +103,22 @@ def _record(block: Block, tally: Tally, motion: F64, potential: F64 | None) -> N
 def _balance(block: Block, tally: Tally) -> None:
     run, c = block.run, block.rows
     if not run.has_contacts:
-        tally.skip("energy balance", "work of contacts was not recorded", "contacts = true in [record]", block.count)
+        tally.skip(
+            "energy balance", "work of contacts was not recorded", "contacts = true in [record]", block.count
+        )
         return
     if run.method == "penalty" or run.loads or run.joints:
-        why = "work within substeps" if run.method == "penalty" else "loads and joints work between the levels of a step"
-        tally.skip("energy balance", f"{why}; judged as a rise of energy", "a scene of weight and contacts", block.count)
+        why = (
+            "work within substeps"
+            if run.method == "penalty"
+            else "loads and joints work between the levels of a step"
+        )
+        tally.skip(
+            "energy balance",
+            f"{why}; judged as a rise of energy",
+            "a scene of weight and contacts",
+            block.count,
+        )
         return
     start = block.s0 == 0
     names = ("energy_kinetic", "energy_potential")
@@ -112,7 +126,7 @@ def _balance(block: Block, tally: Tally) -> None:
     change = np.diff(np.stack([column[block.s0], column[block.s1]]), axis=0)[0]  # type: ignore[index]
     first = _at_start(block)
     change = np.where(start, column[block.s1] - first, change)  # type: ignore[index]
-    parts = (run.total(run.steps[name], block) for name in ("energy_work", "energy_in", "energy_out"))
+    parts = (block.total(run.steps[name]) for name in ("energy_work", "energy_in", "energy_out"))
     given, entered, left_out = parts
     work = np.bincount(c.k, c.work.sum(axis=1), minlength=block.count)
     ball = (c.b < run.bodies)[:, None]
@@ -128,9 +142,15 @@ def _balance(block: Block, tally: Tally) -> None:
     at = speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, np.minimum(c.b, run.bodies - 1)], 0.0)
     fast = np.bincount(c.k, impulse * at, minlength=block.count)
     moved = np.bincount(c.k, norm(c.position_impulse), minlength=block.count) * norm(run.gravity)
-    top = np.maximum(scale(block), np.abs(change)) + np.bincount(c.k, np.abs(c.work).sum(axis=1), minlength=block.count)
+    top = np.maximum(scale(block), np.abs(change)) + np.bincount(
+        c.k, np.abs(c.work).sum(axis=1), minlength=block.count
+    )
     # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
-    bound = 4.0 * block.tolerance * (fast + moved + np.bincount(c.k, np.abs(c.work).sum(axis=1), minlength=block.count))
+    bound = (
+        4.0
+        * block.tolerance
+        * (fast + moved + np.bincount(c.k, np.abs(c.work).sum(axis=1), minlength=block.count))
+    )
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n) * top + _walls(block)
     judged = block.kept & ~(block.cut & (run.method == "moreau"))
     kept = np.flatnonzero(judged)
@@ -140,9 +160,13 @@ def _balance(block: Block, tally: Tally) -> None:
 def _at_start(block: Block) -> float:
     """Energy at the first frame of the run, J."""
     run = block.run
-    x, v, w = (np.asarray(c[0]) for c in (run.result.position, run.result.velocity, run.result.angular_velocity))
+    x, v, w = (
+        np.asarray(c[0]) for c in (run.result.position, run.result.velocity, run.result.angular_velocity)
+    )
     here = np.asarray(run.result.present[0])
-    each = 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)) - run.mass * (np.nan_to_num(x) @ run.gravity)
+    each = 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)) - run.mass * (
+        np.nan_to_num(x) @ run.gravity
+    )
     return float(np.where(here, each, 0.0).sum())
 
 
@@ -205,7 +229,9 @@ def rises(run: Run, tally: Tally) -> None:
         second = np.abs(np.diff(kinetic, n=2))
         bound = bound + np.maximum(np.append(second, second[-1]), np.insert(second, 0, second[0]))
     bound = bound + _unsteady(run) * np.abs(s["energy_work"][1:])
-    tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(int(s["step"][i + 1])))
+    tally.measure(
+        "energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(int(s["step"][i + 1]))
+    )
 
 
 def _unsteady(run: Run) -> F64:
@@ -215,7 +241,9 @@ def _unsteady(run: Run) -> F64:
     for wall in run.walls:
         if wall.moves:
             p = np.broadcast_to(wall.point, (len(end), 3))
-            old, new = (np.hstack([v for v in wall.velocity(t, p)]) for t in (end - run.h, end))
+            old, new = (np.hstack(list(wall.velocity(t, p))) for t in (end - run.h, end))
             size = norm(old) + norm(new)
-            found = np.maximum(found, np.divide(norm(new - old), size, out=np.zeros_like(size), where=size > 0.0))
+            found = np.maximum(
+                found, np.divide(norm(new - old), size, out=np.zeros_like(size), where=size > 0.0)
+            )
     return found

@@ -1,4 +1,4 @@
-"""What acted on each body in each interval: recorded impulses of contacts and joints, and impulses of the loads.
+"""What acted on each body in each interval: recorded impulses of contacts, as sums over the contacts of each body.
 
 Moments of sliding impulses depend on the normal of their lever, `-r n x P_T` on either body. The scheme takes the normal of
 `t_n` for the tangents beside that of `t_{n+1}` for the normal impulse (eqs. 39, 41); piles and Moreau-Jean have one frame.
@@ -10,10 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from carom.audit.data import Block
-from carom.audit.formula import law
-from carom.audit.vectors import dot, norm, rotated
 from numpy.typing import NDArray
+
+from carom.audit.block import Block
+from carom.audit.formula import law
+from carom.audit.vectors import dot, norm
 
 F64 = NDArray[np.float64]
 
@@ -65,7 +66,9 @@ def of_contacts(block: Block) -> Sums:
     reach = np.append(run.radius, 0.0)
     start = block.start[1]
     both = split(c.impulse, c.normal, start)
-    shifted = split(c.position_impulse, c.normal, start)
+    pushed = _projected(block)
+    frame = (block.end[1], block.end[1]) if run.method == "moreau" else (c.normal, start)
+    shifted = split(pushed, *frame)
     angle = turn(block)
     spread = np.where(block.single[c.k] | (angle == 0.0), 0.0, np.maximum(angle, norm(c.normal - start)))
 
@@ -92,11 +95,21 @@ def of_contacts(block: Block) -> Sums:
         moments=(moment(both[0], c.moment), moment(both[1], c.moment)),
         moment_size=collect(ra * size + couple, rb * size + couple),
         turned=collect(ra * (size + slide) * spread, rb * (size + slide) * spread),
-        shift=collect(c.position_impulse, -c.position_impulse),
+        shift=collect(pushed, -pushed),
         shift_size=collect(norm(c.position_impulse), norm(c.position_impulse)),
         shift_moments=(moment(shifted[0], c.position_moment), moment(shifted[1], c.position_moment)),
         count=collect(np.ones(len(c)), np.ones(len(c))),
     )
+
+
+def _projected(block: Block) -> F64:
+    """Position impulses (K, 3). The projection of Moreau-Jean acts along the normals of the places that it
+    leaves, and is recorded along those of the middle of the step: size from the record, direction from the frame.
+    """
+    c, run = block.rows, block.run
+    if run.method != "moreau":
+        return c.position_impulse
+    return np.asarray(norm(c.position_impulse)[:, None] * block.end[1])
 
 
 def speeds(block: Block) -> F64:
@@ -132,175 +145,10 @@ def turn(block: Block) -> F64:
                 velocity, _, _ = wall.velocity(time[c.k[rows]], block.x1[c.k[rows], c.a[rows]])
                 relative[rows] = np.maximum(relative[rows], speed[c.k[rows], c.a[rows]] + norm(velocity))
             if wall.rotation is not None:
-                rate = np.maximum(*(np.abs(law(wall.rotation[2], t[c.k[rows]])[1]) for t in (block.t0, block.t1)))
+                rate = np.maximum(
+                    *(np.abs(law(wall.rotation[2], t[c.k[rows]])[1]) for t in (block.t0, block.t1))
+                )
                 spin[rows] = 2.0 * rate
     with np.errstate(invalid="ignore"):
         angle = (np.where(relative > 0.0, curvature * relative, 0.0) + spin) * block.dt[c.k]
     return np.minimum(angle, np.pi)
-
-
-@dataclass
-class Loads:
-    """Loads and joints on each body over an interval: forces and moments (B, N, 6)."""
-
-    impulse: F64
-    slack: F64
-    """(B, N, 2) what the impulse and the angular impulse may be off, N s and N m s."""
-    shift: F64
-    """Displacement and turn in one step by loads that depend on the time, (B, N, 6), m and rad; nsga alone."""
-    shift_slack: F64
-    """(B, N, 2) m, rad."""
-    unknown: NDArray[np.bool_]
-    """(B, N) bodies of which the loads cannot be known."""
-
-
-def of_loads(block: Block) -> Loads:
-    """Joints and loads of a block.
-
-    Of loads that depend on the time alone the scheme's own filter (eqs. 6b-c) is evaluated exactly. Those that depend on the
-    motion are known at the frames: their impulse over one step lies between the forces at its ends, with the lag of the
-    filter between those of a step before, so that twice the change bounds the error. Over several steps they are unknown.
-    """
-    run = block.run
-    shape = (block.count, run.bodies)
-    found = Loads(np.zeros((*shape, 6)), np.zeros((*shape, 2)), np.zeros((*shape, 6)), np.zeros((*shape, 2)),
-                  np.zeros(shape, dtype=bool))  # fmt: skip
-    for load in run.loads:
-        if load["kind"] == "force":
-            _applied(block, load, found)
-        elif load["kind"] == "callable":
-            found.unknown[:] = True
-        else:
-            _of_motion(block, load, found)
-    if run.joints:
-        _joints(block, found)
-    if run.method == "moreau":
-        # The theta rule moves bodies by their velocities alone, whatever changed these.
-        found.shift[:] = 0.0
-        if not run.options["position_projection"]:
-            found.shift_slack[:] = 0.0
-    return found
-
-
-def _applied(block: Block, load: dict[str, object], out: Loads) -> None:
-    run, body = block.run, int(load["body"])  # type: ignore[call-overload]
-    scale = np.repeat([run.mass[body], run.inertia[body]], 3)
-    impulse, shift = _filtered(run, (*load["force"], *load["torque"]))  # type: ignore[misc]
-    change = np.abs(np.diff(_at_steps(run, (*load["force"], *load["torque"])), axis=0))  # type: ignore[misc]
-    for j in range(6):
-        out.impulse[:, body, j] += run.total(impulse[:, j], block)
-        out.shift[:, body, j] += run.total(shift[:, j], block) / scale[j]
-        loose = block.cut | (run.method == "penalty")
-        slack = np.where(loose, run.total(change[:, j], block) * run.h, 0.0)
-        out.slack[:, body, j // 3] += slack
-        out.shift_slack[:, body, j // 3] += slack * block.dt / scale[j]
-
-
-def _at_steps(run: object, forms: tuple[object, ...]) -> F64:
-    """Force and torque at all times of the grid, (S + 1, 6)."""
-    time = np.concatenate([[0.0], run.steps["time"]])  # type: ignore[attr-defined]
-    return np.stack([law(form, time)[0] for form in forms], axis=1)  # type: ignore[arg-type]
-
-
-def _filtered(run: object, forms: tuple[object, ...]) -> tuple[F64, F64]:
-    """Impulse and displacement times mass of every step, (S, 6), as the scheme makes them of forces at the times of the grid."""
-    f = _at_steps(run, forms)
-    h, o = run.h, run.options  # type: ignore[attr-defined]
-    if run.method == "moreau":  # type: ignore[attr-defined]
-        return h * ((1.0 - o["theta"]) * f[:-1] + o["theta"] * f[1:]), np.zeros_like(f[1:])
-    if run.method == "penalty":  # type: ignore[attr-defined]
-        return 0.5 * h * (f[:-1] + f[1:]), 0.25 * h * h * (f[:-1] + f[1:])
-    rho = o["spectral_radius"]
-    am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-    gamma = 0.5 + af - am
-    beta = 0.25 * (gamma + 0.5) ** 2
-    pseudo = np.empty_like(f)
-    pseudo[0] = f[0]
-    for k in range(1, len(f)):
-        pseudo[k] = ((1.0 - af) * f[k] + af * f[k - 1] - am * pseudo[k - 1]) / (1.0 - am)
-    old, new = pseudo[:-1], pseudo[1:]
-    return h * ((1.0 - gamma) * old + gamma * new), h * h * ((0.5 - beta) * old + beta * new)
-
-
-def _of_motion(block: Block, load: dict[str, object], out: Loads) -> None:
-    """Springs and drag."""
-    first, last = (_wrench(block, load, end) for end in (0, 1))
-    several = ~block.single
-    for body, (start, end) in {b: (first[b], last[b]) for b in first}.items():
-        before = np.concatenate([start[:1], start[:-1]])  # of the interval before, as far as this block knows it
-        change = np.abs(end - start) + np.abs(start - before)
-        mean = 0.5 * (start + end) * block.dt[:, None]
-        out.impulse[:, body] += mean
-        slack = 2.0 * np.stack([norm(change[:, :3]), norm(change[:, 3:])], axis=1) * block.dt[:, None]
-        # The very first intervals of a block do not know what was before them.
-        slack[0] += np.stack([norm(start[0, :3]), norm(start[0, 3:])]) * block.dt[0] * (block.first > 1)
-        scale = np.array([block.run.mass[body], block.run.inertia[body]])
-        out.slack[:, body] += slack
-        out.shift[:, body] += 0.5 * mean * block.dt[:, None] / np.repeat(scale, 3)
-        out.shift_slack[:, body] += slack * block.dt[:, None] / scale
-        out.unknown[:, body] |= several
-
-
-def _wrench(block: Block, load: dict[str, object], end: int) -> dict[int, F64]:
-    """Force and moment on each body of a load at the first (0) or second (1) frame of each interval, (B, 6)."""
-    x, v, w, q = (
-        (block.x1, block.v1, block.w1, block.q1) if end else (block.x0, block.v0, block.w0, block.q0)
-    )
-    if load["kind"] == "drag":
-        body = int(load["body"])  # type: ignore[call-overload]
-        force = -float(load["translation"]) * v[:, body]  # type: ignore[arg-type]
-        return {body: np.hstack([force, -float(load["rotation"]) * w[:, body]])}  # type: ignore[arg-type]
-    points = []
-    for side in "ab":
-        body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)  # type: ignore[call-overload]
-        if body < 0:
-            points.append((body, np.zeros((block.count, 3)), np.broadcast_to(arm, (block.count, 3)), 0.0 * x[:, 0]))
-            continue
-        lever = rotated(q[:, body], np.broadcast_to(arm, (block.count, 3)))
-        points.append((body, lever, x[:, body] + lever, v[:, body] + np.cross(w[:, body], lever)))
-    (a, arm_a, at_a, rate_a), (b, arm_b, at_b, rate_b) = points
-    way = at_a - at_b
-    length = norm(way)
-    line = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
-    tension = float(load["stiffness"]) * (length - float(load["rest_length"]))  # type: ignore[arg-type]
-    tension = tension + float(load["damping"]) * dot(line, rate_a - rate_b)  # type: ignore[arg-type]
-    pull = -tension[:, None] * line
-    found = {a: np.hstack([pull, np.cross(arm_a, pull)])}
-    if b >= 0:
-        found[b] = np.hstack([-pull, -np.cross(arm_b, pull)])
-    return found
-
-
-def _joints(block: Block, out: Loads) -> None:
-    """Recorded reactions: the impulse at the joint and the couple on A; on B the opposite. Arms are those of the second frame,
-    and off by their turn within the interval.
-    """
-    run = block.run
-    given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])
-    rate = np.maximum(norm(block.w0), norm(block.w1))
-    for j, joint in enumerate(run.joints):
-        impulse, couple = given[:, j, :3], given[:, j, 3:]
-        size = norm(impulse)
-        # The filter of the scheme (eq. 6) carries reactions of a step, with its arms, into the next one.
-        before = np.concatenate([_reaction_before(block, j), size[:-1]])
-        # Reactions of the smooth motion and of impacts are solved to the tolerance; those that hardly act against all others.
-        solved = 4.0 * block.tolerance * (size + run.mass.max() * norm(run.gravity) * run.h)
-        for body, sign, arm in ((joint["a"], 1.0, joint["rows"][0][2]), (joint["b"], -1.0, joint["rows"][0][3])):
-            if body < 0:
-                continue
-            lever = rotated(block.q1[:, body], np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3)))
-            moment = np.cross(lever, impulse) + couple
-            out.impulse[:, body] += sign * np.hstack([impulse, moment])
-            reach = norm(lever)
-            swing = rate[:, body] + norm(moment) / run.inertia[body]
-            turned = 2.0 * block.dt * swing * reach * (size + before)
-            out.slack[:, body] += np.stack([solved, solved * (2.0 * reach + run.radius[body]) + turned], axis=1)
-            way = np.stack([size, reach * size + norm(couple)], axis=1) * block.dt[:, None]
-            out.shift_slack[:, body] += way / np.array([run.mass[body], run.inertia[body]])
-            out.unknown[:, body] |= ~block.kept
-
-
-def _reaction_before(block: Block, j: int) -> F64:
-    """(1,) size of the impulse of joint `j` in the interval before the block, N s."""
-    frame = max(block.first - 1, 0)
-    return norm(np.asarray(block.run.result.joint_impulse[frame : frame + 1])[:, j, :3])

@@ -48,7 +48,9 @@ def law(form: Sequence[Any], x: F64) -> Dual:
         return np.asarray(polynomial(x)), np.asarray(polynomial.deriv()(x))
     if kind == "table":
         return _table(np.asarray(data, dtype=np.float64), x)
-    with np.errstate(all="ignore"):  # a formula may have no value somewhere; whoever needs it there will see a NaN
+    with np.errstate(
+        all="ignore"
+    ):  # a formula may have no value somewhere; whoever needs it there will see a NaN
         return _evaluate(_parsed(str(data)), x)
 
 

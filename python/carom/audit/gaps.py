@@ -1,15 +1,17 @@
-"""Gaps: no overlap, recorded gaps and normals are those of the positions, only closed contacts push, nothing goes on closing."""
+"""Gaps: nothing overlaps, records are those of the positions, only closed contacts push and none goes on closing."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+
 from carom.audit import forces
-from carom.audit.data import Block
+from carom.audit.block import Block
+from carom.audit.loads import of_loads
 from carom.audit.near import Near, deepest
 from carom.audit.rates import Pairs, compliance, rates
-from carom.audit.report import Tally
+from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
-from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 PARTS = "the step was made in parts, or several lie between the frames"
@@ -46,10 +48,10 @@ def recorded(block: Block, tally: Tally) -> None:
         normal = _middle(block)[1][rows]
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)[rows] + run.radius[c.a[rows]]
 
-    def place(i: int) -> object:
+    def place(i: int) -> Place:
         return block.place(int(c.k[rows[i]]), int(c.a[rows[i]]), int(c.b[rows[i]]))
 
-    tally.measure("gap", np.abs(c.gap[rows] - gap), 16.0 * EPS * extent, place)  # type: ignore[arg-type]
+    tally.measure("gap", np.abs(c.gap[rows] - gap), 16.0 * EPS * extent, place)
     smallest = run.radius[c.a[rows]]
     bound = 16.0 * EPS * (1.0 + extent / smallest)
     off = norm(c.normal[rows] - normal)
@@ -58,7 +60,7 @@ def recorded(block: Block, tally: Tally) -> None:
         pushed = norm(c.impulse[rows]) > 0.0
         off, bound = off[pushed], bound[pushed]
         rows = rows[pushed]
-    tally.measure("normal", off, bound, place)  # type: ignore[arg-type]
+    tally.measure("normal", off, bound, place)
 
 
 def _middle(block: Block) -> tuple[F64, F64]:
@@ -94,9 +96,16 @@ def complementarity(block: Block, tally: Tally) -> None:
             way[mine] += 2.0 * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at])[0]) * block.dt[c.k[mine]]
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
-    bound = np.maximum(touching, np.where(block.large[c.k], 0.5 * run.loosest["pile_tolerance"] * length, 0.0))
+    bound = np.maximum(
+        touching, np.where(block.large[c.k], 0.5 * run.loosest["pile_tolerance"] * length, 0.0)
+    )
+    # Of larger islands eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
+    left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
+    bound = bound + np.where(block.large[c.k], left, 0.0)
     bound = bound + np.where(single, 0.0, way)
-    keep = np.flatnonzero(block.there[c.k, c.a] & block.there[c.k, ball] | (c.b >= run.bodies) & block.there[c.k, c.a])
+    keep = np.flatnonzero(
+        block.there[c.k, c.a] & block.there[c.k, ball] | (c.b >= run.bodies) & block.there[c.k, c.a]
+    )
     value = np.maximum(gap[keep], 0.0)
     tally.measure("complementarity", np.where(np.isinf(value), 1e300, value), bound[keep],
                   lambda i: block.place(int(c.k[keep[i]]), int(c.a[keep[i]]), int(c.b[keep[i]])))  # fmt: skip
@@ -111,7 +120,12 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     """
     run = block.run
     if run.method != "nsga":
-        tally.skip("approach", "holds for nsga alone: others let contacts close after the step", "use nsga", block.count)
+        tally.skip(
+            "approach",
+            "holds for nsga alone: others let contacts close after the step",
+            "use nsga",
+            block.count,
+        )
         return
     o = run.options
     length = np.minimum(run.radius[near.a], np.append(run.radius, np.inf)[np.minimum(near.b, run.bodies)])
@@ -122,13 +136,19 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     ball, normal = np.minimum(b, run.bodies - 1), near.normal1[rows]
     motion = (block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball])
     found = rates(run, Pairs(a, b, block.t1[k], block.x1[k, a], normal), motion, normal, normal)
-    many = run.over(run.steps["candidates"], block) > 100
-    share = np.where(many, max(o["pile_closing_tolerance"], o["closing_tolerance_load"]), o["closing_tolerance_load"])
-    fastest = np.nanmax(np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1), axis=1)
+    many = block.over(run.steps["candidates"]) > 100
+    share = np.where(
+        many, max(o["pile_closing_tolerance"], o["closing_tolerance_load"]), o["closing_tolerance_load"]
+    )
+    fastest = np.nan_to_num(np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)).max(
+        axis=1
+    )
     load = _load(block) + _walls(block)
     tolerance = np.maximum(share * load, o["closing_tolerance_speed"] * np.maximum(fastest, load))
     left = block.left(norm(block.rows.impulse))[k] * 2.0 * compliance(run, a, b)[0]
-    if not run.has_contacts:  # what the solver may leave of impulses is not known, but of what the bodies lost
+    if (
+        not run.has_contacts
+    ):  # what the solver may leave of impulses is not known, but of what the bodies lost
         change = norm(block.v1 - block.v0 - run.gravity * block.dt[:, None, None])
         left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
     bound = tolerance[k] + left + 64.0 * EPS * fastest[k]
@@ -142,7 +162,7 @@ def _load(block: Block) -> F64:
     weight = np.full(block.count, float(norm(run.gravity)) * run.h)
     if not run.loads and not run.joints:
         return weight
-    given = forces.of_loads(block)
+    given = of_loads(block)
     pushed = (norm(given.impulse[..., :3]) + given.slack[..., 0]) / run.mass / np.maximum(block.n, 1)[:, None]
     return np.asarray(weight + pushed.max(axis=1))
 

@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit import forces
+from carom.audit.block import Block
 from carom.audit.cones import friction, opposed
-from carom.audit.data import Block
+from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm
@@ -70,11 +71,16 @@ def judge(block: Block, tally: Tally) -> None:
         return
     _sign(block, tally, rows)
     if run.method == "penalty":
-        tally.skip("impact", "penalty has a law of forces, of which restitution follows", "use nsga or moreau", len(rows))
+        tally.skip(
+            "impact",
+            "penalty has a law of forces, of which restitution follows",
+            "use nsga or moreau",
+            len(rows),
+        )
         return
     piled = block.piled[rows.k]
-    tally.skip("impact", "piles record one row per contact and step, over several problems", "pile_contacts above the contacts",
-               int(piled.sum()))  # fmt: skip
+    why = "piles record one row per contact and step, over several problems"
+    tally.skip("impact", why, "pile_contacts above the contacts", int(piled.sum()))
     # Joints and loads that depend on the motion answer impacts within their problem.
     coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
     whole = block.single[rows.k] & ~piled & run.has_contacts & (not coupled) & block.there.all(axis=1)[rows.k]
@@ -93,7 +99,9 @@ def _rows(block: Block) -> Rows:
 
     body = column("body").astype(np.int64).reshape(-1, 2)
     k = np.searchsorted(block.s1, step[low:high])
-    numbers = (column(n) for n in ("normal", "impulse", "moment", "approach", "separation", "restitution_scale"))
+    numbers = (
+        column(n) for n in ("normal", "impulse", "moment", "approach", "separation", "restitution_scale")
+    )
     return Rows(k, step[low:high], column("problem").astype(np.int64), body[:, 0], body[:, 1], *numbers)
 
 
@@ -119,7 +127,7 @@ def _sign(block: Block, tally: Tally, r: Rows) -> None:
     parts = forces.split(r.impulse, r.normal, start)
     excess = np.minimum(*(norm(p.sliding) - mu * np.maximum(p.normal, 0.0) for p in parts))
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
-    bound = 4.0 * block.tolerance[r.k] * whole * (1.0 + mu) + 16.0 * EPS * size
+    bound = 8.0 * block.tolerance[r.k] * whole * (1.0 + mu) + 16.0 * EPS * size
     tally.measure("friction cone", np.maximum(excess, 0.0)[kept], bound[kept], lambda i: place(int(kept[i])))
 
 
@@ -129,7 +137,12 @@ def _recorded(block: Block, tally: Tally, r: Rows) -> None:
     if not len(r):
         return
     if run.joints or run.loads or run.options["impact"] == "sequence-paper":
-        tally.skip("impact", "loads, joints or the printed law stand between the recorded speeds", "every = 1 in [record]", len(r))
+        tally.skip(
+            "impact",
+            "loads, joints or the printed law stand between the recorded speeds",
+            "every = 1 in [record]",
+            len(r),
+        )
         return
     e = run.coefficient("restitution", run.law_index(r.a, r.b))
     e = np.where((r.problem == 0) | (r.problem > run.options["max_problems"]), 0.0, e)
@@ -149,7 +162,11 @@ def _recorded(block: Block, tally: Tally, r: Rows) -> None:
     # An impact takes back what carried the weight above its contact: at most all of it, on the lighter body.
     lightest = np.minimum(run.mass[r.a], np.append(run.mass, np.inf)[np.minimum(r.b, run.bodies)])
     load = load * (2.0 + run.mass.sum() / lightest)
-    bound = e * (load + run.options["restitution_threshold"]) + left + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation))
+    bound = (
+        e * (load + run.options["restitution_threshold"])
+        + left
+        + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation))
+    )
     tally.measure("impact", value, bound, lambda i: run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i])))
 
 
@@ -159,7 +176,7 @@ class _Replay:
     def __init__(self, block: Block, tally: Tally, r: Rows) -> None:
         self.block, self.tally, self.r = block, tally, r
         run, c = block.run, block.rows
-        loads = forces.of_loads(block)
+        loads = of_loads(block)
         scale = np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1)
         self.inverse = 1.0 / scale
         self.old = np.concatenate([block.v0, block.w0], axis=-1)
@@ -174,7 +191,7 @@ class _Replay:
         self.known = keys[self.contact] == self.key if len(keys) else np.zeros(len(r), dtype=bool)
         self.mu = friction(block)[self.contact] if len(keys) else np.zeros(len(r))
         size = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
-        self.left = (4.0 * block.tolerance * np.sqrt(size))[r.k]
+        self.left = (8.0 * block.tolerance * np.sqrt(size))[r.k]
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         other = np.minimum(r.b, run.bodies - 1)
         start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])[1]
@@ -256,7 +273,9 @@ class _Replay:
         minus = self._rates(rows, before_impact, old=True)
         own = compliance(run, r.a, r.b)
         weight = norm(run.gravity) * run.h
-        scale = np.nanmax(np.abs(start[..., :3]) + run.radius[:, None] * np.abs(start[..., 3:]), axis=(1, 2))[r.k]
+        scale = np.nan_to_num(np.abs(start[..., :3]) + run.radius[:, None] * np.abs(start[..., 3:])).max(
+            axis=(1, 2)
+        )[r.k]
         # Speeds follow from recorded impulses without any solver, to rounding of both.
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
         told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))

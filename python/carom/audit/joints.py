@@ -4,18 +4,21 @@
     distance  |p_A - p_B| = c(t)            its rate
     rotation                                e . (w_A - w_B) = c'(t)
 
-Bounds: positions `1e3 gap_tolerance` of the lengths involved (the residual of eq. 44 is relative to all forces of the island,
+Bounds: positions `1e3 gap_tolerance` of the lengths involved (the residual of eq. 44 is relative to all forces of an island,
 and joints of a chain add theirs up), speeds `1e3 tol_r` of the speeds. Moreau-Jean holds rates alone: its lengths drift.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.data import Block
+from carom.audit.block import Block
 from carom.audit.formula import law
-from carom.audit.report import Tally
+from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
 
 F64 = NDArray[np.float64]
@@ -25,18 +28,23 @@ def judge(block: Block, tally: Tally) -> None:
     """All joints at the second frames."""
     run = block.run
     if run.joints and run.method == "moreau" and not run.options["position_projection"]:
-        tally.skip("joint", "moreau holds joints by their speeds; lengths drift", "position_projection = true", block.count)
+        tally.skip(
+            "joint",
+            "moreau holds joints by their speeds; lengths drift",
+            "position_projection = true",
+            block.count,
+        )
     names = run.result.joint_names
     for joint, name in zip(run.joints, names, strict=True):
         for row in joint["rows"]:
             _row(block, tally, joint, row, name)
 
 
-def _row(block: Block, tally: Tally, joint: dict[str, int], row: tuple[object, ...], name: str) -> None:
+def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...], name: str) -> None:
     run = block.run
     kind, direction, arm_a, arm_b, form = row
     a, b = joint["a"], joint["b"]
-    value, slope = law(form, block.t1)  # type: ignore[arg-type]
+    value, slope = law(form, block.t1)
     at_a, rate_a, size_a = _point(block, a, arm_a)
     at_b, rate_b, size_b = _point(block, b, arm_b)
     along = np.broadcast_to(np.asarray(direction, dtype=np.float64), at_a.shape)
@@ -56,10 +64,18 @@ def _row(block: Block, tally: Tally, joint: dict[str, int], row: tuple[object, .
             measure = dot(between, along)
         off = dot(rate, along) - slope
         if not (run.method == "moreau" and not run.options["position_projection"]):
-            bound = 1e3 * t["gap_tolerance"] * (length + run.radius[a]) + 64.0 * EPS * (norm(at_a) + norm(at_b))
+            bound = 1e3 * t["gap_tolerance"] * (length + run.radius[a]) + 64.0 * EPS * (
+                norm(at_a) + norm(at_b)
+            )
             tally.measure("joint", np.abs(measure - value), bound, lambda i: _place(block, i, name))
-    floor = 1e3 * t["tolerance"] * (speed + norm(run.gravity) * run.h + 1e-3 * run.radius[a] / run.h * t["tolerance"])
-    if run.method == "moreau":  # rates hold where the smooth motion ends: directions turn by a step from there
+    floor = (
+        1e3
+        * t["tolerance"]
+        * (speed + norm(run.gravity) * run.h + 1e-3 * run.radius[a] / run.h * t["tolerance"])
+    )
+    if (
+        run.method == "moreau"
+    ):  # rates hold where the smooth motion ends: directions turn by a step from there
         spin = np.maximum(norm(block.w0), norm(block.w1))
         swing = spin[:, a] + (spin[:, b] if b >= 0 else 0.0)
         turning = swing + norm(rate) / np.maximum(norm(between), 1e-3 * run.radius[a])
@@ -67,13 +83,11 @@ def _row(block: Block, tally: Tally, joint: dict[str, int], row: tuple[object, .
     tally.measure("joint speed", np.abs(off), floor + 64.0 * EPS * speed, lambda i: _place(block, i, name))
 
 
-def _place(block: Block, k: int, name: str) -> object:
-    from dataclasses import replace
-
+def _place(block: Block, k: int, name: str) -> Place:
     return replace(block.place(k), who=(name,))
 
 
-def _point(block: Block, body: int, arm: object) -> tuple[F64, F64, F64]:
+def _point(block: Block, body: int, arm: Any) -> tuple[F64, F64, F64]:
     """Place, velocity and size (B,) of a point of a body, or of the ground (-1)."""
     given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
     if body < 0:

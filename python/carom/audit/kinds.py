@@ -16,12 +16,14 @@ class Kind:
 
 
 _ROUNDING = "rounding of the numbers involved"
-_SOLVER = "4 tol_r times the root of the sum of squares of all multipliers (eq. 44), and rounding"
+_SOLVER = "8 tol_r times the root of the sum of squares of all multipliers (eq. 44), and rounding"
 
 _KINDS = (
     Kind("numbers", "every recorded number is finite", "numbers", "none"),
     Kind("clock", "times are steps times h, rows follow one another", "s", "2 roundings of the time"),
-    Kind("scenario", "bodies and first frame are those of the scenario", "relative", "rounding of its decimals"),
+    Kind(
+        "scenario", "bodies and first frame are those of the scenario", "relative", "rounding of its decimals"
+    ),
     Kind("quaternion", "orientations are unit quaternions", "1", "one normalisation: 8 roundings"),
     Kind(
         "position",
@@ -37,8 +39,13 @@ _KINDS = (
         "N m s",
         f"{_ROUNDING}; over several steps the turn of the normals",
     ),
-    Kind("penetration", "no two bodies overlap", "m", "gap_tolerance r, in islands of more than 50 contacts pile_tolerance r / 2;"
-         " moreau: way of a step; penalty: what the energy can compress"),  # fmt: skip
+    Kind(
+        "penetration",
+        "no two bodies overlap",
+        "m",
+        "gap_tolerance r, in islands of more than 50 contacts pile_tolerance r / 2;"
+        " moreau: way of a step; penalty: what the energy can compress",
+    ),
     Kind("gap", "recorded gaps are those of the positions", "m", _ROUNDING),
     Kind("normal", "recorded normals are those of the positions", "1", _ROUNDING),
     Kind(
@@ -48,22 +55,52 @@ _KINDS = (
         "touching_tolerance r; the way that the step may have opened it, where it was made in parts",
     ),
     Kind("sign", "normal impulses push", "N s", _SOLVER),
-    Kind("friction cone", "|friction| <= mu times the normal impulse", "N s", f"{_SOLVER}; turn of the normal"),
+    Kind(
+        "friction cone", "|friction| <= mu times the normal impulse", "N s", f"{_SOLVER}; turn of the normal"
+    ),
     Kind("rolling cone", "|rolling moment| <= rho times the normal impulse", "N m s", "as of friction"),
     Kind("spinning cone", "|spinning moment| <= delta times the normal impulse", "N m s", "as of friction"),
     Kind("slip", "where surfaces slip, friction is mu times the normal impulse against it", "N s", _SOLVER),
-    Kind("roll", "where they roll or spin on one another, the moment is at its bound against it", "N m s", _SOLVER),
-    Kind("passivity", "contacts do no work in sum", "J", "1e-10 (piles tol_r/100) of the kinetic energy per problem"),
+    Kind(
+        "roll",
+        "where they roll or spin on one another, the moment is at its bound against it",
+        "N m s",
+        _SOLVER,
+    ),
+    Kind(
+        "passivity",
+        "contacts do no work in sum",
+        "J",
+        "1e-10 (piles tol_r/100) of the kinetic energy per problem",
+    ),
     Kind("approach", "closed contacts do not go on closing", "m/s", "closing tolerance of the run (rule R3)"),
     Kind("impact", "Newton's law: separation is e_N times approach", "m/s", f"{_SOLVER}, over the mass"),
-    Kind("impact speeds", "recorded speeds of an impact follow from the impulses before it", "m/s", "as of impacts"),
+    Kind(
+        "impact speeds",
+        "recorded speeds of an impact follow from the impulses before it",
+        "m/s",
+        "as of impacts",
+    ),
     Kind("impact sum", "impulses of its impacts add up to the impulse of a contact", "N s", _ROUNDING),
     Kind("energy record", "recorded energies are those of the motion", "J", _ROUNDING),
-    Kind("energy balance", "energy changes by the work of contacts, loads and moving walls alone", "J", f"{_SOLVER}, times the speed"),
-    Kind("energy rise", "no step gains energy beyond that work", "J", "1e-12 of the total, 2e-6 (h/1 ms)^2 in piles;"
-         " first order of the scheme on curved contacts"),  # fmt: skip
-    Kind("tunnelling", "no body passes through another, or through a wall, between frames", "m", "the deepest cut of a chord"
-         " that a way around allows"),  # fmt: skip
+    Kind(
+        "energy balance",
+        "energy changes by the work of contacts, loads and moving walls alone",
+        "J",
+        f"{_SOLVER}, times the speed",
+    ),
+    Kind(
+        "energy rise",
+        "no step gains energy beyond that work",
+        "J",
+        "1e-12 of the total, 2e-6 (h/1 ms)^2 in piles; first order of the scheme on curved contacts",
+    ),
+    Kind(
+        "tunnelling",
+        "no body passes through another, or through a wall, between frames",
+        "m",
+        "the deepest cut of a chord that a way around allows",
+    ),
     Kind("joint", "joints hold, and follow their laws", "m", "tol_r and rounding"),
     Kind("joint speed", "so do their velocities", "m/s", "tol_r and rounding"),
     Kind("wall impulse", "impulses on walls are those of their contacts", "N s", _ROUNDING),

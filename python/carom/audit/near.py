@@ -1,7 +1,7 @@
 """Which bodies come near each other in an interval, found anew from the frames.
 
 A body is somewhere within its *way*: the distance between its two places, or what its speeds at both frames and its weight
-allow, whichever is more. Ways are cut at eight radii, beyond which pairs are too many to look at; of a body whose way is
+allow, whichever is more. Ways are cut at some radii, beyond which pairs are too many to look at; of a body whose way is
 cut, nothing is concluded from having met nobody.
 """
 
@@ -10,16 +10,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from carom.audit.data import Block, Run
+from numpy.typing import NDArray
+
+from carom.audit.block import Block
+from carom.audit.data import Run
 from carom.audit.vectors import norm
 from carom.packing.neighbours import pairs as neighbours
-from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 LONGEST = 8.0
-"""Ways are cut at this many radii."""
+"""Ways are cut at this many radii, of many bodies at a quarter of it."""
 ALL_PAIRS = 64
 """Up to this many bodies all pairs are measured at once."""
 
@@ -45,7 +47,7 @@ def near(block: Block) -> Near:
     travelled = norm(block.x1 - block.x0)
     fast = np.maximum(norm(block.v0), norm(block.v1)) * block.dt[:, None]
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
-    longest = LONGEST * run.radius
+    longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
     k, a, b = (np.concatenate(parts) for parts in zip(_balls(block, way), _walls(block, way), strict=True))
     other = np.minimum(b, run.bodies - 1)
@@ -63,17 +65,19 @@ def _balls(block: Block, way: F64) -> tuple[I64, I64, I64]:
     reach = run.radius + way
     if run.bodies <= ALL_PAIRS:
         a, b = np.triu_indices(run.bodies, 1)
-        d = run.between(block.x0[:, a].reshape(-1, 3), block.x0[:, b].reshape(-1, 3)).reshape(block.count, -1, 3)
+        d = run.between(block.x0[:, a].reshape(-1, 3), block.x0[:, b].reshape(-1, 3)).reshape(
+            block.count, -1, 3
+        )
         with np.errstate(invalid="ignore"):
             close = norm(d) <= reach[:, a] + reach[:, b]
         close &= block.there[:, a] & block.there[:, b]
         k, pair = np.nonzero(close)
         return k, a[pair], b[pair]
     found = []
-    for k in range(block.count):
-        here = np.flatnonzero(block.there[k])
-        first, second = neighbours(block.x0[k, here], reach[k, here], run.period)
-        found.append((np.full(len(first), k), here[first], here[second]))
+    for interval in range(block.count):
+        here = np.flatnonzero(block.there[interval])
+        first, second = neighbours(block.x0[interval, here], reach[interval, here], run.period)
+        found.append((np.full(len(first), interval), here[first], here[second]))
     ks, firsts, seconds = zip(*found, strict=True)
     return np.concatenate(ks), np.concatenate(firsts), np.concatenate(seconds)
 
@@ -100,11 +104,11 @@ def _walls(block: Block, way: F64) -> tuple[I64, I64, I64]:
 def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """(K,) how deep pairs may overlap, m.
 
-    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate in islands of up to 50 contacts; beyond, the solver aims
-    at half of `pile_tolerance r`, ten times that after its patience ended (a fallback is counted then). Moreau-Jean, without
-    projection: a contact is seen where the middle of a step overlaps and closes until the step's end, so the way of one step
-    at the largest speeds of the run. Penalty: the elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of
-    the run; twice the indentation under the whole weight comes on top.
+    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate in islands of up to 50 contacts; beyond, the
+    solver aims at half of `pile_tolerance r`, ten times that after its patience ended (a fallback is counted then).
+    Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
+    end, so the way of one step at the largest speeds of the run. Penalty: the elastic energy `K d^(n+1)/(n+1)` is at
+    most the largest kinetic energy of the run; twice the indentation under the whole weight comes on top.
     """
     other = np.append(run.radius, np.inf)[np.minimum(b, run.bodies)]
     r = np.minimum(run.radius[a], other)
@@ -112,35 +116,24 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, ball)))
     rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
     if run.method == "penalty":
-        return _compressed(run, a, b, r) + rounding
+        return np.asarray(_compressed(run, a, b, r) + rounding)
     t = run.loosest
     if run.method == "moreau" and not run.options["position_projection"]:
-        return _way(run, block, k, a, b) + rounding
-    many = run.over(run.steps["candidates"], block)[k] > 50
-    tired = run.over(run.steps["fallbacks"], block)[k] > 0
+        return np.asarray(_way(run, block, k, a, b) + rounding)
+    many = (block.over(run.steps["candidates"])[k] > 50) | block.piled[k]
+    tired = block.over(run.steps["fallbacks"])[k] > 0
     aim = np.maximum(t["gap_tolerance"], 0.5 * t["pile_tolerance"] * np.where(tired, 10.0, 1.0))
-    return np.where(many, aim, t["gap_tolerance"]) * r + rounding
+    return np.asarray(np.where(many, aim, t["gap_tolerance"]) * r + rounding)
 
 
 def _way(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
-    fastest = top_speeds(run)
+    fastest = run.top_speeds
     speed = fastest[a] + np.append(fastest, 0.0)[np.minimum(b, run.bodies)]
     for w, wall in enumerate(run.walls):
         mine = b == run.bodies + w
         if wall.travels and mine.any():
             speed[mine] += 2.0 * norm(wall.velocity(block.t1[k[mine]], block.x1[k[mine], a[mine]])[0])
     return np.asarray(run.h * (speed + norm(run.gravity) * run.h))
-
-
-def top_speeds(run: Run) -> F64:
-    """(N,) largest speed of each body at any frame, m/s."""
-    if not hasattr(run, "_top_speeds"):
-        best = np.zeros(run.bodies)
-        size = max(1, 1_000_000 // run.bodies)
-        for first in range(0, run.frames, size):
-            best = np.fmax(best, np.nanmax(norm(np.asarray(run.result.velocity[first : first + size])), axis=0))
-        run._top_speeds = best  # type: ignore[attr-defined]
-    return run._top_speeds  # type: ignore[attr-defined, no-any-return]
 
 
 def stiffness(run: Run, a: I64, b: I64) -> F64:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from carom.audit.data import Run
 from carom.audit.vectors import across, dot
-from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -36,7 +37,7 @@ class Pairs:
 
 
 def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, lever: F64) -> Rates:
-    """`motion`: v and w of A, v and w of B, each (K, 3), of which those of B do not count at walls. The normal row acts along
+    """`motion`: v and w of A, v and w of B, each (K, 3), of which those of B do not count at walls. The normal row is along
     `normal`, the others in the frame of `lever`.
     """
     v_a, w_a, v_b, w_b = motion
@@ -59,7 +60,7 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
 
 
 def compliance(run: Run, a: I64, b: I64) -> tuple[F64, F64, F64]:
-    """(K,) own compliances `D_cc` of the normal, the sliding and the turning rows (`docs/theory/algorithm.md`, section 2)."""
+    """(K,) own compliances `D_cc` of the normal, the sliding and the turning rows (algorithm, section 2)."""
     m, i, r = (np.append(x, y) for x, y in ((run.mass, np.inf), (run.inertia, np.inf), (run.radius, 0.0)))
     other = np.minimum(b, run.bodies)
     normal = 1.0 / m[a] + 1.0 / m[other]

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from carom.audit.kinds import KINDS, Kind
 from numpy.typing import NDArray
+
+from carom.audit.kinds import KINDS, Kind
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ class Tally:
         if not values.size:
             return
         bounds = np.broadcast_to(np.asarray(bound, dtype=np.float64), np.shape(value)).ravel()
-        values = np.where(np.isnan(values), np.inf, values)
+        values = np.where(np.isnan(values), np.inf, values) + 0.0  # no negative zeros
         verdict = self.verdicts[kind]
         verdict.judged += values.size
         verdict.violations += int((values > bounds).sum())

@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from carom.audit.formula import law
-from carom.audit.vectors import dot, rotated, unit
 from numpy.typing import NDArray
+
+from carom.audit.formula import law
+from carom.audit.vectors import dot, norm, rotated, unit
 
 F64 = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ class Surface:
         return gap, normal
 
     def velocity(self, time: F64, p: F64) -> tuple[F64, F64, F64]:
-        """Velocity of the shape and of the material at the points (K, 3), and angular velocity of the material, each (K, 3)."""
+        """Velocity of the shape and of the material at points (K, 3), and angular velocity of the material, each (K, 3)."""
         time = np.broadcast_to(time, len(p))
         pivot, shift, turn = self.pose(time)
         shape, spin = np.zeros_like(p), np.zeros_like(p)
@@ -110,16 +111,14 @@ class Surface:
         return shape, material, of_material
 
     def height(self, local: F64) -> tuple[F64, F64]:
-        """Signed distance (K,) of places, in the wall's own axes, over the face of a piece of a surface, m, and how far inside
-        its outline they are, m (negative: beyond it). For rectangles, discs, tubes with ends and cones.
+        """Signed distance (K,) of places, in the wall's own axes, over the face of a piece of a surface, m, and how far
+        within its outline they are, m (negative: beyond it). For rectangles, discs, tubes with ends and cones.
         """
         away = local - self.point
         if self.kind == "rectangle":
             normal, side, size = self.parameters
             across = np.cross(normal, side)
-            inside = np.minimum(
-                0.5 * size[0] - np.abs(away @ side), 0.5 * size[1] - np.abs(away @ across)
-            )
+            inside = np.minimum(0.5 * size[0] - np.abs(away @ side), 0.5 * size[1] - np.abs(away @ across))
             return away @ normal, inside
         along, radial, _ = self._profile(away)
         if self.kind == "disc":
@@ -140,12 +139,12 @@ class Surface:
 
     def _line(self) -> tuple[tuple[float, float], tuple[float, float], float, float]:
         """Of tubes with ends and cones: start and way of the profile along and across the axis, its length, the side."""
-        if self.kind == "cylinder":
-            _, radius, length, inside = (p if p.ndim else float(p) for p in self.parameters)
-            start, way = (-0.5 * length, radius), (length, 0.0)
+        numbers = [float(p) for p in self.parameters[1:]]
+        if self.kind == "cone":
+            start, way = (0.0, numbers[0]), (numbers[2], numbers[1] - numbers[0])
         else:
-            _, first, last, length, inside = (p if p.ndim else float(p) for p in self.parameters)
-            start, way = (0.0, first), (length, last - first)
+            start, way = (-0.5 * numbers[1], numbers[0]), (numbers[1], 0.0)
+        inside = bool(numbers[-1])
         return start, way, math.hypot(*way), -1.0 if inside else 1.0
 
     def _profile(self, away: F64) -> tuple[F64, F64, F64]:
@@ -167,30 +166,32 @@ class Surface:
         if self.kind == "rectangle":
             normal, side, size = self.parameters
             across = np.cross(normal, side)
-            near = np.outer(np.clip(away @ side, -0.5 * size[0], 0.5 * size[0]), side)
-            near += np.outer(np.clip(away @ across, -0.5 * size[1], 0.5 * size[1]), across)
-            return _from(away - near, np.broadcast_to(normal, away.shape), away @ normal, radius)
+            u, v = away @ side, away @ across
+            near = np.outer(np.clip(u, -0.5 * size[0], 0.5 * size[0]), side)
+            near += np.outer(np.clip(v, -0.5 * size[1], 0.5 * size[1]), across)
+            within = (np.abs(u) <= 0.5 * size[0]) & (np.abs(v) <= 0.5 * size[1])
+            return _from(away - near, np.broadcast_to(normal, away.shape), away @ normal, radius, within)
         along, radial, outward = self._profile(away)
         axis = self.parameters[0]
         if self.kind == "disc":
             near = np.clip(radial, self.parameters[2], self.parameters[1])[:, None] * outward
-            return _from(away - near, np.broadcast_to(axis, away.shape), along, radius)
+            within = (radial <= self.parameters[1]) & (radial >= self.parameters[2])
+            return _from(away - near, np.broadcast_to(axis, away.shape), along, radius, within)
         if self.kind == "cylinder" and math.isinf(float(self.parameters[2])):
             sign = -1.0 if self.parameters[3] else 1.0
             return sign * (radial - self.parameters[1]) - radius, sign * outward
         (u0, v0), (du, dv), length, sign = self._line()
         u, v = along - u0, radial - v0
-        place = np.clip((u * du + v * dv) / length, 0.0, length)
+        where = (u * du + v * dv) / length
+        within = (where >= 0.0) & (where <= length)
+        place = np.clip(where, 0.0, length)
         near = np.outer(u0 + place * du / length, axis) + (v0 + place * dv / length)[:, None] * outward
         face = sign * (du * outward - np.outer(np.full(len(u), dv), axis)) / length
-        return _from(away - near, face, sign * (v * du - u * dv) / length, radius)
+        return _from(away - near, face, sign * (v * du - u * dv) / length, radius, within)
 
 
-def _from(arm: F64, face: F64, height: F64, radius: F64) -> tuple[F64, F64]:
-    """Gap and normal from the arm of the nearest point: on the face the height counts with its sign, at edges the distance."""
-    distance = np.linalg.norm(arm, axis=1)
-    # On the face the arm is along its normal; its height may be negative there.
-    on_face = np.linalg.norm(arm - height[:, None] * face, axis=1) <= 1e-9 * (radius + distance)
-    gap = np.where(on_face, height, distance) - radius
-    normal = np.where(on_face[:, None], face, unit(arm))
-    return np.where(on_face & (height < -radius), np.inf, gap), normal
+def _from(arm: F64, face: F64, height: F64, radius: F64, within: NDArray[np.bool_]) -> tuple[F64, F64]:
+    """Gap and normal from the arm of the nearest point: within the outline the height counts, at edges the distance."""
+    gap = np.where(within, height, norm(arm)) - radius
+    normal = np.where(within[:, None], face, unit(arm))
+    return np.where(within & (height < -radius), np.inf, gap), normal

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.data import Block, Run
+from carom.audit.block import Block
+from carom.audit.data import Run
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
 
@@ -24,11 +27,10 @@ def judge(run: Run, tally: Tally) -> None:
 def frames(block: Block, tally: Tally) -> None:
     """Numbers and quaternions of the second frames of a block."""
     run = block.run
-    columns = ("position", "velocity", "angular_velocity", "orientation")
     here = np.asarray(run.result.present[block.first : block.first + block.count])
-    for name, values in zip(columns, (block.x1, block.v1, block.w1, block.q1), strict=True):
+    for values in (block.x1, block.v1, block.w1, block.q1):
         wrong = (~np.isfinite(values)).sum(axis=-1) * here
-        tally.measure("numbers", wrong, 0.0, block.per_body if name else block.per_body)
+        tally.measure("numbers", wrong, 0.0, block.per_body)
     off = np.abs(norm(block.q1) - 1.0)
     chosen = np.flatnonzero(here)
     # The simulator normalises after every step; what the scenario gives is normalised too.
@@ -45,8 +47,7 @@ def _numbers(run: Run, tally: Tally) -> None:
             for first in range(0, len(column), ROWS):
                 values = np.asarray(column[first : first + ROWS])
                 wrong = (~np.isfinite(values)).reshape(len(values), -1).sum(axis=1)
-                place = Place(who=(f"/{table}/{name}",))
-                tally.measure("numbers", wrong.sum(keepdims=True), 0.0, lambda i, p=place: p)  # type: ignore[misc]
+                tally.measure("numbers", wrong.sum(keepdims=True), 0.0, _at(f"/{table}/{name}"))
 
 
 def _clock(run: Run, tally: Tally) -> None:
@@ -67,8 +68,10 @@ def _clock(run: Run, tally: Tally) -> None:
         at = np.asarray(table["step"]).astype(np.int64)
         if not at.size:
             continue
-        off = np.abs(np.asarray(table["time"]) - at * h) + h * ((at > len(number)) | (np.diff(at, prepend=0) < 0))
-        tally.measure("clock", off, 2.0 * EPS * at * h, lambda i, at=at: run.step_place(int(at[i])))  # type: ignore[misc]
+        off = np.abs(np.asarray(table["time"]) - at * h) + h * (
+            (at > len(number)) | (np.diff(at, prepend=0) < 0)
+        )
+        tally.measure("clock", off, 2.0 * EPS * at * h, _steps(run, at))
     ends = np.asarray(run.result._segments.column("frames", "contact_end")).astype(np.int64)
     tally.measure("clock", (np.diff(ends, prepend=0) < 0) * h, 0.0, run.frame_place)
 
@@ -78,9 +81,11 @@ def _scenario(run: Run, tally: Tally) -> None:
     for name in ("radius", "mass", "inertia"):
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run, name))
         if wanted.shape != found.shape:
-            tally.measure("scenario", [np.inf], 0.0, lambda i: Place(who=(f"/bodies/{name}",)))
+            tally.measure("scenario", [np.inf], 0.0, _at(f"/bodies/{name}"))
             return
-        tally.measure("scenario", np.abs(found / wanted - 1.0), 8.0 * EPS, lambda i: Place(who=(run.names[i],)))
+        tally.measure(
+            "scenario", np.abs(found / wanted - 1.0), 8.0 * EPS, lambda i: Place(who=(run.names[i],))
+        )
     if not run.frames or int(run.step[0]) != 0:
         return
     present = np.asarray(run.result.present[0])
@@ -88,6 +93,20 @@ def _scenario(run: Run, tally: Tally) -> None:
         present = present & False  # what enters at the start has places drawn, and the rest is absent
     for name in ("position", "velocity", "angular_velocity"):
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run.result, name)[0])
-        off = norm(found - wanted) / (norm(wanted) + run.radius * (1.0 if name == "position" else 0.0) + 1e-300)
+        off = norm(found - wanted) / (
+            norm(wanted) + run.radius * (1.0 if name == "position" else 0.0) + 1e-300
+        )
         chosen = np.flatnonzero(present)
-        tally.measure("scenario", off[chosen], 8.0 * EPS, lambda i, c=chosen: run.frame_place(0, int(c[i])))  # type: ignore[misc]
+        tally.measure("scenario", off[chosen], 8.0 * EPS, _first(run, chosen))
+
+
+def _at(dataset: str) -> Callable[[int], Place]:
+    return lambda i: Place(who=(dataset,))
+
+
+def _first(run: Run, bodies: NDArray[np.int64]) -> Callable[[int], Place]:
+    return lambda i: run.frame_place(0, int(bodies[i]))
+
+
+def _steps(run: Run, step: NDArray[np.int64]) -> Callable[[int], Place]:
+    return lambda i: run.step_place(int(step[i]))

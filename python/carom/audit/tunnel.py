@@ -4,19 +4,20 @@ The straight way between two places of a pair may cut into the sum of the radii 
 A way around is at least as long as the shortest one outside (two tangents and an arc). Where that is longer than what the
 speeds of the interval allow, and the chord cuts deeper than one of `min(r_A, r_B)` would (steps with a longer way against a
 body are made in parts), the pair has passed through. Of pieces of walls a way through the sheet within its outline is
-compared with the shortest one around its edge. Where many steps lie between frames, speeds between are not known; twice those
-of the frames are granted.
+compared with the shortest one around its edge. Where many steps lie between frames, speeds between are not known;
+twice those of the frames are granted.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from carom.audit.data import Block
+from numpy.typing import NDArray
+
+from carom.audit.block import Block
 from carom.audit.forces import speeds
 from carom.audit.near import Near
 from carom.audit.report import Tally
 from carom.audit.vectors import dot, norm
-from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
@@ -49,7 +50,9 @@ def _spheres(block: Block, near: Near, tally: Tally, way: F64) -> None:
     tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))
 
 
-def _obstacle(block: Block, tally: Tally, w: int, k: NDArray[np.int64], a: NDArray[np.int64], way: F64) -> None:
+def _obstacle(
+    block: Block, tally: Tally, w: int, k: NDArray[np.int64], a: NDArray[np.int64], way: F64
+) -> None:
     """A sphere, or a tube without end, that is met from outside."""
     run, wall = block.run, block.run.walls[w]
     ends = [wall.local(t[k], x[k, a]) - wall.point for t, x in ((block.t0, block.x0), (block.t1, block.x1))]

@@ -29,7 +29,7 @@ def unit(a: F64) -> F64:
 
 def across(a: F64, normal: F64) -> F64:
     """The part of each vector across a unit normal."""
-    return a - dot(a, normal)[..., None] * normal
+    return np.asarray(a - dot(a, normal)[..., None] * normal)
 
 
 def rotated(q: F64, a: F64) -> F64:
@@ -48,7 +48,7 @@ def product(p: F64, q: F64) -> F64:
 
 def conjugate(q: F64) -> F64:
     """Inverse rotations."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def exponential(psi: F64) -> F64:

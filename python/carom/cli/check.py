@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from carom.cli.options import Case, Json, Scenario, Set, scene
+import typer
+
+from carom.cli.options import Case, Json, Set, scene
 from carom.cli.output import BAD_INPUT, DONE, emit, fail, guarded
+from carom.cli.verdict import is_run, judge
 
 if TYPE_CHECKING:
     from carom.errors import Problem
@@ -15,17 +18,46 @@ if TYPE_CHECKING:
 
 
 @guarded
-def check(scenario: Scenario, case: Case = None, set_: Set = None, as_json: Json = False) -> int:
-    """Check a scenario without running it: all errors at once, and advice on what may go wrong.
+def check(
+    what: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENARIO|RUN", help="A scenario file (TOML), or a run directory.", show_default=False
+        ),
+    ],
+    case: Case = None,
+    set_: Set = None,
+    rerun: Annotated[
+        bool,
+        typer.Option("--rerun", help="Of a run: run its scenario again, and compare all data bit for bit."),
+    ] = False,
+    threads: Annotated[
+        str | None,
+        typer.Option(
+            "--threads", metavar="N,M", help="Run again on these numbers of threads (implies --rerun)."
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Check a scenario without running it, or judge a finished run by the laws of physics.
 
-    Of a file with cases the file as it stands and every case are checked; with --case that one alone.
-    Judging a finished run by the physics is not part of this version.
+    Of a scenario: all errors at once, and advice on what may go wrong. Of a file with cases the file as it stands and every
+    case are checked; with --case that one alone.
 
-    Example: carom check break.toml
+    Of a run: whether its recorded motion, contacts and impacts obey mechanics, without any code of the solvers. The worst
+    violation of each law is shown, where and when; the exit code is 3 if there is any.
+
+    Example: carom check break.toml; carom check runs/break-1
     """
-    if scenario.is_dir():
-        message = f"{scenario} is a directory; this version checks scenario files only, not runs"
-        return fail(message, BAD_INPUT, as_json)
+    if is_run(what):
+        if case is not None or set_:
+            return fail(
+                "--case and --set are for scenarios; leave them out to check a run", BAD_INPUT, as_json
+            )
+        return judge(what, rerun=rerun, threads=threads, as_json=as_json)
+    if rerun or threads is not None:
+        return fail(f"{what} is no run directory; --rerun and --threads are for runs", BAD_INPUT, as_json)
+    scenario = what
     from carom.scenario import load
 
     described = scene(scenario, case, set_)

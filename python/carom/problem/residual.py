@@ -84,19 +84,28 @@ def residual_of(problem: LocalProblem, r: Any) -> Residual:
         return Residual(inf, inf, inf, int(np.argmax(bad)), inf, inf, inf, inf)
     if problem.contacts == 0:
         return Residual(0.0, 0.0, 0.0, -1, 0.0, 0.0, 0.0, 0.0)
+    # Bounds may be as large as numbers are: what overflows is no solution, and counts as infinitely wrong.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _judged(problem, r, u)
+
+
+def _judged(problem: LocalProblem, r: F64, u: F64) -> Residual:
+    """The residual of finite `r` and `u`, (d C,)."""
     force, velocity = (v.reshape(-1, problem.dimension) for v in (r, u))
     f = natural_map(problem, r, u)
+    f[np.isnan(f)] = math.inf
     each = np.array([_norm(row) for row in f]) if len(f) < 64 else np.linalg.norm(f, axis=1)
     scale = max(_norm(problem.q), _norm(r), _norm(u))
     size = _norm(f)
+    complementarity = np.abs(np.sum(force * cone.shift(velocity, problem.bounds), axis=1))
     return Residual(
         err=size / scale if scale > 0.0 else 0.0,
         natural_map=size,
         scale=scale,
         worst=int(np.argmax(each)),
         worst_natural_map=float(each.max()),
-        complementarity=float(np.abs(np.sum(force * cone.shift(velocity, problem.bounds), axis=1)).max()),
-        cone_violation=float(cone.outside(force, problem.bounds).max()),
+        complementarity=float(np.nan_to_num(complementarity, nan=math.inf).max()),
+        cone_violation=float(np.nan_to_num(cone.outside(force, problem.bounds), nan=math.inf).max()),
         penetration=max(0.0, float(-velocity[:, 0].min())),
     )
 

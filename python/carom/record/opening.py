@@ -6,6 +6,12 @@ more memory than its bytes can fill (`carom.hdf5`).
 
 from __future__ import annotations
 
+import ctypes
+import functools
+import os
+import re
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +27,13 @@ from carom.record.layout import FORMAT, TABLES, Rows
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError)
 #: The head of a file: its signature, the version of its layout, at byte 11 what its writer does, from 28 on its end.
 HEAD, SIGNATURE = 48, b"\x89HDF\r\n\x1a\n"
-#: Bytes that may be missing at the end of a file whose writer was killed: they were announced, and not yet written.
-MISSING_END = 1 << 20
+#: Bytes that may be missing at the end of a file whose writer was killed: announced and never used. The library
+#: writes the announcement last.
+MISSING_END = 4096
+#: Times that metadata are read in the hope that a living writer completes them; the pauses add up to half a second.
+READ_ATTEMPTS = 29
+#: Seconds that a living writer is given to write what it has announced.
+PATIENCE = 0.5
 
 
 def open_results(path: Path) -> h5py.File:
@@ -51,28 +62,63 @@ def open_results(path: Path) -> h5py.File:
 def _open_swmr(path: Path) -> h5py.File:
     # A file that was closed is opened as one: of a damaged one the library then says so, where it would read on for ever
     # in the hope that a writer mends it.
-    as_written = {"libver": "latest", "swmr": True} if _may_be_written(path) else {}
+    if not _may_be_written(path):
+        return h5py.File(path, "r")
     try:
-        return h5py.File(path, "r", **as_written)
+        return _open_written(path, locking=True)
     except OSError as error:
         if "unable to lock" not in str(error):
             raise
         # Network file systems may have no locks, or keep that of a writer that died.
-        return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
+        return _open_written(path, locking=False)
+
+
+def _open_written(path: Path, *, locking: bool) -> h5py.File:
+    """Open beside a writer, or what a killed one left, and give up on what it left half written."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_libver_bounds(h5py.h5f.LIBVER_LATEST, h5py.h5f.LIBVER_LATEST)
+    if not locking:
+        access.set_file_locking(False, False)
+    limit = _attempts_setter()
+    if limit is not None:
+        limit(access.id, READ_ATTEMPTS)
+    return h5py.File(h5py.h5f.open(os.fsencode(path), h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ, access))
+
+
+@functools.cache
+def _attempts_setter() -> Callable[[int, int], int] | None:
+    """`H5Pset_metadata_read_attempts`, which h5py has not; None where its library cannot be found.
+
+    A reader that finds a wrong checksum takes it for work in progress and reads again, after a pause that doubles each
+    time, a hundred times by default: for ever, if the writer was killed in the middle.
+    """
+    try:
+        mapped = Path("/proc/self/maps").read_text(encoding="utf-8")
+        library = next(re.finditer(r"\S*/libhdf5[-.][^/\s]*\.so\S*|\S*/libhdf5_serial[-.]\S*", mapped))
+        found = ctypes.CDLL(library[0]).H5Pset_metadata_read_attempts
+    except (OSError, StopIteration, AttributeError):
+        return None
+    found.argtypes, found.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
+    return found
 
 
 def _may_be_written(path: Path) -> bool:
     """Whether the head of a file says that a process has it open for writing (or was killed while it had)."""
-    with open(path, "rb") as file:
-        head = file.read(HEAD)
-    if len(head) < HEAD or not head.startswith(SIGNATURE) or head[8] < 3:
-        return False  # the library says what is wrong
-    if not head[11]:
-        return False
-    end, size = int.from_bytes(head[28:36], "little"), path.stat().st_size
-    if end > size + MISSING_END:
-        raise OSError(f"truncated file: {size} of {end} bytes")
-    return True
+    begin = time.monotonic()
+    while True:
+        with open(path, "rb") as file:
+            head = file.read(HEAD)
+        if len(head) < HEAD or not head.startswith(SIGNATURE) or head[8] < 3:
+            return False  # the library says what is wrong
+        if not head[11]:
+            return False
+        # A reader beside a writer would wait for the end of a file that was cut off, and for ever.
+        end, size = int.from_bytes(head[28:36], "little"), path.stat().st_size
+        if end <= size + MISSING_END:
+            return True
+        if time.monotonic() - begin > PATIENCE:
+            raise OSError(f"truncated file: {size} of {end} bytes")
+        time.sleep(0.01)
 
 
 # --- nothing on trust: a file may have been damaged, or made by others ----------------------------------------------

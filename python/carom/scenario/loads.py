@@ -174,7 +174,10 @@ class CheckedFunction:
         if loads.shape != self._shape:
             raise self._wrong(f"returned an array of shape {loads.shape}")
         if not np.isfinite(loads).all():
-            raise self._wrong(f"returned a number that is not finite at t = {t:.6g} s")
+            number = int(np.argmin(np.isfinite(loads).all(axis=1))) + 1
+            raise self._wrong(
+                f"returned a number that is not finite at t = {t:.6g} s for sphere number {number}"
+            )
         return loads
 
     def _wrong(self, cause: str) -> CaromError:

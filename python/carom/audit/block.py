@@ -1,0 +1,198 @@
+"""Intervals between neighbouring frames, in blocks: the states at both ends, and what was recorded in between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.data import Run
+from carom.audit.report import Place
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+#: Numbers that a block holds of one frame column at most.
+BLOCK = 200_000
+
+
+def blocks(run: Run) -> Iterator[Block]:
+    """All intervals of a run, in blocks."""
+    size = max(1, min(2000, BLOCK // (3 * run.bodies), 2_000_000 // run.bodies**2 or 1))
+    for first in range(1, run.frames, size):
+        yield Block(run, first, min(run.frames, first + size))
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Contacts of a block, K rows: interval `k`, bodies, and what was recorded of them."""
+
+    k: I64
+    a: I64
+    b: I64
+    normal: F64
+    gap: F64
+    impulse: F64
+    moment: F64
+    position_impulse: F64
+    position_moment: F64
+    work: F64
+    """Normal, sliding, rolling, spinning: (K, 4), J."""
+
+    def __len__(self) -> int:
+        return len(self.k)
+
+
+class Block:
+    """Intervals `first - 1 -> first` to `end - 2 -> end - 1` of the frames: B of them."""
+
+    def __init__(self, run: Run, first: int, end: int) -> None:
+        self.run = run
+        self.first = first
+        self.count = end - first
+        r, rows = run.result, slice(first - 1, end)
+        x, v, w, q = (
+            np.asarray(c[rows]) for c in (r.position, r.velocity, r.angular_velocity, r.orientation)
+        )
+        self.x0, self.v0, self.w0, self.q0 = x[:-1], v[:-1], w[:-1], q[:-1]
+        self.x1, self.v1, self.w1, self.q1 = x[1:], v[1:], w[1:], q[1:]
+        self.t0, self.t1 = run.time[rows][:-1], run.time[rows][1:]
+        self.s0, self.s1 = run.step[rows][:-1], run.step[rows][1:]
+        self.n = self.s1 - self.s0
+        """Steps of each interval."""
+        self.dt = self.n * run.h
+        present = np.asarray(r.present[rows])
+        self.there = present[:-1] & present[1:]
+        """(B, N) bodies that were there all the time."""
+        self._leave_out_events()
+        self.cut = self.over(run.cut) > 0
+        """(B,) intervals with a step in parts."""
+        self.single = (self.n == 1) & ~self.cut & (run.method != "penalty")
+        """(B,) intervals of one whole step: there all laws can be judged exactly."""
+        self.updates = self.n + self.total(run.steps["substeps"] + run.steps["halvings"])
+        """(B,) how often the state was written."""
+
+    def _leave_out_events(self) -> None:
+        events = self.run.result.events
+        if not len(events):
+            return
+        step, body = np.asarray(events["step"]).astype(np.int64), np.asarray(events["body"]).astype(np.int64)
+        k = np.searchsorted(self.s1, step)
+        here = (k < self.count) & (step > self.s0[np.minimum(k, self.count - 1)])
+        self.there[k[here], body[here]] = False
+
+    def over(self, column: NDArray[Any]) -> F64:
+        """Largest value of a column of the steps in each interval, (B,)."""
+        ends = np.clip(np.stack([self.s0, self.s1]), 0, len(column))
+        return np.array([column[i:j].max(initial=0) for i, j in ends.T], dtype=np.float64)
+
+    def total(self, column: NDArray[Any]) -> F64:
+        """Sum of a column of the steps over each interval, (B,)."""
+        ends = np.clip(np.stack([self.s0, self.s1]), 0, len(column))
+        if len(column) and (ends[1] - ends[0] == 1).all():
+            return np.asarray(column[ends[0]], dtype=np.float64)
+        return np.array([column[i:j].sum() for i, j in ends.T], dtype=np.float64)
+
+    def place(self, k: int, *bodies: int) -> Place:
+        """A place at the end of an interval."""
+        return self.run.frame_place(self.first + k, *bodies)
+
+    def per_body(self, flat: int) -> Place:
+        """The place of an entry of a (B, N) array."""
+        k, body = divmod(flat, self.run.bodies)
+        return self.place(k, body)
+
+    @cached_property
+    def kept(self) -> NDArray[np.bool_]:
+        """(B,) whether the impulses of contacts and joints of the interval are whole: the last frame of a run that did not
+        reach its end is the bare state.
+        """
+        run = self.run
+        if run.result.status == "done":
+            return np.ones(self.count, dtype=bool)
+        every = run.result._segments.attributes["every"]
+        return np.asarray(self.s1 % int(every) == 0)
+
+    @cached_property
+    def centres(self) -> F64:
+        """(B, N, 3) where the velocity level of the last step has the centres, for velocities of walls: as in the frame;
+        Moreau-Jean takes the end of the smooth motion.
+        """
+        run = self.run
+        if run.method != "moreau" or not any(wall.moves for wall in run.walls):
+            return self.x1
+        from carom.audit.loads import of_loads
+
+        theta, dt = float(run.options["theta"]), self.dt[:, None, None]
+        gained = of_loads(self).impulse[..., :3] / run.mass[:, None] + dt * run.gravity
+        return np.asarray(self.x0 + dt * (self.v0 + theta * gained))
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The contacts that were recorded in these intervals."""
+        run = self.run
+        ends = np.asarray(
+            run.result._segments.column("frames", "contact_end")[self.first - 1 : self.first + self.count]
+        )
+        ends = ends.astype(np.int64)
+        table = run.result.contacts
+        low, high = int(ends[0]), int(ends[-1])
+
+        def column(name: str) -> Any:
+            return np.asarray(table[name][low:high])
+
+        body = column("body").astype(np.int64).reshape(-1, 2)
+        k = np.searchsorted(ends[1:], np.arange(low, high), side="right")
+        moved = (column(name) for name in ("impulse", "moment", "position_impulse", "position_moment"))
+        impulse, moment, position_impulse, position_moment = moved
+        work = np.stack([column(f"work_{c}") for c in ("normal", "friction", "rolling", "spinning")], axis=1)
+        return Rows(k, body[:, 0], body[:, 1], column("normal"), column("gap"),
+                    impulse, moment, position_impulse, position_moment, work)  # fmt: skip
+
+    @cached_property
+    def start(self) -> tuple[F64, F64]:
+        """Gap and normal of the recorded contacts at the first frame of their interval."""
+        return self._meet(self.x0, self.t0)
+
+    @cached_property
+    def end(self) -> tuple[F64, F64]:
+        """The same at the second."""
+        return self._meet(self.x1, self.t1)
+
+    def _meet(self, x: F64, time: F64) -> tuple[F64, F64]:
+        c = self.rows
+        other = np.minimum(c.b, self.run.bodies - 1)
+        return self.run.meet(time[c.k], c.a, c.b, x[c.k, c.a], x[c.k, other])
+
+    @cached_property
+    def large(self) -> NDArray[np.bool_]:
+        """(B,) intervals in which an island may have had more than `dense_contacts` contacts; the projection does not count
+        those that it looks at.
+        """
+        return np.asarray(self.over(self.run.steps["candidates"]) > self.run.options["dense_contacts"])
+
+    @cached_property
+    def piled(self) -> NDArray[np.bool_]:
+        """(B,) intervals in which an island may have been solved as a pile."""
+        o = self.run.options
+        many = self.over(self.run.steps["candidates"])
+        least = o["dense_contacts"] if o["pile_tolerance"] >= 1e-5 else o["pile_contacts"]
+        return np.asarray(many > least)
+
+    @cached_property
+    def tolerance(self) -> F64:
+        """(B,) tol_r of eq. 44 as it held in each interval."""
+        t = self.run.loosest
+        return np.where(self.large, max(t["tolerance"], t["pile_tolerance"]), t["tolerance"])
+
+    def left(self, size: F64) -> F64:
+        """(B,) what a solver may leave of multipliers `size` (K,) of the contacts: tol_r times the sum of the norms of
+        eq. 44 (inertia, loads, contact forces, constraint and multiplier rows). Each is about the root of the sum of the
+        squares of all contacts, that of the contact forces of balls with several of them more: eight times it in all.
+        """
+        squares = np.bincount(self.rows.k, size * size, minlength=self.count)
+        return np.asarray(8.0 * self.tolerance * np.sqrt(squares))

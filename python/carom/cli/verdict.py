@@ -1,0 +1,102 @@
+"""What `carom check RUN` prints: the verdict on a run as a table, and whether it could be repeated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from carom.cli.output import BAD_INPUT, DONE, NOT_CONVERGED, emit, fail, note
+from carom.errors import counted
+from carom.sheets import Sheet
+
+if TYPE_CHECKING:
+    from carom.audit import Report
+    from carom.audit.rerun import Rerun
+
+
+def is_run(path: Path) -> bool:
+    """Whether a path is that of a run, and not of a scenario: a directory, or a file of results in one."""
+    return path.is_dir() or path.suffix == ".h5"
+
+
+def judge(run: Path, *, rerun: bool, threads: str | None, as_json: bool) -> int:
+    """Audit a run and say what was found; exit code 3 where a law is violated or a repetition differs."""
+    from carom.audit import check
+
+    counts = _threads(threads)
+    if counts is None:
+        return fail(
+            f"--threads {threads}: expected numbers with commas; write for example --threads 1,2",
+            BAD_INPUT,
+            as_json,
+        )
+    report = check(run)
+    again: Sequence[Rerun] = ()
+    if rerun or threads is not None:
+        from carom.audit.rerun import rerun as repeat
+
+        again = repeat(run, counts)
+    if as_json:
+        document: dict[str, Any] = report.to_dict()
+        if again:
+            document["rerun"] = [r.to_dict() for r in again]
+            document["ok"] = report.ok and all(r.ok for r in again)
+        emit(document)
+    else:
+        show(report, again)
+    return DONE if report.ok and all(r.ok for r in again) else NOT_CONVERGED
+
+
+def show(report: Report, again: Sequence[Rerun]) -> None:
+    """Print a report."""
+    sheet(report).show()
+    for verdict in report.verdicts.values():
+        for unjudged in verdict.unjudged:
+            if verdict.word != "nothing to judge":
+                print(
+                    f"not judged, {verdict.kind.name} ({unjudged.count}): {unjudged.why}; to judge it: {unjudged.cure}"
+                )
+    for r in again:
+        of = f"{counted(r.datasets, 'dataset')}, {r.numbers} numbers"
+        if r.first is None:
+            print(f"run again on {counted(r.threads, 'thread')}: every bit is the same ({of})")
+        else:
+            print(
+                f"run again on {counted(r.threads, 'thread')}: {len(r.differences)} of {of} differ; first {r.first}"
+            )
+    for warning in report.warnings:
+        note(f"warning: {warning}")
+    worst = report.findings
+    words = f"{counted(len(worst), 'law')} violated, worst {worst[0]}" if worst else "no law is violated"
+    print(f"{report.path}: {words}")
+
+
+def sheet(report: Report) -> Sheet:
+    """The verdicts as a table, those without anything to judge left out."""
+    rows = []
+    for verdict in report.verdicts.values():
+        if verdict.word == "nothing to judge":
+            continue
+        worst = verdict.worst
+        numbers = ["-", "-", "-"]
+        if worst is not None:
+            numbers = [
+                f"{worst.value:.2g} {worst.unit}",
+                f"{worst.bound:.2g}",
+                str(worst.place) if worst.value > 0 else "-",
+            ]
+        rows.append(
+            [verdict.kind.name, verdict.word, str(verdict.judged), str(verdict.violations or "-"), *numbers]
+        )
+    title = f"{report.title or report.path}: {report.method}, {counted(report.frames, 'frame')}"
+    return Sheet(title, ["law", "verdict", "judged", "violated", "worst", "bound", "where"], rows)
+
+
+def _threads(text: str | None) -> list[int] | None:
+    """Numbers of threads, one if none are given; None where the text has none."""
+    try:
+        found = [int(part) for part in (text or "1").split(",")]
+    except ValueError:
+        return None
+    return found if all(n > 0 for n in found) else None

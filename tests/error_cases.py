@@ -1,0 +1,377 @@
+"""A mistake for every message of the catalogue: a piece of a scenario, or a call, that provokes it.
+
+A piece is added to `GOOD` of `test_bad_input`, or takes the place of something in it (`OLD -> NEW`). The key is the cause as
+`error_catalogue` reads it from the source; `KEY` is what the message must call the place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from carom.scene import Scene
+
+SPHERE = 'material = "ball"\nradius = 0.01\nmass = 1.0\n'
+LATTICE = f'[[lattice]]\nname = "{{0}}"\n{SPHERE}counts = [1000, 1000, 9]\norigin = [3,3,3]\n'
+ROD = '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\n'
+MOTION = '[[joint]]\ntype = "motion"\nbody = "cue"\ndirection = [1,0,0]\n'
+WALL = '[[{0}]]\nname = "w"\nmaterial = "cloth"\n'
+INFLOW = f'[[inflow]]\nname = "in"\n{SPHERE}count = 2\nrate = 1.0\nseed = 1\n'
+PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 1\ncount = 2\n'
+BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
+
+#: cause -> (key that the message names, piece to add); several where several messages share the cause.
+PIECES: dict[str, list[tuple[str, str]]] = {
+    '"all" would act on balls that enter in the course of the run, and what enters must be free': [
+        (
+            "drag",
+            INFLOW
+            + "region = { low = [3,3,3], high = [4,4,4] }\n"
+            + '[[drag]]\non = "all"\ntranslation = 1.0\n',
+        )
+    ],
+    "... enters in the course of the run, and what enters must be free": [
+        (
+            "load",
+            INFLOW
+            + "region = { low = [3,3,3], high = [4,4,4] }\n"
+            + '[[load]]\non = "in1"\nforce = [0,0,1]\n',
+        )
+    ],
+    "... balls do not fill a ...": [
+        ("rack", f'[[rack]]\nname = "r"\n{SPHERE}balls = 7\napex = [3,3,3]\ndirection = [1,0,0]\n')
+    ],
+    "... do not go together": [
+        (
+            "region",
+            INFLOW
+            + "region = { low = [3,3,3], high = [4,4,4], point = [0,0,0], normal = [0,0,1], radius = 1 }\n",
+        )
+    ],
+    "is incomplete: ... missing": [("region", INFLOW + "region = { low = [3,3,3] }\n")],
+    "is below low along ...": [("region", INFLOW + "region = { low = [3,3,3], high = [2,4,4] }\n")],
+    "balls would enter ... m deep in ...": [
+        ("region", INFLOW + "region = { low = [3,3,-1], high = [4,4,4] }\n")
+    ],
+    "balls would leave where they enter: the region lies where an outlet removes them": [
+        (
+            "region",
+            INFLOW
+            + "region = { low = [3,3,3], high = [4,4,4] }\n[[outlet]]\nlow = [2,2,2]\nhigh = [5,5,5]\n",
+        )
+    ],
+    "is not above low along ...": [("outlet", "[[outlet]]\nlow = [2,2,2]\nhigh = [1,5,5]\n")],
+    "... has ... times the mass of ..., more than ...: contacts of both are solved slowly, and energy may rise": [
+        (
+            "mass",
+            '[[sphere]]\nname = "heavy"\nmaterial = "ball"\nradius = 0.01\nmass = 1e5\nposition = [3,3,3]\n',
+        )
+    ],
+    "... is declared twice": [("name", '[[material]]\nname = "ball"\n')],
+    "... is no kind of law": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ formula = "t" }]\n')],
+    "a law has one key, found ...": [
+        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "t", table = [[0,0],[1,1]] }]\n')
+    ],
+    "... must rise from point to point, found ... after ...": [
+        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ table = [[1,0],[0,1]] }]\n')
+    ],
+    "expected a formula, found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = 3 }]\n')],
+    "cannot read ...: ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "2*" }]\n')],
+    "unknown name ... in ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "x" }]\n')],
+    "expected a list of ..., found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ table = 3 }]\n')],
+    "expected ... to ... ..., found ...": [
+        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ table = [[0,0]] }]\n')
+    ],
+    "expected a list of 3 numbers or laws, found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0]\n')],
+    "expected a number or a law, found ...": [
+        ("friction", "friction = 0.2 -> friction = [1.0]"),
+        ("friction", 'friction = 0.2 -> friction = "0.2 - v"'),
+    ],
+    "has no finite value at ... = 0...": [
+        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "1/t" }]\n')
+    ],
+    "neither force nor torque is given": [("load", '[[load]]\non = "cue"\n')],
+    "... has no finite value at t = ... s...": [
+        (
+            "motion",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            'motion = { translation = [0,0,{ expression = "t/(0.5-t)" }] }\n',
+        )
+    ],
+    "has no finite value at t = ... s...": [
+        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "1/(0.5-t)" }]\n')
+    ],
+    "... is no sphere": [("load", '[[load]]\non = "ground"\nforce = [0,0,1]\n')],
+    'a sphere is called "all", which here means every sphere': [
+        (
+            "drag",
+            f'[[sphere]]\nname = "all"\n{SPHERE}position = [3,3,3]\n[[drag]]\non = "all"\ntranslation = 1.0\n',
+        )
+    ],
+    "translation and rotation are both zero": [("drag", '[[drag]]\non = "cue"\ntranslation = 0.0\n')],
+    "... stands on both sides": [("between", '[[spring]]\nbetween = ["cue", "cue"]\nstiffness = 1.0\n')],
+    "expected two ... names, found ...": [("between", '[[spring]]\nbetween = ["cue"]\nstiffness = 1.0\n')],
+    "is missing: a point of the ground must be given": [
+        ("points", '[[spring]]\nbetween = ["cue", "ground"]\nstiffness = 1.0\n')
+    ],
+    "expected ... vectors, found ...": [
+        ("points", '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\npoints = [[0,0,0]]\n')
+    ],
+    "stiffness and damping are both zero": [
+        ("spring", '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 0.0\n')
+    ],
+    "its period is about ... s, ... steps of ... s": [
+        ("spring", '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1e9\n')
+    ],
+    "both ends of the spring are at the same point, so that it has no direction": [
+        (
+            "spring",
+            '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\nrest_length = 0.1\n'
+            "points = [[0.25,0,0.028575],[0.25,0,0.028575]]\n",
+        )
+    ],
+    "there are two load functions ...": [
+        ("name", '[[load_function]]\nname = "f"\n[[load_function]]\nname = "f"\n')
+    ],
+    "the Python function ... is not there: no file can hold it": [
+        ("load_function", '[[load_function]]\nname = "f"\n')
+    ],
+    "... kg m^2 is more than that of a hollow sphere (...)": [
+        ("inertia", f'[[sphere]]\nname = "s"\n{SPHERE}inertia = 1.0\nposition = [3,3,3]\n')
+    ],
+    "... m is not below friction times radius, ... m: a sliding ball never starts to roll": [
+        ("rolling_radius", "restitution = 0.5 -> restitution = 0.5\nrolling_radius = 0.02")
+    ],
+    "a diamond has an odd number of rows, found ...": [
+        (
+            "rack",
+            f'[[rack]]\nname = "r"\nshape = "diamond"\n{SPHERE}rows = 2\napex = [3,3,3]\ndirection = [1,0,0]\n',
+        )
+    ],
+    "direction and up are parallel": [
+        ("rack", f'[[rack]]\nname = "r"\n{SPHERE}rows = 2\napex = [3,3,3]\ndirection = [0,0,1]\n')
+    ],
+    "jitter is given without a seed": [
+        (
+            "rack",
+            f'[[rack]]\nname = "r"\n{SPHERE}rows = 2\njitter = 0.1\napex = [3,3,3]\ndirection = [1,0,0]\n',
+        )
+    ],
+    "makes ... balls, more than ...": [
+        ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1000, 1000, 1000]\norigin = [3,3,3]\n')
+    ],
+    "with this table there are more than ... balls": [("lattice", LATTICE.format("l") + LATTICE.format("k"))],
+    "expected a list of ... whole numbers, found ...": [
+        ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [2, 2]\norigin = [3,3,3]\n')
+    ],
+    "spheres ... overlap at the start, gap ... m": [
+        ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1, 1, 1]\norigin = [0.0, 0.0, 0.03]\n')
+    ],
+    "a ... has no periodic axes": [
+        (
+            "packing",
+            PACKING
+            + 'diameter = 0.01\nregion = "sphere"\nperiodic = "x"\npoint = [3,3,3]\nregion_radius = 1.0\n',
+        )
+    ],
+    "low is not below high along each axis": [
+        ("packing", PACKING + "diameter = 0.01\nlow = [3,3,3]\nhigh = [4,4,2]\n")
+    ],
+    "smallest is above largest": [
+        (
+            "packing",
+            PACKING + 'sizes = "uniform"\nsmallest = 0.2\nlargest = 0.1\nlow = [3,3,3]\nhigh = [4,4,4]\n',
+        )
+    ],
+    "diameters and shares of the table must be positive": [
+        (
+            "packing",
+            PACKING + 'sizes = "table"\nclasses = [[0.1, 0.0], [0.2, 1.0]]\nlow = [3,3,3]\nhigh = [4,4,4]\n',
+        )
+    ],
+    "... has no key ...": [
+        ("packing", PACKING + "diameter = 0.01\nmean = 0.1\nlow = [3,3,3]\nhigh = [4,4,4]\n")
+    ],
+    "... needs ...": [("packing", PACKING + "diameter = 0.01\nlow = [3,3,3]\n")],
+    "a period of ... m along ... is below four radii of the largest ball": [
+        (
+            "world.periodic",
+            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.1, 0.0, 0.0]",
+        )
+    ],
+    "... is not the same from period to period along ...": [
+        ("plane", "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.0, 0.0, 5.0]")
+    ],
+    "a step of ... s moves ... by ... radii: impacts on planes may be missed": [
+        ("run.step", "step = 1e-3 -> step = 0.1")
+    ],
+    "a step of ... s moves ... by ... radii: oblique hits lose accuracy and grazing ones may be missed": [
+        ("run.step", "[0.5, 0.0, 0.028575] -> [0.5, 0.0, 0.028575]\nvelocity = [10.0, 0.0, 0.0]")
+    ],
+    "until = ... s is not a whole number of steps": [("run.until", "until = 1.0 -> until = 1.0004")],
+    "e_N = 1 on plane ... against gravity: each bounce loses energy of the order of the step": [
+        ("restitution", "restitution = 0.5 -> restitution = 1.0")
+    ],
+    "the coefficient is ... at a slip of ... m/s": [
+        (
+            "friction",
+            "[0.5, 0.0, 0.028575] -> [0.5, 0.0, 0.028575]\nvelocity = [1.0, 0.0, 0.0]\n"
+            '[[material]]\nname = "ice"\n[[contact]]\nbetween = ["ice", "ice"]\nrestitution = 0\n'
+            'friction = { expression = "0.2 - v" }\n',
+        )
+    ],
+    "must be ... at ... = 0, found ...": [
+        ("friction", 'friction = 0.2 -> friction = { expression = "v - 1" }')
+    ],
+    "a step of ... s moves ... by ... radii of the smallest ball": [
+        (
+            "motion",
+            WALL.format("plane") + "point = [0,0,-999]\nnormal = [0,0,1]\n"
+            'motion = { translation = [0,0,{ expression = "100*t" }] }\n',
+        )
+    ],
+    "must be 0 at t = 0, where the wall stands as written; found ...": [
+        (
+            "motion",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            "motion = { translation = [0,0,{ table = [[0,1],[1,2]] }] }\n",
+        )
+    ],
+    "none of ... is given": [
+        ("motion", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = {}\n")
+    ],
+    "expected a table, found ...": [
+        ("motion", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = 3\n"),
+        ("case", "format = 1 -> format = 1\ncase = [3]"),
+    ],
+    "all six sides are open": [
+        ("open", WALL.format("box") + BOX + 'open = ["low_x","high_x","low_y","high_y","low_z","high_z"]\n')
+    ],
+    "expected a list of sides, found ...": [("open", WALL.format("box") + BOX + "open = 3\n")],
+    "names ... twice": [("open", WALL.format("box") + BOX + 'open = ["low_x", "low_x"]\n')],
+    "is not above low along ...: ... m after ... m": [
+        ("high", WALL.format("box") + "low = [-1,-1,1]\nhigh = [1,1,0]\n")
+    ],
+    "sphere ... is outside box ..., which is closed": [("position", WALL.format("box") + BOX)],
+    "sphere ... reaches ... m into ...": [
+        ("position", WALL.format("ball_wall") + "point = [0,0,0]\nradius = 0.01\ninside = false\n")
+    ],
+    "both size (a rectangle) and radius (a disc) are given": [
+        ("plane", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nsize = [1,1]\nradius = 1\n")
+    ],
+    "side is given without size": [
+        ("side", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nside = [1,0,0]\n")
+    ],
+    "is parallel to the normal": [
+        ("side", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nsize = [1,1]\nside = [0,0,1]\n")
+    ],
+    "radius and radius_end are equal: this is a cylinder": [
+        (
+            "cone",
+            WALL.format("cone")
+            + "point = [0,0,-9]\naxis = [0,0,1]\nradius = 1\nradius_end = 1\nlength = 1\n",
+        )
+    ],
+    "begins or ends with a blank: ...": [("name", '[[material]]\nname = " x"\n')],
+    "expected a string, found ...": [("name", "[[material]]\nname = 3\n")],
+    "expected tables, found ...": [("lattice", "format = 1 -> format = 1\nlattice = 3")],
+    "... hold the same motion as other joints": [("joint", ROD + ROD)],
+    "is ... ... at t = 0, but counts from the start": [
+        (
+            "joint",
+            '[[joint]]\ntype = "motion"\nbody = "cue"\ndirection = [1,0,0]\ndisplacement = { expression = "1 + t" }\n',
+        )
+    ],
+    "a joint of type ... has either ...": [
+        ("joint", MOTION + "axis = [0,0,1]\ndisplacement = 0.0\nangle = 0.0\n")
+    ],
+    "the ... axes are parallel or lie in a plane": [
+        ("joint", '[[joint]]\ntype = "lock"\nbody = "cue"\naxes = [[0,0,1],[0,0,2]]\n')
+    ],
+    "there are two joints ...": [
+        (
+            "name",
+            '[[joint]]\nname = "j"\ntype = "rod"\nbetween = ["cue", "other"]\n'
+            '[[joint]]\nname = "j"\ntype = "lock"\nbetween = ["cue", "other"]\n',
+        )
+    ],
+    "is missing in a joint of type ...": [
+        ("joint", '[[joint]]\ntype = "ball"\nbetween = ["cue", "other"]\n')
+    ],
+    "a joint of type ... has no key ...": [
+        ("joint", '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\naxis = [0,0,1]\n')
+    ],
+    "both ends of the rod are at the same point": [
+        (
+            "joint",
+            '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\npoints = [[0.25,0,0.028575],[0.25,0,0.028575]]\n',
+        )
+    ],
+    "is ... m at t = 0, but the ends are ... m apart": [
+        ("joint", '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\nlength = 0.4\n')
+    ],
+    "falls to ... m at t = ... s": [
+        (
+            "joint",
+            '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\nlength = { expression = "0.5 - t^2" }\n',
+        )
+    ],
+    "expected any number of tables, found ...": [("case", "[case]\nx = 1\n")],
+    "expected one table, found ...": [("parameters", "[[parameters]]\nx = 1\n")],
+    "expected a number or an expression, found ...": [("parameters", "[parameters]\nx = true\n")],
+    "is not used anywhere": [("parameters", "[parameters]\nx = 1.0\n")],
+    "is the name of case number ... too": [("case", '[[case]]\nname = "a"\n[[case]]\nname = "a"\n')],
+    "is not in [parameters]": [("case", '[[case]]\nname = "a"\nx = 1.0\n')],
+    "... has no finite value: ...": [("parameters", '[parameters]\nx = "= 1/0"\n')],
+    "unknown name ... in ... at column ...": [
+        ("parameters", '[parameters]\nx = "= y"\ny = 1.0\n'),
+        ("until", 'until = 1.0 -> until = "= y"'),
+        ("until", '[run]\nuntil = 1.0 -> [parameters]\nyy = 1.0\n[run]\nuntil = "= y"'),
+    ],
+    "... is no number: it depends on ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,"= 2*t"]\n')],
+    'the formula of a law has no "=" in front: ...': [
+        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "= t" }]\n')
+    ],
+}
+
+
+def _scene() -> Scene:
+    scene = Scene("calls", run={"until": 1.0})
+    scene.sphere("a", radius=1, mass=1, at=(0, 0, 0), material="m")
+    return scene
+
+
+def _force(*_: Any) -> np.ndarray:
+    return np.zeros((1, 6))
+
+
+#: The same of mistakes that only calls can make: cause -> (part of the place, the call).
+CALLED: dict[str, tuple[str, Callable[[], Any]]] = {
+    "unknown keyword": (
+        "Scene.sphere",
+        lambda: _scene().sphere("b", radius=1, mass=1, at=(3, 0, 0), material="m", colour=1),  # type: ignore[call-arg]
+    ),
+    "only ... can be given without a name": ("Scene.sphere", lambda: _scene().sphere("b", 1.0, "m")),  # type: ignore[call-arg, misc]
+    "both position and at are given": (
+        "at",
+        lambda: _scene().sphere("b", radius=1, mass=1, at=(3, 0, 0), position=(3, 0, 0), material="m"),
+    ),
+    "there is already a sphere or wall ...": (
+        "name",
+        lambda: _scene().sphere("a", radius=1, mass=1, at=(3, 0, 0), material="m"),
+    ),
+    "there is already a law for ... and ...": (
+        "Scene.contact",
+        lambda: [s.contact("a", "b", friction=0, restitution=0) for s in [_scene()] for _ in range(2)],
+    ),
+    "expected a function, found ...": ("load_function", lambda: _scene().load_function(3)),  # type: ignore[arg-type]
+    "there is already a load function ...": (
+        "name",
+        lambda: [s.load_function(_force, name="f") for s in [_scene()] for _ in range(2)],
+    ),
+    "expected a number or a law, found a function": (
+        "friction",
+        lambda: _scene().contact("a", "b", friction=_force, restitution=0),  # type: ignore[arg-type]
+    ),
+}

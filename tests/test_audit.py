@@ -1,0 +1,146 @@
+"""The auditor: clean runs of every method are clean, each planted fault is caught, and by its own law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import audit_faults as fault
+import audit_scenes as scenes
+import carom
+import numpy as np
+import pytest
+from audit_faults import Fault
+from carom import audit
+
+Maker = Callable[[str], Path]
+
+CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
+    "break": (scenes.break_, 0.25, {}),
+    "rolling": (scenes.rolling, 0.15, {}),
+    "two": (scenes.two_balls, 0.05, {}),
+    "two-tangential": (lambda: scenes.two_balls(tangential_restitution=0.4), 0.05, {}),
+    "pile": (scenes.pile, 0.25, {}),
+    "pile-coarse": (scenes.pile, 0.25, {"every": 7}),
+    "pile-moreau": (scenes.pile, 0.15, {"method": "moreau"}),
+    "pile-penalty": (scenes.pile, 0.15, {"method": "penalty"}),
+    "pile-bare": (scenes.pile, 0.15, {"contacts": False, "impacts": False, "walls": True}),
+    "shaken": (scenes.shaken, 0.3, {}),
+    "shaken-moreau": (scenes.shaken, 0.3, {"method": "moreau"}),
+    "drum": (scenes.drum, 0.2, {}),
+    "drum-moreau": (scenes.drum, 0.2, {"method": "moreau"}),
+    "drum-penalty": (scenes.drum, 0.2, {"method": "penalty"}),
+    "joined": (scenes.joined, 0.5, {}),
+    "joined-moreau": (scenes.joined, 0.5, {"method": "moreau"}),
+    "loaded": (scenes.loaded, 0.3, {}),
+    "flowing": (scenes.flowing, 0.6, {}),
+    "wall-ahead": (scenes.wall_ahead, 0.1, {}),
+}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Maker:
+    """Runs by their names, each made once."""
+    made: dict[str, Path] = {}
+
+    def make(name: str) -> Path:
+        if name not in made:
+            scene, until, options = CLEAN[name]
+            made[name] = scenes.run(scene(), tmp_path_factory.mktemp("runs") / name, until, **options)
+        return made[name]
+
+    return make
+
+
+#: Runs and faults whose likes are in the quick tier.
+LONG = {
+    "two-tangential",
+    "drum-penalty",
+    "joined-moreau",
+    "pile-moreau",
+    "velocity changed, moreau",
+    "frame shifted, moreau",
+    "velocity changed, penalty",
+    "velocity changed, joined",
+    "closing contact",
+    "into the floor, penalty",
+}
+
+
+def tiered(names: Iterable[str]) -> list[Any]:
+    """Parameters, some of them for the long tier."""
+    return [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in names]
+
+
+@pytest.mark.parametrize("name", tiered(CLEAN))
+def test_a_clean_run_is_clean(run: Maker, name: str) -> None:
+    report = audit.check(run(name))
+    assert report.ok, repr(report)
+    assert report["momentum"].judged
+    assert report["numbers"].judged
+
+
+ROLLING_STEP = 60  # of 150: it slides and rolls on
+PUSH = np.array([1e-9, 0.0, 0.0])
+
+FAULTS: dict[str, tuple[str, Fault, str]] = {
+    "impulse pulls": ("rolling", fault.flip_impulse(ROLLING_STEP), "sign"),
+    "friction leaves its cone": ("rolling", fault.widen_friction(20), "friction cone"),
+    "friction along the slip": ("rolling", fault.drag_along(20), "slip"),
+    "rolling moment drives": ("rolling", fault.roll_against(ROLLING_STEP), "roll"),
+    "impulse lost": ("rolling", fault.lose_impulse(ROLLING_STEP), "momentum"),
+    "velocity changed": ("rolling", fault.push_velocity(ROLLING_STEP, 0, PUSH), "momentum"),
+    "velocity changed, in a pile": ("pile", fault.push_velocity(200, 7, PUSH), "momentum"),
+    "velocity changed, moreau": ("pile-moreau", fault.push_velocity(100, 7, PUSH), "momentum"),
+    "velocity changed, penalty": ("pile-penalty", fault.push_velocity(100, 7, PUSH), "momentum"),
+    "velocity changed, seven steps a frame": ("pile-coarse", fault.push_velocity(20, 7, PUSH), "momentum"),
+    "velocity changed, walls alone recorded": (
+        "pile-bare",
+        fault.push_velocity(100, 7, PUSH),
+        "wall impulse",
+    ),
+    "velocity changed, joined": ("joined", fault.push_velocity(100, 0, 1e4 * PUSH), "momentum"),
+    "energy added to a ball": ("break", fault.speed_up(200, 2, 1.01), "energy balance"),
+    "energy added to the record": ("break", fault.raise_energy(150, 1e-9), "energy record"),
+    "rise of energy": ("pile-bare", fault.raise_energy(100, 0.1), "energy rise"),
+    "contacts give energy": ("rolling", fault.more_work(ROLLING_STEP, 1e-2), "passivity"),
+    "work misstated": ("rolling", fault.more_work(ROLLING_STEP, -1e-6), "energy balance"),
+    "frame shifted": ("break", fault.shift_frame(200), "position"),
+    "frame shifted, moreau": ("drum-moreau", fault.shift_frame(100), "position"),
+    "quaternion scaled": ("rolling", fault.scale_quaternion(50, 0), "quaternion"),
+    "orientation turned": ("rolling", fault.turn_body(50, 0, 1e-9), "rotation"),
+    "not a number": ("rolling", fault.not_a_number("frames/velocity", 40), "numbers"),
+    "not a number in a table": ("rolling", fault.not_a_number("contacts/impulse", 40), "numbers"),
+    "through a wall": ("wall-ahead", fault.move_body(50, 0, np.array([-0.1, 0, 0])), "tunnelling"),
+    "through a ball": ("two", fault.move_body(10, 0, np.array([0.14, 0, 0])), "tunnelling"),
+    "into the floor": ("pile", fault.move_body(200, 7, np.array([0, 0, -1e-3])), "penetration"),
+    "into the floor, penalty": (
+        "pile-penalty",
+        fault.move_body(100, 7, np.array([0, 0, -1e-2])),
+        "penetration",
+    ),
+    "restitution too large": ("two", fault.restitute(0, 1.1), "impact"),
+    "restitution too large, in a break": ("break", fault.restitute(3, 1.1), "impact"),
+    "open contact pushes": ("rolling", fault.open_contact(ROLLING_STEP, 1e-6), "complementarity"),
+    "gap misstated": ("rolling", fault.report_gap(ROLLING_STEP, 1e-9), "gap"),
+    "time tampered": ("rolling", fault.tamper_time(30, 1e-9), "clock"),
+    "mass changed": ("rolling", fault.heavier(0), "scenario"),
+    "wall impulse misstated": ("shaken", fault.lighter_wall(0), "wall impulse"),
+    "joint torn": ("joined", fault.move_body(100, 1, np.array([0, 1e-6, 0])), "joint"),
+    "joint torn in its speeds": (
+        "joined",
+        fault.push_velocity(100, 1, np.array([0, 0, 1e-3])),
+        "joint speed",
+    ),
+    "closing contact": ("pile", fault.push_velocity(200, 0, np.array([0, 0, -0.1])), "approach"),
+}
+
+
+@pytest.mark.parametrize("name", tiered(FAULTS))
+def test_a_planted_fault_is_caught_by_its_law(run: Maker, tmp_path: Path, name: str) -> None:
+    scene, plant, kind = FAULTS[name]
+    report = audit.check(fault.planted(run(scene), tmp_path / "copy", plant))
+    assert report[kind].violations, repr(report)
+    assert report[kind].worst is not None
+    assert report[kind].worst.ratio > 1.0

@@ -1,0 +1,117 @@
+"""`carom check RUN`: verdict, JSON, exit codes, repetition bit for bit; laws of one variable read by the auditor."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import audit_faults as fault
+import audit_scenes as scenes
+import carom
+import h5py
+import numpy as np
+import pytest
+from carom import audit
+from carom.audit.formula import law
+from carom.audit.rerun import rerun
+from carom.cli.app import app
+from carom.scenario.laws import value_at
+from typer.testing import CliRunner
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two balls that hit each other."""
+    return scenes.run(scenes.two_balls(), tmp_path_factory.mktemp("runs") / "two", 0.05)
+
+
+def called(*arguments: str | Path) -> tuple[int, str, str]:
+    """Exit code, standard output, standard error of `carom check`."""
+    result = CliRunner().invoke(app, ["check", *map(str, arguments)])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_a_clean_run_and_its_repetition_on_two_threads(run: Path) -> None:
+    code, text, _ = called(run, "--threads", "1,2")
+    assert code == 0, text
+    assert "no law is violated" in text
+    assert text.count("every bit is the same") == 2
+
+
+def test_json_is_one_document_with_every_law(run: Path) -> None:
+    code, text, _ = called(run / "results.h5", "--json", "--rerun")
+    found = json.loads(text)
+    assert code == 0
+    assert found["ok"]
+    assert {k["kind"] for k in found["kinds"]} == set(audit.check(run).verdicts)
+    assert found["rerun"][0]["numbers"] > 1000
+
+
+def test_a_violation_is_named_with_place_and_exit_code_3(run: Path, tmp_path: Path) -> None:
+    bad = fault.planted(run, tmp_path / "bad", fault.push_velocity(20, 1, np.array([1e-9, 0, 0])))
+    code, text, _ = called(bad)
+    assert code == 3
+    assert "momentum" in text
+    assert "step 20, t = 0.02 s" in text
+    report = audit.check(carom.load(bad))
+    assert not report.ok
+    assert report["momentum"].violations == 2  # into the frame and out of it
+    assert "momentum" in repr(report)
+
+
+def test_a_repetition_finds_the_first_bit_that_differs(run: Path, tmp_path: Path) -> None:
+    def last_bit(file: h5py.File) -> None:
+        file["frames/velocity"][30, 1, 0] = np.nextafter(file["frames/velocity"][30, 1, 0], np.inf)
+
+    (again,) = rerun(fault.planted(run, tmp_path / "bit", last_bit))
+    assert [d.dataset for d in again.differences] == ["frames/velocity"]
+    assert again.first is not None
+    assert (again.first.frame, again.first.step, again.first.body) == (30, 30, "1")
+
+
+def test_a_run_that_records_little_is_not_said_to_keep_what_was_not_judged(tmp_path: Path) -> None:
+    path = scenes.run(scenes.pile(), tmp_path / "bare", 0.1, contacts=False, impacts=False, every=10)
+    report = audit.check(path)
+    assert report.ok, repr(report)
+    for kind in ("friction cone", "impact", "energy balance"):
+        assert report[kind].word == "not judged"
+        assert "[record]" in report[kind].unjudged[0].cure
+
+
+@pytest.mark.parametrize("what", ["nowhere", "."])
+def test_what_is_no_run_is_bad_input(what: str, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    path = tmp_path / "empty" if what == "." else tmp_path / "no.h5"
+    code, text, error = called(path)
+    assert (code, text) == (2, "")
+    assert error.startswith("carom: ")
+    assert error.count("\n") == 1
+
+
+def test_options_that_do_not_fit_are_refused(run: Path) -> None:
+    assert called(run, "--set", "step=1e-4")[0] == 2
+    assert called(run, "--threads", "many")[0] == 2
+    assert called(run / "scenario.toml", "--rerun")[0] == 2
+
+
+FORMULAS = [
+    "0.01 + 0.1*exp(-v)",
+    "-v^2 + 2^3^2",
+    "min(v, 0.5, 2*v)/max(1, v)",
+    "atan2(v, 1 + v)*sqrt(v + 1)",
+    "sin(20*v)**2",
+    "abs(v - 0.3)*sign(v - 0.3) + floor(3*v)*0",
+    "ln(1 + v) - log10(2 + v)",
+    "pi*cos(v)/(1 + tan(v/3))",
+]
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_formulas_are_read_as_the_core_reads_them_and_slopes_are_their_derivatives(text: str) -> None:
+    x = np.linspace(0.06, 0.95, 7)  # not at a kink
+    value, slope = law(("expression", text), x)
+    wanted = [value_at({"expression": text}, float(t)) for t in x]
+    np.testing.assert_allclose(value, wanted, rtol=1e-14)
+    step = 1e-6
+    ahead, behind = (law(("expression", text), x + s)[0] for s in (step, -step))
+    np.testing.assert_allclose(slope, (ahead - behind) / (2 * step), rtol=1e-6, atol=1e-8)
