@@ -80,6 +80,7 @@ def test_page_cannot_ask_for_anything(tmp_path: Path) -> None:
         "script-src",
         "style-src",
         "img-src",
+        "connect-src",
         "base-uri",
         "form-action",
     }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Formatting, lints and types, all of them even where one fails.
+# Formatting, lints, types and what Carom is built of, all of it even where one fails.
 
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -21,9 +21,10 @@ step "clippy" cargo clippy --workspace --all-targets $locked --quiet -- -D warni
 step "ruff check" "$python" -m ruff check
 step "ruff format" "$python" -m ruff format --check
 step "mypy" "$python" -m mypy
+step "audit" tools/audit.sh
 
 if [ ${#failed[@]} -gt 0 ]; then
     printf 'check failed: %s\n' "$(IFS=, && echo "${failed[*]}")"
     exit 1
 fi
-echo "check passed: rustfmt, clippy, ruff, mypy"
+echo "check passed: rustfmt, clippy, ruff, mypy, audit"

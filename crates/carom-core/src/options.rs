@@ -265,6 +265,8 @@ options! {
     penalty_resolution: u32 = 50,
     /// Worker threads of the search for pairs and of sweeps in large islands; results never depend on this number.
     threads: u32 = 1,
+    /// Contacts of an island for each thread that sweeps it: below, another thread costs more than it gives.
+    contacts_per_thread: u32 = 12_288,
 }
 
 impl Options {
@@ -320,6 +322,7 @@ impl Options {
             ("max_iterations", self.max_iterations),
             ("max_problems", self.max_problems),
             ("threads", self.threads),
+            ("contacts_per_thread", self.contacts_per_thread),
         ] {
             if value == 0 {
                 return Err(ModelError::option(name, "must be at least 1".to_owned()));

@@ -59,6 +59,10 @@ OPTIONS: dict[str, Option] = {
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
+    "contacts_per_thread": Option(
+        "contacts of an island for each thread that sweeps it; the result has the same bits for any number",
+        _COUNT,
+    ),
     "max_iterations": Option("Newton iterations per sub-problem before the fallbacks begin", _COUNT),
     "penalty_scale": Option("p of eq. 5 in units of 1/D_cc (rule R1)", Bounds(gt=0, lt=2)),
     "tolerance_floor": Option(

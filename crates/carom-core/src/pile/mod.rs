@@ -27,8 +27,6 @@ use carom_solve::spheres::{self, Body, Place, Progress, Sweeps};
 /// Sweeps and contact updates that one solve may take: what is more of both.
 const SWEEPS: usize = 4_000;
 const LEAST_UPDATES: usize = 2_000_000;
-/// Contacts per thread below which another thread costs more than it gives.
-const PER_THREAD: usize = 12_288;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
 /// Sweeps after which the worst contact alone holds nobody up (counted as a fallback).
@@ -84,8 +82,9 @@ impl Pile {
         self.spheres.clear();
         self.bodies.clear();
         self.places.clear();
-        let worth = members.len() / PER_THREAD;
-        self.sweeps.threads = (model.options.threads as usize).min(worth).max(1);
+        let o = &model.options;
+        let worth = members.len() / o.contacts_per_thread as usize;
+        self.sweeps.threads = (o.threads as usize).min(worth).max(1);
         for &m in members {
             let c = &contacts[m as usize];
             for body in [c.a, c.b] {
