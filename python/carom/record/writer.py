@@ -74,6 +74,7 @@ class Writer:
         self._expected = expected or Rows()
         self._leave_out = frozenset(leave_out)
         self._file: Any = None
+        self._handle = -1
         self._commit: h5py.Dataset = None
         self._columns: dict[str, dict[str, h5py.Dataset]] = {}
         self._pending: list[dict[str, dict[str, Any]]] = []
@@ -161,7 +162,7 @@ class Writer:
     def _check_place(self) -> None:
         """Raise if nobody can find what was written: a file that was removed or replaced goes on taking it all in."""
         with suppress(FileNotFoundError):
-            if os.path.samestat(os.stat(self.path), os.fstat(self._file.id.get_vfd_handle())):
+            if os.path.samestat(os.stat(self.path), os.fstat(self._handle)):
                 return
         raise RecordError(
             f"{self.path} was removed or replaced while the run wrote it; put it back and continue the run with"
@@ -173,7 +174,7 @@ class Writer:
         self._wait()
         if self._file is not None:
             with _explained(self.path):
-                os.fsync(self._file.id.get_vfd_handle())
+                os.fsync(self._handle)
 
     def close(self) -> None:
         """Commit the rest and close the file."""
@@ -196,7 +197,7 @@ class Writer:
         if self._file is not None:
             with _no_limit_on_files():
                 with suppress(Exception):
-                    _divert(self._file)
+                    _divert(self._handle)
                 for scrap in self.path.parent.glob(f".{self.path.name}.*.tmp"):
                     scrap.unlink(missing_ok=True)
                 try:
@@ -213,6 +214,8 @@ class Writer:
         unborn.write_bytes(bytes(SETUP_BYTES))
         file = h5py.File(unborn, "w", libver="latest")
         self._file = file
+        # Kept, since a file that HDF5 failed to close cannot be asked for it any more.
+        self._handle = int(file.id.get_vfd_handle())
         for key, value in self._attributes.items():
             file.attrs[key] = value
         for table, columns in self._static.items():
@@ -242,7 +245,7 @@ class Writer:
         os.rename(unborn, self.path)
 
 
-def _divert(file: h5py.File) -> None:
+def _divert(handle: int) -> None:
     """Let what HDF5 still holds go to a place where it can be written.
 
     HDF5 keeps what it could not write and tries again when the file is closed and when the process ends; where
@@ -251,7 +254,7 @@ def _divert(file: h5py.File) -> None:
     """
     in_memory = hasattr(os, "memfd_create")
     with open(os.memfd_create(""), "wb") if in_memory else tempfile.TemporaryFile() as anonymous:
-        os.dup2(anonymous.fileno(), file.id.get_vfd_handle())
+        os.dup2(anonymous.fileno(), handle)
 
 
 @contextmanager
