@@ -123,7 +123,7 @@ fn what_is_too_fast_is_refused_with_the_step_to_take() {
             ..
         }) => {
             assert!(message.contains("8.000e1 m/s"), "{message}");
-            assert!(message.contains("2.500 radii"), "{message}");
+            assert!(message.contains("2.500e0 radii"), "{message}");
             assert!(message.contains("2.0e-4 s or less"), "{message}");
         }
         other => panic!("{other:?}"),

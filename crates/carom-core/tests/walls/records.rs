@@ -116,11 +116,19 @@ fn a_motion_that_is_no_number_stops_the_run_with_its_wall() {
     input.wall_motion = vec![(0, up)];
     let mut s = simulation(&input, options(1e-3));
     let outcome = crate::common::advance(&mut s, 100);
-    let Some(Outcome::LoadFailed { step, message, .. }) = outcome else {
+    let Some(Outcome::LoadFailed {
+        step,
+        message,
+        body,
+        ..
+    }) = outcome
+    else {
         panic!("{outcome:?}");
     };
     assert_eq!((step, s.state.step), (11, 10));
-    assert!(message.contains("wall 1"), "{message}");
+    // Walls are numbered after the spheres.
+    assert_eq!(body, Some(s.model.spheres() as u32));
+    assert!(message.contains("not finite"), "{message}");
 }
 
 #[test]
