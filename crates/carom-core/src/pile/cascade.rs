@@ -97,10 +97,7 @@ impl Pile {
         report: &mut StepReport,
     ) -> (u32, bool) {
         let velocity = &mut self.velocity;
-        let closes = |v: &Velocity, slot: u32| {
-            let m = &v.members[slot as usize];
-            v.now(m).dot(m.normal) < -v.tol
-        };
+        let closes = |v: &Velocity, slot: u32| v.normal_speed(&v.members[slot as usize]) < -v.tol;
         let mut chosen: Vec<u32> = (0..velocity.members.len() as u32)
             .filter(|&slot| closes(velocity, slot))
             .collect();

@@ -115,6 +115,17 @@ impl Memory {
         self.free(m) + Self::relative(m, &self.jump)
     }
 
+    /// `now` along the normal: spins do not count.
+    #[inline]
+    pub fn normal_speed(&self, m: &Member) -> f64 {
+        let at = |node: u32| self.check[node as usize][0] + self.jump[node as usize][0];
+        let mut d = at(m.a) - self.wall(m, 1);
+        if m.b != WORLD {
+            d -= at(m.b);
+        }
+        d.dot(m.normal)
+    }
+
     /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27), restitution scaled.
     pub fn measures(&self, model: &Model, m: &Member, law: Law, scale: f64) -> DVec3 {
         let z = self.now(m);
@@ -339,7 +350,7 @@ impl Pile {
             .members
             .iter()
             .zip(&resting)
-            .map(|(m, &resting)| resting && memory.now(m).dot(m.normal) < -tol)
+            .map(|(m, &resting)| resting && memory.normal_speed(m) < -tol)
             .collect();
         // Stage 0: the load of this step on contacts that were not approaching, without restitution.
         if loaded.contains(&true) {
@@ -368,7 +379,7 @@ impl Pile {
         let closing: Vec<bool> = memory
             .members
             .iter()
-            .map(|m| memory.now(m).dot(m.normal) < -tol)
+            .map(|m| memory.normal_speed(m) < -tol)
             .collect();
         if !closing.contains(&true) {
             return Some(problems);
@@ -692,7 +703,7 @@ impl Pile {
                 impulse: m.hit,
                 moment: DVec3::ZERO,
                 approach: m.approach,
-                separation: memory.now(m).dot(m.normal),
+                separation: memory.normal_speed(m),
                 restitution_scale: m.scale,
             });
         }
