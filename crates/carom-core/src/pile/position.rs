@@ -21,7 +21,9 @@ use glam::DVec3;
 
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
 /// sideways.
-const SWEEPS_PER_LINEARISATION: usize = 250;
+const SWEEPS_PER_LINEARISATION: usize = 64;
+/// Contacts of a pile from which on its overlaps may grow.
+const TYPICAL: f64 = 2_500.0;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
 const LINEAR_SHARE: f64 = 0.8;
 
@@ -195,10 +197,12 @@ fn solve(
     true
 }
 
-/// Overlap over the smallest radius that may be left. Islands of up to 100 contacts are asked for more.
+/// Overlap over the smallest radius that may be left. Islands of up to 100 contacts are asked for more. The worst of very many contacts
+/// is worse than the worst of many at the same residual.
 fn overlap(tolerance: f64, contacts: usize) -> f64 {
     if contacts > MANY {
-        0.5 * tolerance
+        let many = (contacts as f64 / TYPICAL).cbrt().clamp(1.0, 2.0);
+        0.9 * many * tolerance
     } else {
         5e-3 * tolerance
     }
