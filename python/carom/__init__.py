@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
+    from carom.batch import Batch as Batch
+    from carom.batch import simulate_batch as simulate_batch
     from carom.comparison import Comparison as Comparison
     from carom.comparison import compare as compare
     from carom.errors import CaromError as CaromError
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
+    "Batch": "carom.batch",
+    "simulate_batch": "carom.batch",
     "CaromError": "carom.errors",
     "Comparison": "carom.comparison",
     "compare": "carom.comparison",
@@ -43,6 +47,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "Batch",
     "CaromError",
     "Comparison",
     "ContactProblem",
@@ -57,6 +62,7 @@ __all__ = [
     "load",
     "resume",
     "simulate",
+    "simulate_batch",
 ]
 
 
