@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from carom.comparison import compare as compare
     from carom.errors import CaromError as CaromError
     from carom.errors import ScenarioError as ScenarioError
+    from carom.examples import example as example
     from carom.problem import ContactProblem as ContactProblem
     from carom.result import Result as Result
     from carom.result import load as load
@@ -38,6 +39,7 @@ _HOMES = {
     "ContactProblem": "carom.problem",
     "converge": "carom.study",
     "ScenarioError": "carom.errors",
+    "example": "carom.examples",
     "Result": "carom.result",
     "load": "carom.result",
     "Scene": "carom.scene",
@@ -59,6 +61,7 @@ __all__ = [
     "__version__",
     "compare",
     "converge",
+    "example",
     "load",
     "resume",
     "simulate",
