@@ -306,6 +306,17 @@ class Result:
             webbrowser.open(info.path.resolve().as_uri())
         return info
 
+    def export(
+        self, directory: str | Path | None = None, format: str = "vtkhdf", **options: Any
+    ) -> list[Path]:
+        """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz` or `gsd`, by default in `export` of the run.
+
+        `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`. Returns the files to open.
+        """
+        from carom.export import export
+
+        return export(self, directory, format, **options)
+
     def save(self, path: str | Path, *, force: bool = False) -> Result:
         """Copy the run directory, to keep a result that was simulated without `out`; returns the copy."""
         copy = RunDir.create(path, force=force)
