@@ -177,6 +177,11 @@ class Batch:
             f" {self.wall_s:.3g} s on {self.threads} threads, {self.per_second:.3g} a second>"
         )
 
+    def _repr_html_(self) -> str:
+        from carom.html import of_batch
+
+        return of_batch(self)
+
 
 class BatchBody:
     """One ball over all cases: `batch["cue"].velocity` is (B, 3)."""

@@ -230,10 +230,10 @@ class Residuals(Table):
 
 
 class Energy:
-    """Energies after every step, (S,), J."""
+    """Energies after every step, (S,), J: columns of the table of steps, or of some of its rows."""
 
-    def __init__(self, segments: Segments) -> None:
-        self._segments = segments
+    def __init__(self, steps: Steps) -> None:
+        self._steps = steps
 
     def __repr__(self) -> str:
         if not len(self.time):
@@ -261,7 +261,7 @@ class Energy:
         return np.asarray(self.kinetic + self.potential)
 
     def _read(self, column: str) -> Array:
-        return np.asarray(self._segments.column("steps", column))
+        return np.asarray(self._steps[column])
 
 
 class Static:
