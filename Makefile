@@ -74,7 +74,7 @@ reproduce: $(STAMPS)/extension ## every example of the paper, to reproduction/ a
 	@.venv/bin/carom reproduce all --docs docs/validation $(ARGS)
 
 .PHONY: docs
-docs: $(STAMPS)/docs ## the documentation, to docs/_build/html
+docs: $(STAMPS)/docs $(STAMPS)/extension ## the documentation, to docs/_build/html; its examples run
 	@$(PY) -m sphinx --fail-on-warning --keep-going -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
@@ -125,8 +125,8 @@ $(STAMPS)/test-all: $(LOCK) $(STAMPS)/test
 $(STAMPS)/check: $(LOCK) $(STAMPS)/run
 	@tools/setup.sh $@ check
 
-$(STAMPS)/docs: $(LOCK) | preflight
-	@tools/setup.sh $@ docs
+$(STAMPS)/docs: $(LOCK) $(STAMPS)/run
+	@tools/setup.sh $@ base plot build docs
 
 # Editable: a change of Python needs no rebuild. --release, like the tests: both share every compiled crate.
 $(STAMPS)/extension: $(RUST) pyproject.toml $(STAMPS)/run | preflight

@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
+    from carom.batch import Batch as Batch
+    from carom.batch import simulate_batch as simulate_batch
     from carom.comparison import Comparison as Comparison
     from carom.comparison import compare as compare
     from carom.errors import CaromError as CaromError
     from carom.errors import ScenarioError as ScenarioError
+    from carom.examples import example as example
     from carom.problem import ContactProblem as ContactProblem
     from carom.result import Result as Result
     from carom.result import load as load
@@ -27,6 +30,8 @@ if TYPE_CHECKING:
 
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
+    "Batch": "carom.batch",
+    "simulate_batch": "carom.batch",
     "CaromError": "carom.errors",
     "Comparison": "carom.comparison",
     "compare": "carom.comparison",
@@ -34,6 +39,7 @@ _HOMES = {
     "ContactProblem": "carom.problem",
     "converge": "carom.study",
     "ScenarioError": "carom.errors",
+    "example": "carom.examples",
     "Result": "carom.result",
     "load": "carom.result",
     "Scene": "carom.scene",
@@ -43,6 +49,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "Batch",
     "CaromError",
     "Comparison",
     "ContactProblem",
@@ -54,9 +61,11 @@ __all__ = [
     "__version__",
     "compare",
     "converge",
+    "example",
     "load",
     "resume",
     "simulate",
+    "simulate_batch",
 ]
 
 

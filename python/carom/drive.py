@@ -27,6 +27,7 @@ from carom.rundir import RunDir
 if TYPE_CHECKING:
     from carom._core import Simulation
     from carom.record.problem import Problems
+    from carom.watching import Watch
 
 #: Seconds of computing between two looks at the clock, the progress bar and the interrupt flag.
 BLOCK_SECONDS = 0.1
@@ -155,7 +156,9 @@ class Interrupt:
 
 @dataclass
 class Ending:
-    """How a call of `drive` ended: `kind` is "done", "interrupted" or the core's word for what went wrong."""
+    """How a call of `drive` ended: `kind` is "done", "stopped" (by the user's condition), "interrupted" or the core's
+    word for what went wrong.
+    """
 
     outcome: dict[str, Any]
     wall_s: float = 0.0
@@ -178,9 +181,11 @@ def drive(
     stop: Interrupt,
     progress: Callable[[Progress], None] | None,
     problems: Problems | None = None,
+    watch: Watch | None = None,
 ) -> Ending:
     """Advance from the simulation's step to the plan's last one; everything recorded is committed when it
-    returns. Without `checkpoints` none are written. `problems` are the contact problems to keep.
+    returns. Without `checkpoints` none are written. `problems` are the contact problems to keep, `watch` is asked between
+    steps.
     """
     from carom import _core
 
@@ -188,6 +193,7 @@ def drive(
     first_step = simulation.step
     core_s = 0.0
     failure: dict[str, Any] | None = None
+    ended: dict[str, Any] | None = None
     # Intervals are measured by `perf_counter`, which no change of the clock moves.
     cadence = checkpoints or Cadence()
     next_save = cadence.first_wall()
@@ -221,9 +227,11 @@ def drive(
         due = cadence.next_step(simulation.step, plan.step)
         directory.log("checkpoint", step=simulation.step, file=path.name, seconds=round(spent, 4))
 
-    while simulation.step < plan.steps and failure is None and not stop:
+    while simulation.step < plan.steps and failure is None and ended is None and not stop:
         last = simulation.step >= grid_end
         to_go = grid_end - simulation.step if due is None else min(grid_end, due) - simulation.step
+        if watch is not None:
+            to_go = min(to_go, watch.next(simulation.step) - simulation.step)
         steps = 1 if last else min(to_go, _block_steps(bodies, plan))
         if last and checkpoints:
             save()
@@ -237,12 +245,14 @@ def drive(
         now = time.perf_counter()
         if progress is not None:
             progress(_progress(block, simulation, plan, now - begin, first_step))
+        if watch is not None and failure is None:
+            ended = watch.ask(simulation, block, last=simulation.step >= plan.steps)
         is_due = simulation.step == due or now - last_saved > next_save
         if checkpoints and is_due and failure is None and simulation.step < grid_end:
             save()
 
-    if failure is not None:
-        outcome = dict(failure)
+    if failure is not None or ended is not None:
+        outcome = dict(failure or ended or {})
     else:
         kind = "done" if simulation.step >= plan.steps else "interrupted"
         outcome = {"kind": kind, "step": simulation.step, "time": simulation.time}

@@ -19,14 +19,12 @@ from numpy.typing import NDArray
 
 from carom.about import checked
 from carom.errors import CaromError, counted, did_you_mean
+from carom.frames import Frames, Selection, chosen_bodies, chosen_frames
 from carom.record import Column, Segments
 from carom.rundir import RunDir
 from carom.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps, UnknownName
 
 if TYPE_CHECKING:
-    import pandas
-    import xarray
-
     from carom.plot import Plots
     from carom.view import ViewInfo
     from carom.walls import Walls
@@ -48,7 +46,7 @@ def load(path: str | Path) -> Result:
     return result
 
 
-class Result:
+class Result(Frames):
     """A run: T frames of N bodies, its impacts, contacts and steps. Obtained by `carom.simulate` or
     `carom.load`.
 
@@ -140,11 +138,6 @@ class Result:
         return Walls(self, [self._segments.static(table) for table in ("planes", "walls")])
 
     @property
-    def names(self) -> list[str]:
-        """Names of the bodies, in the order of the second axis of all arrays."""
-        return list(self.bodies["name"])
-
-    @property
     def plane_names(self) -> list[str]:
         """Names of the planes without end."""
         return list(self.planes["name"])
@@ -230,7 +223,7 @@ class Result:
     @cached_property
     def energy(self) -> Energy:
         """Energies after every step, (S,), J."""
-        return Energy(self._segments)
+        return Energy(self.steps)
 
     @cached_property
     def impacts(self) -> Impacts:
@@ -259,7 +252,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """ "done", "failed", "interrupted", or "running" (also for a run whose process was killed)."""
+        """ "done", "stopped", "failed", "interrupted", or "running" (also for a run whose process was killed)."""
         return str(self._about["status"])
 
     @property
@@ -286,6 +279,17 @@ class Result:
 
     # What can be done with it.
 
+    def sel(self, time: Any = None, body: Any = None) -> Selection:
+        """Some frames and some balls, with the same names for what they have.
+
+        `time` is a slice in s, of which both ends count (`slice(0.1, 0.5)`, every tenth frame of them
+        `slice(0.1, 0.5, 10)`), or one or several times, of which the nearest frames are taken. `body` is a name or a
+        number, several of them, or a slice (`slice("ball1", "ball4")`, of names both ends count):
+        `result.sel(slice(0, 1), ["cue", "ball8"]).velocity`.
+        """
+        frames = chosen_frames(np.asarray(self.time), time)
+        return Selection(self, frames, chosen_bodies(self.names, body))
+
     @property
     def plot(self) -> Plots:
         """Figures: `result.plot.velocities()` returns one of matplotlib, `result.plot.save("figures")` writes
@@ -306,6 +310,17 @@ class Result:
             webbrowser.open(info.path.resolve().as_uri())
         return info
 
+    def export(
+        self, directory: str | Path | None = None, format: str = "vtkhdf", **options: Any
+    ) -> list[Path]:
+        """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz` or `gsd`, by default in `export` of the run.
+
+        `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`. Returns the files to open.
+        """
+        from carom.export import export
+
+        return export(self, directory, format, **options)
+
     def save(self, path: str | Path, *, force: bool = False) -> Result:
         """Copy the run directory, to keep a result that was simulated without `out`; returns the copy."""
         copy = RunDir.create(path, force=force)
@@ -316,45 +331,6 @@ class Result:
             raise CaromError(f"cannot copy the run to {path}: {error}") from error
         return load(copy.path)
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Motion as an `xarray.Dataset` with dimensions time, body, axis (and quaternion)."""
-        try:
-            import xarray
-        except ImportError as error:
-            raise CaromError("to_xarray needs xarray: pip install 'carom[interop]'") from error
-        quantities = {
-            "position": (("time", "body", "axis"), "m"),
-            "orientation": (("time", "body", "quaternion"), "1"),
-            "velocity": (("time", "body", "axis"), "m/s"),
-            "angular_velocity": (("time", "body", "axis"), "rad/s"),
-        }
-        data = {
-            name: (dims, np.asarray(getattr(self, name)), {"units": unit})
-            for name, (dims, unit) in quantities.items()
-        }
-        coordinates = {
-            "time": ("time", np.asarray(self.time), {"units": "s"}),
-            "body": self.names,
-            "axis": list("xyz"),
-            "quaternion": list("wxyz"),
-            "radius": ("body", self.bodies["radius"], {"units": "m"}),
-            "mass": ("body", self.bodies["mass"], {"units": "kg"}),
-        }
-        return xarray.Dataset(data, coordinates, {"title": self.title, **self.versions})
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Motion as a `pandas.DataFrame`, one row per frame and body (index time, body); tables have a
-        `to_pandas` too.
-        """
-        pandas = _pandas()
-        index = pandas.MultiIndex.from_product([np.asarray(self.time), self.names], names=["time", "body"])
-        columns: dict[str, F64] = {}
-        axes = {"position": "xyz", "orientation": "wxyz", "velocity": "xyz", "angular_velocity": "xyz"}
-        for name, letters in axes.items():
-            values = np.asarray(getattr(self, name)).reshape(len(index), len(letters))
-            columns |= {f"{name}_{letter}": values[:, i] for i, letter in enumerate(letters)}
-        return pandas.DataFrame(columns, index=index)
-
     def close(self) -> None:
         """Close the files. Columns that were read stay usable."""
         self._segments.close()
@@ -364,6 +340,11 @@ class Result:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _repr_html_(self) -> str:
+        from carom.html import of_result
+
+        return of_result(self)
 
     def __repr__(self) -> str:
         frames, bodies = len(self.time), self.names
@@ -446,11 +427,3 @@ class Body:
         return (
             f"<body {self.name!r}: radius {self.radius:g} m, mass {self.mass:g} kg, {len(self.time)} frames>"
         )
-
-
-def _pandas() -> Any:
-    try:
-        import pandas
-    except ImportError as error:
-        raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
-    return pandas

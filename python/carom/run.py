@@ -25,6 +25,7 @@ from carom.record import Rows, Writer
 from carom.record.walls import tables
 from carom.result import Result, load
 from carom.rundir import RunDir, now
+from carom.watching import Callback, Stop, Watch
 
 if TYPE_CHECKING:
     from carom._core import Simulation
@@ -60,6 +61,9 @@ def simulate(
     set: Mapping[str, Any] | None = None,
     save_problems: Given | None = None,
     problem_form: str = "local",
+    callback: Callback | None = None,
+    stop: Stop | None = None,
+    callback_every: int | None = None,
     **options: Any,
 ) -> Result:
     """Simulate a scene, or the scenario file of that path, and return its result.
@@ -75,6 +79,11 @@ def simulate(
     `problem_form` "local" or "global": of one step, of several (`[100, 200]`, `range(200, 301, 50)`, `"100,200:300:50"`,
     `"all"`), or the hardest of the run (`"worst:10"`).
 
+    `callback` and `stop` are functions of a `carom.watching.View` of the state, `view.time`, `view["cue"].position`. They
+    are called after every `callback_every` steps, by default when a frame is kept. Where `stop` returns something true the
+    run ends well, with outcome "stopped". If one raises, the run ends between two steps and the exception goes on, with
+    all that was computed as its attribute `result`.
+
     Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
     so far).
     """
@@ -83,15 +92,20 @@ def simulate(
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
     choice = chosen(scene, save_problems, problem_form)
-    stop = Interrupt()
-    with stop.listening(signal.SIGINT, *([] if out is None else [signal.SIGTERM])):
+    watch = Watch.of(callback, stop, callback_every)
+    halt = Interrupt()
+    with halt.listening(signal.SIGINT, *([] if out is None else [signal.SIGTERM])):
         if out is not None:
             create = partial(RunDir.create, out, force=force)
-            result = launch(scene, create, stop=stop, progress=progress, problems=choice)
+            result = launch(scene, create, stop=halt, progress=progress, problems=choice, watch=watch)
         else:
-            result = launch(scene, _temporary, stop=stop, progress=progress, keep=False, problems=choice)
+            result = launch(
+                scene, _temporary, stop=halt, progress=progress, keep=False, problems=choice, watch=watch
+            )
             weakref.finalize(result._segments, _discard, RunDir(result.path))
-    return _judged(result, stop, kept=out is not None)
+    if watch is not None:
+        watch.raise_with(result)
+    return _judged(result, halt, kept=out is not None)
 
 
 def chosen(scene: Scene, problems: Given | None, form: str, label: str = "save_problems") -> Choice | None:
@@ -142,6 +156,9 @@ def resume(
     any_version: bool = False,
     progress: OnProgress | None = None,
     load_functions: LoadFunctions = (),
+    callback: Callback | None = None,
+    stop: Stop | None = None,
+    callback_every: int | None = None,
     **options: Any,
 ) -> Result:
     """Continue a run that was interrupted or killed, bit for bit as if nothing had happened; `until` (s)
@@ -151,23 +168,28 @@ def resume(
     describes the physics, and the step, cannot change within a run. A run that has reached its end already is
     returned as it is. If the newest checkpoint cannot be used, `checkpoint` may be "previous", or "start" to compute
     the run anew; with `any_version` one of another version of Carom is taken. A run whose scene has Python functions
-    (`Scene.load_function`) needs them again: `load_functions`, in the order in which they were added.
+    (`Scene.load_function`) needs them again: `load_functions`, in the order in which they were added. `callback`, `stop` and
+    `callback_every` are those of `carom.simulate`.
     """
-    stop = Interrupt()
+    watch = Watch.of(callback, stop, callback_every)
+    halt = Interrupt()
     if until is not None:
         options["until"] = until
-    with stop.listening(signal.SIGINT, signal.SIGTERM):
+    with halt.listening(signal.SIGINT, signal.SIGTERM):
         result = relaunch(
             RunDir.open(run),
             options,
-            stop=stop,
+            stop=halt,
+            watch=watch,
             progress=progress,
             load_functions=load_functions,
             checkpoint=checkpoint,
             any_version=any_version,
             tell=lambda text: warnings.warn(text, CaromWarning, stacklevel=3),
         )
-    return _judged(result, stop)
+    if watch is not None:
+        watch.raise_with(result)
+    return _judged(result, halt)
 
 
 def launch(
@@ -179,6 +201,7 @@ def launch(
     source: str | None = None,
     keep: bool = True,
     problems: Choice | None = None,
+    watch: Watch | None = None,
 ) -> Result:
     """Run a validated scene to its end, failure or interruption: the result says which.
 
@@ -217,7 +240,7 @@ def launch(
         except BaseException:
             directory.remove()
             raise
-        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=keep)
+        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=keep, watch=watch)
     return load(directory.path)
 
 
@@ -232,6 +255,7 @@ def relaunch(
     checkpoint: str = "newest",
     any_version: bool = False,
     tell: Callable[[str], None] = lambda text: None,
+    watch: Watch | None = None,
 ) -> Result:
     """Continue the run in `directory` from its newest checkpoint, or from the start if it came to none.
 
@@ -282,7 +306,7 @@ def relaunch(
             directory.write_scenario(scene.to_toml(resolved=True))
         start = _Start(simulation, model, plan, about, saved.rows if saved else Rows())
         writer = _writer(scene, directory.next_segment(), start)
-        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=True)
+        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=True, watch=watch)
     return load(directory.path)
 
 
@@ -336,9 +360,12 @@ def _execute(
     stop: Interrupt,
     progress: OnProgress | None,
     keep: bool,
+    watch: Watch | None = None,
 ) -> None:
     """Run from `start` into the segment of `writer` and say in `run.json` how it ended."""
     simulation, plan, about = start.simulation, start.plan, start.about
+    if watch is not None:
+        watch.begin(list(scene.names), start.model, plan.every)
     problems = None
     if "save_problems" in about:
         from carom.record.problem import Choice, Problems
@@ -366,6 +393,7 @@ def _execute(
             stop=stop,
             progress=progress,
             problems=problems,
+            watch=watch,
         )
         writer.close()
         _finish(scene, directory, start, segment, ending)
@@ -403,7 +431,7 @@ def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
 
 def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, Any], ending: Ending) -> None:
     simulation, about = start.simulation, start.about
-    failed = ending.kind not in ("done", "interrupted")
+    failed = ending.kind not in ("done", "stopped", "interrupted")
     outcome = summary.named(ending.outcome, scene.names, scene.wall_names)
     problem = simulation.failing_problem() if failed else None
     if problem is not None:

@@ -34,6 +34,9 @@ _OWN = (
     "problems/.*.tmp",
     "*.aside*",
     "plots/*",
+    "export/[!.]*.*",
+    "export/balls/*.vtp",
+    "export/contacts/*.vtp",
     "view.html",
     ".*.tmp",
     "run.json",
@@ -228,7 +231,8 @@ class RunDir:
         """Delete what a run writes, and the directory if nothing else is in it."""
         with suppress(OSError):
             self._remove_own()
-            for empty in (self.path / "problems", self.path / "plots", self.path):
+            folders = ("problems", "plots", "export/balls", "export/contacts", "export")
+            for empty in (*(self.path / name for name in folders), self.path):
                 if empty.exists():
                     empty.rmdir()
 

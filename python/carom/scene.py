@@ -300,6 +300,11 @@ class Scene(Waller, Attacher):
         )
         return f"<Scene {quoted(self.title)}: {counts}; {time}>"
 
+    def _repr_html_(self) -> str:
+        from carom.html import of_scene
+
+        return of_scene(self)
+
 
 def _placed(key: str, cause: str, cure: str, places: Mapping[str, str]) -> Problem:
     place = places.get(key, "carom.simulate")

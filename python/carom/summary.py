@@ -53,7 +53,7 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
         "steps": simulation.step,
         "time": simulation.time,
         "outcome": about["outcome"]["kind"],
-        "failure": None if about["status"] in ("done", "interrupted") else about["outcome"],
+        "failure": None if about["status"] in ("done", "stopped", "interrupted") else about["outcome"],
         "wall_s": sum(s["wall_s"] for s in segments),
         "core_s": sum(s["core_s"] for s in segments),
         "phases": plain(simulation.phases()),

@@ -157,6 +157,11 @@ class Contacts(_Pairs):
 
     name = "contacts"
 
+    @property
+    def ends(self) -> Array:
+        """Rows of each frame end here, (T,): those of frame k of the whole table are `ends[k - 1]` to `ends[k]`."""
+        return np.asarray(self._segments.column("frames", "contact_end"))
+
     def at(self, frame: int) -> Contacts:
         """The contacts of one frame (negative counts from the end)."""
         ends = np.asarray(self._segments.column("frames", "contact_end"))
@@ -225,10 +230,10 @@ class Residuals(Table):
 
 
 class Energy:
-    """Energies after every step, (S,), J."""
+    """Energies after every step, (S,), J: columns of the table of steps, or of some of its rows."""
 
-    def __init__(self, segments: Segments) -> None:
-        self._segments = segments
+    def __init__(self, steps: Steps) -> None:
+        self._steps = steps
 
     def __repr__(self) -> str:
         if not len(self.time):
@@ -256,7 +261,7 @@ class Energy:
         return np.asarray(self.kinetic + self.potential)
 
     def _read(self, column: str) -> Array:
-        return np.asarray(self._segments.column("steps", column))
+        return np.asarray(self._steps[column])
 
 
 class Static:
@@ -292,7 +297,7 @@ class Static:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended. `kind` is "done", "interrupted", "running", "error" or the core's word, as
+    """How a run ended. `kind` is "done", "stopped", "interrupted", "running", "error" or the core's word, as
     "not_converged".
     """
 
@@ -304,7 +309,7 @@ class Outcome:
     residual: float | None = None
     advice: str = ""
     message: str = ""
-    """What a load function raised, in its own words."""
+    """What a function of the user raised, in its own words, or why it stopped the run."""
     problem_file: str | None = None
 
     @classmethod
@@ -315,19 +320,19 @@ class Outcome:
 
     @property
     def ok(self) -> bool:
-        """Whether the run reached its end."""
-        return self.kind == "done"
+        """Whether the run reached its end, or the one that a stop condition set."""
+        return self.kind in ("done", "stopped")
 
     @property
     def brief(self) -> str:
         """A few words: `done`, `not converged at t = 0.114 s`."""
-        place = "" if self.ok or self.time is None else f" at t = {self.time:g} s"
+        place = "" if self.kind == "done" or self.time is None else f" at t = {self.time:g} s"
         return self.kind.replace("_", " ") + place
 
     @property
     def failed(self) -> bool:
         """Whether a step could not be computed: neither done nor interrupted nor still running."""
-        return self.kind not in ("done", "interrupted", "running")
+        return self.kind not in ("done", "stopped", "interrupted", "running")
 
     @property
     def where(self) -> str:
@@ -347,7 +352,7 @@ class Outcome:
         return " ".join(parts)
 
     def __str__(self) -> str:
-        if self.ok:
+        if self.kind == "done":
             return "done"
         text = self.where
         if self.problem_file:

@@ -13,6 +13,7 @@ from carom.cli.converge import converge
 from carom.cli.demo import demo
 from carom.cli.doctor import doctor
 from carom.cli.examples import examples
+from carom.cli.export import export
 from carom.cli.info import info
 from carom.cli.plot import plot
 from carom.cli.reproduce import reproduce
@@ -63,6 +64,7 @@ for _command in (
     converge,
     plot,
     view,
+    export,
     reproduce,
     solve,
     info,

@@ -91,9 +91,8 @@ def _directory() -> str:
 
 def _a_run() -> str:
     import carom
-    from carom.cli.examples import find
 
-    result = carom.simulate(carom.Scene.from_toml(find("three_balls")))
+    result = carom.simulate(carom.example("three_balls"))
     return f"{result.summary['steps']} steps in {1e3 * result.summary['wall_s']:.0f} ms"
 
 

@@ -10,20 +10,9 @@ import typer
 
 from carom.cli.options import Json
 from carom.cli.output import emit, guarded
+from carom.scenario.shipped import find as find
 
 examples = typer.Typer(no_args_is_help=True, help="Scenario files that come with Carom.")
-
-
-def find(name: str) -> Path:
-    """A scenario by its name, its file name or the last part of either."""
-    from carom.errors import CaromError, did_you_mean
-    from carom.scenario.shipped import named, shipped
-
-    known, found = shipped(), named(name)
-    if len(found) != 1:
-        cure = did_you_mean(name.removesuffix(".toml"), list(known))
-        raise CaromError(f"no example is called {name!r}; {cure}")
-    return known[found[0]]
 
 
 @examples.command("list")

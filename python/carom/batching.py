@@ -1,0 +1,229 @@
+"""How a batch is computed: threads that take one case after the other and fill arrays."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.batch import KINEMATICS, Batch
+from carom.cases import Overrides
+from carom.drive import Plan
+from carom.errors import CaromError
+
+if TYPE_CHECKING:
+    from carom._core import Simulation
+    from carom.scene import Scene
+
+#: Seconds of computing after which a case looks whether it should stop.
+LOOK_SECONDS = 0.2
+#: Balls may overlap by this share of a radius at the start: that is touching.
+TOUCHING = 1e-9
+#: Bytes of frames above which a batch is refused rather than left to the system's killer.
+MOST_BYTES = 8 * 1024**3
+
+MONITORS = (
+    *("steps", "unconverged", "fallbacks", "halvings", "substeps", "missed_impacts"),
+    *("truncated_sequences", "penetration_max", "penetration_max_relative", "travel_max"),
+)
+"""What is kept of the core's totals, beside its energies (J) `energy_initial`, `energy_final`, `energy_max_rise`."""
+
+ENERGIES = ("initial", "final", "max_rise")
+
+
+def _plan(scene: Scene, every: int | None) -> Plan:
+    if scene.run.until is None:
+        raise CaromError("simulate_batch: the scene does not say how long to simulate; pass until=...")
+    return Plan.of(scene.run.until, scene.run.step, every or 1, False)
+
+
+class Runner:
+    """Cases, the arrays that they fill, and the threads that do it."""
+
+    def __init__(
+        self, scenes: Sequence[Scene], overrides: Overrides | None, frames: int | None, impacts: bool
+    ) -> None:
+        if frames is not None and (isinstance(frames, bool) or not isinstance(frames, int) or frames < 1):
+            raise CaromError(f"simulate_batch: frames must be a number of steps from 1 on, found {frames!r}")
+        self.scenes, self.overrides, self.every, self.keep_impacts = scenes, overrides, frames, impacts
+        self.names = list(scenes[0].names)
+        for k, scene in enumerate(scenes):
+            if list(scene.names) != self.names:
+                raise CaromError(
+                    f"simulate_batch: scene {k} has other balls than scene 0; a batch is of the same balls"
+                )
+        self.plans = [_plan(scene, frames) for scene in scenes]
+        self.cases = len(scenes) if overrides is None else overrides.cases
+        b, n = self.cases, len(self.names)
+        self.outcome = np.full(b, "not_run", dtype=object)
+        self.message = np.full(b, "", dtype=object)
+        self.time = np.full(b, np.nan)
+        self.final = {key: np.full((b, n, width), np.nan) for key, width in KINEMATICS.items()}
+        self.present = np.zeros((b, n), dtype=bool)
+        self.monitors = {key: np.full(b, np.nan) for key in MONITORS}
+        self.monitors |= {f"energy_{key}": np.full(b, np.nan) for key in ENERGIES}
+        longest = max(self.plans, key=lambda plan: plan.steps)
+        t = 0 if frames is None else longest.steps // frames + 1
+        if b * t * n * 13 * 8 > MOST_BYTES:
+            raise CaromError(
+                f"simulate_batch: {t} frames of {n} balls in {b} cases are more than {MOST_BYTES >> 30} GiB;"
+                " keep fewer (frames=...) or give the cases in several calls"
+            )
+        self.frame_time = (np.arange(t) * (frames or 1)).astype(
+            np.float64
+        ) * longest.step  # as the core has it
+        self.frames = {key: np.full((b, t, n, width), np.nan) for key, width in KINEMATICS.items() if t}
+        self.tables: dict[str, list[dict[str, NDArray[Any]] | None]] = {
+            "impacts": [None] * b,
+            "events": [None] * b,
+        }
+        self.stop = threading.Event()
+        self.done = 0
+        self.broken: BaseException | None = None
+        self._lock = threading.Lock()
+        self._next = iter(range(b))
+
+    def run(self, threads: int, progress: Callable[[int, int], None] | None) -> Batch:
+        threads = max(1, min(threads, self.cases))
+        start = time.perf_counter()
+        workers = [threading.Thread(target=self._work, daemon=True) for _ in range(threads)]
+        for worker in workers:
+            worker.start()
+        try:
+            for worker in workers:
+                while worker.is_alive():
+                    worker.join(0.1)
+                    if progress is not None:
+                        progress(self.done, self.cases)
+        except BaseException as error:  # Ctrl-C, or the callback: what is there goes with it
+            self.stop.set()
+            for worker in workers:
+                worker.join()
+            error.result = self._batch(threads, time.perf_counter() - start)  # type: ignore[attr-defined]
+            raise
+        if self.broken is not None:
+            raise self.broken
+        return self._batch(threads, time.perf_counter() - start)
+
+    def _work(self) -> None:
+        while not self.stop.is_set():
+            with self._lock:
+                case = next(self._next, None)
+            if case is None:
+                return
+            try:
+                self._one(case)
+            except CaromError as error:
+                self._note(case, "bad_scene", str(error))
+            except (
+                BaseException
+            ) as error:  # a fault of Carom's own, or of a load function: not for one case alone
+                self.broken = error
+                self.stop.set()
+            self.done += 1
+
+    def _note(self, case: int, kind: str, message: str) -> None:
+        self.outcome[case], self.message[case] = kind, message
+
+    def _one(self, case: int) -> None:
+        from carom import _core
+
+        if self.overrides is None:
+            scene, plan = self.scenes[case], self.plans[case]
+            scene.validate()
+            model = scene.to_model()
+        else:
+            plan, model = self.plans[0], self.overrides.model(case)
+        # One thread for each case; results do not depend on it.
+        model = {**model, "options": {**model["options"], "threads": 1}}
+        if not self.keep_impacts:
+            model["drop_impacts"] = True
+        else:
+            model.pop("drop_impacts", None)
+        try:
+            simulation = _core.Simulation(model)
+        except _core.ModelError as error:
+            return self._note(case, "bad_model", str(error))
+        overlap = simulation.overlaps(TOUCHING, 1)
+        if overlap:
+            a, b, gap = overlap[0]
+            other = self.names[b] if b < len(self.names) else "a wall"
+            return self._note(
+                case, "overlap", f"{self.names[a]} and {other} overlap by {-gap:.3g} m at the start"
+            )
+        return self._advance(case, simulation, plan)
+
+    def _advance(self, case: int, simulation: Simulation, plan: Plan) -> None:
+        every = self.every or 0
+        if every:
+            start = simulation.frame()
+            for key, values in self.frames.items():
+                values[case, 0] = start[key]
+        tables: dict[str, list[Mapping[str, Any]]] = {"impacts": [], "events": []}
+        while simulation.step < plan.steps:
+            if self.stop.is_set():
+                return
+            block = simulation.advance(plan.steps - simulation.step, every, False, LOOK_SECONDS)
+            for name, kept in tables.items():
+                if name in block:
+                    kept.append(block[name])  # type: ignore[literal-required]
+            if every and len(block["frames"]["step"]):
+                rows = block["frames"]["step"].astype(np.int64) // every
+                for key, values in self.frames.items():
+                    values[case, rows] = block["frames"][key]
+            failure = block["outcome"]
+            if failure is not None:
+                where = f"at step {failure.get('step')}, t = {failure.get('time', float('nan')):g} s"
+                self._note(case, str(failure["kind"]), f"{where}; {failure.get('advice', '')}".rstrip("; "))
+                return
+        self._keep(case, simulation, tables)
+
+    def _keep(self, case: int, simulation: Simulation, tables: Mapping[str, list[Mapping[str, Any]]]) -> None:
+        frame, totals = simulation.frame(), simulation.monitors()
+        self.time[case] = frame["time"]
+        for key, values in self.final.items():
+            values[case] = frame[key]
+        self.present[case] = frame.get("present", True)
+        for key in MONITORS:
+            self.monitors[key][case] = totals[key]
+        for key in ENERGIES:
+            self.monitors[f"energy_{key}"][case] = totals["energy"][key]
+        for name, blocks in tables.items():
+            if blocks and (name != "impacts" or self.keep_impacts):
+                self.tables[name][case] = {
+                    column: np.concatenate([np.asarray(b[column]) for b in blocks]) for column in blocks[0]
+                }
+        self.outcome[case] = "done"
+
+    def _table(self, name: str) -> dict[str, NDArray[Any]]:
+        """All tables of a kind end to end, the case in front."""
+        found = [(case, table) for case, table in enumerate(self.tables[name]) if table is not None]
+        if not found:
+            return {}
+        columns = {column: np.concatenate([table[column] for _, table in found]) for column in found[0][1]}
+        rows = [len(table["step"]) for _, table in found]
+        return {"case": np.repeat([case for case, _ in found], rows), **columns}
+
+    def _batch(self, threads: int, wall_s: float) -> Batch:
+        return Batch(
+            names=self.names,
+            outcome=self.outcome,
+            message=self.message,
+            time=self.time,
+            **self.final,
+            present=self.present,
+            monitors=self.monitors,
+            parameters={} if self.overrides is None else self.overrides.values,
+            impacts=self._table("impacts"),
+            events=self._table("events"),
+            frame_time=self.frame_time,
+            frames=self.frames,
+            wall_s=wall_s,
+            threads=threads,
+            _scenes=self.scenes,
+            _overrides=self.overrides,
+        )

@@ -1,0 +1,254 @@
+"""Events in a result: first contacts, sliding that turns into rolling, rest, balls that left.
+
+`result.events` is what the core itself records, balls that enter and leave; this page finds in the columns of any result
+what happened between. Each bound is an argument, and each time says how well it is known: impacts carry the time of the end
+of their step, so they happened up to one step earlier; what is read off the frames is known to the time between frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.tables import UnknownName
+
+if TYPE_CHECKING:
+    from carom.result import Result
+    from carom.watching import View
+
+F64 = NDArray[np.float64]
+
+#: Slip or speed below which a ball counts as rolling or at rest, m/s, unless the caller says otherwise.
+SPEED = 1e-3
+#: Gap over radius up to which a ball counts as touching a plane.
+TOUCHING = 1e-6
+#: How long all must be quiet for the stop condition `AtRest`, s.
+HOLD = 0.05
+
+AWAY, SLIDING, ROLLING, RESTING = range(4)
+"""What a ball does on a plane, as `phases` has it."""
+PHASES = ("away", "sliding", "rolling", "resting")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened: `kind` to `body` (with `other`) at `time` s, known to `within` s."""
+
+    kind: str
+    """ "contact", "roll", "rest" or "left"."""
+    time: float
+    within: float
+    body: str
+    other: str = ""
+    speed: float = float("nan")
+    """Closing speed of a contact; speed of the centre otherwise, m/s."""
+
+
+def detect(result: Result, *, speed: float = SPEED) -> list[Event]:
+    """First contact of each pair, slide-to-roll, rest and departures of all balls, in the order of time."""
+    found = [*first_contacts(result), *slip_to_roll(result, speed=speed), *rest(result, speed=speed)]
+    return _sorted([*found, *departures(result)])
+
+
+def first_contact(result: Result, body: str, other: str) -> Event | None:
+    """The first time that these two, balls or walls, met; None if they never did."""
+    known = [*result.names, *result.wall_names]
+    pair = {_index(name, known) for name in (body, other)}
+    return next((event for event in _first(result, pair)), None)
+
+
+def first_contacts(result: Result) -> list[Event]:
+    """The first contact of every pair that met, in the order of time.
+
+    Of the table of impacts, and of the contacts of the frames, where those that touch from the start (or without any
+    impact, as one that rolls from piece to piece of a wall) appear.
+    """
+    return _first(result, None)
+
+
+def phases(result: Result, body: str, surface: str, *, speed: float = SPEED) -> NDArray[np.int8]:
+    """What a ball does on a plane that stands, per frame, (T,): `AWAY`, `SLIDING`, `ROLLING` or `RESTING`.
+
+    It slides where the material point at the contact moves along the plane faster than `speed`, m/s; it rests where its
+    centre is slower than that as well (a ball that spins in its place rests).
+    """
+    index = _index(body, result.names)
+    return _phases(result, index, _plane(result, surface), speed)[0]
+
+
+def slip_to_roll(
+    result: Result, body: str | None = None, surface: str | None = None, *, speed: float = SPEED
+) -> list[Event]:
+    """When balls that slid on a plane began to roll: their slip (m/s) came to `speed` or below.
+
+    Slip falls linearly under dry friction, so the time is found by its slope in the two frames before, within the frames
+    around it. Without `body` of all balls, without `surface` on all planes that stand.
+    """
+    bodies = range(len(result.names)) if body is None else [_index(body, result.names)]
+    known = result.plane_names
+    surfaces = [n for n in known if not _moves(result, n)] if surface is None else [surface]
+    time = np.asarray(result.time)
+    found = []
+    for name in surfaces:
+        plane = _plane(result, name)
+        for index in bodies:
+            state, slip, fast = _phases(result, index, plane, speed)
+            ends = np.flatnonzero((state[:-1] == SLIDING) & (state[1:] >= ROLLING))
+            for k in ends.tolist():
+                at = _end_of_slip(time, slip, state, k, speed)
+                label = result.names[index]
+                found.append(Event("roll", at, float(time[k + 1] - time[k]), label, name, float(fast[k + 1])))
+    return _sorted(found)
+
+
+def rest(result: Result, body: str | None = None, *, speed: float = SPEED) -> list[Event]:
+    """From when on balls lay still to the end: |v| and r |w| below `speed`, m/s, in all frames from there.
+
+    Balls that move at the end, or left, have no such event.
+    """
+    time, radius = np.asarray(result.time), np.asarray(result.bodies["radius"])
+    bodies = range(len(result.names)) if body is None else [_index(body, result.names)]
+    found = []
+    for index in bodies:
+        v = np.linalg.norm(np.asarray(result.velocity[:, index]), axis=1)
+        w = radius[index] * np.linalg.norm(np.asarray(result.angular_velocity[:, index]), axis=1)
+        quiet = (v <= speed) & (w <= speed) & np.asarray(result.present[:, index])
+        if not len(time) or not quiet[-1]:
+            continue
+        loud = np.flatnonzero(~quiet)
+        first = int(loud[-1]) + 1 if len(loud) else 0
+        before = float(time[first] - time[first - 1]) if first else 0.0
+        found.append(Event("rest", float(time[first]), before, result.names[index], "", float(v[first])))
+    return _sorted(found)
+
+
+def departures(result: Result) -> list[Event]:
+    """Balls that left through an outlet, as one of a pocket."""
+    table = result.events
+    if not len(table):
+        return []
+    kind, time = np.asarray(table["kind"]), np.asarray(table["time"])
+    step = _step(result)
+    return [
+        Event("left", float(t), step, str(ball))
+        for t, k, ball in zip(time, kind, table["ball"], strict=True)
+        if k == 0
+    ]
+
+
+class AtRest:
+    """A stop condition for `carom.simulate(scene, stop=AtRest())`: all balls, or those named, lay still for `hold` s.
+
+    Still is |v| and r |w| below `speed`, m/s. A ball at the top of its way is no slower than that for 2 speed/g, 0.2 ms:
+    that is what `hold` is for.
+    """
+
+    def __init__(
+        self, bodies: Sequence[str] | None = None, *, speed: float = SPEED, hold: float = HOLD
+    ) -> None:
+        if not speed > 0 or not hold >= 0:
+            raise CaromError(f"AtRest: speed must be above 0 and hold not below, found {speed:g}, {hold:g}")
+        self.bodies, self.speed, self.hold = bodies, speed, hold
+        self._since: float | None = None
+        self.__name__ = "AtRest"
+
+    def __call__(self, view: View) -> bool:
+        """Whether all are still, and were for long enough."""
+        chosen = slice(None) if self.bodies is None else [_index(n, view.names) for n in self.bodies]
+        v = np.linalg.norm(view.velocity[chosen], axis=1)
+        w = view.radius[chosen] * np.linalg.norm(view.angular_velocity[chosen], axis=1)
+        quiet = (v <= self.speed) & (w <= self.speed) | ~view.present[chosen]
+        if not quiet.all():
+            self._since = None
+            return False
+        if self._since is None or self._since > view.time:  # later than now: of another run
+            self._since = view.time
+        return view.time - self._since >= self.hold * (1 - 1e-9)
+
+
+def _first(result: Result, pair: set[int] | None) -> list[Event]:
+    names = [*result.names, *result.wall_names]
+    earliest: dict[tuple[int, int], Event] = {}
+    step, frames = _step(result), np.asarray(result.time)
+    between = float(np.diff(frames).max()) if len(frames) > 1 else 0.0
+    impacts, contacts = result.impacts, result.contacts
+    tables: list[tuple[Any, Any, Any, float]] = []
+    if len(impacts):
+        tables.append((impacts["body"], impacts["time"], impacts["approach"], step))
+    if len(contacts):
+        tables.append((contacts["body"], contacts["time"], None, between))
+    for bodies, times, closing, within in tables:
+        body, time = np.asarray(bodies).astype(np.int64), np.asarray(times)
+        if pair is not None:
+            low, high = min(pair), max(pair)
+            chosen = np.flatnonzero((body.min(axis=1) == low) & (body.max(axis=1) == high))
+            body, time = body[chosen], time[chosen]
+            closing = None if closing is None else np.asarray(closing)[chosen]
+        _, first = np.unique(body, axis=0, return_index=True)  # rows are in the order of time
+        for row in first.tolist():
+            a, b = (int(i) for i in body[row])
+            speed = float("nan") if closing is None else abs(float(np.asarray(closing)[row]))
+            event = Event("contact", float(time[row]), within, names[a], names[b], speed)
+            # A contact of the frames is known less well than the impact that made it.
+            if (a, b) not in earliest or event.time < earliest[a, b].time - within:
+                earliest[a, b] = event
+    return _sorted(earliest.values())
+
+
+def _phases(result: Result, index: int, plane: int, speed: float) -> tuple[NDArray[np.int8], F64, F64]:
+    """Phases (T,), slip (T,) and speed of the centre (T,), m/s, of a ball on a plane."""
+    normal = np.asarray(result.planes["normal"][plane])
+    point = np.asarray(result.planes["point"][plane])
+    radius = float(result.bodies["radius"][index])
+    x, v = np.asarray(result.position[:, index]), np.asarray(result.velocity[:, index])
+    w = np.asarray(result.angular_velocity[:, index])
+    touches = np.abs((x - point) @ normal - radius) <= TOUCHING * radius
+    touches &= np.asarray(result.present[:, index])
+    at_contact = v - radius * np.cross(w, normal)
+    slip = np.linalg.norm(at_contact - np.outer(at_contact @ normal, normal), axis=1)
+    fast = np.linalg.norm(v, axis=1)
+    state = np.where(slip > speed, SLIDING, np.where(fast > speed, ROLLING, RESTING))
+    return np.where(touches, state, AWAY).astype(np.int8), slip, fast
+
+
+def _end_of_slip(time: F64, slip: F64, state: NDArray[np.int8], k: int, speed: float) -> float:
+    """When slip comes to `speed` between frames k and k + 1: by its slope before, or else on the straight line."""
+    if k > 0 and state[k - 1] == SLIDING and slip[k - 1] > slip[k]:
+        slope = (slip[k - 1] - slip[k]) / (time[k] - time[k - 1])
+        return float(np.clip(time[k] + (slip[k] - speed) / slope, time[k], time[k + 1]))
+    share = (slip[k] - speed) / (slip[k] - slip[k + 1])
+    return float(time[k] + share * (time[k + 1] - time[k]))
+
+
+def _plane(result: Result, name: str) -> int:
+    index = _index(name, result.plane_names)
+    if _moves(result, name):
+        raise CaromError(f"{name!r} moves; slip and rest are found on planes that stand")
+    return index
+
+
+def _moves(result: Result, name: str) -> bool:
+    if "motion" not in result.planes:
+        return False
+    return bool(str(result.planes["motion"][result.plane_names.index(name)]))
+
+
+def _index(name: str, known: Sequence[str]) -> int:
+    names = list(known)
+    if name not in names:
+        raise UnknownName(f"nothing is called {name!r} there; {did_you_mean(str(name), names[:20])}")
+    return names.index(name)
+
+
+def _step(result: Result) -> float:
+    times = result.steps["time"]
+    return float(times[0]) if len(times) else 0.0
+
+
+def _sorted(events: Iterable[Event]) -> list[Event]:
+    return sorted(events, key=lambda event: (event.time, event.kind, event.body, event.other))

@@ -1,0 +1,57 @@
+"""Runs in the formats of other programs: `result.export("folder", "vtkhdf")`, `carom export RUN --format vtkhdf`.
+
+ParaView reads `vtkhdf` (5.12 or newer) and `vtp` (every version), OVITO reads `extxyz` and `gsd`, data frames `parquet` and
+`csv`. Files are written beside their place and renamed when they are whole. Balls that are absent (inflows and outlets) are
+left out of every format. Units are SI throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from carom.errors import CaromError, did_you_mean
+from carom.export.whole import writing_into
+
+if TYPE_CHECKING:
+    from carom.export.frames import Selection
+    from carom.result import Result
+
+#: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for.
+FORMATS = {
+    "vtkhdf": ("carom.export.vtkhdf", "ParaView 5.12 or newer: balls and contacts over time, one file each"),
+    "vtp": ("carom.export.vtp", "any ParaView: a file per frame with a .pvd that lists them"),
+    "csv": ("carom.export.csv_tables", "frames, impacts, contacts, steps as text, units in the headings"),
+    "parquet": ("carom.export.parquet", "the same for data frames (extra [export])"),
+    "extxyz": ("carom.export.extxyz", "OVITO, ASE and others: one text file of all frames"),
+    "gsd": ("carom.export.gsd", "OVITO, HOOMD, freud: one binary file of all frames (extra [export])"),
+}
+
+
+def export(
+    result: Result,
+    directory: str | Path | None = None,
+    format: str = "vtkhdf",
+    *,
+    every: int = 1,
+    start: float | None = None,
+    stop: float | None = None,
+    contacts: bool = True,
+) -> list[Path]:
+    """Write a run as `format` (one of `FORMATS`) into `directory`, by default `export` in the run directory.
+
+    Of the recorded frames every so many (`every`) from `start` to `stop` (s, both included) are written; tables of
+    impacts and steps have the rows of that time. Without `contacts` no contacts are written. Files of an earlier export
+    of the same format are replaced. Returns the files to open, the first of them the balls.
+    """
+    if format not in FORMATS:
+        raise CaromError(f"no export format is called {format!r}; {did_you_mean(format, list(FORMATS))}")
+    from carom.export.frames import Selection
+
+    selection = Selection.of(result, every=every, start=start, stop=stop, contacts=contacts)
+    write: Callable[[Selection, Path], list[Path]] = import_module(FORMATS[format][0]).write
+    path = Path(directory) if directory is not None else result.path / "export"
+    with writing_into(path):
+        return write(selection, path)

@@ -1,0 +1,77 @@
+"""GSD in HOOMD's schema, written by its own package; OVITO, HOOMD and freud read it.
+
+The schema keeps single precision. The exact positions, velocities and angular velocities are in the file too, as
+`log/particles/position` and so on. A file of this kind has a box about the origin: of a periodic scene its own, to whose
+centre all positions are shifted (`log/configuration/origin`); of others one that holds all balls in all frames, without
+a shift.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from carom.errors import CaromError
+from carom.export.extxyz import box
+from carom.export.frames import Selection
+from carom.export.whole import whole_file
+
+
+def write(selection: Selection, directory: Path) -> list[Path]:
+    """`balls.gsd`."""
+    hoomd = _package()
+    result = selection.result
+    low, high = box(selection)
+    periods = result.periodic
+    origin = np.zeros(3)
+    lengths = 2.0 * np.maximum(np.abs(low), np.abs(high))
+    if periods is not None:
+        origin = np.where(periods > 0, result.periodic_origin + 0.5 * periods, origin)
+        lengths = np.where(periods > 0, periods, lengths)
+    materials = int(np.max(selection.fixed()["material"], initial=0)) + 1
+    inertia = np.asarray(result.bodies["inertia"])
+    path = directory / "balls.gsd"
+    with whole_file(path) as temporary, hoomd.open(name=str(temporary), mode="w") as file:
+        for frame in selection:
+            found = frame.quantities
+            snapshot = hoomd.Frame()
+            snapshot.configuration.step = frame.step
+            snapshot.configuration.box = [*lengths, 0.0, 0.0, 0.0]
+            particles = snapshot.particles
+            particles.N = len(frame.body)
+            particles.types = [f"M{k}" for k in range(materials)]
+            particles.typeid = found["material"]
+            particles.position = frame.position - origin
+            particles.velocity = found["velocity"]
+            particles.orientation = found["orientation"]
+            particles.mass = found["mass"]
+            particles.diameter = 2.0 * found["radius"]
+            particles.moment_inertia = np.repeat(inertia[frame.body][:, None], 3, axis=1)
+            particles.angmom = _angular_momentum(
+                found["orientation"], inertia[frame.body][:, None] * found["angular_velocity"]
+            )
+            snapshot.log = {
+                "configuration/time": np.array([frame.time]),
+                "configuration/origin": origin,
+                "particles/id": frame.body,
+                **{f"particles/{k}": found[k] for k in ("position", "velocity", "angular_velocity")},
+            }
+            file.append(snapshot)
+    return [path]
+
+
+def _angular_momentum(orientation: Any, momentum: Any) -> Any:
+    """HOOMD's quaternion 2 q * (0, L_body) = 2 (0, L_world) * q of balls, (n, 4); L (n, 3), kg m^2/s."""
+    w, v = orientation[:, :1], orientation[:, 1:]
+    scalar = -np.sum(momentum * v, axis=1, keepdims=True)
+    return 2.0 * np.hstack([scalar, w * momentum + np.cross(momentum, v)])
+
+
+def _package() -> Any:
+    try:
+        import gsd.hoomd
+    except ImportError as error:
+        raise CaromError("the format gsd needs the package gsd: pip install 'carom[export]'") from error
+    return gsd.hoomd

@@ -1,0 +1,158 @@
+"""The tables of a run, flat and in pieces, for text and for data frames: names, units, columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.export.frames import MOVING, Selection
+from carom.export.glyphs import GLYPHS, contact_glyphs
+from carom.record.layout import MEANINGS
+
+Columns = Mapping[str, NDArray[Any]]
+
+#: Rows of a table of events and steps that are read at a time.
+ROWS = 100_000
+#: Components of the vectors of the tables of a run, by their number.
+LETTERS = {3: "xyz", 4: "wxyz"}
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table: its name, the units of its columns, and its rows in pieces. The columns are those of `units`."""
+
+    name: str
+    units: Mapping[str, str]
+    pieces: Callable[[], Iterator[Columns]]
+
+
+def sheets(selection: Selection) -> Iterator[Sheet]:
+    """All tables of a run that have rows."""
+    yield _bodies(selection)
+    yield _frames(selection)
+    if selection.with_contacts:
+        yield _contacts(selection)
+    result = selection.result
+    for name, table in (("impacts", result.impacts), ("events", result.events), ("steps", result.steps)):
+        if len(table):
+            yield _rows(selection, name, table)
+
+
+def _bodies(selection: Selection) -> Sheet:
+    bodies = selection.result.bodies
+    units = {
+        "body": "1",
+        "name": "1",
+        **{k: MEANINGS[f"bodies/{k}"].unit for k in ("radius", "mass", "inertia", "material")},
+    }
+
+    def pieces() -> Iterator[Columns]:
+        yield {"body": np.arange(len(bodies)), **{name: bodies[name] for name in units if name != "body"}}
+
+    return Sheet("bodies", units, pieces)
+
+
+def _frames(selection: Selection) -> Sheet:
+    """One row per frame and ball that is there."""
+    units = {"frame": "1", "step": "1", "time": "s", "body": "1", "name": "1"}
+    for quantity, (letters, unit) in MOVING.items():
+        units |= {f"{quantity}_{letter}": unit for letter in letters}
+    names = np.array(selection.result.names, dtype=object)
+
+    def pieces() -> Iterator[Columns]:
+        for frame in selection:
+            count = len(frame.body)
+            piece: dict[str, NDArray[Any]] = {
+                "frame": np.full(count, frame.index),
+                "step": np.full(count, frame.step),
+                "time": np.full(count, frame.time),
+                "body": frame.body,
+                "name": names[frame.body],
+            }
+            for quantity, (letters, _) in MOVING.items():
+                values = frame.quantities[quantity]
+                piece |= {f"{quantity}_{letter}": values[:, i] for i, letter in enumerate(letters)}
+            yield piece
+
+    return Sheet("frames", units, pieces)
+
+
+def _contacts(selection: Selection) -> Sheet:
+    """One row per frame and contact: its place and the glyph quantities."""
+    units = {"frame": "1", "time": "s", "a": "1", "b": "1", **_flat_units({"point": "m", **GLYPHS})}
+    names = np.array([*selection.result.names, *selection.result.wall_names], dtype=object)
+
+    def pieces() -> Iterator[Columns]:
+        for frame in selection:
+            points, data = contact_glyphs(selection, frame)
+            piece = {
+                "frame": np.full(len(points), frame.index),
+                "time": np.full(len(points), frame.time),
+                "a": names[data["body_a"]],
+                "b": names[data["body_b"]],
+            }
+            for name, values in {"point": points, **data}.items():
+                piece |= _flat(name, values)
+            yield piece
+
+    return Sheet("contacts", units, pieces)
+
+
+def _flat_units(units: Mapping[str, str]) -> dict[str, str]:
+    vectors = ("point", "normal", "branch", "impulse", "moment", "force")
+    flat: dict[str, str] = {}
+    for name, unit in units.items():
+        flat |= {f"{name}_{c}": unit for c in "xyz"} if name in vectors else {name: unit}
+    return flat
+
+
+def _rows(selection: Selection, name: str, table: Any) -> Sheet:
+    """A table of the run with its own columns; a pair of bodies has their names too."""
+    # Of 100 000 rows each: the rows of a long run with many columns are more than the memory.
+    chosen = np.flatnonzero(selection.rows_between(table))
+    result = selection.result
+    names = np.array([*result.names, *result.wall_names], dtype=object)
+    own = [column for column in result._segments.columns(name) if column in table.columns]
+    first = _piece({column: np.asarray(table[column][:1]) for column in own}, names)
+    units = {}
+    for column in first:
+        stem = column if column in own else column.rpartition("_")[0]
+        units[column] = table.unit(stem) if stem in own else "1"
+
+    def pieces() -> Iterator[Columns]:
+        for begin in range(0, len(chosen), ROWS):
+            rows = chosen[begin : begin + ROWS]
+            span = slice(int(rows[0]), int(rows[-1]) + 1)
+            local = rows - rows[0]
+            yield _piece({column: np.asarray(table[column][span])[local] for column in own}, names)
+
+    return Sheet(name, units, pieces)
+
+
+def _piece(columns: Columns, names: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    found: dict[str, NDArray[Any]] = {}
+    for name, values in columns.items():
+        if name == "body" and values.ndim == 2:
+            body = values.astype(np.int64)
+            found |= {
+                "a": names[body[:, 0]],
+                "b": names[body[:, 1]],
+                "body_a": body[:, 0],
+                "body_b": body[:, 1],
+            }
+        elif name == "body":
+            found |= {"body": values, "name": names[values.astype(np.int64)]}
+        else:
+            found |= _flat(name, values)
+    return found
+
+
+def _flat(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    if values.ndim == 1:
+        return {name: values}
+    letters = LETTERS.get(values.shape[1], "".join(map(str, range(values.shape[1]))))
+    return {f"{name}_{letter}": values[:, i] for i, letter in enumerate(letters)}

@@ -1,0 +1,124 @@
+"""VTKHDF, temporal PolyData: balls and contacts as points over time, one HDF5 file each, written without VTK.
+
+Layout: VTK's file format documentation, version 2.0 of VTKHDF. A step names offsets into arrays that hold all steps end to
+end; what does not change is stored once, and every step points to it. Numbers keep their double precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.export.frames import FIXED, MOVING, Selection
+from carom.export.glyphs import contact_glyphs
+from carom.export.whole import whole_file
+
+VERSION = (2, 0)
+CELLS = ("Vertices", "Lines", "Polygons", "Strips")
+#: Rows of a chunk.
+CHUNK = 8192
+
+
+def write(selection: Selection, directory: Path) -> list[Path]:
+    """`balls.vtkhdf`, and `contacts.vtkhdf` if the run has some."""
+    files = [directory / "balls.vtkhdf"]
+    fixed = {} if selection.changes else {**selection.fixed(), "id": np.arange(len(selection.result.names))}
+    with whole_file(files[0]) as path, TemporalPoints(path, fixed) as file:
+        for frame in selection:
+            data = {name: frame.quantities[name] for name in MOVING if name != "position"}
+            if selection.changes:
+                data |= {name: frame.quantities[name] for name in FIXED} | {"id": frame.body}
+            file.append(frame.time, frame.position, data)
+    if selection.with_contacts:
+        files.append(directory / "contacts.vtkhdf")
+        with whole_file(files[1]) as path, TemporalPoints(path) as file:
+            for frame in selection:
+                file.append(frame.time, *contact_glyphs(selection, frame))
+    return files
+
+
+class TemporalPoints:
+    """A VTKHDF file of points, each a vertex cell, written step by step.
+
+    `fixed` are arrays (n,) or (n, k) that belong to every step; with them all steps have the same number of points.
+    """
+
+    def __init__(self, path: Path, fixed: Mapping[str, NDArray[Any]] | None = None) -> None:
+        self._file = h5py.File(path, "w")
+        root = self._root = self._file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array(VERSION, dtype=np.int64)
+        root.attrs.create("Type", np.bytes_(b"PolyData"))
+        root.create_group("PointData")
+        self._fixed = dict(fixed or {})
+        for name, values in self._fixed.items():
+            self._append(f"PointData/{name}", values)
+        self._times: list[float] = []
+        self._counts: list[int] = []
+        self._varying: list[str] = []
+
+    def append(self, time: float, points: NDArray[Any], data: Mapping[str, NDArray[Any]]) -> None:
+        """Add a step at `time` (s) with points (n, 3) and arrays (n,) or (n, k), the same in every step."""
+        self._varying = list(data)
+        self._append("Points", points)
+        for name, values in data.items():
+            self._append(f"PointData/{name}", values)
+        self._times.append(time)
+        self._counts.append(len(points))
+
+    def close(self) -> None:
+        """Write what the steps share, and where each begins."""
+        steps, counts = len(self._times), np.array(self._counts, dtype=np.int64)
+        most = int(counts.max(initial=0))
+        # A fixed number of points is one part that all steps share.
+        parts = counts[:1] if len(set(self._counts)) <= 1 else counts
+        root = self._root
+        root["NumberOfPoints"] = parts
+        for kind in CELLS:
+            cells = most if kind == "Vertices" else 0
+            group = root.create_group(kind)
+            of_parts = parts if kind == "Vertices" else np.zeros_like(parts)
+            group["NumberOfCells"] = group["NumberOfConnectivityIds"] = of_parts
+            # A step with fewer points reads only the beginning of both.
+            group["Connectivity"] = np.arange(cells, dtype=np.int64)
+            group["Offsets"] = np.arange(cells + 1, dtype=np.int64)
+        begin = np.concatenate([[0], np.cumsum(counts)[:-1]]) if steps else np.zeros(0)
+        begin = begin.astype(np.int64)
+        group = root.create_group("Steps")
+        group.attrs["NSteps"] = np.int64(steps)
+        group["Values"] = np.array(self._times)
+        group["PartOffsets"] = np.arange(steps) if len(parts) == steps else np.zeros(steps, dtype=np.int64)
+        group["NumberOfParts"] = np.ones(steps, dtype=np.int64)
+        group["PointOffsets"] = begin
+        group["CellOffsets"] = group["ConnectivityIdOffsets"] = np.zeros((steps, len(CELLS)), dtype=np.int64)
+        offsets = group.create_group("PointDataOffsets")
+        for name in self._varying:
+            offsets[name] = begin
+        for name in self._fixed:
+            offsets[name] = np.zeros(steps, dtype=np.int64)
+
+    def _append(self, name: str, values: NDArray[Any]) -> None:
+        if name not in self._root:
+            self._root.create_dataset(
+                name,
+                shape=(0, *values.shape[1:]),
+                maxshape=(None, *values.shape[1:]),
+                chunks=(CHUNK, *values.shape[1:]),
+                dtype=np.int64 if values.dtype.kind in "iu" else np.float64,
+            )
+        dataset = self._root[name]
+        rows = len(dataset)
+        dataset.resize(rows + len(values), axis=0)
+        dataset[rows:] = values
+
+    def __enter__(self) -> TemporalPoints:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.close()
+        self._file.close()

@@ -1,0 +1,74 @@
+"""Files that appear whole or not at all: written beside their place, renamed at the end."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from carom.errors import CaromError
+from carom.files import RecordError, unwritable
+
+
+@contextmanager
+def writing_into(directory: Path) -> Iterator[None]:
+    """Make a directory, and say in words why something could not be written there."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        yield
+    except CaromError:
+        raise
+    except OSError as error:
+        # An error that names no file, or one below the directory, is of writing.
+        raise RecordError(f"cannot write {directory}: {unwritable(error)}") from error
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path`, which takes its place if the block ends well and goes if it does not."""
+    temporary = _beside(path)
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+@contextmanager
+def whole_folder(path: Path, own: str) -> Iterator[Path]:
+    """The same for a folder. An old one is replaced if all its files match `own`, and refused otherwise."""
+    if path.exists():
+        foreign = sorted(set(path.iterdir()) - set(path.glob(own))) if path.is_dir() else [path]
+        if foreign:
+            raise CaromError(f"{foreign[0]} is no file of an export; choose another directory with -o")
+    temporary = _beside(path)
+    try:
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir()
+        yield temporary
+        if path.exists():
+            shutil.rmtree(path)
+        os.replace(temporary, path)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _beside(path: Path) -> Path:
+    for scrap in path.parent.glob(f".{path.name}.*.tmp"):  # of a process that was killed
+        number = scrap.name.removesuffix(".tmp").rpartition(".")[2]
+        if number.isdecimal() and not _lives(int(number)):
+            shutil.rmtree(scrap) if scrap.is_dir() else scrap.unlink(missing_ok=True)
+    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

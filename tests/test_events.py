@@ -1,0 +1,122 @@
+"""`carom.events`: found where closed forms say that they happen."""
+
+from __future__ import annotations
+
+import carom
+import numpy as np
+import pytest
+from carom import events
+from carom.errors import CaromError
+
+R, G, MU = 0.028575, 9.8, 0.2
+pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+
+
+def shot(speed: float = 2.0, spin: float = 0.0, rho: float = 0.0, **run: float) -> carom.Scene:
+    """A cue ball that slides along x, and an object ball 0.5 m further."""
+    scene = carom.Scene("shot", gravity=(0, 0, -G), run={"until": 1.0, "step": 1e-3, **run})
+    for name, x in (("cue", 0.0), ("object", 0.5)):
+        scene.sphere(name, radius=R, mass=0.17, at=(x, 0.0, R), material="ball")
+    scene.spheres[0].velocity = (speed, 0.0, 0.0)
+    scene.spheres[0].angular_velocity = (0.0, spin, 0.0)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="cloth")
+    scene.contact("ball", "ball", friction=0.0, restitution=1.0)
+    scene.contact("ball", "cloth", friction=MU, restitution=0.0, rolling_radius=rho)
+    return scene
+
+
+def test_slide_to_roll_at_the_time_of_the_closed_form() -> None:
+    speed = 1.0
+    result = carom.simulate(shot(speed), until=0.45, every=20)
+    [event] = events.slip_to_roll(result, "cue", "bed", speed=1e-6)
+    exact = 2.0 * speed / (7.0 * MU * G)
+    assert event.time == pytest.approx(exact, abs=2e-6)  # frames are 20 ms apart
+    assert event.within == pytest.approx(0.02)
+    assert event.speed == pytest.approx(5.0 / 7.0 * speed, rel=1e-6)
+    state = events.phases(result, "cue", "bed")
+    time = np.asarray(result.time)
+    assert (state[1 : int(exact / 0.02) + 1] == events.SLIDING).all()
+    assert (state[time > exact] == events.ROLLING).all()
+    assert (events.phases(result, "object", "bed") == events.RESTING).all()
+
+
+def test_first_contact_and_its_speed() -> None:
+    result = carom.simulate(shot(speed=2.0))
+    event = events.first_contact(result, "cue", "object")
+    assert event is not None
+    gap = 0.5 - 2 * R
+    exact = (2.0 - np.sqrt(4.0 - 2 * MU * G * gap)) / (MU * G)
+    assert exact <= event.time <= exact + event.within + 1e-12
+    assert event.within == pytest.approx(1e-3)
+    assert event.speed == pytest.approx(2.0 - MU * G * exact, abs=3e-3)
+    assert events.first_contact(result, "object", "cue") == event
+    pairs = {(e.body, e.other) for e in events.first_contacts(result)}
+    assert pairs == {("cue", "object"), ("cue", "bed"), ("object", "bed")}
+    slow = carom.simulate(shot(speed=0.1), until=0.2)
+    assert events.first_contact(slow, "cue", "object") is None
+
+
+def test_rest_where_rolling_resistance_ends_the_motion() -> None:
+    rho, speed = 2e-3, 0.3
+    result = carom.simulate(shot(speed, spin=speed / R, rho=rho), until=0.8, every=5)
+    # Rolling: m r a + I alpha = -rho N  =>  7/5 m r a = -rho m g.
+    exact = speed * 1.4 * R / (rho * G)
+    [cue] = events.rest(result, "cue", speed=1e-4)
+    assert cue.time == pytest.approx(exact, abs=cue.within + 1e-3)
+    assert events.rest(result, "object")[0].time == 0.0
+    moving = carom.simulate(shot(speed, spin=speed / R, rho=rho), until=0.3)
+    assert events.rest(moving, "cue") == []
+
+
+def test_all_in_the_order_of_time() -> None:
+    result = carom.simulate(shot(speed=2.0, rho=1e-3))
+    found = events.detect(result)
+    assert [e.time for e in found] == sorted(e.time for e in found)
+    assert {e.kind for e in found} >= {"contact", "roll"}
+
+
+def test_balls_that_leave() -> None:
+    scene = shot(speed=2.0)
+    scene.outlet(low=(0.3, -1, -1), high=(0.4, 1, 1))
+    result = carom.simulate(scene)
+    [event] = events.departures(result)
+    assert (event.kind, event.body) == ("left", "cue")
+    exact = (2.0 - np.sqrt(4.0 - 2 * MU * G * 0.3)) / (MU * G)
+    assert exact <= event.time <= exact + 1e-3 + 1e-12
+    assert [e.body for e in events.rest(result)] == ["object"]
+    assert events.phases(result, "cue", "bed")[-1] == events.AWAY
+
+
+def test_at_rest_as_a_stop_condition() -> None:
+    rho, speed = 2e-3, 0.3
+    scene = shot(speed, spin=speed / R, rho=rho)
+    result = carom.simulate(scene, until=5.0, every=10, stop=events.AtRest(hold=0.1))
+    exact = speed * 1.4 * R / (rho * G)
+    assert result.outcome.kind == "stopped"
+    assert "AtRest" in str(result.outcome)
+    assert exact + 0.09 <= result.outcome.time <= exact + 0.13
+    thrown = carom.Scene(run={"until": 0.6, "step": 1e-3})
+    thrown.sphere("ball", radius=0.1, mass=1, at=(0, 0, 1), velocity=(0, 0, 2), material="m")
+    # Slower than the bound at the top, not for long.
+    up = carom.simulate(thrown, stop=events.AtRest(speed=0.1), callback_every=1)
+    assert up.outcome.kind == "done"
+    one = carom.simulate(shot(1.0), stop=events.AtRest(["object"], hold=0.05), every=10)
+    assert one.outcome.time == pytest.approx(0.06)
+
+
+def test_wrong_names_and_moving_planes_are_told() -> None:
+    result = carom.simulate(shot(), until=0.01)
+    with pytest.raises(KeyError, match="did you mean cue"):
+        events.slip_to_roll(result, "cu")
+    with pytest.raises(KeyError, match="did you mean bed"):
+        events.phases(result, "cue", "bet")
+    with pytest.raises(CaromError, match="above 0"):
+        events.AtRest(speed=0.0)
+    scene = shot()
+    scene.plane(
+        "belt", point=(0, 0, -1), normal=(0, 0, 1), material="cloth", motion={"surface_velocity": [1, 0, 0]}
+    )
+    moving = carom.simulate(scene, until=0.01)
+    with pytest.raises(CaromError, match="'belt' moves"):
+        events.slip_to_roll(moving, "cue", "belt")
+    assert {e.other for e in events.slip_to_roll(moving)} <= {"bed"}

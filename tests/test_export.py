@@ -1,0 +1,351 @@
+"""Exports: what other programs' own readers find in the files is what the run holds, bit for bit where the format allows."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import carom
+import h5py
+import numpy as np
+import pytest
+from carom.cli.app import app
+from carom.errors import CaromError
+from carom.export import FORMATS
+from carom.export.whole import whole_file, whole_folder
+from typer.testing import CliRunner
+
+R, N, G = 0.01, 3, 9.8
+
+
+@pytest.fixture(scope="module")
+def column() -> carom.Result:
+    """Three balls on each other at rest, and a fourth that spins and flies by itself."""
+    scene = carom.Scene("column", run={"until": 0.05, "step": 1e-3}, record={"every": 10})
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for k in range(N):
+        scene.sphere(f"b{k}", radius=R, density=2500, material="m", at=(0, 0, R + 2 * R * k))
+    scene.sphere(
+        "flier", radius=2 * R, density=2500, material="m", at=(1, 0, 1), velocity=(0.1, 0.2, 0.3), angular_velocity=(4, 5, 6)
+    )  # fmt: skip
+    return carom.simulate(scene)
+
+
+@pytest.fixture(scope="module")
+def flow() -> carom.Result:
+    """Balls enter one after the other, fall, touch a floor and leave."""
+    scene = carom.Scene("flow", run={"until": 0.2, "step": 1e-3}, record={"every": 5})
+    scene.contact("sand", "sand", friction=0.3, restitution=0.2)
+    scene.plane("slope", point=(0, 0, 0), normal=(0, -0.3, 1), material="sand")
+    scene.inflow(
+        "grain", count=5, region={"low": (-0.05, 0, 0.03), "high": (0.05, 0.02, 0.03)}, radius=0.009, density=2500,
+        material="sand", rate=60.0, start=0.02, velocity=(0, -0.3, -0.15), seed=1,
+    )  # fmt: skip
+    scene.outlet(low=(-1, -1, -1), high=(1, -0.02, 1))
+    return carom.simulate(scene)
+
+
+def steps_of(path: Path) -> list[tuple[float, Any]]:
+    """All steps of a VTKHDF or PVD file as (time, vtkPolyData), by VTK's own readers."""
+    vtk = pytest.importorskip("vtkmodules.vtkIOHDF", reason="the package vtk is not installed")
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+    if path.suffix == ".pvd":
+        import xml.etree.ElementTree as ElementTree
+
+        found = []
+        for entry in ElementTree.parse(path).getroot().iter("DataSet"):
+            reader = vtkXMLPolyDataReader()
+            reader.SetFileName(str(path.parent / entry.attrib["file"]))
+            reader.Update()
+            found.append((float(entry.attrib["timestep"]), reader.GetOutput()))
+        return found
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+    found = []
+    for k, time in enumerate(times):
+        reader.SetStep(k)
+        reader.Update()
+        data = type(reader.GetOutput())()
+        data.DeepCopy(reader.GetOutput())
+        found.append((time, data))
+    return found
+
+
+def arrays(data: Any) -> dict[str, np.ndarray]:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    points = data.GetPointData()
+    named = {
+        points.GetArrayName(i): vtk_to_numpy(points.GetArray(i)) for i in range(points.GetNumberOfArrays())
+    }
+    place = vtk_to_numpy(data.GetPoints().GetData()) if data.GetPoints() is not None else np.zeros((0, 3))
+    return {"points": place, **named}
+
+
+@pytest.mark.parametrize("format", ["vtkhdf", "vtp"])
+@pytest.mark.parametrize("which", ["column", "flow"])
+def test_vtk_reads_what_the_run_holds(
+    format: str, which: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    result: carom.Result = request.getfixturevalue(which)
+    files = result.export(tmp_path, format)
+    assert [f.stem for f in files] == ["balls", "contacts"]
+    steps = steps_of(files[0])
+    assert [time for time, _ in steps] == np.asarray(result.time).tolist()
+    seen = set()
+    for k, (_, data) in enumerate(steps):
+        found, there = arrays(data), np.asarray(result.present[k])
+        assert data.GetNumberOfVerts() == data.GetNumberOfPoints() == there.sum()
+        seen.add(int(there.sum()))
+        if not there.any():
+            continue
+        assert np.array_equal(found["points"], result.position[k][there])
+        for name in ("velocity", "angular_velocity", "orientation"):
+            assert np.array_equal(found[name], getattr(result, name)[k][there])
+        for name in ("radius", "mass"):
+            assert np.array_equal(found[name], result.bodies[name][there])
+        assert np.array_equal(found["id"], np.flatnonzero(there))
+    assert seen == {4} if which == "column" else len(seen) > 2
+    contacts = steps_of(files[1])
+    for k, (_, data) in enumerate(contacts):
+        rows = result.contacts.at(k)
+        there = np.asarray(result.present[k])[np.asarray(rows["body"])[:, 0]]  # A may have left since
+        assert data.GetNumberOfPoints() == there.sum()
+        if there.any():
+            assert np.array_equal(arrays(data)["impulse"], np.asarray(rows["impulse"])[there])
+
+
+@pytest.mark.parametrize("format", ["vtkhdf", "vtp"])
+def test_contact_glyphs_stand_where_the_balls_touch_and_carry_their_weight(
+    format: str, column: carom.Result, tmp_path: Path
+) -> None:
+    found = arrays(steps_of(column.export(tmp_path, format)[1])[-1][1])
+    order = np.argsort(found["points"][:, 2])
+    assert found["points"][order] == pytest.approx(np.array([[0, 0, 2 * R * k] for k in range(N)]), abs=1e-12)
+    weight = float(column.bodies["mass"][0]) * G
+    assert found["normal_force"][order] == pytest.approx(weight * np.arange(N, 0, -1), rel=1e-9)
+    assert found["friction_force"] == pytest.approx(0.0, abs=1e-9 * weight)
+    assert np.abs(found["branch"][order][:, 2]) == pytest.approx([R, 2 * R, 2 * R])
+    assert set(found["status"]) == {1}
+    upward = found["force"][:, 2] * np.sign(found["normal"][:, 2])
+    assert (upward > 0).all()  # it pushes A away from B
+
+
+def test_the_files_need_no_package_beyond_the_base(column: carom.Result, tmp_path: Path) -> None:
+    """What VTK would read, by h5py alone: this runs where VTK is not installed."""
+    column.export(tmp_path, "vtkhdf", every=2)
+    with h5py.File(tmp_path / "balls.vtkhdf") as file:
+        root = file["VTKHDF"]
+        assert root.attrs["Type"] == b"PolyData"
+        chosen = slice(None, None, 2)
+        assert root["Steps/Values"][()].tolist() == np.asarray(column.time)[chosen].tolist()
+        assert np.array_equal(root["Points"][()].reshape(-1, 4, 3), np.asarray(column.position)[chosen])
+        assert np.array_equal(root["PointData/radius"], column.bodies["radius"])
+
+
+def test_a_part_of_the_run_by_time(column: carom.Result, tmp_path: Path) -> None:
+    column.export(tmp_path, "csv", start=0.02, stop=0.04)
+    rows = read_csv(tmp_path / "frames.csv")
+    assert sorted({float(r["time (s)"]) for r in rows}) == np.asarray(column.time)[2:5].tolist()
+    steps = [int(r["step"]) for r in read_csv(tmp_path / "steps.csv")]
+    assert steps == list(range(11, 41))  # the time before a frame belongs to it
+    with pytest.raises(
+        CaromError, match=r"no frame between 7 and 0.05 s; the run has frames from 0 to 0.05 s"
+    ):
+        column.export(tmp_path, "csv", start=7.0)
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_csv_reads_back_bit_for_bit(flow: carom.Result, tmp_path: Path) -> None:
+    files = flow.export(tmp_path, "csv")
+    assert {f.stem for f in files} == {"frames", "bodies", "contacts", "impacts", "events", "steps"}
+    rows = read_csv(files[0])
+    present = np.asarray(flow.present)
+    assert len(rows) == present.sum()
+    frame, body = np.nonzero(present)
+    assert [int(r["frame"]) for r in rows] == frame.tolist()
+    for name, unit in (("velocity", "m/s"), ("angular_velocity", "rad/s"), ("position", "m")):
+        values = np.array([[float(r[f"{name}_{c} ({unit})"]) for c in "xyz"] for r in rows])
+        assert np.array_equal(values, np.asarray(getattr(flow, name))[frame, body])
+    assert [r["name"] for r in rows] == [flow.names[k] for k in body]
+    impacts = read_csv(tmp_path / "impacts.csv")
+    assert [float(r["impulse_z (N s)"]) for r in impacts] == np.asarray(flow.impacts["impulse"])[
+        :, 2
+    ].tolist()
+    assert [[r["a"], r["b"]] for r in impacts] == flow.impacts["pair"].tolist()
+
+
+def test_parquet_holds_the_same_with_units(flow: carom.Result, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="the extra [export] is not installed")
+    files = flow.export(tmp_path, "parquet")
+    assert files[0].name == "frames.parquet"
+    table = parquet.read_table(files[0])
+    frame, body = np.nonzero(np.asarray(flow.present))
+    assert np.array_equal(table["velocity_y"].to_numpy(), np.asarray(flow.velocity)[frame, body, 1])
+    assert table.schema.field("velocity_y").metadata == {b"unit": b"m/s"}
+    steps = parquet.read_table(tmp_path / "steps.parquet")
+    assert np.array_equal(steps["energy_kinetic"].to_numpy(), flow.energy.kinetic)
+    events = parquet.read_table(tmp_path / "events.parquet")
+    assert events["name"].to_pylist() == flow.events["ball"].tolist()
+
+
+def test_extxyz_is_what_its_first_lines_announce(flow: carom.Result, tmp_path: Path) -> None:
+    [path] = flow.export(tmp_path, "extxyz", every=3)
+    lines = path.read_text().splitlines()
+    for k in range(0, len(flow.time), 3):
+        count, comment = int(lines.pop(0)), lines.pop(0)
+        assert comment.endswith(f" Time={float(flow.time[k])!r} Step={int(flow.step[k])}")
+        there = np.flatnonzero(flow.present[k])
+        assert count == len(there)
+        rows = [lines.pop(0).split() for _ in range(count)]
+        for row, body in zip(rows, there, strict=True):
+            values = np.array(row[1:], dtype=float)
+            assert np.array_equal(values[:3], flow.position[k][body])
+            assert int(row[4]) == body + 1
+            assert values[4] == 0.009
+            assert np.array_equal(values[6:9], flow.velocity[k][body])
+            assert np.array_equal(values[9:12], flow.angular_velocity[k][body])
+            assert np.array_equal(np.roll(values[12:16], 1), flow.orientation[k][body])
+    assert not lines
+
+
+def test_gsd_reads_back(flow: carom.Result, column: carom.Result, tmp_path: Path) -> None:
+    hoomd = pytest.importorskip("gsd.hoomd", reason="the extra [export] is not installed")
+    for result in (flow, column):
+        [path] = result.export(tmp_path, "gsd")
+        with hoomd.open(str(path)) as file:
+            assert len(file) == len(result.time)
+            frame, there = file[-1], np.asarray(result.present[-1])
+            assert there.sum() == frame.particles.N
+            assert np.array_equal(frame.log["particles/position"], result.position[-1][there])
+            assert frame.particles.position == pytest.approx(result.position[-1][there], rel=1e-6, abs=1e-7)
+            assert frame.particles.diameter == pytest.approx(2 * result.bodies["radius"][there], rel=1e-6)
+            assert (np.abs(frame.particles.position) <= frame.configuration.box[:3] / 2).all()
+            assert frame.log["configuration/time"][0] == result.time[-1]
+
+
+def test_the_angular_momentum_of_gsd_turns_back_into_the_spin() -> None:
+    """HOOMD: omega in the body frame is the vector part of conj(q) P / 2 over I."""
+    from carom.export.gsd import _angular_momentum
+
+    q = np.array([[0.5, 0.5, -0.5, 0.5]])
+    spin = np.array([[1.0, 2.0, 3.0]])
+    w, x, y, z = _angular_momentum(q, spin)[0] / 2
+    a, b, c, d = q[0]
+    # (0, omega_world) = P conj(q) / 2
+    world = [
+        x * a - w * b - y * d + z * c,
+        y * a - w * c - z * b + x * d,
+        z * a - w * d - x * c + y * b,
+    ]
+    assert world == pytest.approx([1.0, 2.0, 3.0])
+    assert w * a + x * b + y * c + z * d == pytest.approx(0.0)
+
+
+def test_a_periodic_box_goes_along(tmp_path: Path) -> None:
+    scene = carom.Scene(
+        run={"until": 0.01, "step": 1e-3}, gravity=(0, 0, 0), periodic=(1.0, 0, 0), origin=(-0.25, 0, 0)
+    )
+    scene.sphere("a", radius=0.1, mass=1, material="m", at=(0, 0, 0), velocity=(1, 0, 0))
+    scene.contact("m", "m", friction=0, restitution=1)
+    result = carom.simulate(scene, every=5)
+    comment = result.export(tmp_path, "extxyz")[0].read_text().splitlines()[1]
+    assert 'pbc="T F F"' in comment
+    assert 'Lattice="1.0 0.0 0.0 0.0 0.2' in comment
+    assert 'Origin="-0.25 -0.1 -0.1"' in comment
+
+
+class TestWhole:
+    def test_nothing_half_written_takes_the_place_of_a_whole_file(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.txt"
+        path.write_text("old")
+
+        def break_off() -> None:
+            with whole_file(path) as temporary:
+                temporary.write_text("half")
+                raise RuntimeError("in the middle")
+
+        with pytest.raises(RuntimeError, match="in the middle"):
+            break_off()
+        assert path.read_text() == "old"
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_scraps_of_a_killed_export_go_with_the_next(self, tmp_path: Path) -> None:
+        process = subprocess.Popen([sys.executable, "-c", ""])
+        process.wait()
+        dead, alive = tmp_path / f".a.txt.{process.pid}.tmp", tmp_path / f".a.txt.{os.getppid()}.tmp"
+        dead.write_text("")
+        alive.write_text("")
+        with whole_file(tmp_path / "a.txt") as temporary:
+            temporary.write_text("new")
+        assert set(tmp_path.iterdir()) == {tmp_path / "a.txt", alive}
+
+    def test_foreign_files_are_never_deleted(self, tmp_path: Path) -> None:
+        (tmp_path / "balls").mkdir()
+        (tmp_path / "balls" / "thesis.tex").write_text("")
+        with pytest.raises(CaromError, match=r"thesis.tex is no file of an export"):
+            whole_folder(tmp_path / "balls", "*.vtp").__enter__()
+
+    def test_a_shorter_series_leaves_no_frame_of_the_longer_one(
+        self, column: carom.Result, tmp_path: Path
+    ) -> None:
+        column.export(tmp_path, "vtp")
+        assert len(list((tmp_path / "balls").iterdir())) == len(column.time)
+        column.export(tmp_path, "vtp", every=5)
+        assert sorted(p.name for p in (tmp_path / "balls").iterdir()) == ["0.vtp", "5.vtp"]
+
+
+class TestCommand:
+    def test_writes_into_the_run_and_says_what(self, column: carom.Result, tmp_path: Path) -> None:
+        run = column.save(tmp_path / "run").path
+        done = CliRunner().invoke(app, ["export", str(run), "--format", "vtkhdf,csv", "--json"])
+        assert done.exit_code == 0, done.output
+        files = [Path(f) for f in json.loads(done.stdout)["files"]]
+        assert {f.parent for f in files} == {run / "export"}
+        assert all(f.stat().st_size > 0 for f in files)
+        from carom.rundir import RunDir
+
+        with RunDir.create(run, force=True).writing():  # a new run leaves no export of the old one
+            assert not (run / "export" / "balls.vtkhdf").exists()
+
+    @pytest.mark.parametrize(
+        ("arguments", "told"),
+        [
+            (["--format", "vtk"], "no export format is called 'vtk'; did you mean vtp?"),
+            (["--from", "3"], "no frame between 3 and"),
+        ],
+    )
+    def test_says_in_a_line_what_is_wrong(
+        self, arguments: list[str], told: str, column: carom.Result, tmp_path: Path
+    ) -> None:
+        done = CliRunner().invoke(app, ["export", str(column.path), *arguments, "-o", str(tmp_path / "x")])
+        assert done.exit_code == 2
+        assert told in done.stderr
+        assert not (tmp_path / "x").exists()
+
+    @pytest.mark.parametrize(("format", "module"), [("parquet", "pyarrow"), ("gsd", "gsd.hoomd")])
+    def test_names_the_extra_that_is_missing(
+        self, format: str, module: str, column: carom.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setitem(sys.modules, module, None)
+        with pytest.raises(CaromError, match=r"pip install 'carom\[export\]'"):
+            column.export(tmp_path, format)
+        assert not list(tmp_path.iterdir())
+
+    def test_every_format_is_in_the_help(self) -> None:
+        text = CliRunner().invoke(app, ["export", "--help"]).stdout
+        assert all(name in text for name in FORMATS)

@@ -1,0 +1,160 @@
+"""Parts of a result, momentum and energies by ball, and what notebooks show."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom.errors import CaromError
+
+ROOT = Path(__file__).parent.parent
+pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+
+
+@pytest.fixture(scope="module")
+def result() -> carom.Result:
+    """The cradle of five, without gravity: momentum is conserved."""
+    return carom.simulate(ROOT / "scenarios" / "newtons_cradle.toml", every=10)
+
+
+def test_time_and_bodies(result: carom.Result) -> None:
+    part = result.sel(time=slice(0.01, 0.02), body=["ball5", "ball1"])
+    inside = np.flatnonzero((np.asarray(result.time) > 0.0099) & (np.asarray(result.time) < 0.0201))
+    assert len(part) == len(inside) == 11
+    assert part.names == ["ball5", "ball1"]
+    for key in ("position", "orientation", "velocity", "angular_velocity", "present"):
+        whole = np.asarray(getattr(result, key))
+        assert np.array_equal(getattr(part, key), whole[inside][:, [4, 0]])
+    assert np.array_equal(part.time, np.asarray(result.time)[inside])
+    assert np.array_equal(part.step, np.asarray(result.step)[inside])
+    assert part.bodies["mass"].shape == (2,)
+    assert len(part.steps) == len(part.energy.time) == 101
+    assert part.energy.time[0] == pytest.approx(0.01)
+    assert "11 frames, t = 0.01 to 0.02 s; ball5, ball1" in repr(part)
+
+
+def test_the_ways_to_say_which(result: carom.Result) -> None:
+    assert result.sel().position.shape == (len(result), 5, 3)
+    assert result.sel(body="ball2").names == ["ball2"]
+    assert result.sel(body=-1).names == ["ball5"]
+    assert result.sel(body=slice("ball2", "ball4")).names == ["ball2", "ball3", "ball4"]
+    assert result.sel(body=slice(1, 3)).names == ["ball2", "ball3"]
+    assert result.sel(time=0.0104).time.tolist() == pytest.approx([0.01])
+    assert result.sel(time=[0.02, 0.01]).time.tolist() == pytest.approx([0.02, 0.01])
+    assert len(result.sel(time=slice(None, None, 10))) == 6
+    empty = result.sel(time=slice(0.0101, 0.0102))
+    assert empty.position.shape == (0, 5, 3)
+    assert len(empty.impacts) == len(empty.steps) == 0
+    for wrong, said in (
+        ({"body": "bal1"}, "did you mean ball1"),
+        ({"body": 7}, "there are 5"),
+        ({"time": 1.0}, "outside of the run"),
+        ({"time": "1"}, "numbers in s"),
+        ({"time": slice(0, 1, 0.1)}, "counts frames"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            result.sel(**wrong)  # type: ignore[arg-type]
+
+
+def test_tables_are_cut_alike(result: carom.Result) -> None:
+    part = result.sel(slice(0, 0.03), "ball3")
+    body = np.asarray(result.impacts["body"])
+    wanted = (body == 2).any(axis=1) & (np.asarray(result.impacts["time"]) <= 0.03)
+    assert len(part.impacts) == wanted.sum() > 0
+    contacts = result.sel(time=slice(None, None, 7)).contacts
+    assert set(np.asarray(contacts["frame"]) % 7) <= {0}
+
+
+def test_momentum_and_energy_by_ball(result: carom.Result) -> None:
+    mass = result.bodies["mass"][0]
+    start = np.array([mass, 0.0, 0.0])
+    np.testing.assert_allclose(result.momentum, np.tile(start, (len(result), 1)), atol=1e-15 * 100)
+    np.testing.assert_allclose(result.kinetic_energy[0], [0.5 * mass, 0, 0, 0, 0])
+    np.testing.assert_allclose(result.kinetic_energy[-1], [0, 0, 0, 0, 0.5 * mass], atol=1e-12)
+    kinetic = result.energy.kinetic[np.asarray(result.step)[1:].astype(int) - 1]
+    np.testing.assert_allclose(result.kinetic_energy[1:].sum(axis=1), kinetic, rtol=1e-12)
+    assert result.potential_energy.shape == (len(result), 5)
+    assert (result.potential_energy == 0).all()
+
+
+def test_angular_momentum_of_a_thrown_spinning_ball() -> None:
+    scene = carom.Scene("thrown", run={"until": 0.2, "step": 1e-3})
+    scene.sphere(
+        "b", radius=0.1, mass=2.0, at=(1, 0, 0), velocity=(0, 3, 0), angular_velocity=(0, 0, 5), material="m"
+    )
+    result = carom.simulate(scene)
+    inertia = result.bodies["inertia"][0]
+    assert result.angular_momentum[0].tolist() == pytest.approx([0, 0, 6.0 + 5 * inertia])
+    assert result.angular_momentum_about((1, 0, 0))[0].tolist() == pytest.approx([0, 0, 5 * inertia])
+    # dL/dt = r x m g
+    t, x = np.asarray(result.time), np.asarray(result.position)[:, 0]
+    torque = np.cross(x, [0, 0, -2.0 * 9.8])
+    change = np.diff(result.angular_momentum, axis=0) / np.diff(t)[:, None]
+    np.testing.assert_allclose(change, 0.5 * (torque[1:] + torque[:-1]), atol=1e-4)
+    total = result.kinetic_energy.sum(axis=1) + result.potential_energy.sum(axis=1)
+    np.testing.assert_allclose(total, total[0], rtol=1e-12)
+
+
+def test_balls_that_are_absent_count_nothing() -> None:
+    scene = carom.Scene("leaves", run={"until": 0.5, "step": 1e-3}, gravity=(0, 0, 0))
+    for name, v in (("goes", 1.0), ("stays", 0.0)):
+        scene.sphere(name, radius=0.1, mass=1.0, at=(0, v, 0), velocity=(v, 0, 0), material="m")
+    scene.contact("m", "m", friction=0, restitution=1)
+    scene.outlet(low=(0.2, 0, -1), high=(9, 9, 1))
+    result = carom.simulate(scene)
+    assert result.momentum[0, 0] == 1.0
+    assert result.momentum[-1].tolist() == [0, 0, 0]
+    assert np.isfinite(result.angular_momentum).all()
+    assert np.isfinite(result.potential_energy).all()
+
+
+def test_tables_for_other_programs(result: carom.Result) -> None:
+    part = result.sel(slice(0, 0.01), ["ball1", "ball2"])
+    pandas = pytest.importorskip("pandas", reason="the extra [interop] is not installed")
+    frame = part.to_pandas()
+    assert isinstance(frame, pandas.DataFrame)
+    assert len(frame) == 22
+    pytest.importorskip("xarray", reason="the extra [interop] is not installed")
+    assert part.to_xarray().sizes["body"] == 2
+
+
+class Tags(HTMLParser):
+    """Whether all tags are closed, and which there are."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        self.open.append(tag)
+        self.seen.add(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_notebooks_see_tables_without_markup_of_the_user(result: carom.Result) -> None:
+    text = result._repr_html_()
+    page = Tags(text)
+    assert not page.open
+    assert "ball5" in text
+    assert "done" in text
+    scene = carom.Scene("<script>alert(1)</script>", run={"until": 0.01})
+    for k in range(25):
+        scene.sphere(f"<b>{k}", radius=0.1, mass=1.0, at=(k, 0, 0), material="m&m")
+    scene.contact("m&m", "m&m", friction={"expression": "0.1*v"}, restitution=1)
+    small = carom.simulate(scene)
+    batch = carom.simulate_batch(scene, {"gravity": np.zeros((2, 3))})
+    for shown in (scene._repr_html_(), small._repr_html_(), batch._repr_html_()):
+        found = Tags(shown)
+        assert not found.open
+        assert found.seen <= {"div", "strong", "table", "thead", "tbody", "tr", "th", "td"}
+    assert "and 5 more" in small._repr_html_()
+    assert "law of the slip speed" in scene._repr_html_()
+    assert "done: 2" in batch._repr_html_()
