@@ -129,9 +129,10 @@ def _step_of_falls(parts: Parts, world: World) -> Iterator[Finding]:
             worst = (float(travel[body]), float(speed[body]), bodies.names[body], plane.name)
     if worst is not None:
         travel_, speed_, name, met = worst
-        cause = f"falling, {quoted(name)} reaches {speed_:.3g} m/s at {quoted(met)}: a step of {run.step:g} s moves it by"
+        cause = f"falling, {quoted(name)} reaches {speed_:.3g} m/s at {quoted(met)}"
+        cause += f": a step of {run.step:g} s moves it by {travel_:.2g} radii"
         safe = _rounded_down(PLANE_TRAVEL * run.step / travel_)
-        yield Finding(("run", "step"), f"{cause} {travel_:.2g} radii", f"step = {safe:g} is safe")
+        yield Finding(("run", "step"), cause, f"step = {safe:g} is safe")
 
 
 def _held_up(bodies: Bodies, normal: F64) -> NDArray[np.bool_]:
