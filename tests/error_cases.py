@@ -206,6 +206,12 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "a step of ... s moves ... by ... radii: impacts on planes may be missed": [
         ("run.step", "step = 1e-3 -> step = 0.1")
     ],
+    "falling, ... reaches ... m/s at ...: a step of ... s moves it by ... radii": [
+        (
+            "run.step",
+            '[[sphere]]\nname = "s"\nmaterial = "ball"\nradius = 0.005\nmass = 0.1\nposition = [9,9,4]\n',
+        )
+    ],
     "a step of ... s moves ... by ... radii: oblique hits lose accuracy and grazing ones may be missed": [
         ("run.step", "[0.5, 0.0, 0.028575] -> [0.5, 0.0, 0.028575]\nvelocity = [10.0, 0.0, 0.0]")
     ],

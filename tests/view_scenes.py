@@ -124,3 +124,54 @@ def drum(frames: int) -> Any:
     result.planes = static["planes"]
     result.walls = Walls(result, [static["planes"], static["walls"]])
     return result
+
+
+class Table(dict[str, Any]):
+    """A table of a result, as far as the viewer asks for it; `ends` as that of contacts has it."""
+
+    ends: Any
+
+
+def struck(frames: int) -> Any:
+    """The four balls of `billiard` with impacts, contacts with the bed, energies, a rod and a spring, all made up.
+
+    At 0.1 s ball2 hits ball3, which hits ball4 and ball5, and then ball2 once more; at 0.3 s ball5 hits a cushion.
+    """
+    run = billiard(frames)
+    time, normal = run.time, np.array([-1.0, 0.0, 0.0])
+    run.title = "Struck"
+    run.wall_names = run.planes["name"]
+    run.impacts = Table(
+        time=np.array([0.1] * 5 + [0.3]),
+        problem=np.array([0, 1, 2, 2, 3, 1]),
+        body=np.array([[1, 4], [0, 1], [1, 2], [1, 3], [0, 1], [3, 5]]),
+        status=np.array([1, 1, 2, 1, 2, 2]),
+        normal=np.array([[0, 0, 1.0]] + [normal] * 5),
+        impulse=np.array(
+            [[0, 0, 0.002], [-0.5, 0, 0], [-0.25, 0, 0], [-0.25, 0, 0], [-0.125, 0, 0], [-0.3, 0, 0]]
+        ),
+        approach=np.array([-0.01, -3.0, -1.5, -1.5, -0.7, -1.2]),
+        separation=np.array([0.0, 2.9, 1.4, 1.4, 0.6, 1.1]),
+    )
+    # Every ball on the bed in every frame after the first; the impulses are of the interval before.
+    weight, step = 0.17 * 9.8, time[1] - time[0]
+    rows = 4 * (frames - 1)
+    run.contacts = Table(
+        body=np.stack([np.tile(np.arange(4), frames - 1), np.full(rows, 4)], 1),
+        status=np.tile([1, 1, 2, 2], frames - 1),
+        normal=np.tile([0.0, 0.0, 1.0], (rows, 1)),
+        impulse=np.tile([[0, 0, weight * step * (1 + k)] for k in range(4)], (frames - 1, 1)),
+    )
+    run.contacts.ends = 4 * np.arange(frames)
+    run.energy = SimpleNamespace(time=time, kinetic=2.0 * np.exp(-time), potential=np.full(frames, 7.0))
+    run.scenario = """
+[[joint]]
+name = "tie"
+type = "rod"
+between = ["ball4", "ball5"]
+[[spring]]
+between = ["ball2", "ground"]
+points = [[0.635, 0.635, 0.05715], [0.3, 0.635, 0.3]]
+stiffness = 1.0
+"""
+    return run

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from carom.scene import Scene as Scene
     from carom.study import Convergence as Convergence
     from carom.study import converge as converge
+    from carom.sweeps import Study as Study
+    from carom.sweeps import Sweep as Sweep
+    from carom.sweeps import sweep as sweep
 
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
@@ -44,6 +47,9 @@ _HOMES = {
     "load": "carom.result",
     "Scene": "carom.scene",
     "RunFailed": "carom.run",
+    "Study": "carom.sweeps",
+    "Sweep": "carom.sweeps",
+    "sweep": "carom.sweeps",
     "resume": "carom.run",
     "simulate": "carom.run",
 }
@@ -58,6 +64,8 @@ __all__ = [
     "RunFailed",
     "ScenarioError",
     "Scene",
+    "Study",
+    "Sweep",
     "__version__",
     "compare",
     "converge",
@@ -66,6 +74,7 @@ __all__ = [
     "resume",
     "simulate",
     "simulate_batch",
+    "sweep",
 ]
 
 

@@ -12,7 +12,19 @@ export interface Commands {
   bodies(): void;
   theme(): void;
   deselect(): void;
+  menu(): void;
+  toggle(what: "velocities" | "contacts" | "impacts" | "through"): void;
+  trails(): void;
+  graphs(): void;
+  picture(): void;
+  /** To the next impact, or to the one before. */
+  impact(by: 1 | -1): void;
+  /** Turns and tilts the view by angles, and comes nearer by a factor. */
+  orbit(turn: number, tilt: number, zoom: number): void;
 }
+
+const TURN = Math.PI / 36; // a key's worth
+const ZOOM = 1.12;
 
 export class Bar {
   private readonly play = byId<HTMLButtonElement>("play");
@@ -36,7 +48,7 @@ export class Bar {
     this.digits = Math.max(3, decimals(run.frames > 1 ? span / (run.frames - 1) : 1));
     this.scrub.min = String(run.start);
     this.scrub.max = String(span > 0 ? run.end : run.start + 1);
-    for (const s of SPEEDS) this.speed.add(new Option(s === 1 ? "1\u00d7 real time" : `${s}\u00d7`, String(s)));
+    for (const s of SPEEDS) this.speed.add(new Option(`${s}\u00d7`, String(s)));
     this.begin.hidden = run.frames < 2;
     for (const id of ["play", "back", "on", "loop", "scrub", "speed"]) {
       (byId(id) as HTMLButtonElement).disabled = run.frames < 2;
@@ -99,12 +111,17 @@ export class Bar {
     click("back", () => clock.step(-1));
     click("on", () => clock.step(1));
     click("loop", () => this.loop());
-    for (const preset of ["fit", "top", "side"] as const) click(preset, () => commands.view(preset));
+    for (const preset of ["fit", "top", "side", "end"] as const) click(preset, () => commands.view(preset));
     click("follow", () => commands.follow());
     click("tags", () => commands.labels());
     click("bodies", () => commands.bodies());
     click("theme", () => commands.theme());
     click("unselect", () => commands.deselect());
+    click("what", () => commands.menu());
+    click("plots", () => commands.graphs());
+    click("picture", () => commands.picture());
+    click("before", () => commands.impact(-1));
+    click("after", () => commands.impact(1));
     click("keys", () => this.help.showModal());
     this.scrub.addEventListener("input", () => clock.seek(Number(this.scrub.value)));
     this.speed.addEventListener("change", () => {
@@ -123,6 +140,8 @@ export class Bar {
     if (event.ctrlKey || event.metaKey || event.altKey || this.help.open) return;
     const target = event.target as HTMLElement;
     if (target.closest("input[type=search], select")) return;
+    // A slider keeps its own keys, and so does a box that is ticked with the space bar.
+    if (target.closest("#show input") && !/^[a-z?]$/i.test(event.key)) return;
     // A focused button keeps what the space bar does to buttons.
     if (event.key === " " && target.closest("button")) return;
     const { clock, commands } = this;
@@ -139,6 +158,22 @@ export class Bar {
       "1": () => commands.view("fit"),
       "2": () => commands.view("top"),
       "3": () => commands.view("side"),
+      "4": () => commands.view("end"),
+      a: () => commands.orbit(-TURN, 0, 1),
+      d: () => commands.orbit(TURN, 0, 1),
+      w: () => commands.orbit(0, TURN, 1),
+      s: () => commands.orbit(0, -TURN, 1),
+      e: () => commands.orbit(0, 0, ZOOM),
+      q: () => commands.orbit(0, 0, 1 / ZOOM),
+      v: () => commands.toggle("velocities"),
+      c: () => commands.toggle("contacts"),
+      i: () => commands.toggle("impacts"),
+      x: () => commands.toggle("through"),
+      r: () => commands.trails(),
+      m: () => commands.menu(),
+      g: () => commands.graphs(),
+      p: () => commands.picture(),
+      n: () => commands.impact(event.shiftKey ? -1 : 1),
       f: () => commands.follow(),
       l: () => commands.labels(),
       b: () => commands.bodies(),

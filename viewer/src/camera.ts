@@ -6,7 +6,7 @@ import type { Run, Vec } from "./run";
 import { add, cross, dot, scale, unit } from "./vec";
 import { corners, type World } from "./world";
 
-export type Preset = "fit" | "top" | "side";
+export type Preset = "fit" | "top" | "side" | "end";
 
 interface Pose {
   eye: Vector3;
@@ -71,6 +71,22 @@ export class Eye {
     const near = 26 * this.run.radius[body];
     if (sight.length() > near) sight.setLength(near);
     this.glideTo({ eye: target.clone().add(sight), target });
+  }
+
+  /** By keys what the mouse does: turn and tilt around the middle of the view, and come nearer. */
+  nudge(turn: number, tilt: number, zoom: number): void {
+    this.glide = undefined;
+    this.preset = undefined;
+    const { target, minDistance, maxDistance } = this.controls;
+    const up = this.camera.up.clone().normalize();
+    const sight = this.camera.position.clone().sub(target).applyAxisAngle(up, turn);
+    const polar = sight.angleTo(up);
+    const to = Math.min(Math.max(polar - tilt, 0.02), this.controls.maxPolarAngle);
+    const right = up.clone().cross(sight).normalize();
+    if (right.lengthSq() > 0) sight.applyAxisAngle(right, to - polar);
+    sight.setLength(Math.min(Math.max(sight.length() / zoom, minDistance), maxDistance));
+    this.camera.position.copy(target).add(sight);
+    this.moved();
   }
 
   /** Before each picture; true while the camera still moves by itself. */
@@ -138,6 +154,7 @@ export class Eye {
       fit: add(add(scale(back, -1), across, -0.1), up, 0.85),
       top: add(up, back, -0.001),
       side: add(scale(back, -1), up, 0.2),
+      end: add(scale(across, -1), up, 0.3),
     }[preset];
     const toward = unit(sight); // from the scene to the eye
     const right = unit(cross(up, toward));

@@ -2,9 +2,15 @@
 
 import { Bar, fail, showNotes } from "./bar";
 import { Clock } from "./clock";
-import { byId } from "./dom";
+import type { Preset } from "./camera";
+import { byId, decimals } from "./dom";
+import { Graphs } from "./graphs";
+import type { Shown } from "./overlay";
 import { Labels, Panel } from "./panel";
 import { Run } from "./run";
+import { Sequence } from "./sequence";
+import { Show } from "./show";
+import { save, snapshot } from "./snapshot";
 import { Stage } from "./stage";
 import { Theme } from "./theme";
 
@@ -16,9 +22,13 @@ interface Hook {
   setTime(time: number): Promise<void>;
   play(on?: boolean): void;
   select(body: number | string): void;
-  view(preset: "fit" | "top" | "side"): void;
+  view(preset: Preset): void;
   follow(on?: boolean): void;
   theme(): void;
+  show(what: Partial<Shown>): void;
+  graphs(on?: boolean): void;
+  /** The picture as a PNG, as a data URL. */
+  picture(): string;
   state(): Record<string, unknown>;
 }
 
@@ -28,6 +38,8 @@ declare global {
   }
 }
 
+const FLASH_S = 0.45; // on the clock on the wall
+
 class App {
   private readonly clock: Clock;
   private readonly stage: Stage;
@@ -35,10 +47,15 @@ class App {
   private readonly panel: Panel;
   private readonly labels: Labels;
   private readonly theme: Theme;
+  private readonly show: Show;
+  private readonly graphs: Graphs;
+  private readonly sequence: Sequence;
   private selected = -1;
   private listed = false;
   private before: number | undefined;
   private pictures = 0;
+  /** Milliseconds a picture takes here, without the drawing itself, which is done elsewhere; a running mean. */
+  private work = 0;
   private waiting: (() => void)[] = [];
 
   constructor(private readonly run: Run) {
@@ -47,6 +64,9 @@ class App {
     this.clock = new Clock(run, () => touch());
     this.panel = new Panel(run, this.stage.looks, (body) => this.select(body));
     this.labels = new Labels(run, this.stage);
+    this.sequence = new Sequence(run, this.stage);
+    this.show = new Show(run, this.stage.overlay, touch);
+    this.graphs = new Graphs(run, this.stage.looks, (time) => this.seek(time), touch);
     this.bar = new Bar(run, this.clock, {
       view: (preset) => this.view(preset),
       follow: () => this.follow(),
@@ -54,10 +74,18 @@ class App {
       bodies: () => this.list(!this.listed),
       theme: () => this.theme.toggle(),
       deselect: () => this.select(-1),
+      menu: () => this.menu(!this.show.open),
+      toggle: (name) => this.show.toggle(name),
+      trails: () => this.show.nextTrails(),
+      graphs: () => this.plot(!this.graphs.on),
+      picture: () => this.save(),
+      impact: (by) => this.impact(by),
+      orbit: (turn, tilt, zoom) => this.stage.eye.nudge(turn, tilt, zoom),
     });
     this.theme = new Theme((shades) => {
       this.stage.paint(shades);
       this.bar.drawMarks();
+      this.graphs.refresh();
     });
     this.theme.apply();
     showNotes(run.facts.notes);
@@ -81,6 +109,12 @@ class App {
       view: (preset) => this.view(preset),
       follow: (on) => this.follow(on),
       theme: () => this.theme.toggle(),
+      show: (what) => {
+        Object.assign(this.stage.overlay.shown, what);
+        this.stage.dirty = true;
+      },
+      graphs: (on = true) => this.plot(on),
+      picture: () => this.snapshot().toDataURL("image/png"),
       state: () => this.state(),
     };
   }
@@ -103,7 +137,13 @@ class App {
       followed: stage.eye.followed,
       theme: this.theme.name,
       table: stage.world.table,
+      shown: { ...stage.overlay.shown },
+      largest: { ...stage.overlay.largest },
+      badges: stage.overlay.badges.map(({ text, status, at }) => ({ text, status, at: at.map((c, k) => c + run.origin[k]) })),
+      graphs: this.graphs.on,
       pictures: this.pictures,
+      work: this.work,
+      sharpness: stage.sharpness,
       eye: stage.eye.camera.position.toArray().map((c, k) => c + run.origin[k]),
       present: bodies.map((n) => run.present(n)),
       walls: run.walls.map((wall) => ({
@@ -131,12 +171,17 @@ class App {
     const moving = clock.playing;
     this.before = moving ? now : undefined;
     if (!moving && !stage.dirty) return;
+    const begun = performance.now();
     run.sample(clock.time);
-    if (stage.draw(moving)) stage.dirty = true;
+    if (stage.draw(moving, this.hold())) stage.dirty = true;
     this.pictures++;
     this.bar.update();
     this.labels.update(this.selected);
     this.panel.update(this.selected);
+    this.sequence.update(stage.overlay.shown.impacts, clock.playing);
+    this.show.update();
+    this.graphs.update(this.selected);
+    this.work = 0.9 * this.work + 0.1 * (performance.now() - begun);
     for (const done of this.waiting.splice(0)) done();
   };
 
@@ -162,7 +207,50 @@ class App {
     this.stage.dirty = true;
   }
 
-  private view(preset: "fit" | "top" | "side"): void {
+  /** How long an impact flashes, in the run's own time: long enough to be seen, and never shorter than a frame. */
+  private hold(): number {
+    const { run, clock } = this;
+    const frame = (run.end - run.start) / Math.max(1, run.frames - 1);
+    return Math.max(FLASH_S * clock.speed, 1.01 * frame);
+  }
+
+  private seek(time: number): void {
+    this.clock.play(false);
+    this.clock.seek(time);
+  }
+
+  private impact(by: 1 | -1): void {
+    const time = this.sequence.neighbour(by);
+    if (time === undefined) return;
+    this.show.set("impacts", true);
+    this.seek(time);
+  }
+
+  private menu(on: boolean): void {
+    this.show.show(on);
+    this.bar.press("what", on);
+  }
+
+  private plot(on: boolean): void {
+    this.graphs.show(on);
+    this.bar.press("plots", on);
+    this.stage.dirty = true;
+  }
+
+  private digits(): number {
+    const { run } = this;
+    return Math.max(3, decimals(run.frames > 1 ? (run.end - run.start) / (run.frames - 1) : 1));
+  }
+
+  private snapshot(): HTMLCanvasElement {
+    return snapshot(this.run, this.stage, this.digits());
+  }
+
+  private save(): void {
+    save(this.snapshot(), this.run.facts.title, this.run.now.toFixed(this.digits()));
+  }
+
+  private view(preset: Preset): void {
     this.stage.eye.go(preset);
     this.bar.press("follow", false);
   }
@@ -180,13 +268,16 @@ class App {
     this.stage.dirty = true;
   }
 
-  /** A click that was not a drag selects. */
+  /** A click that was not a drag selects; a double click follows. */
   private pointer(): void {
     const { canvas } = this.stage;
     let down: [number, number] | undefined;
     canvas.addEventListener("pointerdown", (event) => {
       down = event.isPrimary && event.button === 0 ? [event.clientX, event.clientY] : undefined;
       this.bar.dismiss();
+    });
+    canvas.addEventListener("dblclick", () => {
+      if (this.selected >= 0) this.follow(true);
     });
     canvas.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 5) return;

@@ -1,6 +1,8 @@
 // A run as the page holds it, and its state at any time between frames.
 
 import { decode, unpack, type Packed } from "./codec";
+import { Contacts, Energies, Impacts, type HappeningArrays } from "./happenings";
+import type { Link } from "./links";
 import { Poses } from "./poses";
 
 export type Vec = [number, number, number];
@@ -43,7 +45,10 @@ interface Facts {
   gravity: Vec;
   marks: number[];
   notes: string[];
-  arrays: {
+  links?: Link[];
+  wall_names?: string[];
+  contact_every?: number;
+  arrays: HappeningArrays & {
     time: { shape: [number] };
     position: Packed;
     orientation: Packed;
@@ -62,6 +67,9 @@ export class Run {
   readonly time: Float64Array;
   /** Poses of the walls that move. */
   readonly poses: Poses | undefined;
+  readonly impacts: Impacts | undefined;
+  readonly contacts: Contacts | undefined;
+  readonly energies: Energies | undefined;
   /** State at the sampled time: x y z and radius (0 where there is no ball now), then the quaternion x y z w. */
   readonly centre: Float32Array;
   readonly attitude: Float32Array;
@@ -94,6 +102,9 @@ export class Run {
     if (arrays.wall_position && arrays.wall_orientation) {
       this.poses = new Poses(data, arrays.wall_position, arrays.wall_orientation, arrays.position.origin!);
     }
+    this.impacts = Impacts.read(data, arrays);
+    this.contacts = Contacts.read(data, arrays, facts.contact_every ?? 1);
+    this.energies = Energies.read(data, arrays);
     this.shift = new Float64Array(facts.period ? 3 * this.count : 0);
     this.centre = new Float32Array(4 * this.count);
     this.attitude = new Float32Array(4 * this.count);
@@ -124,9 +135,19 @@ export class Run {
   get walls(): Wall[] {
     return this.facts.walls ?? [];
   }
-  /** Whether a body is there at the sampled time. */
-  present(n: number): boolean {
-    return this.there === undefined || this.there[this.count * this.frame + n] !== 0;
+  /** Name of a body, or of the wall -1 - n. */
+  nameOf(n: number): string {
+    return n >= 0 ? this.names[n] : (this.facts.wall_names?.[-1 - n] ?? "wall");
+  }
+  /** Whether a body is there at a frame, by default that of the sampled time. */
+  present(n: number, frame = this.frame): boolean {
+    return this.there === undefined || this.there[this.count * frame + n] !== 0;
+  }
+  /** Into `out`: centre of a body at a frame, relative to the origin, not folded into a period. */
+  centreAt(frame: number, n: number, out: Float64Array | Vec): void {
+    const step = this.facts.arrays.position.step!;
+    const at = 3 * (this.count * frame + n);
+    for (let k = 0; k < 3; k++) out[k] = step * this.position[at + k];
   }
   /** False where velocities are differences of positions, because the page left the recorded ones out. */
   get hasRates(): boolean {
@@ -235,18 +256,18 @@ export class Run {
   }
 
   /** Velocity of body n: as recorded at the frame shown, or the difference to the next one. */
-  velocityOf(n: number): Vec {
-    if (this.velocity) return this.recorded(this.velocity, this.facts.arrays.velocity!.step!, n);
-    const [i, span] = this.interval();
+  velocityOf(n: number, frame = this.frame): Vec {
+    if (this.velocity) return this.recorded(this.velocity, this.facts.arrays.velocity!.step!, n, frame);
+    const [i, span] = this.interval(frame);
     const scale = span > 0 ? this.facts.arrays.position.step! / span : 0;
     const at = 3 * (this.count * i + n);
     return [0, 1, 2].map((k) => scale * (this.position[at + 3 * this.count + k] - this.position[at + k])) as Vec;
   }
 
   /** Spatial angular velocity of body n, likewise; differences cannot tell whole turns. */
-  spinOf(n: number): Vec {
-    if (this.spin) return this.recorded(this.spin, this.facts.arrays.angular_velocity!.step!, n);
-    const [i, span] = this.interval();
+  spinOf(n: number, frame = this.frame): Vec {
+    if (this.spin) return this.recorded(this.spin, this.facts.arrays.angular_velocity!.step!, n, frame);
+    const [i, span] = this.interval(frame);
     if (span <= 0) return [0, 0, 0];
     const q = this.orientation;
     const a = 4 * (this.count * i + n);
@@ -258,13 +279,13 @@ export class Run {
     return [x * scale, y * scale, z * scale];
   }
 
-  private interval(): [number, number] {
-    const i = Math.min(this.frame, Math.max(0, this.frames - 2));
+  private interval(frame: number): [number, number] {
+    const i = Math.min(frame, Math.max(0, this.frames - 2));
     return this.frames > 1 ? [i, this.time[i + 1] - this.time[i]] : [0, 0];
   }
 
-  private recorded(values: Int32Array, step: number, n: number): Vec {
-    const at = 3 * (this.count * this.frame + n);
+  private recorded(values: Int32Array, step: number, n: number, frame: number): Vec {
+    const at = 3 * (this.count * frame + n);
     return [step * values[at], step * values[at + 1], step * values[at + 2]];
   }
 }

@@ -51,6 +51,8 @@ uniform float uSelected;     // index of the selected body, or -1
 uniform vec4 uGround;        // plane the balls lie on: normal, offset
 uniform vec3 uGroundColour;
 uniform vec3 uAccent;
+uniform float uCoarse;       // 1: a crowd in motion on a slow machine, without mirror images
+uniform float uSolid;        // share of the samples of a pixel that a ball covers
 in vec3 vPoint;
 flat in vec4 vCentre;
 flat in vec4 vAttitude;
@@ -123,6 +125,16 @@ void main() {
   vec3 offset = nearest - depth * ray;
   vec3 n = offset / max(length(offset), 1e-9);
   vec3 own = unturn(vAttitude, n);
+  if (uCoarse > 0.5) {
+    if (cover <= 0.0) discard;
+    vec3 octant = step(0.0, own) * 2.0 - 1.0;
+    vec3 plain = vLook.rgb * (1.0 + 0.34 * octant.x * octant.y * octant.z);
+    if (abs(vBadge.y - uSelected) < 0.5) plain = uAccent;
+    float shine = lampLight(n);
+    plain *= 0.2 + 0.36 * (0.6 + 0.4 * dot(n, uUp)) * (0.6 + 0.4 * uDay) + 0.75 * shine;
+    colour = vec4(sqrt(min(plain, 1.0)), cover * uSolid);
+    return;
+  }
   // Size of a pixel on the ball's surface, from geometry: derivatives of a cast point break at the rim.
   float width = 1.2 * pixel / (r * max(dot(n, -ray), 0.15));
   vec3 albedo = pattern(own, width);
@@ -145,6 +157,6 @@ void main() {
   if (abs(vBadge.y - uSelected) < 0.5) {
     c = mix(c, uAccent, 0.9 * smoothstep(0.45, 0.28, facing) );
   }
-  colour = vec4(display(c), cover);
+  colour = vec4(display(c), cover * uSolid);
 }
 `;

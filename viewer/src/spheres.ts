@@ -65,6 +65,8 @@ export class Spheres {
         uNumbers: { value: numbers(labels, side) },
         uAtlas: { value: side },
         uSelected: { value: -1 },
+        uSolid: { value: 1 },
+        uCoarse: { value: 0 },
       },
     });
     material.alphaToCoverage = true; // smooth outlines without sorting
@@ -81,8 +83,10 @@ export class Spheres {
     this.mesh.material.uniforms.uSelected.value = body;
   }
 
-  /** Takes over the run as sampled, sorted as seen from `eye`. */
-  update(eye: Vector3): void {
+  /** Takes over the run as sampled, sorted as seen from `eye`; `through`: balls let through what is behind them. */
+  update(eye: Vector3, through: boolean, coarse: boolean): void {
+    this.mesh.material.uniforms.uCoarse.value = coarse ? 1 : 0;
+    this.mesh.material.uniforms.uSolid.value = through ? 0.25 : 1; // one of four samples of a pixel
     const { centre, attitude } = this.run;
     const { order, away } = this;
     for (const n of order) {

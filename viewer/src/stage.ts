@@ -14,7 +14,8 @@ import {
   WebGLRenderer,
 } from "three";
 import { Eye } from "./camera";
-import { looks, type Look } from "./palette";
+import { Overlay } from "./overlay";
+import { looks, MOST_NUMBERED, type Look } from "./palette";
 import type { Run, Vec } from "./run";
 import { Spheres } from "./spheres";
 import { Surfaces } from "./surfaces";
@@ -23,6 +24,7 @@ import { cross, scale } from "./vec";
 import { Walls } from "./walls";
 import { layOut, type World } from "./world";
 
+const COARSE = 0.7; // below this sharpness a crowd is drawn without mirror images and shadows
 const SLOW_MS = 45; // a picture that takes longer is drawn coarser while playing
 
 export class Stage {
@@ -31,6 +33,7 @@ export class Stage {
   readonly eye: Eye;
   readonly canvas: HTMLCanvasElement;
   dirty = true;
+  readonly overlay: Overlay;
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
   private readonly spheres: Spheres;
@@ -38,7 +41,10 @@ export class Stage {
   private readonly walls: Walls;
   private readonly back: Mesh<PlaneGeometry, RawShaderMaterial>;
   private readonly shared;
-  private sharpness = 1;
+  /** Share of the screen's resolution that is drawn. */
+  sharpness = 1;
+  private selected = -1;
+  private hold = 0;
   private cost = 0;
 
   constructor(
@@ -60,6 +66,7 @@ export class Stage {
       uGround: { value: floor ? new Vector4(...floor.plane.normal, floor.offset) : new Vector4(...up, -1e6 * size) },
       uGroundColour: { value: new Color(0.3, 0.3, 0.3) },
       uAccent: { value: new Color() },
+      uPixel: { value: 1e-3 },
     };
     // The same direction as lampDirection() in light.glsl.ts.
     const forward = cross(up, across);
@@ -68,7 +75,8 @@ export class Stage {
     this.surfaces = new Surfaces(this.world, this.spheres.centre, this.shared, lamp.normalize());
     this.walls = new Walls(run, this.world, this.shared);
     this.back = backdrop();
-    this.scene.add(this.back, this.surfaces.group, this.walls.group, this.spheres.mesh);
+    this.overlay = new Overlay(run, this.world, this.looks, this.shared);
+    this.scene.add(this.back, this.surfaces.group, this.walls.group, this.spheres.mesh, this.overlay.among);
     this.eye = new Eye(run, this.world, this.canvas, () => (this.dirty = true));
     this.canvas.addEventListener("webglcontextrestored", () => (this.dirty = true));
     new ResizeObserver(() => this.resize()).observe(host);
@@ -87,20 +95,56 @@ export class Stage {
   }
 
   select(body: number): void {
+    this.selected = body;
     this.spheres.select(body);
     this.dirty = true;
   }
 
-  /** Draws the run as sampled. Returns true while another picture is due even if nothing else changes. */
-  draw(moving: boolean): boolean {
+  /**
+   * Draws the run as sampled; impacts flash for `hold` seconds of it. Returns true while another picture is due even if
+   * nothing else changes.
+   */
+  draw(moving: boolean, hold: number): boolean {
     this.dirty = false;
+    this.hold = hold;
     this.adapt(moving);
     const gliding = this.eye.update();
-    this.spheres.update(this.eye.camera.position);
+    const { shown } = this.overlay;
+    const coarse = this.sharpness < COARSE && this.run.count > MOST_NUMBERED;
+    this.spheres.update(this.eye.camera.position, shown.through, coarse);
     this.walls.update();
-    this.surfaces.lookFrom(this.eye.camera.position);
-    this.renderer.render(this.scene, this.eye.camera);
+    this.surfaces.lookFrom(this.eye.camera.position, coarse);
+    this.overlay.update(this.selected, hold, this.canvas.width, this.canvas.height);
+    this.render();
     return gliding;
+  }
+
+  /** The picture as it stands, `times` as sharp (within what the machine can draw), on a canvas of its own. */
+  picture(times: number): HTMLCanvasElement {
+    const ratio = this.renderer.getPixelRatio();
+    const longest = Math.max(this.host.clientWidth, this.host.clientHeight);
+    const wanted = Math.min(times * Math.min(devicePixelRatio, 2), this.renderer.capabilities.maxTextureSize / longest, 8192 / longest);
+    this.renderer.setPixelRatio(wanted);
+    this.overlay.update(this.selected, this.hold, this.canvas.width, this.canvas.height);
+    this.render();
+    const copy = document.createElement("canvas");
+    [copy.width, copy.height] = [this.canvas.width, this.canvas.height];
+    copy.getContext("2d")!.drawImage(this.canvas, 0, 0); // in the same task, before the browser clears it
+    this.renderer.setPixelRatio(ratio);
+    this.dirty = true;
+    return copy;
+  }
+
+  private render(): void {
+    const { renderer, eye } = this;
+    const pixels = this.canvas.height || 1;
+    this.shared.uPixel.value = (2 * Math.tan((eye.camera.fov * Math.PI) / 360)) / pixels;
+    renderer.autoClear = true;
+    renderer.render(this.scene, eye.camera);
+    if (this.overlay.onTop.children.every((mesh) => !mesh.visible)) return;
+    renderer.autoClear = false;
+    renderer.clearDepth();
+    renderer.render(this.overlay.onTop, eye.camera);
   }
 
   /** Feedback from the loop: seconds between pictures while playing. */

@@ -68,8 +68,8 @@ export class Surfaces {
   }
 
   /** Shadows lie on top of a floor; from below there is nothing to see them on. */
-  lookFrom(eye: Vector3): void {
-    for (const { face, shadow } of this.undersides) shadow.visible = vector(face.plane.normal).dot(eye) > face.offset;
+  lookFrom(eye: Vector3, coarse: boolean): void {
+    for (const { face, shadow } of this.undersides) shadow.visible = !coarse && vector(face.plane.normal).dot(eye) > face.offset;
   }
 
   private floor(face: Face, shared: Record<string, IUniform>): Mesh {

@@ -21,6 +21,7 @@ from carom.cli.resume import resume
 from carom.cli.run import run
 from carom.cli.schema import schema
 from carom.cli.solve import solve
+from carom.cli.sweep import sweep
 from carom.cli.view import view
 
 app = typer.Typer(
@@ -62,6 +63,7 @@ for _command in (
     check,
     compare,
     converge,
+    sweep,
     plot,
     view,
     export,

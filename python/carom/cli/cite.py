@@ -2,36 +2,38 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument
+
 from carom.cli.options import Json
 from carom.cli.output import emit, guarded
 
-#: The work whose method Carom implements, and what each part of it rests on.
-SOURCES = {
-    "method": "Simulation of impacts between spherical rigid bodies with frictional effects (the paper Carom implements)",
-    "nsga": "Bruels and co-workers: the nonsmooth generalized-alpha scheme (in the references of that paper)",
-    "sequence": "Cosimo and co-workers: multiple impacts as a sequence of instantaneous ones (there as well)",
-}
-
 
 @guarded
-def cite(as_json: Json = False) -> None:
-    """Say how to cite Carom and what it is built on.
+def cite(
+    what: Annotated[
+        Path | None, Argument(metavar="[SCENARIO|RUN]", help="only what this scenario or run rests on")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say how to cite Carom and what it is built on, or what a scenario or a run is.
 
-    Example: carom cite
+    Example: carom cite runs/5.6_break-1
     """
     import carom
+    from carom.citing import bibtex, sources
 
-    version = carom.__version__
-    bibtex = (
-        "@software{carom,\n"
-        "  title   = {Carom: nonsmooth contact dynamics of frictional spheres},\n"
-        "  author  = {{The Carom developers}},\n"
-        f"  version = {{{version}}},\n"
-        "}"
-    )
+    scene = None
+    if what is not None:
+        from carom.scene import Scene
+
+        scene = Scene.from_toml(what / "scenario.toml" if what.is_dir() else what)
+    found = sources(scene)
     if as_json:
-        emit({"version": version, "bibtex": bibtex, "sources": SOURCES})
+        emit({"version": carom.__version__, "bibtex": bibtex(), "sources": found})
         return
-    print(f"Please cite Carom with its version, and the paper whose method it implements:\n\n{bibtex}\n")
-    for source in SOURCES.values():
+    print(f"Please cite Carom with its version, and the papers whose methods it uses:\n\n{bibtex()}\n")
+    for source in found.values():
         print(f"  {source}")

@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carom.errors import quoted
 from carom.scenario.attachment_checks import advise_loads
+from carom.scenario.bodies import F64, Bodies
 from carom.scenario.checks import Parts, steps
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
@@ -28,6 +30,10 @@ at 3 m/s: at 1e4 every step takes a fallback and the energy rises by up to 1e-6 
 """
 PLANE_TRAVEL = 0.5
 """Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
+
+
+FEW_BALLS = 200
+"""Balls up to which falls are looked at before a run."""
 
 
 def advise(parts: Parts, world: World) -> Iterator[Finding]:
@@ -66,7 +72,12 @@ def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
             f"step = {ok:g} is safe, {fine:g} accurate",
         )
     else:
-        yield from _step_before_planes(parts, run.step, world)
+        told = False
+        for finding in _step_before_planes(parts, run.step, world):
+            told = True
+            yield finding
+        if not told:
+            yield from _step_of_falls(parts, world)
 
 
 def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Finding]:
@@ -92,6 +103,46 @@ def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Fin
     if worst:
         cause = f"a step of {step:g} s moves {met} by {worst:.2g} radii: impacts on planes may be missed"
         yield Finding(("run", "step"), cause, f"step = {_rounded_down(safe):g} is safe")
+
+
+def _step_of_falls(parts: Parts, world: World) -> Iterator[Finding]:
+    """What gravity will make of the speeds: a ball that falls freely onto a plane within the run, others not in its way.
+
+    Only in scenes of a few balls: in heaps balls fall less far than their height, and the summary of the run tells.
+    """
+    run, bodies = parts.run, parts.bodies()
+    if run is None or run.until is None or len(bodies.names) > FEW_BALLS:
+        return
+    worst = None
+    for plane in _planes(parts):
+        normal, point = np.array(plane.shape[1]), np.array(plane.point)
+        pull = -dot(world.gravity, plane.shape[1])
+        if pull <= 0:
+            continue
+        height = (bodies.position - point) @ normal - bodies.radius
+        towards = -(bodies.velocity @ normal)
+        speed = np.sqrt(np.maximum(0.0, towards**2 * (towards > 0) + 2 * pull * np.maximum(0.0, height)))
+        in_time = (speed - np.maximum(0.0, towards)) / pull <= run.until
+        travel = np.where(in_time & ~_held_up(bodies, normal), speed / bodies.radius * run.step, 0.0)
+        body = int(travel.argmax())
+        if travel[body] > PLANE_TRAVEL and (worst is None or travel[body] > worst[0]):
+            worst = (float(travel[body]), float(speed[body]), bodies.names[body], plane.name)
+    if worst is not None:
+        travel_, speed_, name, met = worst
+        cause = f"falling, {quoted(name)} reaches {speed_:.3g} m/s at {quoted(met)}"
+        cause += f": a step of {run.step:g} s moves it by {travel_:.2g} radii"
+        safe = _rounded_down(PLANE_TRAVEL * run.step / travel_)
+        yield Finding(("run", "step"), cause, f"step = {safe:g} is safe")
+
+
+def _held_up(bodies: Bodies, normal: F64) -> NDArray[np.bool_]:
+    """Which balls have another one below them, (N,)."""
+    height = bodies.position @ normal
+    across = bodies.position - np.outer(height, normal)
+    near = (
+        np.linalg.norm(across[:, None] - across[None], axis=2) < bodies.radius[:, None] + bodies.radius[None]
+    )
+    return np.asarray((near & (height[None] < height[:, None])).any(axis=1))
 
 
 def _rounded_down(x: float) -> float:

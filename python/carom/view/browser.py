@@ -106,6 +106,7 @@ class Browser:
                 deviceScaleFactor=1,
                 mobile=touch,
             )
+            self._call("Emulation.setTouchEmulationEnabled", enabled=touch)
             self._call(
                 "Emulation.setEmulatedMedia",
                 features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}],
@@ -170,6 +171,13 @@ class Browser:
         **more: Any,
     ) -> None:
         self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1, **more)
+
+    def fingers(self, *moments: list[tuple[float, float]]) -> None:
+        """Put fingers on the screen at the first of the moments, move them through the others and lift them."""
+        for kind, points in zip(["touchStart"] + ["touchMove"] * (len(moments) - 1), moments, strict=True):
+            touches = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+            self._call("Input.dispatchTouchEvent", type=kind, touchPoints=touches)
+        self._call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
     def resize(self, width: int, height: int) -> None:
         self._call(

@@ -22,6 +22,8 @@ import numpy.typing as npt
 from carom.errors import CaromError
 from carom.files import write_whole
 from carom.view import codec
+from carom.view.happenings import happenings
+from carom.view.links import links
 from carom.view.scenery import bounds, held, period, scenery
 
 FORMAT = 1
@@ -47,7 +49,8 @@ class Viewable(Protocol):
 
     The tables are anything that gives a column by its name: `bodies["radius"]`, one a body, and
     `planes["name"]`, `planes["point"]`, `planes["normal"]`, one a plane. `gravity` (3,), `impacts["time"]`,
-    `walls` (as `carom.walls.Walls`), `present` (frame, body) and `periodic` (3,) are used where there are such.
+    `walls` (as `carom.walls.Walls`), `present` (frame, body), `periodic` (3,), the tables `impacts` and `contacts`,
+    `energy` and `scenario` (for joints and springs) are used where there are such.
     """
 
     @property
@@ -99,6 +102,7 @@ def write_html(
             f"a page of {max_mb:g} MB leaves no room for motion; give --max-mb (max_mb in Python) at least"
             f" {math.ceil(least / 1e4) / 100:g}"
         )
+    title = title or getattr(result, "title", "") or "Carom"
     budget = int(max_mb * 1e6) - shell.size - 20_000
 
     shape = tuple(result.position.shape)
@@ -111,7 +115,7 @@ def write_html(
         if frames_recorded / stride < MIN_FRAMES and stride > 1:
             every = max(every, -(-stride * MIN_FRAMES // frames_recorded))
             stride = max(1, frames_recorded // MIN_FRAMES)
-        facts, packed = _pack(result, stride, every, title or "Carom")
+        facts, packed = _pack(result, stride, every, title, budget)
         size = len(packed) * 4 // 3 + len(facts["names"]) * 40
         if size <= budget or (every >= bodies_recorded and stride >= frames_recorded):
             break
@@ -123,8 +127,8 @@ def write_html(
 
     frames, bodies = facts["arrays"]["time"]["shape"][0], len(facts["names"])
     notes = _notes(frames, frames_recorded, stride, bodies, bodies_recorded, every, max_mb)
-    facts["notes"] = notes
-    text = shell.fill(title or "Carom", json.dumps(facts, separators=(",", ":")), packed)
+    facts["notes"] = notes = notes + facts["notes"]
+    text = shell.fill(title, json.dumps(facts, separators=(",", ":")), packed)
     write_whole(target, text, durable=False, parents=True)  # a full disk leaves the old page in place
     return ViewInfo(target, len(text), frames, frames_recorded, bodies, bodies_recorded, tuple(notes))
 
@@ -139,7 +143,7 @@ def _check(result: Viewable, shape: tuple[int, ...]) -> None:
         raise CaromError(f"every one of the {shape[1]} bodies needs a positive radius")
 
 
-def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[str, Any], bytes]:
+def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) -> tuple[dict[str, Any], bytes]:
     """The facts (all that is not motion) and the gzip'd motion, of every `stride`-th frame."""
     recorded = result.position.shape[0]
     bodies = slice(None, None, every)
@@ -192,6 +196,14 @@ def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[s
         add("wall_position", codec.quantise(set_up.position, step, corner), step=step, origin=corner.tolist())
         add("wall_orientation", codec.orientation_integers(set_up.orientation))
 
+    happened = happenings(result, frames.astype(np.int64), every, 0.75 * budget)
+    for name, values in happened.columns.items():
+        add(name, values)
+    for name, doubles in happened.doubles.items():
+        arrays[name] = {"offset": sum(map(len, chunks)), "shape": [len(doubles)]}
+        chunks.append(doubles.astype("<f8").tobytes())
+    tied = links(result, every)
+
     facts = {
         "format": FORMAT,
         "title": title,
@@ -201,6 +213,9 @@ def _pack(result: Viewable, stride: int, every: int, title: str) -> tuple[dict[s
         "planes": set_up.planes,
         **({"walls": set_up.walls} if set_up.walls else {}),
         **({"period": fold} if fold is not None else {}),
+        **({"links": tied} if tied else {}),
+        **happened.facts,
+        "notes": happened.notes,
         "gravity": _gravity(result),
         "marks": _marks(result, time),
         "arrays": arrays,

@@ -1,0 +1,34 @@
+"""`carom.billiards`: tables, racks and cue strikes, as scenes of Carom like any other.
+
+    from carom import billiards
+
+    table = billiards.table("9ft")
+    scene = table.scene("a break", until=3.0, step=5e-4)
+    table.rack(scene, 15)
+    cue = table.cue_ball(scene, at="head spot")
+    billiards.strike(cue, speed=8.0, direction="0 deg", height=0.1)
+    result = carom.simulate(scene)
+    table.pocketed(result)
+
+Nothing here is physics of its own: a cushion is a wall, a pocket an outlet, a strike the velocities after an impulse.
+"""
+
+from carom.billiards.cue import Strike, cue_impulse, strike
+from carom.billiards.data import LAWS, TABLES, Laws, Spec, Value
+from carom.billiards.racks import rack_places
+from carom.billiards.table import Pocketed, Table, table
+
+__all__ = [
+    "LAWS",
+    "TABLES",
+    "Laws",
+    "Pocketed",
+    "Spec",
+    "Strike",
+    "Table",
+    "Value",
+    "cue_impulse",
+    "rack_places",
+    "strike",
+    "table",
+]

@@ -1,0 +1,196 @@
+"""The strike of a cue: from tip offset, elevation and speed to the velocities of the ball.
+
+The tip gives the ball one impulse J along the cue at the point where it touches (no slip of the tip, no squirt). With the
+cue of mass M moving at V along the unit vector d, the point p from the centre of the ball and the moment of inertia I,
+
+    J = (1 + e) V / (1/M + 1/m + |p x d|^2/I),   v = J d/m,   w = J p x d/I,
+
+which for e = 1 is the result of W. Leckie and M. Greenspan, An event-based pool physics simulator (2006), eqs. for v and w,
+and of D. Alciatore, TP A.30. A cue that points down gives a downward velocity: the bed answers to it in the first step of
+the run, with its own restitution and friction, and a jump or a masse shot follows from that.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.units import UnitError, parse
+
+if TYPE_CHECKING:
+    from carom.scenario.balls import Sphere
+
+F64 = NDArray[np.float64]
+
+CUE_MASS = 19 * 0.028349523125
+"""A cue of 19 oz, kg."""
+MISCUE = 0.5
+"""Offset over radius beyond which leather tips slip, by rule of thumb."""
+
+
+@dataclass(frozen=True)
+class Strike:
+    """What a strike gives: SI, world frame."""
+
+    velocity: F64
+    """(3,) of the centre, m/s."""
+    angular_velocity: F64
+    """(3,) rad/s."""
+    impulse: float
+    """J, N s."""
+    cue_speed: float
+    """Of the cue before, m/s."""
+    cue_speed_after: float
+    """Of the cue along its axis afterwards, m/s."""
+    squirt: float
+    """Angle by which the ball starts off the direction of the cue, to the left if above 0, rad."""
+
+
+def cue_impulse(
+    *,
+    radius: float,
+    mass: float,
+    inertia: float,
+    direction: float,
+    speed: float | None = None,
+    ball_speed: float | None = None,
+    side: float = 0.0,
+    height: float = 0.0,
+    elevation: float = 0.0,
+    cue_mass: float = CUE_MASS,
+    restitution: float = 1.0,
+    end_mass: float | None = None,
+) -> Strike:
+    """The velocities of a ball at rest after a strike; angles in rad.
+
+    `speed` is that of the cue, or `ball_speed` |v| of the ball after the strike, m/s. The tip touches `side` radii to the
+    right of the cue's line through the centre and `height` radii above it, both across the cue as the player sees it.
+    `elevation` is that of the butt. With `end_mass`, the mass of the cue's front end that takes part (kg), the ball
+    squirts away from the side on which it is struck:
+
+        tan a = 5/2 s sqrt(1 - s^2)/(1 + m/m_e + 5/2 (1 - s^2)),   s = side
+
+    (Alciatore, TP A.31); else it does not. Spin is that of the cue's line in either case.
+    """
+    if (speed is None) == (ball_speed is None):
+        raise CaromError("strike: give speed (of the cue) or ball_speed, one of them, in m/s")
+    for name, value, good in (
+        ("speed", speed, speed is None or speed > 0),
+        ("ball_speed", ball_speed, ball_speed is None or ball_speed > 0),
+        ("cue_mass", cue_mass, cue_mass > 0),
+        ("end_mass", end_mass, end_mass is None or end_mass > 0),
+        ("restitution", restitution, 0 <= restitution <= 1),
+        ("elevation", elevation, 0 <= elevation < math.pi / 2),
+    ):
+        if not good:
+            span = {"restitution": "from 0 to 1", "elevation": "from 0 to below 90 deg"}.get(name, "above 0")
+            raise CaromError(f"strike: {name} must be {span}, found {value!r}")
+    offset = math.hypot(side, height)
+    if not offset < 1:
+        raise CaromError(
+            f"strike: the tip misses the ball: side and height are {offset:.3g} radii off its centre"
+        )
+    if offset > MISCUE:
+        from carom.run import CaromWarning
+
+        told = f"strike: the tip is {offset:.2g} radii off the centre; beyond {MISCUE:g} real tips slip (a miscue)"
+        warnings.warn(told, CaromWarning, stacklevel=3)
+    along = np.array(
+        [
+            math.cos(elevation) * math.cos(direction),
+            math.cos(elevation) * math.sin(direction),
+            -math.sin(elevation),
+        ]
+    )
+    right = np.array([math.sin(direction), -math.cos(direction), 0.0])
+    above = np.cross(right, along)
+    depth = math.sqrt(1.0 - offset * offset)
+    lever = np.cross(radius * (side * right + height * above - depth * along), along)
+    compliance = 1.0 / cue_mass + 1.0 / mass + float(lever @ lever) / inertia
+    if speed is None:
+        assert ball_speed is not None
+        speed = mass * ball_speed * compliance / (1.0 + restitution)
+    impulse = (1.0 + restitution) * speed / compliance
+    squirt = 0.0
+    if end_mass is not None:
+        share = 1.0 - side * side
+        squirt = math.atan2(2.5 * side * math.sqrt(share), 1.0 + mass / end_mass + 2.5 * share)
+    turn = np.array(
+        [
+            [math.cos(squirt), -math.sin(squirt), 0.0],
+            [math.sin(squirt), math.cos(squirt), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    return Strike(
+        velocity=turn @ (impulse / mass * along),
+        angular_velocity=impulse / inertia * lever,
+        impulse=impulse,
+        cue_speed=speed,
+        cue_speed_after=speed - impulse / cue_mass,
+        squirt=squirt,
+    )
+
+
+def strike(
+    ball: Sphere,
+    *,
+    direction: float | str | Sequence[float] = 0.0,
+    speed: float | str | None = None,
+    ball_speed: float | str | None = None,
+    side: float = 0.0,
+    height: float = 0.0,
+    elevation: float | str = 0.0,
+    cue_mass: float | str = CUE_MASS,
+    restitution: float = 1.0,
+    end_mass: float | str | None = None,
+) -> Strike:
+    """Strike a ball of a scene that lies still: sets its velocity and angular velocity, and returns what it set.
+
+    `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table. The
+    other arguments are those of `cue_impulse`, numbers in SI or texts with a unit.
+    """
+    if any(ball.velocity) or any(ball.angular_velocity):
+        raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
+    if isinstance(direction, str | float | int):
+        angle = _si(direction, "angle")
+    else:
+        x, y = (float(c) for c in tuple(direction)[:2])
+        if not math.hypot(x, y) > 0:
+            raise CaromError(
+                "strike: direction must be an angle or a vector within the table that is not zero"
+            )
+        angle = math.atan2(y, x)
+    found = cue_impulse(
+        radius=ball.radius,
+        mass=ball.mass_kg(),
+        inertia=ball.inertia_kg_m2(),
+        direction=angle,
+        speed=None if speed is None else _si(speed, "speed"),
+        ball_speed=None if ball_speed is None else _si(ball_speed, "speed"),
+        side=side,
+        height=height,
+        elevation=_si(elevation, "angle"),
+        cue_mass=_si(cue_mass, "mass"),
+        restitution=restitution,
+        end_mass=None if end_mass is None else _si(end_mass, "mass"),
+    )
+    ball.velocity = tuple(found.velocity.tolist())
+    ball.angular_velocity = tuple(found.angular_velocity.tolist())
+    return found
+
+
+def _si(value: float | str, quantity: str) -> float:
+    if not isinstance(value, str):
+        return float(value)
+    try:
+        return parse(value, quantity)
+    except UnitError as error:
+        raise CaromError(f"strike: {error}") from None

@@ -1,0 +1,124 @@
+"""Sizes of tables and values of materials, each with its source. Change any: `replace(LAWS, cloth_friction=...)`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+INCH = 0.0254
+OUNCE = 0.028349523125
+
+WPA = "WPA tournament table & equipment specifications (2001)"
+WPBSA = "WPBSA official rules of snooker, section 1"
+UMB = "UMB rules of carom billiards, chapter on equipment"
+POOLTOOL = "default of pooltool (E. Kiefl)"
+MARLOW = "fit of D. Alciatore, TP A.14, to W. C. Marlow, The Physics of Pocket Billiards (1995); eq. 51 of the paper"
+MATHAVAN_CUSHION = (
+    "S. Mathavan, M. R. Jackson, R. M. Parkin, Proc. IMechE C 224 (2010) 1863: snooker, v < 2.5 m/s"
+)
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number in SI, what is usual, and where it is from."""
+
+    value: float
+    unit: str
+    source: str
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A kind of table with its balls. Lengths in m; the playing area is from nose to nose."""
+
+    name: str
+    length: float
+    width: float
+    ball_radius: float
+    ball_mass: float
+    nose_height: float
+    corner_mouth: float = 0.0
+    """Distance of the two points of a corner pocket; 0: no pockets."""
+    side_mouth: float = 0.0
+    corner_angle: float = 142.0
+    """Between nose and facing, degrees."""
+    side_angle: float = 104.0
+    corner_shelf: float = 0.0
+    """From the middle of the mouth to the edge of the slate."""
+    side_shelf: float = 0.0
+    source: str = ""
+
+
+def _pool(name: str, length: float, width: float, source: str) -> Spec:
+    return Spec(
+        name,
+        length,
+        width,
+        ball_radius=2.25 * INCH / 2,
+        ball_mass=6.0 * OUNCE,
+        nose_height=0.635 * 2.25 * INCH,
+        corner_mouth=4.5625 * INCH,
+        side_mouth=5.0625 * INCH,
+        corner_shelf=1.625 * INCH,
+        side_shelf=0.1875 * INCH,
+        source=source,
+    )
+
+
+TABLES: dict[str, Spec] = {
+    "7ft": _pool("7ft", 78 * INCH, 39 * INCH, f"area: {POOLTOOL}; all else as of the larger tables, {WPA}"),
+    "8ft": _pool("8ft", 92 * INCH, 46 * INCH, WPA),
+    "9ft": _pool("9ft", 100 * INCH, 50 * INCH, WPA),
+    "snooker": Spec(
+        "snooker",
+        3.569,
+        1.778,
+        ball_radius=0.0525 / 2,
+        ball_mass=0.142,
+        nose_height=0.7 * 0.0525,
+        corner_mouth=0.0889,
+        side_mouth=0.105,
+        corner_angle=140.0,
+        side_angle=110.0,
+        corner_shelf=0.03,
+        side_shelf=0.01,
+        source=f"area and ball: {WPBSA}; nose height 7/5 r: Mathavan et al. (2010); pockets: rough, the rules refer to"
+        " templates, and their cushions are round where these are straight",
+    ),
+    "carom": Spec("carom", 2.84, 1.42, ball_radius=0.0615 / 2, ball_mass=0.21, nose_height=0.037, source=UMB),
+}
+"""By name."""
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Contact laws of a table. Where a value is no `Value`'s, say so in what you publish."""
+
+    ball_restitution: Value = Value(0.95, "1", POOLTOOL, 0.92, 0.98)
+    ball_friction: str | float = "9.951e-3 + 0.108*exp(-1.088*v)"
+    """mu of the slip speed v, m/s: 0.11 at 0.07, 0.06 at 0.7, 0.01 at 7 m/s; see `MARLOW`."""
+    cloth_friction: Value = Value(0.2, "1", POOLTOOL, 0.15, 0.4)
+    cloth_restitution: Value = Value(0.5, "1", POOLTOOL, 0.5, 0.7)
+    rolling_deceleration: Value = Value(0.01, "g", POOLTOOL, 0.005, 0.015)
+    """Of a rolling ball, over g."""
+    spin_deceleration: Value = Value(
+        10.0, "rad/s^2", "Alciatore's range of 5 to 15 for pool cloth", 5.0, 15.0
+    )
+    """Of a ball that spins in its place."""
+    cushion_restitution: Value = Value(
+        0.85, "1", "the paper, section 5.6; van Balen's constant for the model of Han in pooltool", 0.6, 0.9
+    )
+    """Of the speed across the rail of a ball on the bed. Mathavan's 0.98 belongs to another law, of the energy."""
+    cushion_friction: Value = Value(0.14, "1", MATHAVAN_CUSHION, 0.14, 0.2)
+
+    def rolling_radius(self, radius: float) -> float:
+        """rho, m: a ball that rolls under the moment rho N slows down by 5 rho g/(7 r)."""
+        return 1.4 * self.rolling_deceleration.value * radius
+
+    def spinning_radius(self, radius: float, gravity: float) -> float:
+        """delta, m: spin about the vertical decays by delta m g/I, I = 2/5 m r^2."""
+        return 0.4 * radius * radius * self.spin_deceleration.value / gravity
+
+
+LAWS = Laws()

@@ -1,0 +1,310 @@
+"""A table as walls and outlets.
+
+Lengths run along x from 0 to L, widths along y from 0 to W, the bed is z = 0, as in `scenarios/paper/5.6_break.toml`.
+
+**Cushions.** The nose of a cushion is a line at the height h above the bed, above the centre of the ball. It is the edge of
+a horizontal rectangle: a ball on the bed touches it with a normal that points down by theta, sin theta = (h - r)/r. The
+bed, on which its weight holds the ball, answers in the same impact (rule R2, `docs/theory/algorithm.md` section 5: contacts
+that the load closes act together with it), so that without friction e comes back of the speed across the rail, and the
+ball does not hop. One that is in the air is pressed down, and (1 + e) cos^2 theta - 1 of its speed comes back.
+
+**Pockets.** The points of a pocket are the ends of the noses; its facings are rectangles too, so that balls rattle. A ball
+is taken out (by outlets) once its centre is behind the edge of the slate, a straight line here; a ball that is over a rail
+and higher than the nose has left the table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from carom.billiards.data import LAWS, TABLES, Laws, Spec
+from carom.billiards.racks import rack_places
+from carom.errors import CaromError, did_you_mean
+from carom.events import departures
+
+if TYPE_CHECKING:
+    from carom.result import Result
+    from carom.scenario.balls import Sphere
+    from carom.scene import Scene
+
+GRAVITY = 9.8
+FAR = 10.0
+"""Where outlets end, m."""
+STAIRS = 8
+"""Boxes that stand for the slanted edge of the slate in a corner."""
+FACING = 2.8
+"""Length of a facing, in radii of a ball."""
+
+OFF = "off the table"
+
+
+@dataclass(frozen=True)
+class Pocketed:
+    """A ball that left: into which pocket, or `OFF`, and when, s."""
+
+    ball: str
+    pocket: str
+    time: float
+
+
+def table(name: str = "9ft", **changes: Any) -> Table:
+    """A table by name, `7ft`, `8ft`, `9ft`, `snooker` or `carom`; `changes` are fields of `Spec`, SI: `nose_height=0.037`.
+
+    `table("9ft", corner_mouth=0.0)` has no pockets.
+    """
+    if name not in TABLES:
+        raise CaromError(f"no table is called {name!r}; {did_you_mean(str(name), list(TABLES))}")
+    known = list(Spec.__dataclass_fields__)
+    for key in changes:
+        if key not in known:
+            raise CaromError(f"table: {key} is nothing that a table has; {did_you_mean(key, known)}")
+    return Table(replace(TABLES[name], **changes))
+
+
+class Table:
+    """Builds scenes on a table and reads results of them."""
+
+    def __init__(self, spec: Spec) -> None:
+        r = spec.ball_radius
+        if not 0 < r < spec.nose_height < 2 * r:
+            raise CaromError(
+                f"table: nose_height must be above the centre of the ball and below its top, {r:g} to {2 * r:g} m,"
+                f" found {spec.nose_height:g}"
+            )
+        if min(spec.length, spec.width) < 10 * r:
+            raise CaromError(f"table: {spec.length:g} m x {spec.width:g} m is too small for balls of {r:g} m")
+        if bool(spec.corner_mouth) != bool(spec.side_mouth):
+            raise CaromError(
+                "table: give corner_mouth and side_mouth both, or both 0 for a table without pockets"
+            )
+        self.spec = spec
+
+    @property
+    def has_pockets(self) -> bool:
+        return self.spec.corner_mouth > 0
+
+    @property
+    def nose_angle(self) -> float:
+        """theta, rad: by how much the normal at the nose points down for a ball on the bed."""
+        return math.asin((self.spec.nose_height - self.spec.ball_radius) / self.spec.ball_radius)
+
+    @property
+    def reach(self) -> float:
+        """Distance of the centre of a ball on the bed from the line of the nose that it touches, m: r cos theta."""
+        return self.spec.ball_radius * math.cos(self.nose_angle)
+
+    @property
+    def spots(self) -> dict[str, tuple[float, float]]:
+        """Places on the table (x, y), m; `rack` and `cue_ball` take their names."""
+        length, width = self.spec.length, self.spec.width
+        return {
+            "head spot": (0.25 * length, 0.5 * width),
+            "centre spot": (0.5 * length, 0.5 * width),
+            "foot spot": (0.75 * length, 0.5 * width),
+        }
+
+    @property
+    def pockets(self) -> dict[str, tuple[float, float]]:
+        """Pockets by name, as corners and middles of the playing area (x, y), m."""
+        if not self.has_pockets:
+            return {}
+        length, width = self.spec.length, self.spec.width
+        ends, sides = (("head", 0.0), ("foot", length)), (("right", 0.0), ("left", width))
+        corners = {f"{end} {side}": (x, y) for end, x in ends for side, y in sides}
+        return corners | {f"side {side}": (0.5 * length, y) for side, y in sides}
+
+    # --- building ---------------------------------------------------------------------------------------------
+
+    def scene(
+        self, title: str = "", *, laws: Laws = LAWS, gravity: float = GRAVITY, record: Any = None, **run: Any
+    ) -> Scene:
+        """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`."""
+        from carom.scene import Scene
+
+        scene = Scene(
+            title or f"{self.spec.name} table", gravity=(0.0, 0.0, -gravity), run=run, record=record
+        )
+        self._laws(scene, laws, gravity)
+        scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="cloth")
+        for name, start, end in self._noses():
+            self._rail(scene, name, start, end)
+        for low, high in self._outlets():
+            scene.outlet(low=low, high=high)
+        return scene
+
+    def ball(self, scene: Scene, name: str, at: str | Sequence[float], **keys: Any) -> Sphere:
+        """Add a ball of this table at a spot, or at (x, y) m, on the bed; `keys` are those of `Scene.sphere`."""
+        if isinstance(at, str):
+            if at not in self.spots:
+                raise CaromError(f"ball: no spot is called {at!r}; {did_you_mean(at, list(self.spots))}")
+            at = self.spots[at]
+        x, y = (float(c) for c in at)
+        r = self.spec.ball_radius
+        given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, r), **keys}
+        return scene.sphere(name, **given)
+
+    def cue_ball(self, scene: Scene, at: str | Sequence[float] = "head spot", **keys: Any) -> Sphere:
+        """Add the ball "cue"."""
+        return self.ball(scene, "cue", at, **keys)
+
+    def rack(
+        self,
+        scene: Scene,
+        balls: int = 15,
+        *,
+        apex: str | Sequence[float] = "foot spot",
+        prefix: str = "",
+        gap: float = 0.0,
+        jitter: float = 0.0,
+        seed: int | None = None,
+    ) -> list[Sphere]:
+        """Add 3 to 15 balls, the apex towards the head of the table, named `prefix` and 1, 2, ... row by row.
+
+        `gap`, `jitter` and `seed` are those of `rack_places`.
+        """
+        x, y = self.spots[apex] if isinstance(apex, str) and apex in self.spots else (None, None)
+        if x is None or y is None:
+            if isinstance(apex, str):
+                raise CaromError(f"rack: no spot is called {apex!r}; {did_you_mean(apex, list(self.spots))}")
+            x, y = (float(c) for c in apex)
+        places = rack_places(balls, self.spec.ball_radius, gap=gap, jitter=jitter, seed=seed)
+        return [
+            self.ball(scene, f"{prefix}{k}", (x + along, y + left))
+            for k, (along, left) in enumerate(places.tolist(), start=1)
+        ]
+
+    def _laws(self, scene: Scene, laws: Laws, gravity: float) -> None:
+        mu, r = laws.ball_friction, self.spec.ball_radius
+        friction = {"expression": mu} if isinstance(mu, str) else mu
+        scene.contact("ball", "ball", friction=friction, restitution=laws.ball_restitution.value)
+        scene.contact(
+            "ball",
+            "cloth",
+            friction=laws.cloth_friction.value,
+            restitution=laws.cloth_restitution.value,
+            rolling_radius=laws.rolling_radius(r),
+            spinning_radius=laws.spinning_radius(r, gravity) if gravity > 0 else 0.0,
+        )
+        scene.contact(
+            "ball",
+            "cushion",
+            friction=laws.cushion_friction.value,
+            restitution=laws.cushion_restitution.value,
+        )
+
+    # --- geometry -----------------------------------------------------------------------------------------------
+
+    def _noses(self) -> list[tuple[str, tuple[float, float], tuple[float, float]]]:
+        """Name and ends of each straight piece of nose and facing; the table is to the left of the way between them."""
+        length, width = self.spec.length, self.spec.width
+        if not self.has_pockets:
+            corners = [(0.0, 0.0), (length, 0.0), (length, width), (0.0, width)]
+            names = ("right", "foot", "left", "head")
+            return [(f"cushion {n}", corners[k], corners[(k + 1) % 4]) for k, n in enumerate(names)]
+        a, b = self.spec.corner_mouth / math.sqrt(2), 0.5 * self.spec.side_mouth
+        middle = 0.5 * length
+        straight = {
+            "right head": ((a, 0.0), (middle - b, 0.0), "corner", "side"),
+            "right foot": ((middle + b, 0.0), (length - a, 0.0), "side", "corner"),
+            "foot": ((length, a), (length, width - a), "corner", "corner"),
+            "left foot": ((length - a, width), (middle + b, width), "corner", "side"),
+            "left head": ((middle - b, width), (a, width), "side", "corner"),
+            "head": ((0.0, width - a), (0.0, a), "corner", "corner"),
+        }
+        found = []
+        for name, (start, end, before, after) in straight.items():
+            found.append((f"cushion {name}", start, end))
+            way = np.subtract(end, start) / math.dist(start, end)
+            out = np.array([way[1], -way[0]])
+            reach = FACING * self.spec.ball_radius
+            for kind, point, along, tip in ((before, start, -way, "a"), (after, end, way, "b")):
+                angle = self.spec.corner_angle if kind == "corner" else self.spec.side_angle
+                turn = math.pi - math.radians(angle)  # off the line of the nose, outwards
+                far = np.array(point) + reach * (math.cos(turn) * along + math.sin(turn) * out)
+                deep = (float(far[0]), float(far[1]))
+                ends = (deep, point) if tip == "a" else (point, deep)
+                found.append((f"facing {name} {tip}", *ends))
+        return found
+
+    def _rail(self, scene: Scene, name: str, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """A rectangle at the height of the nose that faces down; its inner edge is the nose."""
+        reach = 3.0 * self.spec.ball_radius
+        way = np.subtract(end, start)
+        length = float(np.linalg.norm(way))
+        way = way / length
+        out = np.array([way[1], -way[0]])
+        middle = 0.5 * np.add(start, end) + 0.5 * reach * out
+        scene.plane(
+            name,
+            point=(float(middle[0]), float(middle[1]), self.spec.nose_height),
+            normal=(0, 0, -1),
+            size=(length, reach),
+            side=(float(way[0]), float(way[1]), 0.0),
+            material="cushion",
+        )
+
+    def _outlets(self) -> list[tuple[list[float], list[float]]]:
+        """Boxes: over the rails, and behind the edge of the slate in the pockets."""
+        length, width, top = self.spec.length, self.spec.width, self.spec.nose_height
+        low_x, high_x, low_y, high_y = -FAR, length + FAR, -FAR, width + FAR
+        boxes = [
+            ([low_x, low_y, top], [0.0, high_y, FAR]),
+            ([length, low_y, top], [high_x, high_y, FAR]),
+            ([0.0, low_y, top], [length, 0.0, FAR]),
+            ([0.0, width, top], [length, high_y, FAR]),
+        ]
+        if not self.has_pockets:
+            return boxes
+        spec, r = self.spec, self.spec.ball_radius
+        # The edge of the slate in a corner: x + y = 2 c in its own axes, stairs of boxes under it.
+        c = 0.5 * (spec.corner_mouth / math.sqrt(2) - math.sqrt(2) * spec.corner_shelf)
+        steps = np.linspace(c - r, c + r, STAIRS)
+        half = 0.5 * float(steps[1] - steps[0])
+        for corner_x, sign_x in ((0.0, 1.0), (length, -1.0)):
+            for corner_y, sign_y in ((0.0, 1.0), (width, -1.0)):
+                for u in steps.tolist():
+                    xs = sorted((corner_x - sign_x * FAR, corner_x + sign_x * (u + half)))
+                    ys = sorted((corner_y - sign_y * FAR, corner_y + sign_y * (2 * c - u + half)))
+                    boxes.append(([xs[0], ys[0], -FAR], [xs[1], ys[1], FAR]))
+        b = 0.5 * spec.side_mouth + r
+        middle, shelf = 0.5 * length, spec.side_shelf
+        boxes.append(([middle - b, low_y, -FAR], [middle + b, -shelf, FAR]))
+        boxes.append(([middle - b, width + shelf, -FAR], [middle + b, high_y, FAR]))
+        return boxes
+
+    # --- reading ------------------------------------------------------------------------------------------------
+
+    def pocketed(self, result: Result) -> list[Pocketed]:
+        """The balls that left in a result of this table, and where: in the order of time.
+
+        The place is that of the last frame before, carried on at its velocity.
+        """
+        time = np.asarray(result.time)
+        found = []
+        for event in departures(result):
+            index = result.names.index(event.body)
+            last = int(np.searchsorted(time, event.time, side="left")) - 1
+            while last > 0 and not result.present[last, index]:
+                last -= 1
+            ahead = event.time - float(time[last])
+            x = np.asarray(result.position[last, index]) + ahead * np.asarray(result.velocity[last, index])
+            found.append(Pocketed(event.body, self._where(x), event.time))
+        return found
+
+    def _where(self, x: Any) -> str:
+        if not self.has_pockets:
+            return OFF
+        name = min(self.pockets, key=lambda name: math.dist(self.pockets[name], x[:2]))
+        near = math.dist(self.pockets[name], x[:2]) < self.spec.corner_mouth
+        # A ball may hop into a pocket, but not from higher than itself.
+        return name if near and x[2] < 3 * self.spec.ball_radius else OFF
+
+    def __repr__(self) -> str:
+        s = self.spec
+        pockets = f"{len(self.pockets)} pockets" if self.has_pockets else "no pockets"
+        return f"<billiard table {s.name}: {s.length:g} m x {s.width:g} m, {pockets}, nose at {s.nose_height:g} m>"

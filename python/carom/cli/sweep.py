@@ -1,0 +1,171 @@
+"""`carom sweep`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from carom.cli.options import Json, Quiet
+from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
+
+if TYPE_CHECKING:
+    from carom.sweeps import Progress, Sweep
+
+#: Seconds between two lines of progress where there is no terminal.
+LINE_SECONDS = 15.0
+#: Failures that are printed.
+SHOWN = 10
+
+
+@guarded
+def sweep(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A study file (TOML).", show_default=False)],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="DIR", help="Folder of the study; default sweeps/STUDY."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=0,
+            help="Processes on this machine; default one per processor. 0: this process alone.",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="A running dask scheduler, as tcp://host:8786."),
+    ] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Compute failed cases again.")] = False,
+    measure: Annotated[
+        str | None,
+        typer.Option(
+            "--measure",
+            metavar="FILE.py:FUNCTION",
+            help="Your Python function that takes the Result of a case and returns {name: number}.",
+        ),
+    ] = None,
+    plots: Annotated[
+        bool | None,
+        typer.Option("--plots/--no-plots", help="Summary figures; by default if matplotlib is there."),
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option("--columns", metavar="A,B", help="Columns that the figures show.")
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> int:
+    """Compute the cases of a study that its folder does not hold yet, on several processes or a cluster.
+
+    Whatever is killed, what was computed stays; the same command goes on from there.
+
+    Example: carom sweep break_study.toml -o break_study --workers 2
+    """  # fmt: skip
+    from carom.sweeps import Study
+    from carom.sweeps import sweep as compute
+
+    described = Study.from_toml(study, _function(measure))
+    folder = out or Path("sweeps") / study.stem
+    bar = _Bar() if not (quiet or as_json) else None
+    try:
+        found = compute(
+            described, folder, workers=workers, scheduler=scheduler, retry_failed=retry_failed, progress=bar
+        )
+    except KeyboardInterrupt:
+        note(f"interrupted; what was computed is in {folder}, and the same command goes on from there")
+        raise
+    finally:
+        if bar is not None:
+            bar.stop()
+    files = _figures(found, plots, columns.split(",") if columns else [])
+    if as_json:
+        emit({**found.summary, "files": [str(f) for f in files]})
+    elif not quiet:
+        _print(found, files)
+    return NOT_CONVERGED if found.failures else DONE
+
+
+def _figures(found: Sweep, wanted: bool | None, columns: list[str]) -> list[Path]:
+    if wanted is None:
+        from importlib.util import find_spec
+
+        wanted = find_spec("matplotlib") is not None
+    return found.plot(columns=columns) if wanted and found.ok.any() else []
+
+
+def _print(found: Sweep, files: list[Path]) -> None:
+    from carom.errors import counted
+
+    facts = found.summary
+    text = f"{counted(facts['done'], 'case')} done, {facts['failed']} failed"
+    if facts["new"]:
+        text += f"; {facts['new']} new in {facts['wall_s']:.3g} s, {facts['per_second']:.3g} a second"
+    else:
+        text += "; nothing was missing"
+    print(text)
+    for row in found.failures[:SHOWN]:
+        values = ", ".join(f"{name} = {row[name]:.6g}" for name in found.parameters)
+        print(f"  case {row['case']} ({values}): {row['outcome']}: {row['message']}")
+    if facts["failed"] > SHOWN:
+        print(f"  and {facts['failed'] - SHOWN} more, in {found.path / 'sweep.json'}")
+    print("\n".join(str(f) for f in [facts["table"], *files]))
+
+
+class _Bar:
+    """Progress on a terminal as a bar, elsewhere as a line now and then."""
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._task: Any = None
+        self._last = 0.0
+
+    def __call__(self, now: Progress) -> None:
+        eta = int(now.eta_s) if now.eta_s < 1e8 else 0
+        left = f"{eta // 3600}:{eta % 3600 // 60:02d}:{eta % 60:02d}"
+        facts = f"{now.done}/{now.cases}  {now.failed} failed  {now.per_second:.3g}/s  ETA {left}"
+        if not sys.stderr.isatty():
+            if now.wall_s - self._last >= LINE_SECONDS:
+                self._last = now.wall_s
+                note(facts)
+            return
+        if self._bar is None:
+            from rich.console import Console
+            from rich.progress import BarColumn, TaskProgressColumn, TextColumn
+            from rich.progress import Progress as RichBar
+
+            columns = (BarColumn(bar_width=20), TaskProgressColumn(), TextColumn("{task.fields[facts]}"))
+            self._bar = RichBar(*columns, console=Console(stderr=True), auto_refresh=False, transient=True)
+            self._task = self._bar.add_task("", total=now.cases, facts="")
+            self._bar.start()
+        self._bar.update(self._task, completed=now.done, facts=facts)
+        self._bar.refresh()
+
+    def stop(self) -> None:
+        """Remove the bar."""
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _function(named: str | None) -> Callable[[Any], dict[str, float]] | None:
+    """The function of `FILE.py:FUNCTION`."""
+    if named is None:
+        return None
+    import runpy
+
+    from carom.errors import CaromError
+
+    file, _, name = named.rpartition(":")
+    if not file or not Path(file).is_file():
+        raise CaromError(f"--measure {named}: write FILE.py:FUNCTION with a file that is there")
+    try:
+        found = runpy.run_path(file).get(name)
+    except Exception as error:
+        raise CaromError(f"--measure {named}: {type(error).__name__}: {error}") from error
+    if not callable(found):
+        raise CaromError(f"--measure {named}: {file} has no function {name}")
+    return found  # type: ignore[no-any-return]

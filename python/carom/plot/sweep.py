@@ -1,0 +1,162 @@
+"""A study at a glance: histograms of its columns, and each of them against what varied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.plot.style import COLOURS, GREY, WIDTH, Chart, styled
+from carom.sweeps.study import RESERVED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from carom.sweeps.table import Sweep
+
+F64 = NDArray[np.float64]
+
+#: Columns that are drawn if nothing else is said.
+MOST_COLUMNS = 6
+#: Points of a scatter plot: of more an evenly spread part is drawn.
+MOST_DOTS = 4000
+BINS = 40
+
+
+def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
+    """How the values of each column spread over the cases that reached their end."""
+    chosen = chosen_columns(sweep, columns)
+    numbers: dict[str, NDArray[Any]] = {}
+    with styled():
+        figure, axes = _sheet(len(chosen), 1.7)
+        for axis, name in zip(axes, chosen, strict=False):
+            values = _finite(sweep, name)
+            counts, edges = np.histogram(values, bins=_bins(values))
+            axis.stairs(counts, edges, fill=True, color=COLOURS[0], alpha=0.75)
+            middle = float(np.median(values)) if len(values) else np.nan
+            axis.axvline(middle, color=COLOURS[1], linewidth=1.0)
+            axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
+            axis.set_xlabel(label(sweep, name))
+            axis.set_ylabel("cases")
+            width = BINS
+            numbers[f"{name}: from"] = _filled(edges[:-1], width)
+            numbers[f"{name}: to"] = _filled(edges[1:], width)
+            numbers[f"{name}: cases"] = _filled(counts.astype(float), width)
+        figure.suptitle(_title(sweep), x=0.01, ha="left", fontsize=9)
+    return Chart(figure, numbers)
+
+
+def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
+    """Each column against each parameter that varies: one dot per case, and the median in bands of the parameter."""
+    chosen = chosen_columns(sweep, columns)[:4]
+    varied = [name for name in sweep.parameters if np.ptp(np.asarray(sweep[name], float)) > 0][:4]
+    varied = varied or sweep.parameters[:1]
+    stride = max(1, -(-int(sweep.ok.sum()) // MOST_DOTS))
+    rows = np.flatnonzero(sweep.ok)[::stride]
+    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows]}
+    with styled():
+        from matplotlib.figure import Figure
+
+        height = 1.5 * len(chosen) + 0.7
+        figure = Figure(figsize=(WIDTH, height), layout="constrained")
+        grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
+        for i, column in enumerate(chosen):
+            y = np.asarray(sweep[column], float)
+            numbers[column] = y[rows]
+            for j, name in enumerate(varied):
+                x = np.asarray(sweep[name], float)
+                numbers[name] = x[rows]
+                axis = grid[i, j]
+                axis.plot(
+                    x[rows], y[rows], ".", color=COLOURS[0], markersize=1.6, alpha=0.45, rasterized=True
+                )
+                _median(axis, x[sweep.ok], y[sweep.ok])
+                if j == 0:
+                    axis.set_ylabel(label(sweep, column))
+                if i == len(chosen) - 1:
+                    axis.set_xlabel(name)
+        figure.align_ylabels()
+        figure.suptitle(f"{_title(sweep)}; line: median", x=0.01, ha="left", fontsize=9)
+    return Chart(figure, numbers)
+
+
+def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
+    """The columns to draw: those named, or what a measure gave, or the energy and the places at the end."""
+    if columns:
+        for name in columns:
+            if name not in sweep.columns:
+                raise CaromError(f"the study has no column {name!r}; {did_you_mean(name, sweep.columns)}")
+            if sweep[name].dtype == object:
+                raise CaromError(f"the column {name!r} holds text, which no figure shows")
+        return list(columns)
+    free = [name for name in sweep.columns if name not in {*RESERVED, *sweep.parameters} - {"energy_final"}]
+    measured = [name for name in free if name.count(".") < 2 and name != "energy_final"]
+    places = [name for name in free if ".position." in name]
+    found = [
+        name for name in (*measured, "energy_final", *places) if name in free and len(_finite(sweep, name))
+    ]
+    varying = [name for name in found if np.ptp(_finite(sweep, name)) > 1e-9]
+    return (varying or found)[:MOST_COLUMNS]
+
+
+def label(sweep: Sweep, name: str) -> str:
+    """A column with its unit."""
+    unit = (sweep.table.schema.field(name).metadata or {}).get(b"unit", b"1").decode()
+    return name if unit == "1" else f"{name} ({unit})"
+
+
+def _title(sweep: Sweep) -> str:
+    failed = int((~sweep.ok).sum())
+    return f"{sweep.study.title}: {int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
+
+
+def _finite(sweep: Sweep, name: str) -> F64:
+    values = np.asarray(sweep[name], dtype=float)[sweep.ok]
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _bins(values: F64) -> NDArray[Any] | int:
+    distinct = np.unique(values[: 10 * MOST_DOTS])
+    if 1 < len(distinct) <= BINS and np.allclose(distinct, np.round(distinct)):  # counts
+        return np.arange(distinct[0] - 0.5, distinct[-1] + 1.0) if distinct[-1] - distinct[0] < BINS else BINS
+    return int(np.clip(2 * np.sqrt(len(values)), 8, BINS))
+
+
+def _filled(values: F64, rows: int) -> F64:
+    return np.concatenate([values, np.full(rows - len(values), np.nan)])
+
+
+def _median(axis: Axes, x: F64, y: F64) -> None:
+    keep = np.isfinite(x) & np.isfinite(y)
+    x, y = x[keep], y[keep]
+    if len(x) < 20:
+        return
+    distinct = np.unique(x)
+    bands = min(15, max(2, len(x) // 20))
+    edges = (
+        np.quantile(x, np.linspace(0, 1, bands + 1)) if len(distinct) > 15 else np.append(distinct, np.inf)
+    )
+    band = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    places = [k for k in range(len(edges) - 1) if (band == k).sum() >= 3]
+    axis.plot(
+        [float(np.median(x[band == k])) for k in places], [float(np.median(y[band == k])) for k in places],
+        color=COLOURS[1], linewidth=1.3, marker="o" if len(places) < 8 else "", markersize=3,
+    )  # fmt: skip
+
+
+def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
+    from matplotlib.figure import Figure
+
+    columns = 1 if count == 1 else 2 if count in (2, 4) else 3
+    rows = -(-count // columns)
+    figure = Figure(figsize=(WIDTH, height * rows + 0.4), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    for axis in axes:
+        axis.grid(color=GREY, alpha=0.2)
+    return figure, axes

@@ -1,0 +1,140 @@
+"""The driver's side: pieces of a study on dask.distributed, in a cluster of its own or a given one.
+
+Workers that die are dask's matter: their pieces go to others. A piece that killed one worker after the other is cut in
+two until the case is found that does so; that case is noted as failed and the study goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from carom.errors import CaromError
+from carom.sweeps.cases import Job, compute
+from carom.sweeps.design import Design
+from carom.sweeps.folder import Folder
+
+#: Called after each piece with its number of cases and how many of them failed.
+Done = Callable[[int, int], None]
+
+#: Pieces handed out per thread of the cluster; more wait here, so that a cluster that grows gets some.
+AHEAD = 3
+#: Seconds between two looks at Ctrl-C and at whether the scheduler is there.
+LOOK_SECONDS = 0.5
+
+
+def usable_processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def in_this_process(jobs: Sequence[Job], done: Done) -> None:
+    """One piece after the other, without a cluster."""
+    for job in jobs:
+        done(*compute(job))
+
+
+def on_cluster(jobs: Sequence[Job], done: Done, workers: int, scheduler: str | None) -> None:
+    """All pieces, in whatever order they end."""
+    with _client(workers, scheduler) as client:
+        _drive(client, list(reversed(jobs)), done)
+
+
+@contextmanager
+def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
+    try:
+        from dask import config
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise CaromError(
+            "a study on several processes needs dask: pip install 'carom[cluster]', or workers = 0 for this process alone"
+        ) from error
+    with ExitStack() as stack:
+        # A worker that is killed, or a scheduler that goes, is told here in one line and not by dask in fifty.
+        loggers = [logging.getLogger(name) for name in ("distributed", "tornado.application")]
+        for logger in loggers:
+            stack.callback(logger.setLevel, logger.level)
+            logger.setLevel(logging.CRITICAL)
+        if scheduler is None:
+            scratch = stack.enter_context(
+                tempfile.TemporaryDirectory(prefix="carom-dask-", ignore_cleanup_errors=True)
+            )
+            stack.enter_context(config.set({"distributed.worker.profile.enabled": False}))
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+                local_directory=scratch, memory_limit=0, silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+            stack.callback(cluster.close)
+            yield stack.enter_context(Client(cluster))
+            return
+        try:
+            client = Client(scheduler, timeout="10s")
+        except (OSError, ValueError, TimeoutError) as error:
+            raise CaromError(
+                f"no scheduler answers at {scheduler}; start one with `dask scheduler`,"
+                f" and workers with `dask worker {scheduler}`"
+            ) from error
+        yield stack.enter_context(client)
+
+
+def _drive(client: Any, waiting: list[Job], done: Done) -> None:
+    from distributed import wait
+
+    flying: dict[Any, Job] = {}
+    while waiting or flying:
+        threads = sum(client.nthreads().values()) if client.status == "running" else 1
+        while waiting and len(flying) < AHEAD * max(1, threads):
+            job = waiting.pop()
+            flying[client.submit(compute, job, key=f"carom-{job.key}", pure=False, retries=1)] = job
+        with suppress(TimeoutError):
+            wait(list(flying), timeout=LOOK_SECONDS, return_when="FIRST_COMPLETED")
+        if client.status != "running":
+            raise CaromError(
+                "the scheduler is gone; what was computed stays, and the same call goes on from there"
+            )
+        for future in [f for f in flying if f.status != "pending"]:
+            job = flying.pop(future)
+            if future.status == "finished":
+                done(*future.result())
+            elif future.status == "error":
+                waiting += _after(job, future.exception(), done)
+            else:  # lost with a scheduler that came back, or cancelled
+                waiting.append(job)
+            future.release()
+
+
+def _after(job: Job, error: BaseException, done: Done) -> list[Job]:
+    """What is to be done instead of a piece that ended so."""
+    from distributed import KilledWorker
+
+    if not isinstance(error, KilledWorker):
+        if isinstance(error, (CaromError, OSError)):
+            raise CaromError(f"a worker stopped: {error}") from error
+        raise error
+    if len(job.ids) > 1:
+        half = len(job.ids) // 2
+        return [piece(job, range(half)), piece(job, range(half, len(job.ids)))]
+    message = "several workers died while they computed it, perhaps for lack of memory"
+    columns = {"id": job.ids, "outcome": ["worker_died"], "message": [message]}
+    row = {name: np.array(value, dtype=object) for name, value in columns.items()}
+    Folder(Path(job.folder)).write_part(job.key, [{**row, **job.study.columns}])
+    done(1, 1)
+    return []
+
+
+def piece(job: Job, cases: range | Sequence[int]) -> Job:
+    """Some cases of a piece as a piece of its own, named after the cases in it."""
+    chosen = list(cases)
+    table = {name: values[chosen].tolist() for name, values in job.study.points.items()}
+    study = replace(job.study, axes=(), design=Design("table", table=table))
+    ids = tuple(job.ids[k] for k in chosen)
+    return Job(hashlib.sha256("".join(ids).encode()).hexdigest()[:16], job.folder, study, ids)

@@ -1,0 +1,213 @@
+"""Points of a study: grids, tables, Latin hypercubes and Sobol sequences over named axes."""
+
+from __future__ import annotations
+
+import csv
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+
+F64 = NDArray[np.float64]
+
+KINDS = ("grid", "table", "lhs", "sobol")
+#: Points of a study at most: what is listed in memory several times.
+MOST_POINTS = 20_000_000
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What varies: listed `values`, or a range from `low` to `high` with `count` points on a grid, evenly spaced in the
+    logarithm if `log`. With `crossed` every point of any design is taken with each of the values: seeds, repetitions.
+    """
+
+    name: str
+    values: tuple[float, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    count: int | None = None
+    log: bool = False
+    crossed: bool = False
+
+    @classmethod
+    def of(cls, name: str, given: Any) -> Axis:
+        """From `[1, 2, 3]`, a number, `(low, high)`, or a table with `values`, `low`, `high`, `count`, `log` or `seeds`."""
+        if isinstance(given, tuple) and len(given) == 2:
+            given = {"low": given[0], "high": given[1]}
+        if isinstance(given, Mapping):
+            return cls._of_table(name, dict(given))
+        values = np.atleast_1d(np.asarray(given, dtype=object)).tolist()
+        return cls(name, _numbers(name, values))
+
+    @classmethod
+    def _of_table(cls, name: str, given: dict[str, Any]) -> Axis:
+        known = ("values", "low", "high", "count", "log", "seeds")
+        for key in given:
+            if key not in known:
+                raise CaromError(f"parameters.{name}: unknown key {key}; {did_you_mean(key, known)}")
+        if "seeds" in given:
+            count = _whole(f"parameters.{name}.seeds", given.pop("seeds"))
+            if given:
+                raise CaromError(f"parameters.{name}: seeds stands alone, found {', '.join(given)} too")
+            return cls(name, tuple(float(k + 1) for k in range(count)), crossed=True)
+        if "values" in given:
+            values = given.pop("values")
+            if given or not isinstance(values, (list, tuple)):
+                raise CaromError(f"parameters.{name}: give values = [...] alone, or low and high")
+            return cls(name, _numbers(name, values))
+        if not {"low", "high"} <= set(given):
+            raise CaromError(f"parameters.{name}: give values = [...], or low and high, or seeds")
+        low, high = _numbers(name, [given["low"], given["high"]])
+        points = None if "count" not in given else _whole(f"parameters.{name}.count", given["count"])
+        log = given.get("log", False)
+        if not isinstance(log, bool):
+            raise CaromError(f"parameters.{name}.log: expected true or false, found {log!r}")
+        if not low < high or (log and low <= 0):
+            rule = "0 < low < high" if log else "low < high"
+            raise CaromError(f"parameters.{name}: low = {low:g}, high = {high:g}; wanted {rule}")
+        return cls(name, (), low, high, points, log)
+
+    def on_grid(self) -> F64:
+        """Its points on a grid."""
+        if self.values:
+            return np.array(self.values)
+        if self.count is None:
+            raise CaromError(f"parameters.{self.name}: a grid needs count = N points from low to high")
+        return self.at(np.linspace(0.0, 1.0, self.count))
+
+    def at(self, share: F64) -> F64:
+        """Values at shares in [0, 1) of the way; of listed values each has an equal part of it."""
+        if self.values:
+            place = np.minimum((share * len(self.values)).astype(int), len(self.values) - 1)
+            return np.asarray(np.array(self.values)[place])
+        if self.log:
+            return np.asarray(self.low * (self.high / self.low) ** share)
+        return np.asarray(self.low + (self.high - self.low) * share)
+
+
+@dataclass(frozen=True)
+class Design:
+    """How points are chosen: `kind` of `KINDS`; `count` and `seed` of the random ones, columns of a `table`.
+
+    A Sobol sequence with a greater count begins with the same points, so such a study can grow; a Latin hypercube cannot.
+    """
+
+    kind: str = "grid"
+    count: int | None = None
+    seed: int = 0
+    table: Mapping[str, Sequence[float]] | None = None
+
+    def points(self, axes: Sequence[Axis]) -> dict[str, F64]:
+        """Values of every axis, (cases,) each; axes that are `crossed` vary fastest."""
+        if self.kind not in KINDS:
+            raise CaromError(
+                f"design.kind: no design is called {self.kind!r}; {did_you_mean(self.kind, KINDS)}"
+            )
+        plain = [axis for axis in axes if not axis.crossed]
+        if self.kind == "grid":
+            found = _grid([*plain, *(axis for axis in axes if axis.crossed)])
+        else:
+            found = self._table(plain) if self.kind == "table" else self._sampled(plain)
+            for axis in axes:
+                if axis.crossed:
+                    rows = len(next(iter(found.values()), np.zeros(1)))
+                    found = {name: np.repeat(values, len(axis.values)) for name, values in found.items()}
+                    found[axis.name] = np.tile(axis.values, rows)
+        cases = len(next(iter(found.values()), ()))
+        if not cases:
+            raise CaromError("the study has no case: give [parameters], or a table with rows")
+        return found
+
+    def _table(self, axes: Sequence[Axis]) -> dict[str, F64]:
+        if axes:
+            names = ", ".join(axis.name for axis in axes)
+            raise CaromError(
+                f"a design of kind table takes its columns from the table; leave out {names} (seeds may stay)"
+            )
+        if not self.table:
+            raise CaromError(
+                "design.kind = table needs design.file, a CSV file with one column per parameter"
+            )
+        return {name: np.array(values, dtype=np.float64) for name, values in self.table.items()}
+
+    def _sampled(self, axes: Sequence[Axis]) -> dict[str, F64]:
+        if self.count is None:
+            raise CaromError(f"design.kind = {self.kind} needs design.count = N points")
+        if not axes:
+            raise CaromError(f"design.kind = {self.kind} needs [parameters] to choose points of")
+        try:
+            from scipy.stats import qmc
+        except ImportError as error:
+            raise CaromError(f"the design {self.kind} needs scipy: pip install 'carom[cluster]'") from error
+        engine = qmc.Sobol if self.kind == "sobol" else qmc.LatinHypercube
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore", UserWarning
+            )  # that 2^m points are balanced best; the manual says so
+            shares = engine(len(axes), rng=self.seed).random(self.count)
+        return {axis.name: axis.at(shares[:, i]) for i, axis in enumerate(axes)}
+
+
+def read_table(path: Path) -> dict[str, list[float]]:
+    """A CSV file with names in its first line and numbers below."""
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise CaromError(
+            f"{path} cannot be read as CSV: {getattr(error, 'strerror', None) or error}"
+        ) from error
+    if len(rows) < 2:
+        raise CaromError(f"{path}: expected a line with names and at least one with numbers")
+    names = [name.strip() for name in rows[0]]
+    if len(set(names)) < len(names) or "" in names:
+        raise CaromError(f"{path}: the first line must name every column once, found {', '.join(names)}")
+    found: dict[str, list[float]] = {name: [] for name in names}
+    for k, row in enumerate(rows[1:], 2):
+        if len(row) != len(names):
+            raise CaromError(f"{path}, row {k}: {len(row)} values for {len(names)} columns")
+        for name, text in zip(names, row, strict=True):
+            try:
+                value = float(text)
+            except ValueError:
+                value = math.nan
+            if not math.isfinite(value):
+                raise CaromError(f"{path}, row {k}: {name} is {text.strip()!r}, not a number")
+            found[name].append(value)
+    return found
+
+
+def _grid(axes: Sequence[Axis]) -> dict[str, F64]:
+    values = [axis.on_grid() for axis in axes]
+    size = math.prod(len(v) for v in values)
+    if size > MOST_POINTS:
+        raise CaromError(
+            f"the grid has {size} points, more than {MOST_POINTS}; take fewer, or a design lhs or sobol"
+        )
+    mesh = np.meshgrid(*values, indexing="ij") if values else []
+    return {axis.name: m.ravel() for axis, m in zip(axes, mesh, strict=True)}
+
+
+def _numbers(name: str, values: Any) -> tuple[float, ...]:
+    found = []
+    for value in values:
+        ok = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+        if not ok or not math.isfinite(value):
+            raise CaromError(f"parameters.{name}: expected numbers in SI units, found {value!r}")
+        found.append(float(value))
+    if not found:
+        raise CaromError(f"parameters.{name}: the list of values is empty")
+    return tuple(found)
+
+
+def _whole(place: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MOST_POINTS:
+        raise CaromError(f"{place}: expected a whole number from 1 to {MOST_POINTS}, found {value!r}")
+    return value

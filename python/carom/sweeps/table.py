@@ -1,0 +1,129 @@
+"""`carom.Sweep`: the rows of a study, and what of it failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import carom
+from carom.errors import CaromError, counted, did_you_mean
+
+if TYPE_CHECKING:
+    import pandas
+
+    from carom.sweeps.run import Progress
+    from carom.sweeps.study import Study
+
+#: Failures that are listed.
+LISTED = 1000
+
+
+class Sweep:
+    """One row per case. `sweep["ball3.position.x"]` is a column (cases,); `sweep.failures` lists what went wrong."""
+
+    def __init__(self, path: Path, study: Study, table: Any, progress: Progress) -> None:
+        self.path = path
+        self.study = study
+        self.table = table
+        """A table of pyarrow, None if no case is there."""
+        self.progress = progress
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return [] if self.table is None else list(self.table.column_names)
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        if column not in self.columns:
+            raise CaromError(f"the study has no column {column!r}; {did_you_mean(column, self.columns)}")
+        found = self.table[column]
+        return (
+            np.asarray(found.to_pylist(), dtype=object) if "string" in str(found.type) else np.asarray(found)
+        )
+
+    def __len__(self) -> int:
+        return 0 if self.table is None else int(self.table.num_rows)
+
+    @cached_property
+    def ok(self) -> NDArray[np.bool_]:
+        """Which rows reached their end."""
+        return np.asarray(self["outcome"] == "done") if len(self) else np.zeros(0, dtype=bool)
+
+    @property
+    def parameters(self) -> list[str]:
+        """Columns of what varies."""
+        return list(self.study.columns)
+
+    @cached_property
+    def failures(self) -> list[dict[str, Any]]:
+        """Case, id, parameters, outcome and message of those that failed."""
+        if not len(self):
+            return []
+        rows = np.flatnonzero(~self.ok)[:LISTED].tolist()
+        if not rows:
+            return []
+        names = ("case", "id", *self.parameters, "outcome", "message")
+        return self.table.select(names).take(rows).to_pylist()  # type: ignore[no-any-return]
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Plain values: `sweep.json`, and the document of `carom sweep --json`."""
+        state = self.progress
+        return {
+            "title": self.study.title,
+            "directory": str(self.path),
+            "table": str(self.path / "sweep.parquet"),
+            "cases": self.study.cases,
+            "done": int(self.ok.sum()),
+            "failed": int((~self.ok).sum()),
+            "missing": self.study.cases - len(self),
+            "new": state.new,
+            "wall_s": state.wall_s,
+            "per_second": state.per_second,
+            "parameters": self.parameters,
+            "design": self.study.design.kind,
+            "failures": self.failures,
+            "carom": carom.__version__,
+        }
+
+    def scene(self, case: int) -> Any:
+        """The scene of a case, to simulate it again with everything recorded."""
+        return self.study.targeting.scene(range(self.study.cases)[case])
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as a data frame."""
+        try:
+            import pandas  # noqa: F401
+        except ImportError as error:
+            raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+        return self.table.to_pandas()
+
+    def plot(
+        self,
+        directory: str | Path | None = None,
+        columns: Sequence[str] = (),
+        formats: Sequence[str] = ("png",),
+    ) -> list[Path]:
+        """Histograms, and each of the `columns` against each parameter, to `plots` in the folder."""
+        from carom.plot import require_matplotlib
+
+        require_matplotlib()
+        from carom.plot.style import save
+        from carom.plot.sweep import histograms, responses
+
+        where = Path(directory) if directory is not None else self.path / "plots"
+        files = save(histograms(self, columns), where, "histograms", formats)
+        return files + save(responses(self, columns), where, "responses", formats)
+
+    def __repr__(self) -> str:
+        failed = int((~self.ok).sum())
+        rest = self.study.cases - len(self)
+        return (
+            f"<carom.Sweep {self.study.title!r}: {counted(int(self.ok.sum()), 'case')} done, {failed} failed,"
+            f" {rest} missing; {len(self.columns)} columns; {self.path}>"
+        )

@@ -1,0 +1,100 @@
+"""Joints and springs as the page draws them: ends carried by their balls, and the axes that they leave or take."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+SECTIONS = ("joint", "spring")
+
+
+def links(result: Any, every: int) -> list[dict[str, Any]]:
+    """One entry per joint and spring between bodies that are shown (one in `every`), or one and the ground.
+
+    `a` and `b` are bodies, -1 the ground; `from` and `to` are the ends, m: of a ball in its own axes, relative to its
+    centre, of the ground in fixed axes. `axes` are unit vectors, fixed: along a line, normal to a plane, locked.
+    """
+    text = getattr(result, "scenario", None)
+    if not isinstance(text, str) or not any(f"[[{section}]]" in text for section in SECTIONS):
+        return []  # the scenario of many spheres takes long to parse
+    try:
+        tree = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return []  # a damaged copy of the scenario does not keep the motion from being seen
+    start = _Start(result)
+    found = []
+    for number, joint in enumerate(tree.get("joint", [])):
+        entry = start.joint(joint, number)
+        found.append(entry)
+    found += [start.spring(spring) for spring in tree.get("spring", [])]
+    return [thinned for entry in found if (thinned := _thinned(entry, every)) is not None]
+
+
+def _thinned(entry: dict[str, Any], every: int) -> dict[str, Any] | None:
+    ends = [entry["a"], entry["b"]]
+    if any(end >= 0 and end % every for end in ends):
+        return None
+    a, b = (end // every if end >= 0 else -1 for end in ends)
+    return {**entry, "a": a, "b": b}
+
+
+class _Start:
+    """Where the bodies are at the start, when points of joints and springs are given in fixed axes."""
+
+    def __init__(self, result: Any) -> None:
+        from carom.scenario.loads import GROUND
+
+        self._ground = GROUND
+        self._number = {str(name): i for i, name in enumerate(result.names)}
+        self._position = np.asarray(result.position[0], dtype=np.float64)
+        self._orientation = np.asarray(result.orientation[0], dtype=np.float64)
+
+    def joint(self, table: dict[str, Any], number: int) -> dict[str, Any]:
+        from carom.scenario.joints import default_name
+
+        between = table.get("between") or [table.get("body"), self._ground]
+        points = table.get("points") or [table.get("point")] * 2
+        kind = str(table["type"])
+        axes = [table[key] for key in ("direction", "normal", "axis") if key in table]
+        if kind == "lock":
+            axes = table.get("axes") or np.eye(3).tolist()
+        return self._link(str(table.get("name") or default_name(number)), kind, between, points, axes)
+
+    def spring(self, table: dict[str, Any]) -> dict[str, Any]:
+        between = table["between"]
+        return self._link(" - ".join(between), "spring", between, table.get("points") or [None, None], [])
+
+    def _link(
+        self, name: str, kind: str, between: list[str], points: list[Any], axes: list[Any]
+    ) -> dict[str, Any]:
+        bodies = [self._number.get(end, -1) for end in between]
+        # An end that is not given is the centre; what the ground holds is then the point of the other body.
+        known = [
+            point if point is not None else (self._position[body] if body >= 0 else None)
+            for point, body in zip(points, bodies, strict=True)
+        ]
+        ends = [known[k] if known[k] is not None else known[1 - k] for k in (0, 1)]
+        arms = [self._arm(body, np.asarray(end, dtype=float)) for body, end in zip(bodies, ends, strict=True)]
+        return {
+            "name": name,
+            "kind": kind,
+            "a": bodies[0],
+            "b": bodies[1],
+            "from": arms[0],
+            "to": arms[1],
+            "axes": [(np.asarray(axis, dtype=float) / np.linalg.norm(axis)).tolist() for axis in axes],
+        }
+
+    def _arm(self, body: int, point: Floats) -> list[float]:
+        """The point in the body's own axes, relative to its centre; of the ground as it is."""
+        if body < 0:
+            return [float(x) for x in point]
+        w, axis = self._orientation[body, 0], -self._orientation[body, 1:]
+        lever = point - self._position[body]
+        twice = 2.0 * np.cross(axis, lever)
+        return [float(x) for x in lever + w * twice + np.cross(axis, twice)]

@@ -1,0 +1,366 @@
+"""`carom.billiards`: strikes, cushions, throw, draw and pockets against closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom import billiards, events
+from carom.billiards import LAWS, TABLES, cue_impulse, rack_places, strike, table
+from carom.billiards.data import Value
+from carom.billiards.racks import rows_of
+from carom.errors import CaromError, ScenarioError
+
+G = 9.8
+pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+
+
+def laws(**values: float | str) -> billiards.Laws:
+    """The usual laws with other numbers."""
+    given: dict[str, Any] = {
+        k: v if k == "ball_friction" else Value(float(v), "1", "test") for k, v in values.items()
+    }
+    return replace(LAWS, **given)
+
+
+IDEAL = laws(ball_restitution=1.0, ball_friction=0.0, rolling_deceleration=0.0, spin_deceleration=0.0)
+BALL = {"radius": 0.028575, "mass": 0.17, "inertia": 0.4 * 0.17 * 0.028575**2}
+
+
+# --- the cue ---------------------------------------------------------------------------------------------------------
+
+
+def test_strike_is_the_formula_of_leckie_and_greenspan() -> None:
+    """Their a, b, c are in the frame of the table; here the tip is given across the cue. Both name one point."""
+    m, radius, cue_mass, speed, theta = 0.17, 0.028575, 0.54, 3.0, math.radians(20)
+    side, height = 0.2, -0.3
+    found = cue_impulse(
+        direction=math.pi / 2,
+        speed=speed,
+        side=side,
+        height=height,
+        elevation=theta,
+        cue_mass=cue_mass,
+        **BALL,
+    )
+    # Their frame: x to the left, y from the ball to the player, z up; the ball leaves along -y.
+    depth = math.sqrt(1 - side**2 - height**2)
+    a = -side * radius
+    b = (height * math.cos(theta) + depth * math.sin(theta)) * radius
+    c = (depth * math.cos(theta) - height * math.sin(theta)) * radius
+    s, k = math.sin(theta), math.cos(theta)
+    lever = a**2 + (b * k) ** 2 + (c * s) ** 2 - 2 * b * c * k * s
+    force = 2 * m * speed / (1 + m / cue_mass + 5 / (2 * radius**2) * lever)
+    np.testing.assert_allclose(found.velocity, [0, force / m * k, -force / m * s], rtol=1e-13, atol=1e-15)
+    inertia = 0.4 * m * radius**2
+    theirs = force / inertia * np.array([b * k - c * s, a * s, -a * k])
+    np.testing.assert_allclose(found.angular_velocity, theirs * [-1, -1, 1], rtol=1e-12)
+
+
+def test_strike_conserves_momentum_and_energy_along_the_cue() -> None:
+    for restitution in (1.0, 0.7, 0.0):
+        found = cue_impulse(
+            direction=0.3,
+            speed=4.0,
+            side=-0.3,
+            height=0.2,
+            elevation=0.2,
+            restitution=restitution,
+            cue_mass=0.5,
+            **BALL,
+        )
+        assert 0.5 * (4.0 - found.cue_speed_after) == pytest.approx(found.impulse)
+        assert np.linalg.norm(found.velocity) * 0.17 == pytest.approx(found.impulse)
+        ball = 0.5 * 0.17 * found.velocity @ found.velocity
+        ball += 0.5 * BALL["inertia"] * found.angular_velocity @ found.angular_velocity
+        # Newton's law along the cue loses (1 - e^2)/2 of the reduced mass times the approach squared.
+        reduced = found.impulse / ((1 + restitution) * 4.0)
+        loss = 0.25 * 16.0 - ball - 0.25 * found.cue_speed_after**2
+        assert loss == pytest.approx(0.5 * (1 - restitution**2) * reduced * 16.0, abs=1e-13)
+
+
+def test_a_ball_struck_at_seven_fifths_of_its_radius_rolls_at_once() -> None:
+    found = cue_impulse(direction=0.0, speed=2.0, height=0.4, **BALL)
+    rolling = np.cross(found.angular_velocity, [0, 0, BALL["radius"]])
+    np.testing.assert_allclose(rolling, found.velocity, rtol=1e-14, atol=1e-15)
+    right = cue_impulse(direction=0.0, speed=2.0, side=0.4, **BALL)
+    assert right.angular_velocity[2] > 0  # struck on the right it turns to the left, seen from above
+    assert np.hypot(*right.velocity[:2]) == pytest.approx(right.velocity[0])
+
+
+def test_ball_speed_and_squirt() -> None:
+    found = cue_impulse(direction=1.0, ball_speed=3.0, side=0.3, height=0.1, **BALL)
+    assert np.linalg.norm(found.velocity) == pytest.approx(3.0, rel=1e-14)
+    again = cue_impulse(direction=1.0, speed=found.cue_speed, side=0.3, height=0.1, **BALL)
+    np.testing.assert_allclose(again.velocity, found.velocity, rtol=1e-14)
+    squirt = cue_impulse(direction=0.0, speed=2.0, side=0.4, end_mass=0.17 / 20, **BALL)
+    exact = math.atan(2.5 * 0.4 * math.sqrt(0.84) / (1 + 20 + 2.5 * 0.84))
+    assert math.atan2(squirt.velocity[1], squirt.velocity[0]) == pytest.approx(exact)  # to the left
+    assert math.degrees(exact) == pytest.approx(2.27, abs=0.01)
+
+
+def test_wrong_strikes_are_told() -> None:
+    scene = table().scene()
+    cue = table().cue_ball(scene)
+    for keys, said in (
+        ({}, "one of them"),
+        ({"speed": 1.0, "ball_speed": 1.0}, "one of them"),
+        ({"speed": -1.0}, "speed must be above 0"),
+        ({"speed": 1.0, "side": 0.8, "height": 0.8}, "misses the ball"),
+        ({"speed": 1.0, "elevation": "90 deg"}, "below 90 deg"),
+        ({"speed": "1 kg"}, "expected a speed"),
+        ({"speed": 1.0, "direction": (0.0, 0.0)}, "not zero"),
+        ({"speed": 1.0, "restitution": 1.1}, "from 0 to 1"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            strike(cue, **keys)  # type: ignore[arg-type]
+    with pytest.warns(carom.run.CaromWarning, match="miscue"):
+        strike(cue, speed=1.0, height=0.6)
+    with pytest.raises(CaromError, match="moves already"):
+        strike(cue, speed=1.0)
+
+
+# --- what balls do ---------------------------------------------------------------------------------------------------
+
+
+def two_balls(
+    fraction: float, laws_: billiards.Laws, distance: float = 0.2, **run: float
+) -> tuple[Any, Any, Any]:
+    """A cue ball along x that meets an object ball with the given hit fraction, mid-table; and the object's line (rad)."""
+    t = table("9ft")
+    scene = t.scene(laws=laws_, gravity=G, **{"until": 0.6, "step": 1e-3, **run})
+    r = t.spec.ball_radius
+    cut = math.asin(1 - fraction)
+    contact = np.array([1.0, 0.635])
+    cue = t.cue_ball(scene, (contact[0] - distance, contact[1]))
+    t.ball(scene, "object", contact + 2 * r * np.array([math.cos(cut), math.sin(cut)]))
+    return scene, cue, cut
+
+
+@pytest.mark.parametrize("fraction", [0.25, 0.5, 0.75])
+def test_the_30_degree_rule(fraction: float) -> None:
+    """eq. 48: the final direction of a rolling cue ball; 33.67 degrees at half ball, 27.3 and 27.6 beside it."""
+    scene, cue, cut = two_balls(fraction, IDEAL, distance=0.05, step=2e-4)
+    r = TABLES["9ft"].ball_radius
+    cue.velocity, cue.angular_velocity = (1.5, 0.0, 0.0), (0.0, 1.5 / r, 0.0)
+    result = carom.simulate(scene)
+    v = result["cue"].velocity[-1]
+    assert events.phases(result, "cue", "bed")[-1] == events.ROLLING
+    exact = math.degrees(math.atan2(math.sin(cut) * math.cos(cut), math.sin(cut) ** 2 + 0.4))
+    assert -math.degrees(math.atan2(v[1], v[0])) == pytest.approx(exact, abs=0.4)
+
+
+@pytest.mark.parametrize(("english", "exact_of"), [(0.0, 3.549), (0.8, None), (-0.4, None)])
+def test_throw_with_friction_that_depends_on_the_speed(english: float, exact_of: float | None) -> None:
+    """eq. 50 for e = 1, with the friction law of Marlow's data; `english` is R w_z/v."""
+    v, r = 1.341, TABLES["9ft"].ball_radius
+    scene, cue, cut = two_balls(
+        0.5, laws(ball_restitution=1.0, cloth_friction=1e-9), distance=0.01, step=2e-5, until=0.012
+    )
+    cue.velocity, cue.angular_velocity = (v, 0.0, 0.0), (0.0, 0.0, english * v / r)
+    result = carom.simulate(scene)
+    out = result["object"].velocity[-1]
+    slip = v * math.sin(cut) - english * v
+    mu = 9.951e-3 + 0.108 * math.exp(-1.088 * abs(slip))
+    thrown = min(mu * v * math.cos(cut) / abs(slip), 1 / 7) * slip / (v * math.cos(cut))
+    exact = math.degrees(math.atan(thrown))
+    if exact_of is not None:
+        assert exact == pytest.approx(exact_of, abs=1e-3)  # as theory and Alciatore's table have it
+    assert math.degrees(cut) - math.degrees(math.atan2(out[1], out[0])) == pytest.approx(exact, abs=0.02)
+
+
+def test_stop_and_draw() -> None:
+    """Head-on with e = 1 the cue ball stops; back spin w then draws it back at 2/7 R w."""
+    scene, cue, _ = two_balls(1.0, IDEAL, distance=0.1, step=2e-4, until=0.8)
+    hit = strike(cue, ball_speed=2.0, height=-0.4)
+    r = TABLES["9ft"].ball_radius
+    spin, mu = hit.angular_velocity[1], LAWS.cloth_friction.value
+    way = 0.1
+    t = (2.0 - math.sqrt(4.0 - 2 * mu * G * way)) / (mu * G)  # slides all the way
+    at_hit = spin + 2.5 * mu * G * t / r
+    assert at_hit < 0
+    result = carom.simulate(scene)
+    v = result["cue"].velocity[-1]
+    assert v[0] == pytest.approx(2 / 7 * r * at_hit, rel=0.005)
+    event = events.first_contact(result, "cue", "object")
+    assert event is not None
+    assert event.time == pytest.approx(t, abs=2e-4)
+    assert np.abs(result["cue"].velocity[:, 1]).max() < 1e-10
+
+
+def test_rolling_and_spin_decay_as_stated() -> None:
+    t = table("9ft")
+    scene = t.scene(gravity=G, until=0.5, step=1e-3)
+    r = t.spec.ball_radius
+    t.ball(scene, "rolls", (1.0, 0.4), velocity=(1.0, 0, 0), angular_velocity=(0, 1.0 / r, 0))
+    t.ball(scene, "spins", (1.0, 0.8), angular_velocity=(0, 0, 30.0))
+    result = carom.simulate(scene)
+    assert result["rolls"].velocity[-1, 0] == pytest.approx(1.0 - 0.01 * G * 0.5, rel=1e-6)
+    assert result["spins"].angular_velocity[-1, 2] == pytest.approx(30.0 - 10.0 * 0.5, rel=1e-6)
+
+
+# --- tables -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["9ft", "snooker", "carom"])
+@pytest.mark.parametrize("e", [0.85, 0.6])
+def test_a_cushion_gives_back_what_its_nose_and_the_bed_let(kind: str, e: float) -> None:
+    """A ball that its weight holds on the bed comes back with e; one that nothing holds with (1 + e) cos^2 theta - 1."""
+    t = table(kind)
+    smooth = laws(
+        ball_friction=0.0,
+        cushion_restitution=e,
+        cushion_friction=0.0,
+        cloth_friction=0.0,
+        cloth_restitution=0.0,
+        rolling_deceleration=0.0,
+        spin_deceleration=0.0,
+    )
+    for gravity, exact, within in ((G, e, 1e-9), (0.0, (1 + e) * math.cos(t.nose_angle) ** 2 - 1, 2e-3)):
+        scene = t.scene(laws=smooth, gravity=gravity, until=0.02, step=2e-5)
+        # The ball touches the nose when its centre is r cos theta before the rail.
+        ball = t.ball(scene, "b", (0.75 * t.spec.length, t.reach + 0.01))
+        ball.velocity = (0.0, -1.0, 0.0)
+        result = carom.simulate(scene)
+        v = result["b"].velocity[-1]
+        assert v[1] == pytest.approx(exact, abs=within)
+        assert abs(v[0]) < 1e-12
+        [hit] = [event for event in events.first_contacts(result) if event.other != "bed"]
+        assert hit.other.startswith("cushion ")
+        assert hit.time == pytest.approx(0.01, abs=3e-5)
+
+
+def test_a_ball_in_the_air_is_pressed_down_by_the_nose() -> None:
+    t = table("9ft")
+    scene = t.scene(gravity=0.0, until=0.01, step=2e-5)
+    ball = t.ball(scene, "b", (0.7, t.reach + 0.005))
+    ball.velocity = (0.0, -2.0, 0.0)
+    ball.position = (0.7, t.reach + 0.005, t.spec.ball_radius + 0.001)
+    result = carom.simulate(scene, until=0.003)
+    assert result["b"].velocity[-1, 2] < -0.1
+
+
+@pytest.mark.parametrize(
+    ("start", "aim", "pocket"),
+    [
+        ((0.4, 0.4), (0.0, 0.0), "head right"),
+        ((2.0, 1.0), (2.54, 1.27), "foot left"),
+        ((1.27, 0.6), (1.27, 0.0), "side right"),
+        ((0.4, 0.032), (0.0, 0.02), "head right"),
+    ],
+)
+def test_pockets_take_balls_out(start: tuple[float, float], aim: tuple[float, float], pocket: str) -> None:
+    t = table("9ft")
+    scene = t.scene(until=2.0, step=5e-4, record={"every": 20})
+    ball = t.ball(scene, "b", start)
+    way = np.subtract(aim, start)
+    strike(ball, ball_speed=1.0, direction=tuple(way), height=0.4)
+    result = carom.simulate(scene, stop=lambda view: not view.present.any())
+    assert [(p.ball, p.pocket) for p in t.pocketed(result)] == [("b", pocket)]
+    assert 0.2 < t.pocketed(result)[0].time < 2.0
+
+
+def test_a_ball_that_flies_over_the_rail_is_off_the_table() -> None:
+    t = table("9ft")
+    scene = t.scene(until=1.0, step=5e-4)
+    ball = t.ball(scene, "b", (0.7, 0.3))
+    ball.velocity = (0.0, -2.0, 1.5)
+    result = carom.simulate(scene)
+    assert [(p.ball, p.pocket) for p in t.pocketed(result)] == [("b", "off the table")]
+
+
+def test_a_ball_beside_a_pocket_stays() -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.1, step=1e-3)
+    r = t.spec.ball_radius
+    for k, place in enumerate([(0.12, r), (1.27, r), (r, 0.12), (0.06, 0.06)]):
+        t.ball(scene, f"b{k}", place)
+    result = carom.simulate(scene)
+    assert t.pocketed(result) == []
+    assert np.linalg.norm(result.velocity[-1], axis=1).max() < 1e-9
+
+
+def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None:
+    for kind in TABLES:
+        t = table(kind)
+        scene = t.scene(until=0.1, step=1e-3)
+        t.rack(scene, 6)
+        strike(t.cue_ball(scene), ball_speed=0.5)
+        assert scene.validate() == []
+        assert carom.Scene.from_toml(scene.to_toml()) == scene
+        assert len(scene.wall_names) == (5 if kind == "carom" else 1 + 6 + 12)
+        assert kind in repr(t)
+    with pytest.raises(CaromError, match="did you mean snooker"):
+        table("snoker")
+    with pytest.raises(CaromError, match="did you mean nose_height"):
+        table("9ft", nose_hight=0.03)
+    with pytest.raises(CaromError, match="nose_height must be"):
+        table("9ft", nose_height=0.02)
+    with pytest.raises(CaromError, match="both"):
+        table("9ft", side_mouth=0.0)
+    with pytest.raises(CaromError, match="no spot"):
+        t.rack(t.scene(), apex="fot spot")
+    with pytest.raises(ScenarioError):
+        t.scene(untl=3)
+
+
+# --- racks --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("balls", range(3, 16))
+def test_racks_of_every_size_are_tight_and_do_not_overlap(balls: int) -> None:
+    places = rack_places(balls, 0.5)
+    assert places.shape == (balls, 2)
+    distance = np.linalg.norm(places[:, None] - places[None], axis=2) + 9 * np.eye(balls)
+    assert distance.min() == pytest.approx(1.0)
+    assert (np.isclose(distance, 1.0).sum(axis=1) >= 1).all()
+    assert sum(rows_of(balls)) == balls
+    loose = rack_places(balls, 0.5, gap=0.02, jitter=0.005, seed=3)
+    spread = np.linalg.norm(loose[:, None] - loose[None], axis=2) + 9 * np.eye(balls)
+    assert spread.min() >= 1.0
+    assert np.array_equal(loose, rack_places(balls, 0.5, gap=0.02, jitter=0.005, seed=3))
+
+
+def test_full_racks_are_those_of_the_format() -> None:
+    from carom.scenario.balls import Rack
+    from carom.scenario.bodies import rack_centres
+
+    for balls, shape in ((15, "triangle"), (10, "triangle"), (9, "diamond")):
+        rack = Rack(
+            name="r",
+            material="m",
+            radius=0.5,
+            mass=1,
+            apex=(0, 0, 0),
+            direction=(1, 0, 0),
+            balls=balls,
+            shape=shape,
+        )
+        np.testing.assert_allclose(rack_places(balls, 0.5), rack_centres(rack)[:, :2], atol=1e-15)
+
+
+def test_wrong_racks_are_told() -> None:
+    for keys, said in (
+        ({"balls": 2}, "3 to 15"),
+        ({"balls": 16}, "3 to 15"),
+        ({"balls": 5, "jitter": 1e-4}, "without a seed"),
+        ({"balls": 5, "jitter": 1e-3, "seed": 1}, "may overlap"),
+        ({"balls": 5, "gap": -1.0}, "below 0"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            rack_places(radius=0.5, **keys)  # type: ignore[arg-type]
+
+
+def test_a_break_of_fifteen_runs_and_spreads() -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.8, step=1e-3)
+    t.rack(scene, 15, gap=1e-4, jitter=2e-5, seed=1)
+    strike(t.cue_ball(scene), ball_speed=8.0, height=0.05)
+    result = carom.simulate(scene, every=10)
+    assert result.summary["unconverged"] == 0
+    assert (np.asarray(result.velocity[-1])[:, 0].std()) > 0.1
+    assert result.energy.total[-1] < result.energy.total[0]

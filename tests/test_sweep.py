@@ -1,0 +1,413 @@
+"""Studies: the points of each design, where values go, and that nothing computed is lost or computed twice."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom.cli.app import app
+from carom.errors import CaromError
+from carom.sweeps.design import Axis, Design
+from typer.testing import CliRunner
+
+SCENARIO = """
+format = 1
+title = "slide"
+
+[parameters]
+v = 1.0
+mu = 0.2
+
+[world]
+gravity = [0.0, 0.0, -9.8]
+
+[run]
+until = 0.02
+step = 1e-3
+
+[[material]]
+name = "ball"
+[[contact]]
+between = ["ball", "ball"]
+friction = "= mu"
+restitution = 0.5
+
+[[sphere]]
+name = "cue"
+material = "ball"
+radius = 0.03
+mass = 0.17
+position = [0.0, 0.0, 0.03]
+velocity = ["= v", 0.0, 0.0]
+[[sphere]]
+name = "post"
+material = "ball"
+radius = 0.03
+mass = 0.17
+position = [0.5, 0.0, 0.03]
+
+[[plane]]
+name = "bed"
+material = "ball"
+point = [0.0, 0.0, 0.0]
+normal = [0.0, 0.0, 1.0]
+"""
+
+STUDY = """
+format = 1
+title = "slides"
+scenario = "slide.toml"
+
+[parameters]
+speed = { low = 0.5, high = 1.5 }
+aim = { low = -0.1, high = 0.1 }
+
+[design]
+kind = "sobol"
+count = 16
+seed = 3
+
+[set]
+"cue.velocity.x" = "= speed*cos(aim)"
+"cue.velocity.y" = "= speed*sin(aim)"
+"""
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    (tmp_path / "slide.toml").write_text(SCENARIO)
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path
+
+
+class TestDesigns:
+    def test_a_grid_has_every_combination_seeds_fastest(self) -> None:
+        axes = [Axis.of("s", {"seeds": 2}), Axis.of("a", {"low": 1, "high": 100, "count": 3, "log": True})]
+        points = Design("grid").points([*axes, Axis.of("b", [5, 6])])
+        assert points["a"] == pytest.approx([1] * 4 + [10] * 4 + [100] * 4)
+        assert points["b"].tolist() == [5, 5, 6, 6] * 3
+        assert points["s"].tolist() == [1, 2] * 6
+
+    @pytest.mark.parametrize("kind", ["lhs", "sobol"])
+    def test_random_designs_fill_every_slice_and_repeat_by_seed(self, kind: str) -> None:
+        pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        axes = [Axis.of("a", (2.0, 4.0)), Axis.of("b", [1, 2, 3, 4])]
+        points = Design(kind, 16, 1).points(axes)
+        # One point in each sixteenth of a continuous axis, four at each of four values.
+        assert sorted(((points["a"] - 2) * 8).astype(int).tolist()) == list(range(16))
+        assert [int((points["b"] == k).sum()) for k in (1, 2, 3, 4)] == [4] * 4
+        again, other = Design(kind, 16, 1).points(axes), Design(kind, 16, 2).points(axes)
+        assert np.array_equal(points["a"], again["a"])
+        assert not np.array_equal(points["a"], other["a"])
+
+    def test_a_sobol_study_grows_at_its_end(self) -> None:
+        pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        axes = [Axis.of("a", (0.0, 1.0)), Axis.of("s", {"seeds": 2})]
+        small, large = Design("sobol", 8, 1).points(axes), Design("sobol", 32, 1).points(axes)
+        assert all(np.array_equal(small[name], large[name][:16]) for name in small)
+
+    @pytest.mark.parametrize(
+        ("given", "told"),
+        [
+            ({"low": 1}, "parameters.a: give values = [...], or low and high, or seeds"),
+            ({"low": 2, "high": 1}, "low = 2, high = 1; wanted low < high"),
+            ({"low": 0, "high": 1, "log": True}, "wanted 0 < low < high"),
+            ({"low": 0, "heigh": 1}, "unknown key heigh; did you mean high?"),
+            ([], "the list of values is empty"),
+            ([1, "2"], "expected numbers in SI units, found '2'"),
+            ({"seeds": 0}, "parameters.a.seeds: expected a whole number from 1"),
+        ],
+    )
+    def test_says_what_is_wrong_with_an_axis(self, given: Any, told: str) -> None:
+        with pytest.raises(CaromError) as caught:
+            Axis.of("a", given)
+        assert told in str(caught.value)
+
+    def test_a_grid_of_a_range_needs_its_count(self) -> None:
+        with pytest.raises(CaromError, match=r"parameters.a: a grid needs count = N points"):
+            Design("grid").points([Axis.of("a", (0.0, 1.0))])
+
+
+class TestStudy:
+    def test_values_go_where_they_should(self, files: Path) -> None:
+        study = carom.Study.of(
+            files / "slide.toml", {"v": [1.0, 2.0], "run.step": [1e-3, 5e-4], "angle": [0.5]},
+            set={"cue.velocity.y": "= v*sin(angle)", "v": "= 2*v"},
+        )  # fmt: skip
+        scene = study.targeting.scene(3)
+        assert scene.run.step == 5e-4
+        assert scene.spheres[0].velocity == pytest.approx((4.0, 2 * math.sin(0.5), 0.0))
+        assert (
+            carom.Study.of(files / "slide.toml", {"mu": [0.3]}).targeting.scene(0)._tree.contact[0].friction
+            == 0.3
+        )
+
+    def test_the_name_of_a_case_is_that_of_its_content(self, files: Path) -> None:
+        few = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.01)
+        more = carom.Study.of(files / "slide.toml", {"v": [3.0, 2.0, 1.0]}, until=0.01)
+        assert set(few.ids) == set(more.ids[1:])
+        longer = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.02)
+        assert not set(few.ids) & set(longer.ids)
+        (files / "slide.toml").write_text("# a comment\n" + SCENARIO)
+        assert carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.01).ids == few.ids
+        (files / "slide.toml").write_text(SCENARIO.replace("0.17", "0.18"))
+        assert not set(carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.01).ids) & set(few.ids)
+
+    @pytest.mark.parametrize(
+        ("old", "new", "told"),
+        [
+            ("[design]", "[desing]", "unknown key desing; did you mean design?"),
+            ('kind = "sobol"', 'kind = "sobel"', "no design is called 'sobel'; did you mean sobol?"),
+            ("count = 16", "", "design.kind = sobol needs design.count = N points"),
+            ("count = 16", 'count = "x"', "design.count: expected a whole number, found 'x'"),
+            ('"slide.toml"', '"side.toml"', "side.toml: no such file; did you mean"),
+            ("speed*cos(aim)", "sped*cos(aim)", 'unknown name sped in "= sped*cos(aim)"; did you mean speed?'),
+            ('"cue.velocity.x"', '"cu.velocity.x"', 'no ball is called "cu"; did you mean cue?'),
+            ("[set]", "[set]\nw = 1", 'w'),
+            ("aim = {", "eim = {", "unknown name aim"),
+            ("format = 1", "", "write format = 1 at the top"),
+        ],
+    )  # fmt: skip
+    def test_mistakes_are_found_before_anything_runs(
+        self, old: str, new: str, told: str, files: Path
+    ) -> None:
+        pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        (files / "study.toml").write_text(STUDY.replace(old, new))
+        done = CliRunner().invoke(app, ["sweep", str(files / "study.toml"), "-o", str(files / "out")])
+        assert done.exit_code == 2, done.output
+        assert told in done.stderr
+        assert "Traceback" not in done.stderr
+        assert not (files / "out").exists()
+
+    def test_a_parameter_that_goes_nowhere_is_refused(self, files: Path) -> None:
+        with pytest.raises(CaromError, match=r"parameters.speed goes nowhere: .*slide.toml has no parameter"):
+            carom.Study.of(files / "slide.toml", {"speed": [1.0]})
+
+    def test_a_table_names_its_columns(self, files: Path) -> None:
+        (files / "t.csv").write_text("v, mu\n1.0, 0.1\n2.0, 0.2\n")
+        assert carom.Study.of(files / "slide.toml", table=files / "t.csv").points["v"].tolist() == [1.0, 2.0]
+        (files / "t.csv").write_text("v, mu\n1.0, a\n")
+        with pytest.raises(CaromError, match=r"t.csv, row 2: mu is 'a', not a number"):
+            carom.Study.of(files / "slide.toml", table=files / "t.csv")
+
+
+class TestInThisProcess:
+    @pytest.fixture(autouse=True)
+    def extras(self) -> None:
+        for name in ("pyarrow", "scipy"):
+            pytest.importorskip(name, reason="the extra [cluster] is not installed")
+
+    def test_rows_are_those_of_single_runs(self, files: Path) -> None:
+        found = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert len(found) == 16
+        assert found.ok.all()
+        for case in (0, 7):
+            result = carom.simulate(found.scene(case))
+            for k, axis in enumerate("xyz"):
+                assert found[f"cue.velocity.{axis}"][case] == result["cue"].velocity[-1, k]
+        assert np.array_equal(found["speed"], found.study.points["speed"])
+
+    def test_a_second_call_does_nothing_and_a_larger_study_only_the_rest(self, files: Path) -> None:
+        first = carom.sweep(files / "study.toml", files / "out", workers=0)
+        parts = sorted((files / "out" / "parts").iterdir())
+        again = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert again.progress.new == 0
+        assert sorted((files / "out" / "parts").iterdir()) == parts
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 24"))
+        larger = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert larger.progress.new == 8
+        assert np.array_equal(larger["cue.position.x"][:16], first["cue.position.x"])
+        assert larger["case"].tolist() == list(range(24))
+
+    def test_failures_are_rows_with_their_reason_and_stop_nothing(self, files: Path) -> None:
+        # The second ball is put inside the first, or given a mass that none can have.
+        study = carom.Study.of(files / "slide.toml", {"post.position.x": [0.5, 0.01, 0.4]})
+        found = carom.sweep(study, files / "out", workers=0)
+        assert found["outcome"].tolist() == ["done", "overlap", "done"]
+        [failure] = found.failures
+        assert failure["case"] == 1
+        assert failure["post.position.x.start"] == 0.01
+        assert failure["message"]
+        assert math.isnan(found["cue.position.x"][1])
+        again = carom.sweep(study, files / "out", workers=0)
+        assert again.progress.new == 0
+        retried = carom.sweep(study, files / "out", workers=0, retry_failed=True)
+        assert retried.progress.new == 1
+        assert len(retried) == 3
+        refused = carom.Study.of(files / "slide.toml", {"mu": [0.1, -1.0]})
+        rows = carom.sweep(refused, files / "other", workers=0)
+        assert rows["outcome"].tolist() == ["done", "refused"]
+        assert "friction" in rows.failures[0]["message"]
+
+    def test_run_directories_are_kept_continued_and_measured(self, files: Path) -> None:
+        def travelled(result: carom.Result) -> dict[str, float]:
+            return {"travelled": float(result["cue"].position[-1, 0])}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, keep_runs=True, measure=travelled)
+        found = carom.sweep(study, files / "out", workers=0)
+        assert np.array_equal(found["travelled"], found["cue.position.x"])
+        runs = [files / "out" / "runs" / name for name in study.ids]
+        assert [carom.load(run).outcome.kind for run in runs] == ["done", "done"]
+        # The rows are lost, the runs are there: they are loaded, not computed again.
+        for part in (files / "out" / "parts").glob("*.parquet"):
+            part.unlink()
+        before = [(run / "results.h5").stat().st_mtime_ns for run in runs]
+        again = carom.sweep(study, files / "out", workers=0)
+        assert again.progress.new == 2
+        assert [(run / "results.h5").stat().st_mtime_ns for run in runs] == before
+        assert np.array_equal(again["travelled"], found["travelled"])
+
+    def test_many_parts_become_one_and_lose_nothing(
+        self, files: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from carom.sweeps import folder
+
+        monkeypatch.setattr(folder, "MOST_PARTS", 3)
+        first = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert len(list((files / "out" / "parts").glob("*.parquet"))) == 1
+        again = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert again.progress.new == 0
+        assert again.table.equals(first.table)
+
+    def test_a_damaged_part_is_computed_again(self, files: Path) -> None:
+        first = carom.sweep(files / "study.toml", files / "out", workers=0)
+        part = sorted((files / "out" / "parts").glob("*.parquet"))[0]
+        part.write_bytes(part.read_bytes()[:100])
+        again = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert 0 < again.progress.new < 16
+        assert again.table.drop_columns("seconds").equals(first.table.drop_columns("seconds"))
+
+    def test_a_killed_driver_loses_nothing_that_was_written(self, files: Path) -> None:
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 600"))
+        command = [
+            sys.executable,
+            "-m",
+            "carom",
+            "sweep",
+            str(files / "study.toml"),
+            "-o",
+            str(files / "out"),
+        ]
+        process = subprocess.Popen([*command, "--workers", "0", "-q", "--no-plots"])
+        parts = files / "out" / "parts"
+        while not list(parts.glob("*.parquet")):
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        rest = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert 0 < rest.progress.new < 600
+        assert len(rest) == rest.ok.sum() == 600
+
+    def test_two_drivers_at_once_are_refused(self, files: Path) -> None:
+        from carom.sweeps.folder import Folder
+
+        with (
+            Folder(files / "out").driving(),
+            pytest.raises(CaromError, match="is being computed by another process"),
+        ):
+            carom.sweep(files / "study.toml", files / "out", workers=0)
+        (files / "thesis").mkdir()
+        (files / "thesis" / "a.tex").write_text("")
+        with pytest.raises(CaromError, match="holds other files and no study"):
+            carom.sweep(files / "study.toml", files / "thesis", workers=0)
+
+    def test_the_command_says_what_failed_and_draws(self, files: Path) -> None:
+        pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
+        (files / "study.toml").write_text(
+            STUDY.replace("speed = {", "post = {values = [0.5, 0.02]}\nspeed = {")
+            + '"post.position.x" = "= post"\n'
+        )
+        arguments = ["sweep", str(files / "study.toml"), "-o", str(files / "out"), "--workers", "0"]
+        done = CliRunner().invoke(app, arguments)
+        assert done.exit_code == 3, done.output
+        assert "8 cases done, 8 failed; 16 new in" in done.stdout
+        assert "overlap" in done.stdout
+        again = CliRunner().invoke(app, [*arguments, "--json", "--columns", "cue.position.y,seconds"])
+        facts = json.loads(again.stdout)
+        assert (facts["new"], facts["done"], facts["failed"], facts["missing"]) == (0, 8, 8, 0)
+        assert json.loads((files / "out" / "sweep.json").read_text())["failures"] == facts["failures"]
+        with open(files / "out" / "plots" / "histograms.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert (
+            sum(float(r["cue.position.y: cases"]) for r in rows if r["cue.position.y: cases"] != "nan") == 8
+        )
+
+
+@pytest.mark.long
+class TestOnACluster:
+    """Worker processes of their own, some of which do not live long."""
+
+    @pytest.fixture(autouse=True)
+    def extras(self) -> None:
+        for name in ("pyarrow", "scipy", "distributed"):
+            pytest.importorskip(name, reason="the extra [cluster] is not installed")
+
+    def test_a_killed_worker_changes_nothing(self, files: Path) -> None:
+        from distributed import LocalCluster
+
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 400"))
+        killed = []
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        ) as cluster:
+
+            def kill_one(now: carom.sweeps.Progress) -> None:
+                if not killed:
+                    killed.append(next(iter(cluster.workers.values())).pid)
+                    os.kill(killed[0], signal.SIGKILL)
+
+            found = carom.sweep(
+                files / "study.toml", files / "out", scheduler=cluster.scheduler_address, progress=kill_one
+            )
+        assert killed
+        assert len(found) == found.ok.sum() == 400
+        alone = carom.sweep(files / "study.toml", files / "alone", workers=0)
+        assert found.table.drop_columns("seconds").equals(alone.table.drop_columns("seconds"))
+        assert carom.sweep(files / "study.toml", files / "out", workers=2).progress.new == 0
+
+    def test_a_case_that_kills_workers_is_found_and_the_others_are_done(self, files: Path) -> None:
+        def deadly(result: carom.Result) -> dict[str, float]:
+            if result["cue"].velocity[0, 0] == 2.0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return {"v": 1.0}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0, 3.0, 4.0]}, measure=deadly)
+        found = carom.sweep(study, files / "out", workers=2)
+        assert sorted(found["outcome"].tolist()) == ["done", "done", "done", "worker_died"]
+        assert found["outcome"][1] == "worker_died"
+
+    def test_a_scheduler_that_goes_loses_nothing(self, files: Path) -> None:
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 2000"))
+        program = (
+            "import time\nfrom distributed import LocalCluster\nif __name__ == '__main__':\n"
+            "    c = LocalCluster(n_workers=1, threads_per_worker=1, host='127.0.0.1', dashboard_address=None)\n"
+            "    print(c.scheduler_address, flush=True)\n    time.sleep(600)\n"
+        )
+        (files / "cluster.py").write_text(program)
+        process = subprocess.Popen(
+            [sys.executable, str(files / "cluster.py")], stdout=subprocess.PIPE, text=True
+        )
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+
+        def kill(now: carom.sweeps.Progress) -> None:
+            process.kill()
+
+        with pytest.raises(CaromError, match="the scheduler is gone; what was computed stays"):
+            carom.sweep(files / "study.toml", files / "out", scheduler=address, progress=kill)
+        process.wait()
+        rest = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert 0 < rest.progress.new < 2000
+        assert len(rest) == rest.ok.sum() == 2000
