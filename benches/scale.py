@@ -200,6 +200,8 @@ def arguments() -> argparse.Namespace:
     add("--csv", type=Path, metavar="FILE", help="write all figures to FILE with -scale in its name")
     add("--docs", type=Path, metavar="FILE", help="write what is printed into this page of the documentation")
     options = parser.parse_args()
+    if options.docs and not options.docs.is_file():
+        parser.error(f"--docs {options.docs}: there is no such page to write the figures into")
     if options.quick:
         options.sizes, options.only, options.until = [100], ["carom"], 0.1
     return options
