@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
-from carom.plot.style import COLOURS, GREY, WIDTH, Chart, styled
+from carom.plot.style import COLOURS, GREY, Chart, styled, width
 from carom.sweeps.study import RESERVED
 
 if TYPE_CHECKING:
@@ -42,10 +42,9 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
             axis.set_xlabel(label(sweep, name))
             axis.set_ylabel("cases")
-            width = BINS
-            numbers[f"{name}: from"] = _filled(edges[:-1], width)
-            numbers[f"{name}: to"] = _filled(edges[1:], width)
-            numbers[f"{name}: cases"] = _filled(counts.astype(float), width)
+            numbers[f"{name}: from"] = _filled(edges[:-1], BINS)
+            numbers[f"{name}: to"] = _filled(edges[1:], BINS)
+            numbers[f"{name}: cases"] = _filled(counts.astype(float), BINS)
         figure.suptitle(_title(sweep), x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
@@ -62,7 +61,7 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
         from matplotlib.figure import Figure
 
         height = 1.5 * len(chosen) + 0.7
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
+        figure = Figure(figsize=(width(), height), layout="constrained")
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
             y = np.asarray(sweep[column], float)
@@ -153,7 +152,7 @@ def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
 
     columns = 1 if count == 1 else 2 if count in (2, 4) else 3
     rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, height * rows + 0.4), layout="constrained")
+    figure = Figure(figsize=(width(), height * rows + 0.4), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axis in axes[count:]:
         axis.set_visible(False)

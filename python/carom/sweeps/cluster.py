@@ -28,6 +28,7 @@ Done = Callable[[int, int], None]
 
 #: Pieces handed out per thread of the cluster; more wait here, so that a cluster that grows gets some.
 AHEAD = 3
+GONE = "the scheduler is gone; what was computed stays, and the same call goes on from there"
 #: Seconds between two looks at Ctrl-C and at whether the scheduler is there.
 LOOK_SECONDS = 0.5
 
@@ -46,7 +47,10 @@ def in_this_process(jobs: Sequence[Job], done: Done) -> None:
 def on_cluster(jobs: Sequence[Job], done: Done, workers: int, scheduler: str | None) -> None:
     """All pieces, in whatever order they end."""
     with _client(workers, scheduler) as client:
-        _drive(client, list(reversed(jobs)), done)
+        try:
+            _drive(client, list(reversed(jobs)), done)
+        except (OSError, TimeoutError) as error:  # of the connection; those of workers come as CaromError
+            raise CaromError(GONE) from error
 
 
 @contextmanager
@@ -98,9 +102,7 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
         with suppress(TimeoutError):
             wait(list(flying), timeout=LOOK_SECONDS, return_when="FIRST_COMPLETED")
         if client.status != "running":
-            raise CaromError(
-                "the scheduler is gone; what was computed stays, and the same call goes on from there"
-            )
+            raise CaromError(GONE)
         for future in [f for f in flying if f.status != "pending"]:
             job = flying.pop(future)
             if future.status == "finished":
