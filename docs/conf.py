@@ -1,9 +1,11 @@
 """Sphinx: the pages of docs/ as they are, in one theme. `make docs` treats warnings as errors.
 
 Pages of docs/gallery, some guides and docs/tutorial.md are notebooks in Markdown (MyST-NB): their code runs when the
-documentation is built, and again only when it has changed (docs/_build/.jupyter_cache). tests/test_docs.py runs it without Sphinx.
+documentation is built, and again only when it has changed (docs/_build/.jupyter_cache). tests/test_docs.py runs it
+without Sphinx.
 """
 
+import logging
 import os
 import tomllib
 from pathlib import Path
@@ -33,6 +35,8 @@ nb_merge_streams = True
 os.environ["MATPLOTLIBRC"] = str(Path(__file__).parent / "matplotlibrc")
 os.environ["PATH"] = f"{ROOT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
 os.environ["NO_COLOR"] = "1"
+
+logging.getLogger("traitlets").setLevel(logging.WARNING)  # one line for each page that runs
 
 # The API reference comes from docstrings. They are plain prose with `code` in single back quotes.
 default_role = "code"
