@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, counted
-from carom.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled
+from carom.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled, width
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -126,17 +126,28 @@ def impacts(result: Result, step: int | None = None) -> Chart:
                 continue
             place = (int(problem[k]), listed.index(pair))
             colour = LOOKS.get(status[k], GREY)
-            axes.scatter(*place, s=12 + 260 * max(0.0, along[k]) / most, color=colour, linewidth=0, zorder=3)
-            text = f" {along[k]:.3g}" if along[k] > NOTHING * most else " 0"
-            axes.annotate(text, place, xytext=(10, 0), textcoords="offset points", va="center", fontsize=8)
+            axes.scatter(*place, s=12 + 130 * max(0.0, along[k]) / most, color=colour, linewidth=0, zorder=3)
+            digits = 3 if width() > 5 else 2
+            text = f"{along[k]:.{digits}g}" if along[k] > NOTHING * most else "0"
+            look: dict[str, Any] = {
+                "textcoords": "offset points",
+                "ha": "center",
+                "va": "bottom",
+                "fontsize": 8,
+            }
+            axes.annotate(text, place, xytext=(0, 3 + 5 * np.sqrt(max(0.0, along[k]) / most)), **look)
         for name, colour in (*LOOKS.items(), ("open", GREY)):
             if name in status:
                 axes.plot([], [], "o", color=colour, label=name)
         axes.set_yticks(range(len(listed)), listed)
-        axes.set_ylim(len(listed) - 0.4, -0.6)
-        axes.set_xlim(problem.min() - 0.4, problem.max() + 0.8)
+        axes.set_ylim(len(listed) - 0.5, -0.8)
+        axes.set_xlim(problem.min() - 0.5, problem.max() + 0.5)
         axes.set_xticks(np.unique(problem))
-        axes.set_xlabel(fitted("problem of the sequence; numbers: normal impulses (N s)", _indent(listed)))
+        axes.set_xlabel(
+            fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(listed)).replace(
+                "\u00a0", " "
+            )
+        )
         figure.legend(loc="outside upper left", ncols=3)
     numbers: dict[str, NDArray[Any]] = {
         "problem": problem,

@@ -10,6 +10,8 @@ import hashlib
 import logging
 import os
 import tempfile
+import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -29,6 +31,8 @@ Done = Callable[[int, int], None]
 #: Pieces handed out per thread of the cluster; more wait here, so that a cluster that grows gets some.
 AHEAD = 3
 GONE = "the scheduler is gone; what was computed stays, and the same call goes on from there"
+#: Seconds without a worker after which it is said.
+PATIENCE_SECONDS = 20.0
 #: Seconds between two looks at Ctrl-C and at whether the scheduler is there.
 LOOK_SECONDS = 0.5
 
@@ -94,6 +98,7 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
     from distributed import wait
 
     flying: dict[Any, Job] = {}
+    alone_since = time.monotonic()
     while waiting or flying:
         threads = sum(client.nthreads().values()) if client.status == "running" else 1
         while waiting and len(flying) < AHEAD * max(1, threads):
@@ -103,6 +108,11 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
             wait(list(flying), timeout=LOOK_SECONDS, return_when="FIRST_COMPLETED")
         if client.status != "running":
             raise CaromError(GONE)
+        if threads and client.status == "running":
+            alone_since = time.monotonic()
+        elif time.monotonic() - alone_since > PATIENCE_SECONDS:
+            warnings.warn("the scheduler has no workers; the study waits for some", UserWarning, stacklevel=2)
+            alone_since = np.inf
         for future in [f for f in flying if f.status != "pending"]:
             job = flying.pop(future)
             if future.status == "finished":
