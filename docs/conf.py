@@ -1,5 +1,12 @@
-"""Sphinx: the pages of docs/ as they are, in one theme. `make docs` treats warnings as errors."""
+"""Sphinx: the pages of docs/ as they are, in one theme. `make docs` treats warnings as errors.
 
+Pages of docs/gallery, some guides and docs/tutorial.md are notebooks in Markdown (MyST-NB): their code runs when the
+documentation is built, and again only when it has changed (docs/_build/.jupyter_cache). tests/test_docs.py runs it
+without Sphinx.
+"""
+
+import logging
+import os
 import tomllib
 from pathlib import Path
 
@@ -10,8 +17,30 @@ author = "The Carom developers"
 copyright = "the Carom developers, Apache License 2.0"
 release = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]["package"]["version"]
 
-extensions = ["myst_parser"]
-myst_heading_anchors = 3
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
 exclude_patterns = ["_build"]
+suppress_warnings = ["mystnb.unknown_mime_type"]
 html_theme = "furo"
 html_title = f"Carom {release}"
+
+myst_heading_anchors = 3
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(Path(__file__).parent / "_build" / ".jupyter_cache")
+nb_execution_in_temp = True  # runs and pictures that a page writes do not lie between its sources
+nb_execution_timeout = 120  # s for a cell
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+
+# What a page runs sees the figures' style, this environment's `carom`, and no terminal.
+os.environ["MATPLOTLIBRC"] = str(Path(__file__).parent / "matplotlibrc")
+os.environ["PATH"] = f"{ROOT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
+os.environ["NO_COLOR"] = "1"
+
+logging.getLogger("traitlets").setLevel(logging.WARNING)  # one line for each page that runs
+
+# The API reference comes from docstrings. They are plain prose with `code` in single back quotes.
+default_role = "code"
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "inherited-members": False}
+autosummary_generate = False

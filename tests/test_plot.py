@@ -78,8 +78,10 @@ def test_the_numbers_beside_a_figure_are_those_of_the_run(result: carom.Result, 
 def test_axes_have_labels_and_units(result: carom.Result) -> None:
     for kind in KINDS:
         axes = result.plot.chart(kind).figure.axes
-        assert axes[-1].get_xlabel() in ("time (s)", "Newton iteration")
-        assert all(axis.get_ylabel() for axis in axes)
+        label = axes[-1].get_xlabel()
+        assert label in ("time (s)", "Newton iteration", "$x$ (m)") or label.endswith("normal impulses (N s)")
+        # Rows are named by the pairs of bodies instead.
+        assert all(axis.get_ylabel() or axis.get_yticklabels()[0].get_text() for axis in axes)
     assert [a.get_ylabel() for a in result.plot.velocities().axes] == [f"$v_{k}$ (m/s)" for k in "xyz"]
     assert result.plot.heights().axes[0].get_ylabel() == "height above bed (mm)"
     [legend] = result.plot.velocities().legends
@@ -141,3 +143,78 @@ def test_a_run_without_contacts_can_be_drawn(tmp_path: Path) -> None:
     if len(result.residuals) == 0:
         with pytest.raises(CaromError, match="no step needed a solve"):
             result.plot.residuals()
+
+
+def test_paths_from_above_between_the_cushions(result: carom.Result) -> None:
+    chart = result.plot.chart("trajectories")
+    assert np.array_equal(chart.data["ball2 x (m)"], np.asarray(result.position)[:, 0, 0])
+    [axes] = chart.figure.axes
+    assert axes.get_aspect() == 1.0
+    cushions = [line for line in axes.lines if len(line.get_xdata()) == 2 and line.get_linewidth() > 1.5]
+    assert len(cushions) == 4
+    low, high = axes.get_xlim()
+    assert low < 0.0
+    assert high > 2.54
+    radii = {patch.get_radius() for patch in axes.patches}
+    assert radii == {0.028575}
+
+
+def test_strips_are_the_statuses_of_the_contacts(result: carom.Result) -> None:
+    """Every frame of every contact lies in a strip of its status, and no strip reaches beyond its contact."""
+    data = result.plot.chart("phases").data
+    rows = result.contacts.between("ball2", "bed")
+    mine = data["pair"] == "ball2 - bed"
+    begin, end, status = (data[key][mine] for key in ("from (s)", "to (s)", "status"))
+    names = np.array(["open", "stick", "slip"])[np.asarray(rows["status"])]
+    for time, name in zip(np.asarray(rows["time"]), names, strict=True):
+        assert status[(begin < time - 1e-12) & (time <= end + 1e-12)].tolist() == [name]
+    assert np.sum(end - begin) == pytest.approx(len(rows) * 1e-3)
+    # The cue ball slides on the bed, and the balls of the rack rest on it until they are hit.
+    rest = (data["pair"] == "ball3 - bed") & (data["to (s)"] < 0.115)
+    assert set(status) == {"slip"}
+    assert set(data["status"][rest]) == {"stick"}
+
+
+def test_the_impact_sequence_of_the_break(result: carom.Result) -> None:
+    data = result.plot.chart("impacts").data
+    first = data["problem"] == 1
+    strongest = data["pair"][first][np.argmax(data["normal impulse (N s)"][first])]
+    assert strongest == "ball2 - ball3"
+    hits = result.impacts.between("ball2", "ball3")
+    impulse = np.sum(np.asarray(hits["impulse"]) * np.asarray(hits["normal"]), axis=1)
+    assert np.array_equal(data["normal impulse (N s)"][data["pair"] == "ball2 - ball3"], impulse)
+    with pytest.raises(CaromError, match="there was no impact in step 3; the busiest step is 115"):
+        result.plot.impacts(3)
+
+
+def test_a_figure_for_one_column_is_that_wide_and_nothing_is_cut(
+    result: carom.Result, tmp_path: Path
+) -> None:
+    from carom.plot.style import column_width
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    for kind in KINDS:
+        with column_width("single"):
+            figure = result.plot.chart(kind).figure
+        assert figure.get_figwidth() == 3.4
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        page = figure.bbox
+        for axes in figure.axes:
+            title = axes.title if axes.title.get_text() else axes._left_title
+            box = title.get_window_extent(canvas.get_renderer())
+            assert box.x1 <= page.x1 + 1, kind
+    assert len(result.plot.save(tmp_path, ["energies"], width="single")) == 2
+    with pytest.raises(CaromError, match="no width is called 'wide'"):
+        result.plot.save(tmp_path, width="wide")
+
+
+def test_what_a_run_lacks_is_left_out_and_said_if_asked_for(tmp_path: Path) -> None:
+    scene = carom.Scene("free fall", run={"until": 0.1})
+    scene.sphere("only", radius=0.1, mass=1.0, material="stone", position=(0, 0, 1))
+    result = carom.simulate(scene)
+    made = {f.stem for f in result.plot.save(tmp_path)}
+    assert made == {"velocities", "angular_velocities", "heights", "trajectories", "energies", "iterations"}
+    for kind, told in (("phases", "the run holds no contacts"), ("impacts", "the run holds no impacts")):
+        with pytest.raises(CaromError, match=told):
+            result.plot.chart(kind)

@@ -201,7 +201,7 @@ def test_every_control_has_a_name_and_is_reached_by_tab(browser: Browser) -> Non
     )
     assert nameless == []
     reached = set()
-    for _ in range(24):
+    for _ in range(30):
         browser.press("Tab")
         reached.add(browser.evaluate("document.activeElement.id"))
     controls = {
@@ -217,6 +217,10 @@ def test_every_control_has_a_name_and_is_reached_by_tab(browser: Browser) -> Non
         "follow",
         "tags",
         "bodies",
+        "end",
+        "what",
+        "plots",
+        "picture",
     }
     assert controls | {"theme", "keys"} <= reached
     browser.evaluate("document.activeElement.blur()")

@@ -54,6 +54,8 @@ _HOMES = {
     "simulate": "carom.run",
 }
 
+_MODULES = ("billiards", "events", "problem")
+
 __all__ = [
     "Batch",
     "CaromError",
@@ -81,8 +83,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return _version()
-    if name == "problem":  # a package whose parts are public: `carom.problem.Profile`
-        return import_module("carom.problem")
+    if name in _MODULES:  # whose parts are public: `carom.problem.Profile`, `carom.events.AtRest`
+        return import_module(f"carom.{name}")
     home = _HOMES.get(name)
     if home is None:
         raise AttributeError(f"module 'carom' has no attribute '{name}'")

@@ -12,7 +12,7 @@ from carom.scene import Scene
 def example(name: str, *, case: str | None = None, set: Mapping[str, Any] | None = None) -> Scene:
     """The scene of a scenario that comes with Carom, as `carom examples list` names them.
 
-    The last part of a name is enough: `carom.example("5.6_break")` is `carom.example("paper/5.6_break")`. `case` and `set` choose
-    a variant, as in `Scene.from_toml`.
+    The last part of a name is enough: `carom.example("5.6_break")` is `carom.example("paper/5.6_break")`. `case`
+    and `set` choose a variant, as in `Scene.from_toml`.
     """
     return Scene.from_toml(find(name), case=case, set=set)

@@ -27,7 +27,6 @@ from carom.cli.view import view
 app = typer.Typer(
     name="carom",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -74,5 +73,7 @@ for _command in (
     doctor,
     cite,
 ):
-    app.command(no_args_is_help=False)(_command)
+    # Its first sentence stands whole in the list of commands, which click would cut at 45 characters.
+    _sentence = (_command.__doc__ or "").strip().split("\n\n")[0]
+    app.command(no_args_is_help=False, short_help=" ".join(_sentence.split()))(_command)
 app.add_typer(examples, name="examples")

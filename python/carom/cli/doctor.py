@@ -96,30 +96,53 @@ def _a_run() -> str:
     return f"{result.summary['steps']} steps in {1e3 * result.summary['wall_s']:.0f} ms"
 
 
-def _matplotlib() -> str:
-    import matplotlib
+def _machine() -> str:
+    import os
+    import platform
 
-    return str(matplotlib.__version__)
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return f"{platform.system()} {platform.machine()}, {usable} usable CPUs"
 
 
-def _interop() -> str:
-    import pandas
-    import xarray
+def _viewer() -> str:
+    from importlib.resources import files
 
-    return f"xarray {xarray.__version__}, pandas {pandas.__version__}"
+    script = files("carom") / "view" / "assets" / "viewer.js"
+    return f"{len(script.read_bytes()) / 1e6:.1f} MB in one file, no network needed"
+
+
+def _extra(*modules: str) -> Callable[[], str]:
+    """Whether the packages of an extra are installed, and which; they are not imported, which takes seconds for some."""
+
+    def test() -> str:
+        from importlib.metadata import version
+
+        return ", ".join(f"{module} {version(module)}" for module in modules)
+
+    return test
 
 
 TESTS: dict[str, Callable[[], str]] = {
+    "machine": _machine,
     "Python": _python,
     "compiled core": _core,
     "NumPy": _numpy,
     "results file": _record,
     "this directory": _directory,
     "a short run": _a_run,
-    "plots": _matplotlib,
-    "tables": _interop,
+    "viewer": _viewer,
+    "plots": _extra("matplotlib"),
+    "tables": _extra("xarray", "pandas"),
+    "export": _extra("pyarrow", "gsd"),
+    "studies": _extra("dask", "distributed", "scipy"),
+    "live view": _extra("viser"),
+    "videos": _extra("pyvista", "imageio-ffmpeg"),
 }
 OPTIONAL = {
     "plots": "pip install 'carom[plot]' for figures",
     "tables": "pip install 'carom[interop]' for to_xarray and to_pandas",
+    "export": "pip install 'carom[export]' for Parquet and GSD; other formats need nothing",
+    "studies": "pip install 'carom[cluster]' for carom sweep",
+    "live view": "pip install 'carom[live]' for carom view --live",
+    "videos": "pip install 'carom[video]'",
 }

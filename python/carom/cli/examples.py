@@ -15,6 +15,13 @@ from carom.scenario.shipped import find as find
 examples = typer.Typer(no_args_is_help=True, help="Scenario files that come with Carom.")
 
 
+def _names(incomplete: str) -> list[str]:
+    """What a shell offers for a name that has begun; the last part of a name is enough."""
+    from carom.scenario.shipped import shipped
+
+    return [n for name in shipped() for n in {name, name.rsplit("/", 1)[-1]} if n.startswith(incomplete)]
+
+
 @examples.command("list")
 @guarded
 def list_(as_json: Json = False) -> None:
@@ -35,7 +42,9 @@ def list_(as_json: Json = False) -> None:
 @examples.command("copy")
 @guarded
 def copy(
-    name: Annotated[str, typer.Argument(help="Name of an example, as listed.", show_default=False)],
+    name: Annotated[
+        str, typer.Argument(help="Name of an example, as listed.", show_default=False, autocompletion=_names)
+    ],
     to: Annotated[Path, typer.Argument(help="File or directory to copy it to.")] = Path(),
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
     as_json: Json = False,

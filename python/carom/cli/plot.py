@@ -20,14 +20,16 @@ def plot(
         typer.Option(
             "--what",
             metavar="FIGURE",
-            help="velocities, angular-velocities, heights, energies, iterations, residuals or all (default);"
-            " may be repeated.",
+            help="velocities, angular-velocities, heights, trajectories, energies, phases, impacts, iterations, residuals"
+            " or all (default); may be repeated.",
         ),
     ] = None,
     step: Annotated[
         int | None,
         typer.Option(
-            "--step", metavar="K", help="Step of the residuals; default the one with most iterations."
+            "--step",
+            metavar="K",
+            help="Step of the residuals or impacts; default that with most iterations or impact problems.",
         ),
     ] = None,
     bodies: Annotated[
@@ -36,6 +38,9 @@ def plot(
     format_: Annotated[
         str, typer.Option("--format", metavar="FORMAT", help="png, svg, pdf, or several with commas.")
     ] = "png",
+    width: Annotated[
+        str, typer.Option("--width", metavar="WIDTH", help="single or double: columns of a page.")
+    ] = "double",
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="DIR", help="Where to write; default RUN/plots.")
     ] = None,
@@ -45,7 +50,6 @@ def plot(
 
     Example: carom plot runs/break-1 --what velocities --format pdf
     """
-    from carom.plot import KINDS
     from carom.result import load
 
     with warnings.catch_warnings(record=True) as caught:
@@ -54,15 +58,14 @@ def plot(
     for warning in caught:
         note(str(warning.message))
     named = [kind for kinds in what or ["all"] for kind in kinds.split(",")]
-    kinds = list(KINDS) if "all" in named else named
-    if "all" in named and step is None and not len(result.residuals):
-        kinds.remove("residuals")  # a run without a contact has none
+    kinds = result.plot.available(step) if "all" in named else named
     files = result.plot.save(
         out or result.path / "plots",
         kinds,
         formats=format_.split(","),
         bodies=bodies.split(",") if bodies else None,
         step=step,
+        width=width,
     )
     from carom.plot.motion import MOST_LINES
 

@@ -21,13 +21,23 @@ def view(
     max_mb: Annotated[
         float, typer.Option("--max-mb", metavar="MB", help="Largest page; a longer run is thinned.")
     ] = 100.0,
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Serve it on this machine and follow it while it runs (extra `live`)."),
+    ] = False,
+    port: Annotated[int, typer.Option("--port", metavar="N", help="Of --live.", min=1, max=65535)] = 8080,
     open_: Annotated[bool, typer.Option("--open", help="Open it in the web browser.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a run as one HTML file that plays in any browser, offline.
+    """Write a run as one HTML file that plays in any browser, offline; or show it while it runs.
 
     Example: carom view runs/break-1 --open
     """
+    if live:
+        from carom.view.live import serve
+
+        serve(run, port, print)
+        return
     import warnings
 
     from carom.result import load

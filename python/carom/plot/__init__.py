@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from carom.errors import CaromError, did_you_mean
 
 if TYPE_CHECKING:
@@ -18,7 +20,10 @@ if TYPE_CHECKING:
     from carom.result import Result
 
 #: What can be drawn, in the order of `carom plot --what all`.
-KINDS = ("velocities", "angular-velocities", "heights", "energies", "iterations", "residuals")
+KINDS = (
+    *("velocities", "angular-velocities", "heights", "trajectories", "energies"),
+    *("phases", "impacts", "iterations", "residuals"),
+)
 FORMATS = ("png", "svg", "pdf")
 
 
@@ -44,6 +49,18 @@ class Plots:
         """Kinetic, potential and total energy over time."""
         return self.chart("energies").figure
 
+    def trajectories(self, bodies: Sequence[str] | None = None) -> Figure:
+        """Paths of the balls seen from above, between upright walls."""
+        return self.chart("trajectories", bodies=bodies).figure
+
+    def phases(self) -> Figure:
+        """When each pair of bodies sticks, slips, or is apart."""
+        return self.chart("phases").figure
+
+    def impacts(self, step: int | None = None) -> Figure:
+        """The impact sequence of one step: pairs over problems; by default of the step with most."""
+        return self.chart("impacts", step=step).figure
+
     def iterations(self) -> Figure:
         """Iterations of the sub-problems and impact problems, step by step."""
         return self.chart("iterations").figure
@@ -54,12 +71,15 @@ class Plots:
 
     def chart(self, what: str, *, bodies: Sequence[str] | None = None, step: int | None = None) -> Chart:
         """A figure with its numbers; `what` is one of `KINDS`."""
-        from carom.plot import motion, solver
+        from carom.plot import contact, motion, solver, table
 
         drawn: dict[str, Callable[[], Chart]] = {
             "velocities": lambda: motion.velocities(self._result, bodies),
             "angular-velocities": lambda: motion.angular_velocities(self._result, bodies),
             "heights": lambda: motion.heights(self._result, bodies),
+            "trajectories": lambda: table.trajectories(self._result, bodies),
+            "phases": lambda: contact.phases(self._result),
+            "impacts": lambda: contact.impacts(self._result, step),
             "energies": lambda: solver.energies(self._result),
             "iterations": lambda: solver.iterations(self._result),
             "residuals": lambda: solver.residuals(self._result, step),
@@ -72,23 +92,40 @@ class Plots:
     def save(
         self,
         directory: str | Path,
-        what: Sequence[str] = KINDS,
+        what: Sequence[str] | None = None,
         *,
         formats: Sequence[str] = ("png",),
         bodies: Sequence[str] | None = None,
         step: int | None = None,
+        width: str = "double",
     ) -> list[Path]:
-        """Write figures, and the numbers of each as CSV; returns the files. The same run gives the same bytes."""
-        from carom.plot.style import save
+        """Write figures, and the numbers of each as CSV; returns the files. The same run gives the same bytes.
+
+        Without `what` all that the run has something for. `width` is `single` or `double`: one column of a page or two.
+        """
+        from carom.plot.style import column_width, save
 
         for chosen in formats:
             if chosen not in FORMATS:
                 raise CaromError(f"no format is called {chosen!r}; {did_you_mean(chosen, FORMATS)}")
         files: list[Path] = []
-        for name in what:
-            chart = self.chart(name, bodies=bodies, step=step)
+        for name in self.available(step) if what is None else what:
+            with column_width(width):
+                chart = self.chart(name, bodies=bodies, step=step)
             files += save(chart, Path(directory), name.replace("-", "_"), formats)
         return files
+
+    def available(self, step: int | None = None) -> list[str]:
+        """The figures that the run has something for; those of a step only if it has them."""
+        result = self._result
+        lacking = {
+            "phases": not len(result.contacts),
+            "impacts": not len(result.impacts)
+            or (step is not None and step not in np.asarray(result.impacts["step"])),
+            "residuals": not len(result.residuals)
+            or (step is not None and not result.residuals.history(step)),
+        }
+        return [kind for kind in KINDS if not lacking.get(kind)]
 
     def __repr__(self) -> str:
         return f"<figures of {self._result.path}: {', '.join(k.replace('-', '_') for k in KINDS)}>"

@@ -35,8 +35,8 @@ def angular_velocities(result: Result, bodies: Sequence[str] | None = None) -> C
 
 def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
     """Height of the lowest point of each body above the plane on which things rest; of its centre without one."""
-    names, columns, frames = _selection(result, bodies)
-    up = _up(result)
+    names, columns, frames = selection(result, bodies)
+    up = upward(result)
     centre = np.asarray(result.position[frames])[:, columns] @ up
     floor = _floor(result, up)
     if floor is None:
@@ -60,7 +60,7 @@ def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
 
 
 def _components(result: Result, bodies: Sequence[str] | None, quantity: str, symbol: str, unit: str) -> Chart:
-    names, columns, frames = _selection(result, bodies)
+    names, columns, frames = selection(result, bodies)
     values = np.asarray(getattr(result, quantity)[frames])[:, columns]
     time = np.asarray(result.time[frames])
     plain = symbol.replace("\\", "")
@@ -103,7 +103,7 @@ def _flat(values: F64) -> bool:
     return bool(np.max(np.abs(values), initial=0.0) < 1e-9)
 
 
-def _selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], Any, Any]:
+def selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], Any, Any]:
     """Names, their columns and the frames to draw."""
     names = list(bodies) if bodies else result.names
     columns: Any = [result[name].index for name in names] if bodies else slice(None)
@@ -111,7 +111,7 @@ def _selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str],
     return names, columns, slice(None, None, stride)
 
 
-def _up(result: Result) -> F64:
+def upward(result: Result) -> F64:
     gravity = result.gravity
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])

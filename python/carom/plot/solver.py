@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, counted
-from carom.plot.style import COLOURS, GREY, Chart, legend, panels, styled
+from carom.plot.style import COLOURS, GREY, Chart, fitted, legend, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
@@ -103,7 +103,7 @@ def residuals(result: Result, step: int | None = None) -> Chart:
                     "color": COLOURS[order.index(i)],
                     "marker": MARKERS[level],
                     "markersize": 4,
-                    "label": label,
+                    "label": fitted(label, 1.2),
                 }
             axes.semilogy(np.arange(len(history)), np.maximum(history, 1e-18), **look)
         reference = quadratic(longest)

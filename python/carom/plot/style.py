@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.errors import CaromError, did_you_mean
 from carom.files import write_whole
 
 if TYPE_CHECKING:
@@ -25,8 +28,11 @@ GREY = "#888888"
 #: Every other line is dashed: mirror images coincide, and both shall be seen.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)))
 
-#: Two columns of a journal page, in.
-WIDTH = 7.0
+#: Widths of figures, in: one and two columns of a journal page.
+WIDTHS = {"single": 3.4, "double": 7.0}
+#: Of text in the size of a title.
+LETTERS_PER_INCH = 13.0
+_width: ContextVar[str] = ContextVar("width", default="double")
 DPI = 200
 
 RC: Any = {
@@ -63,6 +69,28 @@ class Chart:
 
 
 @contextmanager
+def column_width(name: str) -> Iterator[None]:
+    """Draw figures as wide as one column of a page (`single`) or two (`double`)."""
+    if name not in WIDTHS:
+        raise CaromError(f"no width is called {name!r}; {did_you_mean(name, list(WIDTHS))}")
+    token = _width.set(name)
+    try:
+        yield
+    finally:
+        _width.reset(token)
+
+
+def width() -> float:
+    """Width of a figure, in."""
+    return WIDTHS[_width.get()]
+
+
+def fitted(text: str, indent: float = 0.6) -> str:
+    """Text broken into lines that the figure is wide enough for, less `indent` in."""
+    return textwrap.fill(text, max(16, int(LETTERS_PER_INCH * (width() - indent))))
+
+
+@contextmanager
 def styled() -> Iterator[None]:
     """The style of Carom's figures, without changing matplotlib for anybody else."""
     import matplotlib
@@ -71,20 +99,23 @@ def styled() -> Iterator[None]:
         yield
 
 
-def panels(count: int, height: float, title: str) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` panels above each other that share the horizontal axis."""
+def panels(count: int, height: float, title: str, indent: float = 0.6) -> tuple[Figure, list[Axes]]:
+    """A figure of `count` panels above each other that share the horizontal axis; `indent`: room at the left, in."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(width(), height), layout="constrained")
     axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     if title:
-        axes[0].set_title(title, loc="left")
+        axes[0].set_title(fitted(title, indent), loc="left")
     return figure, list(axes)
 
 
 def legend(figure: Figure, axes: Axes, columns: int = 8) -> None:
     """One legend for all panels, above them."""
     handles, labels = axes.get_legend_handles_labels()
+    # As many beside each other as there is room for.
+    longest = max(map(len, labels), default=1)
+    columns = max(1, min(columns, int(11 * width() / (longest + 6))))
     figure.legend(handles, labels, loc="outside upper left", ncols=min(columns, len(labels)))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
-from carom.plot.style import COLOURS, GREY, WIDTH, Chart, styled
+from carom.plot.style import COLOURS, GREY, Chart, styled, width
 from carom.sweeps.study import RESERVED
 
 if TYPE_CHECKING:
@@ -24,7 +24,12 @@ F64 = NDArray[np.float64]
 MOST_COLUMNS = 6
 #: Points of a scatter plot: of more an evenly spread part is drawn.
 MOST_DOTS = 4000
+#: The same of places, whose dots are many small ones.
+MOST_PLACES = 20_000
+MOST_BALLS = 4
 BINS = 40
+#: Bands of a parameter.
+BANDS = 15
 
 
 def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
@@ -42,10 +47,9 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
             axis.set_xlabel(label(sweep, name))
             axis.set_ylabel("cases")
-            width = BINS
-            numbers[f"{name}: from"] = _filled(edges[:-1], width)
-            numbers[f"{name}: to"] = _filled(edges[1:], width)
-            numbers[f"{name}: cases"] = _filled(counts.astype(float), width)
+            numbers[f"{name}: from"] = _filled(edges[:-1], BINS)
+            numbers[f"{name}: to"] = _filled(edges[1:], BINS)
+            numbers[f"{name}: cases"] = _filled(counts.astype(float), BINS)
         figure.suptitle(_title(sweep), x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
@@ -62,7 +66,7 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
         from matplotlib.figure import Figure
 
         height = 1.5 * len(chosen) + 0.7
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
+        figure = Figure(figsize=(width(), height), layout="constrained")
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
             y = np.asarray(sweep[column], float)
@@ -82,6 +86,68 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
         figure.align_ylabels()
         figure.suptitle(f"{_title(sweep)}; line: median", x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
+
+
+def places(sweep: Sweep, by: str | None = None) -> Chart:
+    """Where up to four balls end, seen from above, m: dots coloured by the parameter `by`, or that which tells most."""
+    from matplotlib.figure import Figure
+
+    names = [name.removesuffix(".position.x") for name in sweep.columns if name.endswith(".position.x")][
+        :MOST_BALLS
+    ]
+    if not names:
+        raise CaromError("the study kept no positions; name balls in keep.bodies")
+    by = _telling(sweep, [f"{name}.position.{x}" for name in names for x in "xyz"]) if by is None else by
+    colour = np.asarray(sweep[by], float)
+    letters = "xyz".replace("xyz"[_upright(sweep)], "")
+    rows = np.flatnonzero(sweep.ok)[:: max(1, -(-int(sweep.ok.sum()) // MOST_PLACES))]
+    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], by: colour[rows]}
+    columns = 1 if len(names) == 1 else 2
+    with styled():
+        lines = -(-len(names) // columns)
+        spans = [np.ptp(np.concatenate([sweep[f"{n}.position.{x}"][rows] for n in names])) for x in letters]
+        tall = float(np.clip(spans[1] / max(spans[0], 1e-12), 0.3, 1.2))
+        figure = Figure(
+            figsize=(width(), 0.9 + lines * (0.45 + tall * 0.85 * width() / columns)), layout="constrained"
+        )
+        axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+        for axis, name in zip(axes, names, strict=False):
+            x, y = (sweep[f"{name}.position.{letter}"][rows] for letter in letters)
+            numbers |= {f"{name} {letters[0]} (m)": x, f"{name} {letters[1]} (m)": y}
+            dots = axis.scatter(x, y, c=colour[rows], s=1.5, cmap="viridis", linewidth=0, rasterized=True)
+            axis.set_aspect("equal")
+            axis.set_title(name, loc="left")
+        for axis in axes[len(names) :]:
+            axis.set_visible(False)
+        figure.supxlabel(f"${letters[0]}$ (m)", fontsize=9)
+        figure.supylabel(f"${letters[1]}$ (m)", fontsize=9)
+        figure.colorbar(dots, ax=list(axes), label=label(sweep, by), aspect=40, shrink=0.8)
+        figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
+    return Chart(figure, numbers)
+
+
+def _telling(sweep: Sweep, columns: Sequence[str]) -> str:
+    """The parameter whose bands explain most of the variance of some column, on the average over them."""
+    share = {}
+    for name in sweep.parameters:
+        x = np.asarray(sweep[name], float)[sweep.ok]
+        edges = np.unique(np.quantile(x, np.linspace(0, 1, BANDS + 1)))[1:-1]
+        band = np.searchsorted(edges, x, side="right")
+        count = np.maximum(np.bincount(band, minlength=BANDS), 1)
+        found = []
+        for column in columns:
+            y = np.asarray(sweep[column], float)[sweep.ok]
+            if np.var(y) > 0:
+                mean = np.bincount(band, y, minlength=BANDS) / count
+                found.append(np.var(mean[band]) / np.var(y))
+        share[name] = float(np.mean(found)) if found else 0.0
+    return max(share, key=lambda name: share[name])
+
+
+def _upright(sweep: Sweep) -> int:
+    """The axis of the world along which gravity is strongest; z without gravity."""
+    gravity = np.abs(np.asarray(sweep.study.targeting.base.gravity))
+    return int(np.argmax(gravity)) if gravity.any() else 2
 
 
 def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
@@ -136,7 +202,7 @@ def _median(axis: Axes, x: F64, y: F64) -> None:
     if len(x) < 20:
         return
     distinct = np.unique(x)
-    bands = min(15, max(2, len(x) // 20))
+    bands = min(BANDS, max(2, len(x) // 20))
     edges = (
         np.quantile(x, np.linspace(0, 1, bands + 1)) if len(distinct) > 15 else np.append(distinct, np.inf)
     )
@@ -153,7 +219,7 @@ def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
 
     columns = 1 if count == 1 else 2 if count in (2, 4) else 3
     rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, height * rows + 0.4), layout="constrained")
+    figure = Figure(figsize=(width(), height * rows + 0.4), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axis in axes[count:]:
         axis.set_visible(False)

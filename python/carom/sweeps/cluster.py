@@ -10,6 +10,8 @@ import hashlib
 import logging
 import os
 import tempfile
+import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -28,6 +30,9 @@ Done = Callable[[int, int], None]
 
 #: Pieces handed out per thread of the cluster; more wait here, so that a cluster that grows gets some.
 AHEAD = 3
+GONE = "the scheduler is gone; what was computed stays, and the same call goes on from there"
+#: Seconds without a worker after which it is said.
+PATIENCE_SECONDS = 20.0
 #: Seconds between two looks at Ctrl-C and at whether the scheduler is there.
 LOOK_SECONDS = 0.5
 
@@ -46,7 +51,10 @@ def in_this_process(jobs: Sequence[Job], done: Done) -> None:
 def on_cluster(jobs: Sequence[Job], done: Done, workers: int, scheduler: str | None) -> None:
     """All pieces, in whatever order they end."""
     with _client(workers, scheduler) as client:
-        _drive(client, list(reversed(jobs)), done)
+        try:
+            _drive(client, list(reversed(jobs)), done)
+        except (OSError, TimeoutError) as error:  # of the connection; those of workers come as CaromError
+            raise CaromError(GONE) from error
 
 
 @contextmanager
@@ -90,6 +98,7 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
     from distributed import wait
 
     flying: dict[Any, Job] = {}
+    alone_since = time.monotonic()
     while waiting or flying:
         threads = sum(client.nthreads().values()) if client.status == "running" else 1
         while waiting and len(flying) < AHEAD * max(1, threads):
@@ -98,9 +107,12 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
         with suppress(TimeoutError):
             wait(list(flying), timeout=LOOK_SECONDS, return_when="FIRST_COMPLETED")
         if client.status != "running":
-            raise CaromError(
-                "the scheduler is gone; what was computed stays, and the same call goes on from there"
-            )
+            raise CaromError(GONE)
+        if threads and client.status == "running":
+            alone_since = time.monotonic()
+        elif time.monotonic() - alone_since > PATIENCE_SECONDS:
+            warnings.warn("the scheduler has no workers; the study waits for some", UserWarning, stacklevel=2)
+            alone_since = np.inf
         for future in [f for f in flying if f.status != "pending"]:
             job = flying.pop(future)
             if future.status == "finished":

@@ -109,16 +109,19 @@ class Sweep:
         columns: Sequence[str] = (),
         formats: Sequence[str] = ("png",),
     ) -> list[Path]:
-        """Histograms, and each of the `columns` against each parameter, to `plots` in the folder."""
+        """Histograms, each of the `columns` against each parameter, and where the balls end, to `plots` in the folder."""
         from carom.plot import require_matplotlib
 
         require_matplotlib()
         from carom.plot.style import save
-        from carom.plot.sweep import histograms, responses
+        from carom.plot.sweep import histograms, places, responses
 
         where = Path(directory) if directory is not None else self.path / "plots"
         files = save(histograms(self, columns), where, "histograms", formats)
-        return files + save(responses(self, columns), where, "responses", formats)
+        files += save(responses(self, columns), where, "responses", formats)
+        if not columns and any(name.endswith(".position.x") for name in self.columns):
+            files += save(places(self), where, "places", formats)
+        return files
 
     def __repr__(self) -> str:
         failed = int((~self.ok).sum())

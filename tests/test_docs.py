@@ -1,0 +1,84 @@
+"""The documentation runs: every notebook page and its figures; examples can be read; the patch of the guide applies."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import carom
+import pytest
+from docs_pages import DOCS, ROOT, blocks, notebooks, program, run
+
+#: Run in the quick tier; all in the long one.
+QUICK = ("incline", "torque")
+PAGES = [
+    pytest.param(page, id=page.stem, marks=[] if page.stem in QUICK else [pytest.mark.long])
+    for page in notebooks()
+]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_runs(page: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="pages draw figures")
+    run(program(page), tmp_path)
+
+
+def test_the_gallery_is_whole() -> None:
+    """Every page of the gallery is on its list, runs code and draws a picture."""
+    gallery = DOCS / "gallery"
+    pages = {page.stem for page in gallery.glob("*.md")} - {"index"}
+    index = (gallery / "index.md").read_text("utf-8")
+    listed = set(re.findall(r"\]\((\w+)\.md\)", index))
+    assert pages == listed == set(re.findall(r"^(\w+)$", index.split("```{toctree}")[1], re.M))
+    assert pages <= {page.stem for page in notebooks()}
+    assert not [name for name in pages if "plt.subplots(" not in program(gallery / f"{name}.md")]
+
+
+def test_the_examples_of_the_paper_are_in_the_gallery() -> None:
+    text = (DOCS / "gallery" / "index.md").read_text("utf-8")
+    assert [f"5.{k}" for k in range(1, 7) if f"(5.{k})" not in text] == []
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*/*.md")), ids=lambda page: page.stem)
+def test_examples_in_toml_and_python_can_be_read(page: Path) -> None:
+    """TOML parses, Python compiles, and every `carom.NAME` in it is a name of the package."""
+    for text in blocks(page, "toml"):
+        tomllib.loads(text)
+    for text in [*blocks(page, "python"), *blocks(page, "{code-cell} python")]:
+        plain = re.sub(r"^!.*$", "pass", text, flags=re.M)
+        compile(plain, str(page), "exec")
+        for name in set(re.findall(r"\bcarom\.(\w+)", plain)):
+            assert getattr(carom, name, None) is not None or (ROOT / "python/carom" / name).exists(), name
+
+
+def test_the_guide_to_an_impact_law_fits_this_version(tmp_path: Path) -> None:
+    """The patch of docs/guides/extend.md applies, and touches the files that the page shows."""
+    patch = DOCS / "guides" / "pairwise.patch"
+    files = re.findall(r"^\+\+\+ b/(.*)$", patch.read_text("utf-8"), re.M)
+    shown = re.findall(r"\+\+\+ b/([^\"]*)\"", (DOCS / "guides" / "extend.md").read_text("utf-8"))
+    assert shown
+    assert set(shown) <= set(files)
+    if shutil.which("patch") is None:
+        pytest.skip("the program patch is not installed")
+    for name in files:
+        if (ROOT / name).exists():
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tmp_path / name)
+    done = subprocess.run(
+        ["patch", "-p1", "--batch", "-i", str(patch)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_scenario_of_the_reference_runs(tmp_path: Path) -> None:
+    """The first example of docs/reference/scenario.md is a whole scenario."""
+    first = blocks(DOCS / "reference" / "scenario.md", "toml")[0]
+    result = carom.simulate(carom.Scene.from_toml(first), every=1000)
+    assert result["cue"].speed[-1] == pytest.approx(5 / 7, abs=1e-8)

@@ -1,0 +1,119 @@
+"""The live view: shapes always; the server where viser is installed (extra `live`), which is on this machine only."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom.errors import CaromError
+from carom.view.live_shapes import ball_halves, wall_mesh
+
+LOW, HIGH = np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0])
+
+
+def area_vectors(vertices: Any, faces: Any) -> Any:
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def test_the_halves_of_a_ball_are_one_closed_sphere_seen_from_outside() -> None:
+    total = np.zeros(3)
+    volume = 0.0
+    for _, vertices, faces in ball_halves():
+        assert np.linalg.norm(vertices, axis=1) == pytest.approx(1.0)
+        vectors = area_vectors(vertices, faces)
+        middle = vertices[faces].mean(axis=1)
+        total += vectors.sum(axis=0)
+        volume += (middle * vectors).sum() / 3
+    assert np.abs(total).max() < 1e-12
+    assert volume == pytest.approx(4 / 3 * np.pi, rel=0.06)  # inscribed, hence less
+
+
+@pytest.mark.parametrize(
+    ("shape", "facts", "area"),
+    [
+        ("rectangle", {"axis": [0, 0, 1], "side": [1, 0, 0], "size": [2.0, 3.0]}, 6.0),
+        ("disc", {"axis": [0, 1, 0], "radius": 2.0, "hole": 1.0}, 3 * np.pi),
+        ("cylinder", {"axis": [0, 0, 1], "radius": 0.5, "length": 2.0}, 2 * np.pi),
+        ("cone", {"axis": [0, 0, 1], "radius": 3.0, "radius_end": 0.0, "length": 4.0}, 15 * np.pi),
+        ("sphere", {"radius": 1.0}, 4 * np.pi),
+    ],
+)
+def test_walls_have_the_area_of_their_shape(shape: str, facts: dict[str, Any], area: float) -> None:
+    vertices, faces = wall_mesh(shape, {"point": [0.2, 0.0, 0.0], **facts}, LOW, HIGH)
+    found = np.linalg.norm(area_vectors(vertices, faces), axis=1).sum()
+    assert found == pytest.approx(area, rel=0.02)
+
+
+def test_a_plane_lies_under_the_balls_and_looks_along_its_normal() -> None:
+    normal = np.array([0.0, 0.6, 0.8])
+    vertices, faces = wall_mesh("plane", {"point": [5.0, 0.0, 0.0], "normal": normal}, LOW, HIGH)
+    assert np.abs(vertices @ normal).max() < 1e-12
+    assert (area_vectors(vertices, faces) @ normal > 0).all()
+    assert np.linalg.norm(vertices.mean(axis=0)[0] + 5.0) < 1e-9  # though its point is far away
+
+
+def test_without_viser_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from carom.view.live import Live
+
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(CaromError, match=r"pip install 'carom\[live\]'"):
+        Live(tmp_path)
+
+
+@pytest.mark.long
+def test_a_run_is_followed_while_it_is_computed(tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="needs viser (extra live)")
+    from carom.view.live import Live
+
+    run = tmp_path / "run"
+    program = (
+        "import sys, time, carom\n"
+        "scene = carom.Scene.from_toml(sys.argv[1])\n"
+        "carom.simulate(scene, out=sys.argv[2], callback=lambda *_: time.sleep(0.002))\n"
+    )
+    scene = Path(carom.__file__).parent / "scenarios" / "paper" / "5.6_break.toml"
+    simulation = subprocess.Popen([sys.executable, "-c", program, str(scene), str(run)], env=dict(os.environ))
+    try:
+        deadline = time.monotonic() + 60
+        while not (run / "results.h5").exists() or not _frames(run):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        with Live(run, port=8095) as live:
+            first = live.frames
+            with urllib.request.urlopen(live.url) as answer:
+                assert answer.status == 200
+            while live.frames == first:
+                assert time.monotonic() < deadline
+                time.sleep(0.1)
+            assert simulation.poll() is None  # it grew while the run was computed
+            time.sleep(0.5)
+            assert live.frame == live.frames - 1
+            live.show(0)
+            assert live.frame == 0
+            names = {thread.name for thread in threading.enumerate()}
+            assert "carom-live" in names
+    finally:
+        simulation.kill()
+        simulation.wait()
+
+
+def _frames(run: Path) -> int:
+    try:
+        import warnings
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with carom.load(run) as result:
+                return len(result.time)
+    except (CaromError, OSError):
+        return 0
