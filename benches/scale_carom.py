@@ -74,6 +74,8 @@ def run(ask: Mapping[str, Any]) -> dict[str, Any]:
     begin = time.perf_counter()
     simulation = _core.Simulation(found)
     built = time.perf_counter() - begin
+    # A million grains are a tenth of a gigabyte here: memory is measured, and the core has its own.
+    start, heap, found = {}, {}, {}
     spent, cpu, deepest, failure = [0.0] * len(PHASES), 0.0, 0.0, None
     each: list[float] = []
     begin_all, every, last = time.monotonic(), max(1, round(SAMPLE / h)), round(ask["until"] / h)

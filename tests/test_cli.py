@@ -195,7 +195,7 @@ def test_an_existing_run_is_refused(runs: Path) -> None:
         (["run", "three_balls.toml", "-o", "three_balls.toml/x"], "cannot create the run directory"),
         (["run", "."], "."),
         (["check", "absent.toml"], "absent.toml: no such file"),
-        (["check", "runs"], "this version checks scenario files only"),
+        (["check", "runs"], "runs is not a run directory"),
         (["resume", "absent"], "absent: no such run directory"),
         (["info", "."], "not a run directory"),
         (["plot", "absent"], "absent: no such run directory"),

@@ -30,7 +30,7 @@ const LEAST_UPDATES: usize = 2_000_000;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
 /// Sweeps after which the worst contact alone holds nobody up (counted as a fallback).
-const PATIENCE: usize = 2_000;
+const PATIENCE: usize = 1_000;
 /// Islands of more contacts than this have no other solver: a step that fails is halved.
 const ALONE: usize = 500;
 /// Tolerance of piles from which on every island without dense matrix is swept.

@@ -5,6 +5,8 @@ use super::Sweeps;
 
 /// See [`Goal::patience`].
 pub const LENIENCE: f64 = 10.0;
+/// Sweeps in which the bound becomes as wide.
+const WIDENED: f64 = 3_000.0;
 /// Sweeps before the first look, and between two looks at least and at most.
 const FIRST: usize = 4;
 const LEAST_BETWEEN: usize = 3;
@@ -44,8 +46,8 @@ pub struct Goal {
     /// Bound of [`Norms::closing`].
     pub closing: f64,
     pub penalty_scale: f64,
-    /// Sweeps after which the bound of the worst contact is [`LENIENCE`] times as wide: now and then a contact goes round in circles
-    /// (stick, slip and open in turn) while all others have long agreed.
+    /// Sweeps from which on the bound of the worst contact widens, up to [`LENIENCE`] times: now and then a contact goes round in
+    /// circles (stick, slip and open in turn) while all others have long agreed.
     pub patience: usize,
     /// Sweeps at most.
     pub most: usize,
@@ -82,7 +84,10 @@ impl Goal {
     fn judge(&self, norms: &Norms, sweeps: usize) -> Progress {
         let residual = self.relative(norms);
         let strict = norms.closing <= self.closing;
-        let lenient = sweeps >= self.patience && norms.closing <= LENIENCE * self.closing;
+        // The bound widens slowly: what is close to it after so long need not wait, and what is far from it may still come.
+        let late = sweeps.saturating_sub(self.patience) as f64 / WIDENED;
+        let lenient =
+            sweeps >= self.patience && norms.closing <= LENIENCE.powf(late.min(1.0)) * self.closing;
         Progress {
             sweeps,
             residual,
