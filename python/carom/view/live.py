@@ -30,19 +30,13 @@ MOST_BALLS = 20_000
 LOOK_S = 0.5
 """Time between two looks at a run that is being computed."""
 PICTURE_S = 1 / 25
-COLOURS = np.array(
-    [
-        [79, 134, 198],
-        [224, 142, 69],
-        [90, 164, 105],
-        [200, 85, 61],
-        [138, 111, 179],
-        [217, 180, 74],
-        [74, 163, 162],
-        [199, 125, 155],
-    ],
+SIZE = 4.0
+"""Diagonal of the box of the balls at the start, in the page."""
+COLOURS = np.array(  # darker than they shall look: the page is lit brightly
+    [[30, 80, 150], [190, 95, 20], [35, 115, 55], [160, 40, 20], [85, 55, 140], [180, 135, 20], [20, 115, 115],
+     [160, 70, 105]],
     dtype=np.uint8,
-)
+)  # fmt: skip
 LIGHT = np.array([235, 228, 210], dtype=np.uint8)
 WALL = (130, 140, 155)
 
@@ -134,7 +128,13 @@ class Live:
         self._radius = np.asarray(result.bodies["radius"], dtype=np.float64)[:: self._every]
         up = -np.asarray(result.gravity, dtype=np.float64)
         scene.set_up_direction(tuple(up / np.linalg.norm(up)) if up.any() else "+z")
+        self._scale = 1.0
         position, orientation = self._bodies(0)
+        low, high = bounds(position[np.newaxis], None, None)
+        low, high = low - self._radius.max(), high + self._radius.max()
+        # Lights and depth of the page are made for scenes of some metres.
+        self._scale = SIZE / float(np.linalg.norm(high - low))
+        position, self._radius = self._scale * position, self._scale * self._radius
         colour = COLOURS[np.arange(len(self._radius)) % len(COLOURS)]
         self._halves = [
             scene.add_batched_meshes_simple(
@@ -150,8 +150,6 @@ class Live:
                 ball_halves(), (colour, np.broadcast_to(LIGHT, colour.shape)), strict=True
             )
         ]
-        low, high = bounds(position[np.newaxis], None, None)
-        low, high = low - self._radius.max(), high + self._radius.max()
         self._walls = []
         for wall in result.walls.values():
             vertices, faces = wall_mesh(wall.shape, wall.facts, low, high)
@@ -164,17 +162,17 @@ class Live:
                 continue
             handle = scene.add_mesh_simple(
                 f"/walls/{wall.index}",
-                vertices,
+                self._scale * vertices,
                 faces,
                 color=WALL,
                 opacity=0.3,
                 side="back" if wall.facts.get("inside") else "front",
                 cast_shadow=False,
             )
-            handle.position = np.asarray(wall.facts["point"], dtype=np.float64)
+            handle.position = self._scale * np.asarray(wall.facts["point"], dtype=np.float64)
             if wall.motion.moves:
                 self._walls.append((wall.name, handle))
-        self._camera(low, high, up)
+        self._camera(self._scale * low, self._scale * high, up)
         gui.add_markdown("**" + self._title.replace("*", "") + "**")
         for note in self.notes:
             gui.add_markdown(note)
@@ -195,9 +193,12 @@ class Live:
         camera.position, camera.look_at, camera.up = middle + 0.9 * reach * sight, middle, above
 
     def _bodies(self, frame: int) -> tuple[Floats, Floats]:
-        """Centres (N, 3), m, and attitudes (N, 4) of the balls shown; of absent ones somewhere, and they have no size."""
+        """Centres (N, 3), scaled to the page, and attitudes (N, 4) of the balls shown.
+
+        Absent ones are somewhere, and are drawn without size.
+        """
         result, bodies = self._result, slice(None, None, self._every)
-        position = np.asarray(result.position[frame], dtype=np.float64)[bodies]
+        position = self._scale * np.asarray(result.position[frame], dtype=np.float64)[bodies]
         orientation = np.asarray(result.orientation[frame], dtype=np.float64)[bodies]
         there = np.isfinite(position[:, 0]).reshape(1, -1)
         if there.all():
@@ -221,7 +222,8 @@ class Live:
                     half.batched_scales = np.where(there, self._radius, 0.0)
                 for name, handle in self._walls:
                     wall = result.walls[name]
-                    handle.position, handle.wxyz = wall.position[frame], wall.orientation[frame]
+                    handle.position = self._scale * wall.position[frame]
+                    handle.wxyz = wall.orientation[frame]
             state = "running" if result.is_being_written else result.outcome.brief
             self._words.content = (
                 f"t = {result.time[frame]:.6g} s, frame {frame + 1} of {self.frames}; {state}"
