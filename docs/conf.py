@@ -7,8 +7,11 @@ without Sphinx.
 
 import logging
 import os
+import re
 import tomllib
 from pathlib import Path
+
+from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parent.parent
 
@@ -24,6 +27,7 @@ html_theme = "furo"
 html_title = f"Carom {release}"
 
 myst_heading_anchors = 3
+myst_ref_domains = ["std"]  # #parameters is a heading, not an attribute of the API reference
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(Path(__file__).parent / "_build" / ".jupyter_cache")
 nb_execution_in_temp = True  # runs and pictures that a page writes do not lie between its sources
@@ -44,3 +48,14 @@ autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "inherited-members": False}
 autosummary_generate = False
+
+
+def _plain_bars(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """|v| in a docstring is a norm, and no substitution of reStructuredText."""
+    for k, line in enumerate(lines):
+        parts = re.split(r"(`[^`]*`)", line)
+        lines[k] = "".join(p if p.startswith("`") else p.replace("|", r"\|") for p in parts)
+
+
+def setup(app: Sphinx) -> None:
+    app.connect("autodoc-process-docstring", _plain_bars)
