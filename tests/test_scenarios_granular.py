@@ -159,14 +159,17 @@ def test_a_drum_lifts_its_grains_by_the_angle_of_repose_and_feels_their_weight()
 # --- hoppers --------------------------------------------------------------------------------------------------
 
 
+def discharge(result: carom.Result, start: float, stop: float) -> float:
+    """Grains per second through the plane z = 0 while what is above it goes from one share of all grains to another."""
+    above = (np.asarray(result.position)[:, :, 2] > 0).sum(axis=1)  # those that have left are NaN
+    between = (above < start * above[0]) & (above > stop * above[0])
+    assert between.sum() > 5
+    return -float(np.polyfit(np.asarray(result.time)[between], above[between], 1)[0])
+
+
 def emptying(result: carom.Result) -> tuple[float, float]:
-    """Grains per second through the plane z = 0 while the hopper goes from 85 to 65 and from 65 to 45 per cent."""
-    z = np.asarray(result.position)[:, :, 2]
-    above = (z > 0).sum(axis=1)  # those that have left are NaN
-    time = np.asarray(result.time)
-    at = [time[np.argmax(above <= share * above[0])] for share in (0.85, 0.65, 0.45)]
-    passed = 0.2 * above[0]
-    return passed / (at[1] - at[0]), passed / (at[2] - at[1])
+    """Grains per second while the hopper goes from 85 to 65 and from 65 to 45 per cent."""
+    return discharge(result, 0.85, 0.65), discharge(result, 0.65, 0.45)
 
 
 @pytest.mark.long
@@ -185,6 +188,39 @@ def test_a_slot_empties_at_the_rate_of_beverloo() -> None:
     assert second == pytest.approx(first, rel=0.15)
     law = fraction * np.sqrt(G) * (p["B"] - 1.4 * 2 * r) ** 1.5 * (width - 1.4 * 2 * r) / (4 / 3 * pi * r**3)
     assert 0.5 * (first + second) == pytest.approx(1.03 * law, rel=0.2)
+
+
+def out_of_a_cone(*, until: float = 0.8, **values: float) -> tuple[carom.Result, float, float]:
+    """The emptied cone, its rate and that of Beverloo, Rose and Tanaka, in grains per second."""
+    result = simulated("hopper_cone", values=values, until=until)
+    p = result.parameters
+    r, opening = p["r"], p["D"]
+    settled = np.asarray(result.position)[int(np.searchsorted(np.asarray(result.time), 0.24))]
+    top = float(np.quantile(settled[:, 2], 0.8))
+    fraction = packing_fraction(
+        settled, r, np.array([-opening / 3, -opening / 3, 4 * r]), np.array([opening / 3, opening / 3, top])
+    )
+    flat = 0.58 * fraction * np.sqrt(G) * (opening - 1.4 * 2 * r) ** 2.5 / (4 / 3 * pi * r**3)
+    return result, discharge(result, 0.9, 0.4), flat * (np.tan(p["angle"]) * np.tan(pi / 4)) ** -0.35
+
+
+def test_a_cone_empties_at_the_rate_of_beverloo() -> None:
+    _, rate, law = out_of_a_cone(until=0.5, N=400)
+    assert rate == pytest.approx(law, rel=0.2)
+
+
+@pytest.mark.long
+def test_the_rate_of_a_cone_grows_with_the_opening_to_the_power_5_2() -> None:
+    """A fluid would empty through a hole at a rate that grows with its area, and falls with the height above it."""
+    narrow, slow, slow_law = out_of_a_cone()
+    wide, fast, fast_law = out_of_a_cone(until=0.65, D=0.064, radius=0.056, N=1400)
+    for result, rate, law in ((narrow, slow, slow_law), (wide, fast, fast_law)):
+        assert rate == pytest.approx(law, rel=0.15)
+        first, second = emptying(result)
+        assert second == pytest.approx(first, rel=0.15)
+    d = 2 * narrow.parameters["r"]
+    free = [result.parameters["D"] - 1.4 * d for result in (narrow, wide)]
+    assert np.log(fast / slow) / np.log(free[1] / free[0]) == pytest.approx(2.5, abs=0.3)
 
 
 # --- avalanche, heap ------------------------------------------------------------------------------------------
@@ -224,3 +260,41 @@ def test_a_heap_has_the_angle_of_repose(seed: int) -> None:
     heap = granular.heap_angle(result, centre=(0.0, 0.0, 0.0), cell=1.5)
     assert 20 < heap.degrees < 35
     assert heap.error < np.radians(5)
+
+
+# --- column ---------------------------------------------------------------------------------------------------
+
+
+def collapsed(*, case: str | None = None, until: float = 1.0, **values: float) -> granular.RunOut:
+    """Runout of a column that had settled when the gate went."""
+    result = simulated("column_collapse", case=case, values=values, until=until)
+    speed = np.linalg.norm(np.asarray(result.velocity[-1]), axis=1)
+    assert np.nanquantile(speed, 0.95) < 0.02  # m/s: at rest, but for a few that roll
+    before = int(np.argmin(np.abs(np.asarray(result.time) - 0.15)))
+    spread = granular.run_out(result, start=before, shape="planar", sectors=3)
+    assert spread.strays + result.summary["removed"] < 0.05 * len(speed)
+    return spread
+
+
+def test_a_column_runs_out_in_proportion_to_its_height() -> None:
+    """Lube and others 2005, Lajeunesse and others 2005: 1.2 a for a below 2 to 3."""
+    spread = collapsed(until=0.7)
+    assert spread.ratio == pytest.approx(1.2 * spread.aspect, rel=0.25)
+
+
+@pytest.mark.long
+def test_columns_run_out_in_proportion_to_their_height() -> None:
+    """Over three seeds, of which each differs by a tenth, with an exponent of 1."""
+    low, high = ([collapsed(a=a, seed=seed) for seed in (1, 2, 3)] for a in (1, 2))
+    mean = [np.mean([s.ratio for s in spreads]) for spreads in (low, high)]
+    aspect = [np.mean([s.aspect for s in spreads]) for spreads in (low, high)]
+    assert mean == pytest.approx([1.2 * a for a in aspect], rel=0.15)
+    assert np.log(mean[1] / mean[0]) / np.log(aspect[1] / aspect[0]) == pytest.approx(1, abs=0.2)
+
+
+@pytest.mark.long
+def test_a_tall_column_runs_out_less_than_in_proportion() -> None:
+    """The same sources: 1.9 a^(2/3) for a above 3."""
+    spread = collapsed(case="tall")
+    assert spread.aspect > 5
+    assert spread.ratio == pytest.approx(1.9 * spread.aspect ** (2 / 3), rel=0.25)
