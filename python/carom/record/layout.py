@@ -85,9 +85,11 @@ MEANINGS: dict[str, Meaning] = {
         "1",
         "(row, A and B) body indices; B >= number of bodies is wall B - number of bodies, planes first, then /walls",
     ),
-    "contacts/status": Meaning("1", "0 open, 1 stick, 2 slip, at the frame"),
-    "contacts/gap": Meaning("m", "gap at the frame"),
-    "contacts/normal": Meaning("1", "(row, xyz) unit normal at the frame, from B to A"),
+    "contacts/status": Meaning(
+        "1", "0 open, 1 stick, 2 slip, at the end of the last step in which the contact was closed"
+    ),
+    "contacts/gap": Meaning("m", "gap at the end of the last step in which the contact was closed"),
+    "contacts/normal": Meaning("1", "(row, xyz) unit normal at the end of that step, from B to A"),
     "contacts/impulse": Meaning(
         "N s", "(row, xyz) velocity-level impulse on A since the last frame, world frame"
     ),
@@ -117,7 +119,9 @@ MEANINGS: dict[str, Meaning] = {
     "impacts/normal": Meaning("1", "(row, xyz) unit normal from B to A"),
     "impacts/impulse": Meaning("N s", "(row, xyz) impulse on A, world frame"),
     "impacts/moment": Meaning("N m s", "(row, xyz) rolling and spinning impulse on A"),
-    "impacts/approach": Meaning("m/s", "closing speed along the normal before the problem"),
+    "impacts/approach": Meaning(
+        "m/s", "relative velocity along the normal before the problem: negative where the pair closes"
+    ),
     "impacts/separation": Meaning("m/s", "separating speed along the normal after the problem"),
     "impacts/restitution_scale": Meaning(
         "1", "factor on the restitution by the energy safeguard, 1 if untouched"
