@@ -134,7 +134,8 @@ def test_shipped_scenarios_are_scanned_whole(path: Path) -> None:
     for place in paths(tomllib.loads(text)):
         row = lines.source(lines.line(place))
         key = next(k for k in reversed(place) if isinstance(k, str))
-        assert key in row
+        # An element of an array has a line of its own where it begins one.
+        assert key in row or (isinstance(place[-1], int) and row.strip())
 
 
 @given(st.text(max_size=60))

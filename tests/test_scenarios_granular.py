@@ -78,17 +78,26 @@ def test_a_floor_between_smooth_walls_carries_all_of_the_weight() -> None:
 
 
 def test_a_floor_between_rough_walls_feels_what_janssen_says() -> None:
-    """Janssen 1895, with K between 1/4 (Rankine, grains that yield at 37 degrees) and 1."""
-    result = simulated("settling_box")
-    p = result.parameters
-    position = np.asarray(result.position[-1])
-    height = float(np.sort(position[:, 2])[-8:].mean() + p["r"])
-    x = 4 * p["wall_friction"] * height / p["side"]
-    share = carried(result, 0.55)
-    assert (1 - exp(-x)) / x < share["floor"] < (1 - exp(-x / 4)) / (x / 4)
-    # Friction of the sinking grains holds them up at every wall, and with the floor the four walls hold all of the weight.
-    assert min(share[name] for name in SIDES) > 0.02
-    assert sum(share.values()) == pytest.approx(1 + slowing(result, 0.55), rel=1e-9)
+    """Janssen 1895, with K between 1/4 (Rankine, grains that yield at 37 degrees) and 1, for the mean of three packings: how much
+    of its friction each has mobilised is left to its history."""
+    text = find("settling_box").read_text(encoding="utf-8")
+    assert text.count("seed = 1") == 1
+    floors, bounds = [], []
+    for seed in (1, 2, 3):
+        result = carom.simulate(carom.Scene.from_toml(text.replace("seed = 1", f"seed = {seed}")))
+        assert result.outcome.ok
+        p = result.parameters
+        position = np.asarray(result.position[-1])
+        height = float(np.sort(position[:, 2])[-8:].mean() + p["r"])
+        x = 4 * p["wall_friction"] * height / p["side"]
+        bounds.append([(1 - exp(-x)) / x, (1 - exp(-x / 4)) / (x / 4)])
+        share = carried(result, 0.55)
+        floors.append(share["floor"])
+        # Friction of the sinking grains holds them up at every wall; floor and walls hold all of the weight.
+        assert min(share[name] for name in SIDES) > 0.02
+        assert sum(share.values()) == pytest.approx(1 + slowing(result, 0.55), rel=1e-9)
+    low, high = np.mean(bounds, axis=0)
+    assert low < np.mean(floors) < high
 
 
 # --- pile -----------------------------------------------------------------------------------------------------
@@ -249,17 +258,18 @@ def test_a_tilted_box_slides_to_the_angle_of_repose() -> None:
     assert 20 < slope < 30
 
 
-@pytest.mark.parametrize(
-    "seed", [1, pytest.param(2, marks=pytest.mark.long), pytest.param(3, marks=pytest.mark.long)]
-)
-def test_a_heap_has_the_angle_of_repose(seed: int) -> None:
-    result = simulated("heap", values={"seed": seed})
-    assert result.summary["removed"] > 100  # it ran over: no steeper column that was never in motion
-    assert np.nanmax(np.abs(result.velocity[-1])) < 0.01  # m/s
-    # The slope is some five diameters long: cells of the usual width leave too few points on it.
-    heap = granular.heap_angle(result, centre=(0.0, 0.0, 0.0), cell=1.5)
-    assert 20 < heap.degrees < 35
-    assert heap.error < np.radians(5)
+def test_heaps_have_the_angle_of_repose() -> None:
+    """Zhou and others 2002, Carrigy 1970: 20 to 30 degrees. Heaps of some hundred grains differ by some degrees."""
+    angles = []
+    for seed in (1, 2, 3):
+        result = simulated("heap", values={"seed": seed})
+        assert result.summary["removed"] > 100  # it ran over: no steeper column that was never in motion
+        assert np.nanmax(np.abs(result.velocity[-1])) < 0.01  # m/s
+        # The slope is some five diameters long: cells of the usual width leave too few points on it.
+        heap = granular.heap_angle(result, centre=(0.0, 0.0, 0.0), cell=1.5)
+        assert heap.error < np.radians(5)
+        angles.append(heap.degrees)
+    assert 20 < np.mean(angles) < 30
 
 
 # --- column ---------------------------------------------------------------------------------------------------

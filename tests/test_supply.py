@@ -172,11 +172,14 @@ STARTS = {
     "study.py": "runs of a study side by side",
 }
 #: Modules that one source may have all the same, and why.
-EXCEPTIONS = {("record/opening.py", "ctypes"): "a setting of HDF5 of which h5py knows nothing"}
+EXCEPTIONS = {
+    ("record/opening.py", "ctypes"): "a setting of HDF5 of which h5py knows nothing",
+    ("cli/sweep.py", "runpy"): "the function that the user names with --measure",
+}
 CALLS = {"eval", "exec", "compile", "__import__", "breakpoint"}
 SYSTEM = {"system", "popen", "execv", "execve", "execvp", "spawnv", "posix_spawn", "startfile"}
 #: Modules by name: the lazy names of the package, and those of its own examples.
-IMPORTERS = {"__init__.py", "paper/runner.py"}
+IMPORTERS = {"__init__.py", "paper/runner.py", "export/__init__.py"}
 
 
 def faults(tree: ast.AST, name: str) -> list[str]:
