@@ -78,8 +78,10 @@ def test_a_floor_between_smooth_walls_carries_all_of_the_weight() -> None:
 
 
 def test_a_floor_between_rough_walls_feels_what_janssen_says() -> None:
-    """Janssen 1895, with K between 1/4 (Rankine, grains that yield at 37 degrees) and 1, for the mean of three packings: how much
-    of its friction each has mobilised is left to its history."""
+    """Janssen 1895, with K between 1/4 (Rankine, grains that yield at 37 degrees) and 1.
+
+    For the mean of three packings: how much of its friction each has mobilised is left to its history.
+    """
     text = find("settling_box").read_text(encoding="utf-8")
     assert text.count("seed = 1") == 1
     floors, bounds = [], []
