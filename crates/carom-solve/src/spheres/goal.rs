@@ -116,16 +116,6 @@ impl Sweeps {
             self.accelerated(least, cap, NEVER);
             let done = least + self.accelerated(count - least, cap, enough);
             now = goal.judge(&self.norms(goal.penalty_scale), now.sweeps + done);
-            if std::env::var("DBG").is_ok() {
-                eprintln!(
-                    "  {:>5} (+{done}) res {:.3} closing {:.3} visit {:.3} root {:.3e}",
-                    now.sweeps,
-                    now.residual / goal.tolerance,
-                    now.closing / goal.closing,
-                    self.memory.last.closing / goal.closing,
-                    self.memory.last.squared.sqrt() / goal.floor
-                );
-            }
             most = MOST_BETWEEN;
             enough = likely(&self.memory.last, &now, goal);
         }
