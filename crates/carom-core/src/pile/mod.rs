@@ -29,7 +29,7 @@ const SWEEPS: usize = 4_000;
 const LEAST_UPDATES: usize = 2_000_000;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
-/// Sweeps after which the worst contact alone holds nobody up (counted as a fallback).
+/// Sweeps from which on the bound of the worst contact widens (`spheres::Goal::patience`; counted as a fallback).
 const PATIENCE: usize = 1_000;
 /// Islands of more contacts than this have no other solver: a step that fails is halved.
 const ALONE: usize = 500;
