@@ -165,6 +165,15 @@ def test_a_part_of_the_run_by_time(column: carom.Result, tmp_path: Path) -> None
         column.export(tmp_path, "csv", start=7.0)
 
 
+def test_tables_end_with_the_time_asked_for_however_few_frames_are_taken(
+    column: carom.Result, tmp_path: Path
+) -> None:
+    """With a large `every` the tables once went on to the end of the run."""
+    column.export(tmp_path, "csv", stop=0.03, every=1000)
+    assert len({r["frame"] for r in read_csv(tmp_path / "frames.csv")}) == 1
+    assert [int(r["step"]) for r in read_csv(tmp_path / "steps.csv")] == list(range(1, 31))
+
+
 def read_csv(path: Path) -> list[dict[str, str]]:
     with open(path, newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
@@ -267,6 +276,44 @@ def test_a_periodic_box_goes_along(tmp_path: Path) -> None:
     assert 'pbc="T F F"' in comment
     assert 'Lattice="1.0 0.0 0.0 0.0 0.2' in comment
     assert 'Origin="-0.25 -0.1 -0.1"' in comment
+
+
+def test_balls_that_crossed_a_period_lie_in_the_box_of_gsd(tmp_path: Path) -> None:
+    """Places go on beyond the period in a run; HOOMD refuses such a file."""
+    hoomd = pytest.importorskip("gsd.hoomd", reason="the extra [export] is not installed")
+    scene = carom.Scene(
+        run={"until": 1.0, "step": 1e-2}, gravity=(0, 0, 0), periodic=(1.0, 0, 0), origin=(-0.25, 0, 0)
+    )
+    for name, speed in (("there", 3.0), ("back", -1.3)):
+        scene.sphere(name, radius=0.1, mass=1, material="m", at=(0.3, speed, 0), velocity=(speed, 0, 0))
+    scene.contact("m", "m", friction=0, restitution=1)
+    result = carom.simulate(scene, every=5)
+    with hoomd.open(str(result.export(tmp_path, "gsd")[0])) as file:
+        for k, frame in enumerate(file):
+            box, place = frame.configuration.box[:3], frame.particles.position
+            assert (np.abs(place) <= 0.5 * box * (1 + 1e-6)).all()
+            whole = place + frame.particles.image * box + frame.log["configuration/origin"]
+            assert whole == pytest.approx(result.position[k], abs=1e-6)
+        assert np.abs(frame.particles.image[:, 0]).max() >= 1
+
+
+def test_places_are_folded_into_the_box_to_the_nearest_period() -> None:
+    from carom.export.gsd import _image
+
+    place, period = np.array([[2.75, 9.0, -0.51], [-1.2, 0.0, 0.49]]), np.array([1.0, 0.0, 0.5])
+    assert _image(place, period).tolist() == [[3, 0, -1], [-1, 0, 1]]
+
+
+def test_ase_reads_the_balls_and_their_numbers(flow: carom.Result, tmp_path: Path) -> None:
+    """Its column `species` takes chemical elements only: there must be none."""
+    [path] = flow.export(tmp_path, "extxyz")
+    assert "Properties=type:S:1:pos:R:3:" in path.read_text()
+    io = pytest.importorskip("ase.io", reason="the package ase is not installed")
+    frames = io.read(path, index=":")
+    assert len(frames) == len(flow.time)
+    there = np.asarray(flow.present[-1])
+    assert np.array_equal(frames[-1].positions, flow.position[-1][there])
+    assert frames[-1].arrays["type"].tolist() == ["M0"] * int(there.sum())
 
 
 class TestWhole:
