@@ -198,12 +198,39 @@ class TestQuantities:
             "nan m",
             "1 M",
             "9" * 90 + " m",
+            "5 12 m",  # was once 5 m, and 2 10 mm 2 mm
+            "2 10 mm",
+            "1 1/2 in",
+            "5 m 1",
         ],
     )
     def test_nonsense(self, text: str) -> None:
         with pytest.raises(units.UnitError) as caught:
             units.parse(text, "length")
         assert "cm, mm" in caught.value.cure
+
+    @pytest.mark.parametrize(
+        ("text", "dimension", "meant"),
+        [
+            ("5 mn", "force", "mN"),
+            ("5 mn", "time", "min"),
+            ("5 mn", "length", "m"),
+            ("2 mpa", "pressure", "MPa"),
+            ("3 M/s", "speed", "m"),
+            ("3 kgg/cm3", "density", "kg"),
+        ],
+    )
+    def test_the_unit_that_is_suggested_has_the_dimension(
+        self, text: str, dimension: str, meant: str
+    ) -> None:
+        """A millinewton was once suggested for a length."""
+        with pytest.raises(units.UnitError, match=rf"did you mean {meant}\? otherwise"):
+            units.parse(text, dimension)
+
+    def test_no_unit_is_suggested_where_none_would_fit(self) -> None:
+        with pytest.raises(units.UnitError) as caught:
+            units.parse("3 hz", "frequency")  # h is an hour
+        assert "did you mean" not in str(caught.value)
 
     def test_angle_is_not_nothing(self) -> None:
         with pytest.raises(units.UnitError, match="expected an angular speed"):
