@@ -281,6 +281,22 @@ def test_a_ball_that_flies_over_the_rail_is_off_the_table() -> None:
     assert [(p.ball, p.pocket) for p in t.pocketed(result)] == [("b", "off the table")]
 
 
+def test_the_stairs_of_a_corner_follow_the_edge_of_the_slate() -> None:
+    """They once all lay on its near side, and took balls up to 6 mm too early."""
+    t = table("9ft")
+    s = t.spec
+    middle = 0.5 * s.corner_mouth / math.sqrt(2) - s.corner_shelf / math.sqrt(2)  # of the edge, along x and y
+    boxes = [(np.array(low[:2]), np.array(high[:2])) for low, high in t._outlets()]
+    along, off = np.meshgrid(np.linspace(-0.8, 0.8, 201) * s.ball_radius, np.linspace(-8e-3, 8e-3, 161))
+    x = np.stack([middle + (off + along) / math.sqrt(2), middle + (off - along) / math.sqrt(2)], axis=-1)
+    taken = np.zeros(off.shape, dtype=bool)
+    for low, high in boxes[4:]:  # the first four are over the rails, above the nose
+        taken |= ((x >= low) & (x <= high)).all(axis=-1)
+    assert off[taken].max() < 3.1e-3
+    assert off[~taken].min() > -3.1e-3
+    assert off[taken].max() == pytest.approx(-off[~taken].min(), abs=2e-4)
+
+
 def test_a_ball_beside_a_pocket_stays() -> None:
     t = table("9ft")
     scene = t.scene(until=0.1, step=1e-3)

@@ -74,8 +74,9 @@ def cue_impulse(
 
     `speed` is that of the cue, or `ball_speed` |v| of the ball after the strike, m/s. The tip touches `side` radii to the
     right of the cue's line through the centre and `height` radii above it, both across the cue as the player sees it.
-    `elevation` is that of the butt. With `end_mass`, the mass of the cue's front end that takes part (kg), the ball
-    squirts away from the side on which it is struck:
+    `elevation` is that of the butt; `restitution` 1 is the textbook's, leather tips have 0.71 to 0.75 (`data.ALCIATORE`).
+    With `end_mass`, the mass of the cue's front end that takes part (kg), the ball squirts away from the side on which it
+    is struck:
 
         tan a = 5/2 s sqrt(1 - s^2)/(1 + m/m_e + 5/2 (1 - s^2)),   s = side
 

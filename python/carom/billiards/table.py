@@ -291,8 +291,9 @@ class Table:
         for corner_x, sign_x in ((0.0, 1.0), (length, -1.0)):
             for corner_y, sign_y in ((0.0, 1.0), (width, -1.0)):
                 for u in steps.tolist():
+                    # Stairs reach as far before the edge as they stay behind it, half / sqrt(2).
                     xs = sorted((corner_x - sign_x * FAR, corner_x + sign_x * (u + half)))
-                    ys = sorted((corner_y - sign_y * FAR, corner_y + sign_y * (2 * c - u + half)))
+                    ys = sorted((corner_y - sign_y * FAR, corner_y + sign_y * (2 * c - u)))
                     boxes.append(([xs[0], ys[0], -FAR], [xs[1], ys[1], FAR]))
         b = 0.5 * spec.side_mouth + r
         middle, shelf = 0.5 * length, spec.side_shelf
