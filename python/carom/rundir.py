@@ -33,7 +33,7 @@ _OWN = (
     "problems/*.hdf5",
     "problems/.*.tmp",
     "*.aside*",
-    "plots/*",
+    *(f"plots/*.{kind}" for kind in ("png", "svg", "pdf", "csv")),
     "export/[!.]*.*",
     "export/balls/*.vtp",
     "export/contacts/*.vtp",
@@ -219,7 +219,8 @@ class RunDir:
     def _remove_own(self) -> None:
         for pattern in _OWN:
             for file in self.path.glob(pattern):
-                file.unlink()
+                if not file.is_dir():
+                    file.unlink()
 
     def _is_own(self) -> bool:
         """Whether it is what a run leaves that was killed before it wrote `run.json`: the log, and nothing foreign."""
