@@ -138,7 +138,8 @@ export class Graph {
       pen.fillStyle = edge;
       pen.fillRect(Math.round(x), TOP, 1, height - TOP - BOTTOM);
       pen.fillStyle = faint;
-      pen.fillText(`${t.text} s`, Math.min(x, width - 16), height - 6);
+      const text = `${t.text} s`;
+      pen.fillText(text, Math.min(x, width - 0.5 * pen.measureText(text).width - 1), height - 6);
     }
     pen.save();
     pen.beginPath();
