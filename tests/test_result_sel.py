@@ -157,4 +157,8 @@ def test_notebooks_see_tables_without_markup_of_the_user(result: carom.Result) -
         assert found.seen <= {"div", "strong", "table", "thead", "tbody", "tr", "th", "td"}
     assert "and 5 more" in small._repr_html_()
     assert "law of the slip speed" in scene._repr_html_()
+    assert "until 0.01 s" in scene._repr_html_()
+    empty = carom.Scene()._repr_html_()
+    assert "until not given<" in empty
+    assert ">none<" in empty
     assert "done: 2" in batch._repr_html_()
