@@ -202,7 +202,7 @@ class TestStudy:
             ('"slide.toml"', '"side.toml"', "side.toml: no such file; did you mean"),
             ("speed*cos(aim)", "sped*cos(aim)", 'unknown name sped in "= sped*cos(aim)"; did you mean speed?'),
             ('"cue.velocity.x"', '"cu.velocity.x"', 'no ball is called "cu"; did you mean cue?'),
-            ("[set]", "[set]\nw = 1", 'w'),
+            ("[set]", "[set]\nw = 1", '"w" names no quantity'),
             ("aim = {", "eim = {", "unknown name aim"),
             ("format = 1", "", "write format = 1 at the top"),
         ],
