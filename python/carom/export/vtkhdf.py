@@ -23,6 +23,8 @@ VERSION = (2, 0)
 CELLS = ("Vertices", "Lines", "Polygons", "Strips")
 #: Rows of a chunk.
 CHUNK = 8192
+#: Bytes that are kept before they are written: to write each step by itself took most of the time.
+KEPT = 8 * 1024 * 1024
 
 
 def write(selection: Selection, directory: Path) -> list[Path]:
@@ -75,6 +77,9 @@ class Temporal:
         root.attrs["Version"] = np.array(VERSION, dtype=np.int64)
         root.attrs.create("Type", np.bytes_(b"PolyData"))
         root.create_group("PointData")
+        self._kept: dict[str, list[NDArray[Any]]] = {}
+        self._lengths: dict[str, int] = {}
+        self._bytes = 0
         self._fixed = dict(fixed or {})
         for name, values in self._fixed.items():
             self._append(f"PointData/{name}", values)
@@ -104,6 +109,7 @@ class Temporal:
 
     def close(self) -> None:
         """Write what the steps share, and where each begins."""
+        self._flush()
         steps, counts = len(self._times), np.array(self._counts, dtype=np.int64)
         # A fixed number of points is one part that all steps share.
         parts = counts[:1] if len(set(self._counts)) <= 1 else counts
@@ -141,6 +147,20 @@ class Temporal:
 
     def _append(self, name: str, values: NDArray[Any]) -> int:
         """Add rows to an array; returns how many it had."""
+        rows = self._lengths.get(name, 0)
+        self._lengths[name] = rows + len(values)
+        self._kept.setdefault(name, []).append(values)
+        self._bytes += values.nbytes
+        if self._bytes >= KEPT:
+            self._flush()
+        return rows
+
+    def _flush(self) -> None:
+        for name, pieces in self._kept.items():
+            self._write(name, np.concatenate(pieces))
+        self._kept, self._bytes = {}, 0
+
+    def _write(self, name: str, values: NDArray[Any]) -> None:
         if name not in self._root:
             self._root.create_dataset(
                 name,
@@ -153,7 +173,6 @@ class Temporal:
         rows = len(dataset)
         dataset.resize(rows + len(values), axis=0)
         dataset[rows:] = values
-        return rows
 
     def __enter__(self) -> Temporal:
         return self
