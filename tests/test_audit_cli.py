@@ -103,6 +103,8 @@ FORMULAS = [
     "abs(v - 0.3)*sign(v - 0.3) + floor(3*v)*0",
     "ln(1 + v) - log10(2 + v)",
     "pi*cos(v)/(1 + tan(v/3))",
+    "PI*v + 007 - 01.50*v",
+    "v\n + 1e-3*v - .5 + 2.",
 ]
 
 

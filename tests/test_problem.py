@@ -481,7 +481,7 @@ def test_rank_and_nullity_are_those_of_the_bodies(seed: int, contacts: int) -> N
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-13, 1e-6])
-@pytest.mark.parametrize("contacts", [60, 150])
+@pytest.mark.parametrize("contacts", [60, pytest.param(150, marks=pytest.mark.long)])
 def test_the_estimate_of_the_rank_of_a_long_row_is_its_rank(contacts: int, noise: float) -> None:
     """A row of bodies with several contacts between neighbours: as many redundant ones as the bodies cannot feel.
 

@@ -280,7 +280,7 @@ def test_profiles_of_nothing_are_drawn(times: np.ndarray, tmp_path: Path) -> Non
     profile = Profile.of(["a", "b"], times)
     assert not profile.within(10.0).any()
     for draw in (drawn.performance, drawn.times):
-        assert all(path.stat().st_size for path in save(draw(profile), tmp_path, "p", ["svg", "png"]))
+        assert all(path.stat().st_size for path in save(draw(profile), tmp_path, "p", ["svg"]))
 
 
 def test_times_that_are_none_are_refused() -> None:
@@ -608,8 +608,15 @@ def started(program: str) -> subprocess.Popen[str]:
     return process
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("form", ["text", "json"])
+@pytest.mark.parametrize(
+    ("number", "form"),
+    [
+        (signal.SIGINT, "text"),
+        (signal.SIGTERM, "json"),
+        pytest.param(signal.SIGINT, "json", marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, "text", marks=pytest.mark.long),
+    ],
+)
 def test_ctrl_c_is_heard_at_once_and_shows_what_is_done(number: int, form: str, folder: Path) -> None:
     options = [] if form == "text" else ["--json"]
     arguments = ["solve", *(str(folder / name) for name in ("a.hdf5", "c.hdf5", "b.h5")), *options]

@@ -179,11 +179,22 @@ class Block:
 
     @cached_property
     def piled(self) -> NDArray[np.bool_]:
-        """(B,) intervals in which an island may have been solved as a pile."""
+        """(B,) intervals in which an island may have been solved as a pile at the position level, where all pairs that are
+        looked at count.
+        """
+        return np.asarray(self.over(self.run.steps["candidates"]) > self._least)
+
+    @cached_property
+    def cascaded(self) -> NDArray[np.bool_]:
+        """(B,) the same at the velocity level, where the closed contacts count, which the steps record."""
+        return np.asarray(self.over(self.run.steps["largest_island"]) > self._least)
+
+    @property
+    def _least(self) -> float:
+        """Contacts of an island up to which it is no pile (`docs/reference/scenario.md`, `pile_contacts`)."""
         o = self.run.options
-        many = self.over(self.run.steps["candidates"])
-        least = o["dense_contacts"] if o["pile_tolerance"] >= 1e-5 else o["pile_contacts"]
-        return np.asarray(many > least)
+        few = min(o["dense_contacts"], o["pile_contacts"])
+        return float(few if o["pile_tolerance"] >= 1e-5 else o["pile_contacts"])
 
     @cached_property
     def tolerance(self) -> F64:

@@ -112,8 +112,8 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """
     other = np.append(run.radius, np.inf)[np.minimum(b, run.bodies)]
     r = np.minimum(run.radius[a], other)
-    ball = np.minimum(b, run.bodies - 1)
-    extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, ball)))
+    partner = np.where(b < run.bodies, b, a)  # a wall has no place of its own
+    extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, partner)))
     rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
     if run.method == "penalty":
         return np.asarray(_compressed(run, a, b, r) + rounding)

@@ -11,6 +11,7 @@ import numpy as np
 
 from carom.cli.output import seconds, table
 from carom.errors import counted
+from carom.gained import gained
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -99,6 +100,8 @@ def _troubles(summary: Mapping[str, Any], result: Result) -> str:
     travel = summary.get("travel_max") or 0.0
     if travel > MOST_TRAVEL and "penalty" not in summary:  # whose substeps see every impact
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
+    if rise := gained(result):
+        found.append(rise)
     return "troubles    " + ("; ".join(found) if found else "none")
 
 
@@ -110,6 +113,11 @@ def _energy(summary: Mapping[str, Any], result: Result) -> str:
     elif energy:
         rise = f"largest rise {energy['max_rise']:.2g} J" if energy["max_rise"] > 0 else "never rises"
         lines.append(f"energy      {energy['initial']:.6g} J to {energy['final']:.6g} J, {rise}")
+    if scaled := summary.get("safeguarded"):
+        least = f"the least to {100 * summary['restitution_scale_min']:.3g} % of it"
+        lines.append(
+            f"restitution scaled down in {counted(scaled, 'step')} ({least}), which would have gained energy"
+        )
     deepest = summary.get("penetration_max")
     if deepest is not None and summary["steps"]:
         radius = float(np.min(result.bodies["radius"]))

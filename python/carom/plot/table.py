@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.plot.motion import MOST_LINES, selection, upward
+from carom.plot.motion import MOST_LINES, of_present, selection, upward
 from carom.plot.style import COLOURS, DASHES, GREY, Chart, fitted, legend, styled, width
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
 
     names, columns, frames = selection(result, bodies)
     across, along, letters = _plane(result)
-    centre = np.asarray(result.position[frames])[:, columns]
+    centre = of_present(result, "position", frames, columns)
     x, y = centre @ across, centre @ along
     radius = np.asarray(result.bodies["radius"])[columns]
     few = len(names) <= MOST_LINES

@@ -12,10 +12,11 @@ from carom.errors import quoted
 from carom.scenario.attachment_checks import advise_loads
 from carom.scenario.bodies import F64, Bodies
 from carom.scenario.checks import Parts, steps
+from carom.scenario.gain_advice import advise_gain
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
 from carom.scenario.model import World
-from carom.scenario.placing import PLANE, Placed
+from carom.scenario.placing import FLAT, PLANE, Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot
 from carom.scenario.wall_checks import advise_walls
@@ -42,6 +43,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from _rounded_until(parts)
     yield from _never_rolls(parts)
     yield from _bounces(parts, world)
+    yield from advise_gain(parts, world)
     yield from _heavy_shell(parts)
     yield from _mass_ratio(parts)
     yield from advise_start(parts)
@@ -167,8 +169,10 @@ def _never_rolls(parts: Parts) -> Iterator[Finding]:
     }
     for i, law in parts.contacts():
         radius = min(smallest.get(name, math.inf) for name in law.between)
+        if law.rolling_radius == 0 or not math.isfinite(radius):  # of two walls
+            continue
         limit = value_at(law.friction, 0.0) * radius
-        if law.rolling_radius > 0 and math.isfinite(radius) and law.rolling_radius >= limit:
+        if law.rolling_radius >= limit:
             cause = f"{law.rolling_radius:g} m is not below friction times radius, {limit:.4g} m"
             cause += ": a sliding ball never starts to roll"
             yield Finding(("contact", i, "rolling_radius"), cause, f"values below {limit:.2g} let balls roll")
@@ -182,7 +186,9 @@ def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
     for i, law in parts.contacts():
         if law.restitution < 1:
             continue
-        for plane in _planes(parts):
+        for plane in parts.walls():
+            if plane.kind not in FLAT:
+                continue
             a, b = law.between
             meets = (a == plane.material and b in kinds) or (b == plane.material and a in kinds)
             if meets and _presses(plane, world):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from carom.batch import KINEMATICS
 from carom.batching import ENERGIES, MONITORS
 from carom.errors import CaromError, did_you_mean
-from carom.sweeps.design import Axis, Design, read_table
+from carom.sweeps.design import Axis, Design, number, read_table
 from carom.sweeps.targets import Targets
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Study:
             axes=tuple(Axis.of(name, given) for name, given in (parameters or {}).items()),
             design=Design("table" if table is not None else design, count, seed, columns),
             targets={
-                key: value if isinstance(value, str) else repr(float(value))
+                key: value if isinstance(value, str) else repr(number(f"set.{key}", value))
                 for key, value in (set or {}).items()
             },
             run=options,
@@ -113,7 +113,7 @@ class Study:
             title=title,
             source=source,
             keep_runs=keep_runs,
-            bodies=None if bodies is None else tuple(bodies),
+            bodies=None if bodies is None else (bodies,) if isinstance(bodies, str) else tuple(bodies),
             measure=measure,
         )
         study.check()
@@ -123,9 +123,10 @@ class Study:
     def from_toml(cls, path: str | Path, measure: Measure | None = None) -> Study:
         """The study of a file. Its scenario is a path beside it, or the name of an example of Carom."""
         path = Path(path)
+        text = _read(path)
         try:
-            raw = tomllib.loads(_read(path))
-        except (tomllib.TOMLDecodeError, ValueError) as error:
+            raw = tomllib.loads(text)
+        except ValueError as error:
             raise CaromError(f"{path} is not TOML: {error}") from error
         _known(path, "", raw)
         for section in ("design", "keep", "parameters", "set", "run"):
