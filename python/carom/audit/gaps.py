@@ -98,9 +98,7 @@ def complementarity(block: Block, tally: Tally) -> None:
             way[mine] += 2.0 * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at])[0]) * block.dt[c.k[mine]]
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
-    bound = np.maximum(
-        touching, np.where(block.large[c.k], 0.5 * run.loosest["pile_tolerance"] * length, 0.0)
-    )
+    bound = np.maximum(touching, np.where(block.large[c.k], block.pile_overlap[c.k] * length, 0.0))
     # Of larger islands eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
     left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
     bound = bound + np.where(block.large[c.k], left, 0.0)
