@@ -73,9 +73,9 @@ class Run:
         names = ("tolerance", "pile_tolerance", "gap_tolerance", "touching_tolerance", "tolerance_floor")
         found = {name: float(self.options[name]) for name in names}
         for change in self.result._about.get("changes", ()):
-            for name, value in {**change, **change.get("options", {})}.items():
-                if name in found:
-                    found[name] = max(found[name], float(value))
+            for name, values in change.get("options", {}).items():
+                if name in found:  # before and after
+                    found[name] = max(found[name], *map(float, values))
         return found
 
     @cached_property
