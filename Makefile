@@ -120,7 +120,7 @@ $(STAMPS)/test: $(LOCK) $(STAMPS)/run
 	@tools/setup.sh $@ base plot build test
 
 $(STAMPS)/test-all: $(LOCK) $(STAMPS)/test
-	@tools/setup.sh $@ base plot build test interop cluster export
+	@tools/setup.sh $@ base plot build test interop cluster export video
 
 $(STAMPS)/check: $(LOCK) $(STAMPS)/run
 	@tools/setup.sh $@ check

@@ -79,11 +79,12 @@ def test_what_the_reference_calls_a_module_of_carom_is_one() -> None:
         assert done.returncode == 0, name
 
 
-def test_the_guide_to_an_impact_law_fits_this_version(tmp_path: Path) -> None:
-    """The patch of docs/guides/extend.md applies, and touches the files that the page shows."""
-    patch = DOCS / "guides" / "pairwise.patch"
+@pytest.mark.parametrize("patch", sorted((DOCS / "guides").glob("*.patch")), ids=lambda patch: patch.stem)
+def test_the_guide_to_extensions_fits_this_version(patch: Path, tmp_path: Path) -> None:
+    """Each patch of docs/guides/extend.md applies, and touches the files that the page shows of it."""
     files = re.findall(r"^\+\+\+ b/(.*)$", patch.read_text("utf-8"), re.M)
-    shown = re.findall(r"\+\+\+ b/([^\"]*)\"", (DOCS / "guides" / "extend.md").read_text("utf-8"))
+    page = (DOCS / "guides" / "extend.md").read_text("utf-8")
+    shown = re.findall(rf"{{literalinclude}} {patch.name}\n(?::.*\n)*?.*\+\+\+ b/([^\"]*)\"", page)
     assert shown
     assert set(shown) <= set(files)
     if shutil.which("patch") is None:
