@@ -225,6 +225,15 @@ class TestStudy:
         with pytest.raises(CaromError, match=r"study.toml is not TOML: Invalid value"):
             carom.Study.from_toml(files / "study.toml")
 
+    def test_an_example_is_known_by_name_in_python_as_in_files(self) -> None:
+        study = carom.Study.of("paper/5.3_throw", {"spin": [0.0, 0.5]})
+        assert study.cases == 2
+        assert study.targeting.scene(1).spheres[0].angular_velocity[2] == pytest.approx(
+            0.5 * 1.341 / 0.028575
+        )
+        with pytest.raises(CaromError, match="absent: no such file"):
+            carom.Study.of("absent", {"spin": [0.0]})
+
     def test_one_ball_may_be_named_alone_and_set_takes_numbers(self, files: Path) -> None:
         assert carom.Study.of(files / "slide.toml", {"v": [1.0]}, bodies="cue").bodies == ("cue",)
         with pytest.raises(CaromError, match=r"set.cue.mass: expected numbers in SI units, found None"):
