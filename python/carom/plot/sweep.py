@@ -30,6 +30,8 @@ MOST_BALLS = 4
 BINS = 40
 #: Bands of a parameter.
 BANDS = 15
+#: Cases from which on medians are drawn.
+LINED = 20
 
 
 def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
@@ -62,6 +64,8 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     varied = varied or sweep.parameters[:1]
     stride = max(1, -(-int(sweep.ok.sum()) // MOST_DOTS))
     rows = np.flatnonzero(sweep.ok)[::stride]
+    lined = int(sweep.ok.sum()) >= LINED
+    size = 1.6 if len(rows) > 1000 else 3.0 if lined else 7.0  # points; a few dots are to be seen
     numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows]}
     with styled():
         from matplotlib.figure import Figure
@@ -77,7 +81,7 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
                 numbers[sweep.label(name)] = x[rows]
                 axis = grid[i, j]
                 axis.plot(
-                    x[rows], y[rows], ".", color=COLOURS[0], markersize=1.6, alpha=0.45, rasterized=True
+                    x[rows], y[rows], ".", color=COLOURS[0], markersize=size, alpha=0.45, rasterized=True
                 )
                 _median(axis, x[sweep.ok], y[sweep.ok])
                 if j == 0:
@@ -86,7 +90,7 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
                     axis.set_xlabel(sweep.label(name))
                     axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
-        figure.suptitle(f"{_title(sweep)}; line: median", x=0.01, ha="left", fontsize=9)
+        figure.suptitle(_title(sweep) + "; line: median" * lined, x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
 
@@ -195,7 +199,7 @@ def _filled(values: F64, rows: int) -> F64:
 def _median(axis: Axes, x: F64, y: F64) -> None:
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = x[keep], y[keep]
-    if len(x) < 20:
+    if len(x) < LINED:
         return
     distinct = np.unique(x)
     bands = min(BANDS, max(2, len(x) // 20))
