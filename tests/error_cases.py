@@ -171,6 +171,12 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "spheres ... overlap at the start, gap ... m": [
         ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1, 1, 1]\norigin = [0.0, 0.0, 0.03]\n')
     ],
+    "... balls under gravity make a pile: pile_tolerance = ... solves it slowly or not at all": [
+        (
+            "run.pile_tolerance",
+            f'[[lattice]]\nname = "l"\n{SPHERE}counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n',
+        )
+    ],
     "a ... has no periodic axes": [
         (
             "packing",

@@ -77,14 +77,11 @@ def kill_at_calls(
 def fill_disk_at_calls(
     whole: Whole, folder: Path, shim: Path, total: int, tries: int, rng: np.random.Generator
 ) -> None:
-    """Let the disk be full from `tries` of the calls on; then make room again.
-
-    The first ones set up the file, for which the writer has made sure of room.
-    """
+    """Let the disk be full from `tries` of the calls on, those that set up the file among them; then make room again."""
     struck_at_all = 0
     for k in range(tries):
         run = folder / f"run{k}"
-        code, told = struck(whole, run, shim, int(rng.integers(80, total)), NO_SPACE)
+        code, told = struck(whole, run, shim, int(rng.integers(1, total)), NO_SPACE)
         assert code in (0, 2), told
         if code:
             struck_at_all += 1

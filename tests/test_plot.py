@@ -246,3 +246,19 @@ def test_heights_above_a_floor_that_moves_are_above_where_it_is() -> None:
     result = carom.simulate(scene)
     assert result.position[-1, 0, 2] == pytest.approx(0.07, abs=1e-6)
     assert result.plot.chart("heights").data["b height (mm)"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_of_a_crowd_the_balls_at_the_end_are_drawn_from_the_lowest_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from carom.plot import table
+
+    scene = carom.Scene("stack", gravity=(0, -9.8, 0), run={"until": 0.01})
+    scene.contact("m", "m", friction=0.1, restitution=0.0)
+    for k, (x, y) in enumerate(((0.0, 0.5), (0.1, 0.1), (0.2, 0.3))):
+        scene.sphere(f"b{k}", radius=0.01, density=1000, at=(x, y, 0.0), material="m")
+    monkeypatch.setattr(table, "CROWD", 2)
+    [axes] = table.trajectories(carom.simulate(scene)).figure.axes
+    [heap] = axes.collections
+    assert not axes.lines
+    assert [round(path.get_extents().x0 + 0.01, 6) for path in heap.get_paths()] == [0.1, 0.2, 0.0]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carom.audit.data import Run
 from carom.audit.report import Place
+from carom.scenario.wall_checks import pile_overlap
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -204,12 +205,11 @@ class Block:
 
     @cached_property
     def pile_overlap(self) -> F64:
-        """(B,) overlap over the radius that the solver of piles may leave: 0.9 of `pile_tolerance`, growing with the 3/4th
-        power of the contacts above 2500 up to five times, but not beyond 4.5e-4 (or twice the 0.9, if that is more).
+        """(B,) overlap over the radius that the solver of piles may leave, growing with the 3/4th power of the
+        contacts above 2500 up to five times.
         """
-        tolerance = self.run.loosest["pile_tolerance"]
         many = np.clip((self.over(self.run.steps["candidates"]) / 2500.0) ** 0.75, 1.0, 5.0)
-        return np.asarray(np.minimum(0.9 * tolerance * many, max(4.5e-4, 1.8 * tolerance)))
+        return pile_overlap(self.run.loosest["pile_tolerance"], many)
 
     def left(self, size: F64) -> F64:
         """(B,) what a solver may leave of multipliers `size` (K,) of the contacts: tol_r times the sum of the norms of

@@ -12,6 +12,8 @@ import numpy as np
 from carom.cli.output import seconds, table
 from carom.errors import counted
 from carom.gained import gained
+from carom.scenario.advice import MANY_BALLS, PILE_TOLERANCE
+from carom.scenario.wall_checks import COARSE
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -154,14 +156,18 @@ def _next(path: str, result: Result) -> str:
     joined = outcome.level == "smooth" or (result.summary.get("failure") or {}).get("joints")
     commands = [f"carom info {path}"]
     if outcome.kind == "not_converged" and not joined:  # joints that contradict one another stay
-        commands.insert(0, f"carom resume {path} --set {_easier(outcome)}")
+        commands.insert(0, f"carom resume {path} --set {_easier(outcome, result)}")
     if len(result.time) > 1:
         commands.append(f"carom view {path}")
     return "   ".join(commands)
 
 
-def _easier(outcome: Outcome) -> str:
-    """An option with which the failed step may be solved: the next tolerance that its residual keeps, or half steps."""
+def _easier(outcome: Outcome, result: Result) -> str:
+    """An option with which the failed step may be solved: the tolerance of piles, where it is one of a pile; the next
+    tolerance that its residual keeps; or half steps.
+    """
+    if len(result.names) >= MANY_BALLS and tomllib.loads(result.scenario)["run"]["pile_tolerance"] < COARSE:
+        return f"pile_tolerance={PILE_TOLERANCE:g}"
     if outcome.residual and outcome.residual < MOST_TOLERANCE:
         return f"tolerance=1e{math.floor(math.log10(outcome.residual)) + 1}"
     return "max_halvings=8"

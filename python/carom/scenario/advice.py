@@ -19,7 +19,7 @@ from carom.scenario.model import World
 from carom.scenario.placing import FLAT, PLANE, Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot
-from carom.scenario.wall_checks import advise_walls
+from carom.scenario.wall_checks import COARSE, advise_walls
 
 WARN_TRAVEL = 0.05
 """Travel per step, in radii, above which hits are inaccurate (rule R6)."""
@@ -38,6 +38,12 @@ PLANE_TRAVEL = 0.5
 """Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
 
 
+MANY_BALLS = 500
+"""Balls from which a scene under gravity is taken for one of piles. 2000 of many sizes in a tube, at
+the default `pile_tolerance`, stopped after 87 of 800 steps, unconverged.
+"""
+PILE_TOLERANCE = 1e-4
+"""What the benchmark of piles takes (docs/validation/scale.md)."""
 FEW_BALLS = 200
 """Balls up to which falls are looked at before a run."""
 
@@ -45,6 +51,7 @@ FEW_BALLS = 200
 def advise(parts: Parts, world: World) -> Iterator[Finding]:
     """All warnings of a scenario that `check` found nothing wrong with."""
     yield from _step_length(parts, world)
+    yield from _piles(parts, world)
     yield from _rounded_until(parts)
     yield from _much_friction(parts)
     yield from _never_rolls(parts)
@@ -157,6 +164,19 @@ def _rounded_down(x: float) -> float:
     """`x` to one digit, not above it."""
     scale = 10.0 ** math.floor(math.log10(x))
     return float(f"{math.floor(x / scale * (1 + 1e-12)) * scale:.1g}")
+
+
+def _piles(parts: Parts, world: World) -> Iterator[Finding]:
+    """Many balls that gravity brings together: at the default tolerance of piles a run is slow, or stops."""
+    run, balls = parts.run, len(parts.bodies().names)
+    if run is None or _has_substeps(parts) or balls < MANY_BALLS or not any(world.gravity):
+        return
+    tolerance = run.options()["pile_tolerance"]
+    if tolerance < COARSE:
+        cause = f"{balls} balls under gravity make a pile"
+        cause += f": pile_tolerance = {tolerance:g} solves it slowly or not at all"
+        cure = f"pile_tolerance = {PILE_TOLERANCE:g}; overlaps may then be as large, in radii"
+        yield Finding(("run", "pile_tolerance"), cause, cure)
 
 
 def _rounded_until(parts: Parts) -> Iterator[Finding]:
