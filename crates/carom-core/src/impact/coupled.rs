@@ -9,7 +9,7 @@ use crate::level::coupling::Trial;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::rotation;
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use crate::state::State;
 use crate::stepper::Span;
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
@@ -69,7 +69,7 @@ impl ImpactScratch {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         island: Island,
     ) {
         self.joints.clear();
@@ -81,7 +81,7 @@ impl ImpactScratch {
         if island.is_free() {
             return;
         }
-        let Scratch {
+        let IslandScratch {
             solve,
             linear,
             angular,
@@ -152,7 +152,7 @@ impl ImpactScratch {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         report: &mut StepReport,
     ) -> bool {
         self.chosen.clear();
@@ -192,7 +192,7 @@ impl ImpactScratch {
     }
 
     /// Adds the joints' impulses at the velocity level to their totals of the step.
-    pub(super) fn finish_joints(&self, model: &Model, scratch: &mut Scratch) {
+    pub(super) fn finish_joints(&self, model: &Model, scratch: &mut IslandScratch) {
         let first = self.first_joint_row();
         let mut row = 0;
         for &index in &self.joints {
