@@ -23,6 +23,9 @@ BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
 #: cause -> (key that the message names, piece to add); several where several messages share the cause.
 PIECES: dict[str, list[tuple[str, str]]] = {
+    "... is above ..., more than any pair of solids has: such contacts stick": [
+        ("friction", "friction = 0.2 -> friction = 20.0")
+    ],
     '"all" would act on balls that enter in the course of the run, and what enters must be free': [
         (
             "drag",

@@ -8,7 +8,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import carom
 import h5py
@@ -19,6 +18,7 @@ from carom.errors import CaromError
 from carom.export import FORMATS
 from carom.export.whole import whole_file, whole_folder
 from typer.testing import CliRunner
+from vtk_files import arrays, steps_of
 
 R, N, G = 0.01, 3, 9.8
 
@@ -51,47 +51,6 @@ def flow() -> carom.Result:
     return carom.simulate(scene)
 
 
-def steps_of(path: Path) -> list[tuple[float, Any]]:
-    """All steps of a VTKHDF or PVD file as (time, vtkPolyData), by VTK's own readers."""
-    vtk = pytest.importorskip("vtkmodules.vtkIOHDF", reason="the package vtk is not installed")
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-    if path.suffix == ".pvd":
-        import xml.etree.ElementTree as ElementTree
-
-        found = []
-        for entry in ElementTree.parse(path).getroot().iter("DataSet"):
-            reader = vtkXMLPolyDataReader()
-            reader.SetFileName(str(path.parent / entry.attrib["file"]))
-            reader.Update()
-            found.append((float(entry.attrib["timestep"]), reader.GetOutput()))
-        return found
-    reader = vtk.vtkHDFReader()
-    reader.SetFileName(str(path))
-    reader.UpdateInformation()
-    times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
-    found = []
-    for k, time in enumerate(times):
-        reader.SetStep(k)
-        reader.Update()
-        data = type(reader.GetOutput())()
-        data.DeepCopy(reader.GetOutput())
-        found.append((time, data))
-    return found
-
-
-def arrays(data: Any) -> dict[str, np.ndarray]:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    points = data.GetPointData()
-    named = {
-        points.GetArrayName(i): vtk_to_numpy(points.GetArray(i)) for i in range(points.GetNumberOfArrays())
-    }
-    place = vtk_to_numpy(data.GetPoints().GetData()) if data.GetPoints() is not None else np.zeros((0, 3))
-    return {"points": place, **named}
-
-
 @pytest.mark.parametrize("format", ["vtkhdf", "vtp"])
 @pytest.mark.parametrize("which", ["column", "flow"])
 def test_vtk_reads_what_the_run_holds(
@@ -99,7 +58,7 @@ def test_vtk_reads_what_the_run_holds(
 ) -> None:
     result: carom.Result = request.getfixturevalue(which)
     files = result.export(tmp_path, format)
-    assert [f.stem for f in files] == ["balls", "contacts"]
+    assert [f.stem for f in files] == ["balls", "contacts", "walls"]
     steps = steps_of(files[0])
     assert [time for time, _ in steps] == np.asarray(result.time).tolist()
     seen = set()

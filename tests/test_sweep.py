@@ -202,7 +202,7 @@ class TestStudy:
             ('"slide.toml"', '"side.toml"', "side.toml: no such file; did you mean"),
             ("speed*cos(aim)", "sped*cos(aim)", 'unknown name sped in "= sped*cos(aim)"; did you mean speed?'),
             ('"cue.velocity.x"', '"cu.velocity.x"', 'no ball is called "cu"; did you mean cue?'),
-            ("[set]", "[set]\nw = 1", 'w'),
+            ("[set]", "[set]\nw = 1", '"w" names no quantity'),
             ("aim = {", "eim = {", "unknown name aim"),
             ("format = 1", "", "write format = 1 at the top"),
         ],
@@ -325,6 +325,33 @@ class TestInThisProcess:
         assert units["cue.velocity.x"] == units["cue.velocity.x.start"] == b"m/s"
         assert (units["penetration_max"], units["energy_final"], units["time"]) == (b"m", b"J", b"s")
         assert units["penetration_max_relative"] == units["cue.orientation.w"] == units["outcome"] == b"1"
+
+    def test_the_numbers_beside_the_figures_have_units_and_those_below_panels_stand_apart(
+        self, files: Path
+    ) -> None:
+        pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
+        from carom.plot.sweep import histograms, places, responses
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        def long_number(result: carom.Result) -> dict[str, float]:
+            return {"z": 0.03 + 7.5e-4 * float(result["cue"].velocity[0, 0])}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [0.0, 0.3, 0.6, 1.0]}, measure=long_number)
+        found = carom.sweep(study, files / "out", workers=0)
+        assert list(responses(found, ["cue.position.x"]).data) == ["case", "cue.position.x (m)", "v"]
+        assert set(places(found).data) == {"case", "v", "cue x (m)", "cue y (m)", "post x (m)", "post y (m)"}
+        chart = histograms(found, ["z"] * 5 + ["cue.position.x"])  # three panels beside each other
+        assert {"z: from", "cue.position.x: from (m)"} < set(chart.data)
+        canvas = FigureCanvasAgg(chart.figure)
+        canvas.draw()
+        ends = 0.0
+        for axis in chart.figure.axes[:3]:
+            low, high = axis.get_xlim()
+            for tick, at in zip(axis.get_xticklabels(), axis.get_xticks(), strict=True):
+                if low <= at <= high:
+                    box = tick.get_window_extent(canvas.get_renderer())
+                    assert box.x0 > ends
+                    ends = box.x1
 
     def test_many_parts_become_one_and_lose_nothing(
         self, files: Path, monkeypatch: pytest.MonkeyPatch

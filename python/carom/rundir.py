@@ -37,6 +37,8 @@ _OWN = (
     "export/[!.]*.*",
     "export/balls/*.vtp",
     "export/contacts/*.vtp",
+    "export/walls/*.vtp",
+    "export/pictures/*.png",
     "view.html",
     ".*.tmp",
     "run.json",
@@ -232,7 +234,8 @@ class RunDir:
         """Delete what a run writes, and the directory if nothing else is in it."""
         with suppress(OSError):
             self._remove_own()
-            folders = ("problems", "plots", "export/balls", "export/contacts", "export")
+            parts = ("balls", "contacts", "walls", "pictures")
+            folders = ("problems", "plots", *(f"export/{part}" for part in parts), "export")
             for empty in (*(self.path / name for name in folders), self.path):
                 if empty.exists():
                     empty.rmdir()

@@ -133,7 +133,7 @@ impl Islands {
         self.len() == 0
     }
 
-    #[inline]
+    #[inline(always)]
     pub fn island(&self, index: usize) -> Island<'_> {
         Island {
             contacts: self.contacts.of(index),
@@ -190,7 +190,7 @@ impl Groups {
         self.starts[0] = 0;
     }
 
-    #[inline]
+    #[inline(always)]
     fn of(&self, index: usize) -> &[u32] {
         match self.starts.get(index + 1) {
             Some(&end) => &self.members[self.starts[index] as usize..end as usize],

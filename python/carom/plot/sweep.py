@@ -47,8 +47,9 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
             axis.set_xlabel(label(sweep, name))
             axis.set_ylabel("cases")
-            numbers[f"{name}: from"] = _filled(edges[:-1], BINS)
-            numbers[f"{name}: to"] = _filled(edges[1:], BINS)
+            unit = label(sweep, name).removeprefix(name)
+            numbers[f"{name}: from{unit}"] = _filled(edges[:-1], BINS)
+            numbers[f"{name}: to{unit}"] = _filled(edges[1:], BINS)
             numbers[f"{name}: cases"] = _filled(counts.astype(float), BINS)
         figure.suptitle(_title(sweep), x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
@@ -70,10 +71,10 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
             y = np.asarray(sweep[column], float)
-            numbers[column] = y[rows]
+            numbers[label(sweep, column)] = y[rows]
             for j, name in enumerate(varied):
                 x = np.asarray(sweep[name], float)
-                numbers[name] = x[rows]
+                numbers[label(sweep, name)] = x[rows]
                 axis = grid[i, j]
                 axis.plot(
                     x[rows], y[rows], ".", color=COLOURS[0], markersize=1.6, alpha=0.45, rasterized=True
@@ -82,7 +83,8 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
                 if j == 0:
                     axis.set_ylabel(label(sweep, column))
                 if i == len(chosen) - 1:
-                    axis.set_xlabel(name)
+                    axis.set_xlabel(label(sweep, name))
+                    axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
         figure.suptitle(f"{_title(sweep)}; line: median", x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
@@ -101,7 +103,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
     colour = np.asarray(sweep[by], float)
     letters = "xyz".replace("xyz"[_upright(sweep)], "")
     rows = np.flatnonzero(sweep.ok)[:: max(1, -(-int(sweep.ok.sum()) // MOST_PLACES))]
-    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], by: colour[rows]}
+    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], label(sweep, by): colour[rows]}
     columns = 1 if len(names) == 1 else 2
     with styled():
         lines = -(-len(names) // columns)
@@ -225,4 +227,10 @@ def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
         axis.set_visible(False)
     for axis in axes:
         axis.grid(color=GREY, alpha=0.2)
+        axis.locator_params(axis="x", nbins=_ticks(columns))
     return figure, axes
+
+
+def _ticks(columns: int) -> int:
+    """Numbers below a panel at most, so that those with five digits do not run into each other."""
+    return max(2, int(1.4 * width() / columns))

@@ -29,6 +29,11 @@ MASS_RATIO = 1e4
 """Heaviest over lightest ball up to which solvers work as they do among equals. Columns of 6 to 40 balls hit by a heavy one
 at 3 m/s: at 1e4 every step takes a fallback and the energy rises by up to 1e-6 of itself, at 1e8 by 1e-4, at 1e10 by 1e-2.
 """
+MOST_FRICTION = 10.0
+"""Coefficient of friction above which a number is taken for a slip of the pen. Dry solids stay below 1.5 and rubber below 4;
+what adheres (clean metals in vacuum, gels) reaches more, but does not obey Coulomb. At 10 a contact slips only where it is
+loaded within 6 degrees of its plane: the run is that of contacts that stick.
+"""
 PLANE_TRAVEL = 0.5
 """Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
 
@@ -41,6 +46,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     """All warnings of a scenario that `check` found nothing wrong with."""
     yield from _step_length(parts, world)
     yield from _rounded_until(parts)
+    yield from _much_friction(parts)
     yield from _never_rolls(parts)
     yield from _bounces(parts, world)
     yield from advise_gain(parts, world)
@@ -160,6 +166,18 @@ def _rounded_until(parts: Parts) -> Iterator[Finding]:
         if abs(end - run.until) > 1e-6 * run.step:
             cause = f"until = {run.until:g} s is not a whole number of steps"
             yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
+
+
+def _much_friction(parts: Parts) -> Iterator[Finding]:
+    for i, law in parts.contacts():
+        mu = value_at(law.friction, 0.0)
+        if mu > MOST_FRICTION:
+            cause = (
+                f"{mu:g} is above {MOST_FRICTION:g}, more than any pair of solids has: such contacts stick"
+            )
+            yield Finding(
+                ("contact", i, "friction"), cause, "dry solids have 0.1 to 1.5 (0.3 for 30 %), rubber up to 4"
+            )
 
 
 def _never_rolls(parts: Parts) -> Iterator[Finding]:

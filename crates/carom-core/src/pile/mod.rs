@@ -35,8 +35,14 @@ const PATIENCE: usize = 1_000;
 const ALONE: usize = 500;
 /// Tolerance of piles from which on every island without dense matrix is swept.
 const COARSE: f64 = 1e-5;
+/// Contacts of a pile from which on its worst one may be worse.
+const TYPICAL: f64 = 2_500.0;
 /// Share of the closing tolerance that solvers may leave.
 const LEFT: f64 = 0.5;
+
+/// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many,
+/// and a step then needs a fifth less.
+const HUGE: usize = 1_000_000;
 
 /// Memory of the pile solver.
 pub struct Pile {
@@ -102,6 +108,14 @@ impl Pile {
         }
     }
 
+    /// Gives the memory of a huge problem's statement back: the sweeps have it.
+    fn forget_contacts(&mut self) {
+        if self.contacts.len() >= HUGE {
+            self.contacts = Vec::new();
+            self.start = Vec::new();
+        }
+    }
+
     fn mean(&self, f: impl Fn(usize) -> f64) -> f64 {
         let sum: f64 = self.spheres.iter().map(|&i| f(i as usize)).sum();
         sum / self.spheres.len() as f64
@@ -138,6 +152,12 @@ pub fn threads(model: &Model, contacts: usize) -> usize {
     let o = &model.options;
     let worth = contacts / o.contacts_per_thread as usize;
     (o.threads as usize).min(worth).max(1)
+}
+
+/// What the worst of so many contacts may be left with over what the worst of a small pile may: at the same residual the worst of
+/// very many is worse.
+fn worst(contacts: usize) -> f64 {
+    (contacts as f64 / TYPICAL).powf(0.75).clamp(1.0, 5.0)
 }
 
 /// Sweeps that one solve of `contacts` contacts may take.

@@ -2,7 +2,7 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::group::Law;
-use super::{budget, node, record, warm::Cursor, Pile, LEFT, PATIENCE};
+use super::{budget, node, record, warm::Cursor, worst, Pile, LEFT, PATIENCE};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::islands::Island;
@@ -460,20 +460,28 @@ impl Pile {
             .renew(&self.bodies, &self.contacts, places)
             .ok()?;
         self.sweeps.warm_start(&self.start);
+        let most = budget(self.contacts.len());
+        self.forget_contacts();
         let o = &model.options;
+        // What a sequence that was cut short leaves is no load: the next step has it as an impact.
+        let end = if problem > 1 {
+            worst(self.velocity.chosen.len())
+        } else {
+            1.0
+        };
         let goal = Goal {
             tolerance: o.tolerance.max(o.pile_tolerance),
             floor: self.velocity.floor,
             scale: self.velocity.terms,
-            closing: self.velocity.left(o),
+            closing: end * self.velocity.left(o),
             penalty_scale: o.penalty_scale,
             patience: PATIENCE,
-            most: budget(self.contacts.len()),
+            most,
             had: 0,
         };
         let mut progress = self.settle(&goal, report);
         if !progress.converged && !self.accept {
-            self.keep_velocity(model, contacts, problem, &progress);
+            self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
             return None;
         }
         let scale = if law == Law::First && o.energy_safeguard {
@@ -482,7 +490,7 @@ impl Pile {
             scale
         };
         report.unconverged += u32::from(!progress.converged);
-        self.keep_velocity(model, contacts, problem, &progress);
+        self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
         self.commit(problem, &scale);
         Some(())
     }
@@ -496,7 +504,7 @@ impl Pile {
     }
 
     /// The chosen contacts as spheres.
-    fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
+    pub(super) fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
         let memory = &self.velocity;
         self.contacts.clear();
         self.contacts
@@ -659,6 +667,10 @@ impl Pile {
 
     /// Writes the island's result into the step's scratch.
     fn close(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
+        let huge = self.velocity.members.len() >= super::HUGE;
+        if huge {
+            self.sweeps = spheres::Sweeps::empty();
+        }
         let memory = &self.velocity;
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);
@@ -706,6 +718,9 @@ impl Pile {
                 separation: memory.normal_speed(m),
                 restitution_scale: m.scale,
             });
+        }
+        if huge {
+            self.velocity = Memory::default();
         }
     }
 }
