@@ -218,6 +218,7 @@ def test_an_existing_run_is_refused(runs: Path) -> None:
         (["examples", "copy", "corner", "/proc/x.toml"], "cannot write /proc/x.toml: "),
         (["run", "three_balls.toml", "-o", "/dev/full/x"], "cannot create the run directory /dev/full/x: "),
         (["examples", "copy", "three_bals"], "did you mean three_balls?"),
+        (["examples", "copy", "throw"], "did you mean paper/5.3_throw or paper/A_thrown?"),
         (["examples", "copy", "three_balls"], "exists already"),
     ],
 )

@@ -225,6 +225,15 @@ class TestStudy:
         with pytest.raises(CaromError, match=r"study.toml is not TOML: Invalid value"):
             carom.Study.from_toml(files / "study.toml")
 
+    def test_an_example_is_known_by_name_in_python_as_in_files(self) -> None:
+        study = carom.Study.of("paper/5.3_throw", {"spin": [0.0, 0.5]})
+        assert study.cases == 2
+        assert study.targeting.scene(1).spheres[0].angular_velocity[2] == pytest.approx(
+            0.5 * 1.341 / 0.028575
+        )
+        with pytest.raises(CaromError, match="absent: no such file"):
+            carom.Study.of("absent", {"spin": [0.0]})
+
     def test_one_ball_may_be_named_alone_and_set_takes_numbers(self, files: Path) -> None:
         assert carom.Study.of(files / "slide.toml", {"v": [1.0]}, bodies="cue").bodies == ("cue",)
         with pytest.raises(CaromError, match=r"set.cue.mass: expected numbers in SI units, found None"):
@@ -326,6 +335,27 @@ class TestInThisProcess:
         assert (units["penetration_max"], units["energy_final"], units["time"]) == (b"m", b"J", b"s")
         assert units["penetration_max_relative"] == units["cue.orientation.w"] == units["outcome"] == b"1"
 
+    def test_the_table_is_written_as_csv_with_units_and_every_bit(self, files: Path) -> None:
+        found = carom.sweep(
+            carom.Study.of(files / "slide.toml", {"v": [1.0, 1 / 3]}), files / "out", workers=0
+        )
+        with open(found.to_csv(), newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert [float(row["cue.velocity.x (m/s)"]) for row in rows] == found["cue.velocity.x"].tolist()
+        assert [row["outcome"] for row in rows] == ["done", "done"]
+        few = found.to_csv(files / "tables" / "few.csv", ["v", "cue.velocity.x"])
+        assert few.read_text().splitlines()[0] == "v,cue.velocity.x (m/s)"
+        assert float(few.read_text().splitlines()[2].split(",")[0]) == 1 / 3
+        with pytest.raises(CaromError, match="no column 'velocity'"):
+            found.to_csv(columns=["velocity"])
+
+    def test_the_folder_of_a_study_is_not_called_a_run_that_is_not_there(self, files: Path) -> None:
+        carom.sweep(carom.Study.of(files / "slide.toml", {"v": [1.0]}), files / "out", workers=0)
+        with pytest.raises(
+            CaromError, match=r"out is the folder of a study, .* `carom sweep STUDY -o .*out`"
+        ):
+            carom.load(files / "out")
+
     def test_the_numbers_beside_the_figures_have_units_and_those_below_panels_stand_apart(
         self, files: Path
     ) -> None:
@@ -419,9 +449,14 @@ class TestInThisProcess:
         assert done.exit_code == 3, done.output
         assert "8 cases done, 8 failed; 16 new in" in done.stdout
         assert "overlap" in done.stdout
-        again = CliRunner().invoke(app, [*arguments, "--json", "--columns", "cue.position.y,seconds"])
+        again = CliRunner().invoke(
+            app,
+            [*arguments, "--json", "--columns", "cue.position.y,seconds", "--csv", str(files / "table.csv")],
+        )
         facts = json.loads(again.stdout)
         assert (facts["new"], facts["done"], facts["failed"], facts["missing"]) == (0, 8, 8, 0)
+        assert facts["files"][0] == str(files / "table.csv")
+        assert len((files / "table.csv").read_text().splitlines()) == 17
         assert json.loads((files / "out" / "sweep.json").read_text())["failures"] == facts["failures"]
         with open(files / "out" / "plots" / "histograms.csv", newline="") as file:
             rows = list(csv.DictReader(file))

@@ -81,6 +81,11 @@ class RunDir:
                     f"{path}: the run was stopped before it wrote anything, and there is nothing to continue;"
                     f" start it again, as `carom run SCENARIO -o {path} --force`"
                 )
+            if (path / "sweep.json").is_file():
+                raise CaromError(
+                    f"{path} is the folder of a study, not a run directory; `carom sweep STUDY -o {path}` draws"
+                    " it and, with --csv FILE, writes its table; in Python `carom.sweep(STUDY, FOLDER)` opens it"
+                )
             what = (
                 "a file, not a run directory"
                 if path.is_file()

@@ -45,9 +45,9 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             middle = float(np.median(values)) if len(values) else np.nan
             axis.axvline(middle, color=COLOURS[1], linewidth=1.0)
             axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
-            axis.set_xlabel(label(sweep, name))
+            axis.set_xlabel(sweep.label(name))
             axis.set_ylabel("cases")
-            unit = label(sweep, name).removeprefix(name)
+            unit = sweep.label(name).removeprefix(name)
             numbers[f"{name}: from{unit}"] = _filled(edges[:-1], BINS)
             numbers[f"{name}: to{unit}"] = _filled(edges[1:], BINS)
             numbers[f"{name}: cases"] = _filled(counts.astype(float), BINS)
@@ -71,19 +71,19 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
             y = np.asarray(sweep[column], float)
-            numbers[label(sweep, column)] = y[rows]
+            numbers[sweep.label(column)] = y[rows]
             for j, name in enumerate(varied):
                 x = np.asarray(sweep[name], float)
-                numbers[label(sweep, name)] = x[rows]
+                numbers[sweep.label(name)] = x[rows]
                 axis = grid[i, j]
                 axis.plot(
                     x[rows], y[rows], ".", color=COLOURS[0], markersize=1.6, alpha=0.45, rasterized=True
                 )
                 _median(axis, x[sweep.ok], y[sweep.ok])
                 if j == 0:
-                    axis.set_ylabel(label(sweep, column))
+                    axis.set_ylabel(sweep.label(column))
                 if i == len(chosen) - 1:
-                    axis.set_xlabel(label(sweep, name))
+                    axis.set_xlabel(sweep.label(name))
                     axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
         figure.suptitle(f"{_title(sweep)}; line: median", x=0.01, ha="left", fontsize=9)
@@ -103,7 +103,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
     colour = np.asarray(sweep[by], float)
     letters = "xyz".replace("xyz"[_upright(sweep)], "")
     rows = np.flatnonzero(sweep.ok)[:: max(1, -(-int(sweep.ok.sum()) // MOST_PLACES))]
-    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], label(sweep, by): colour[rows]}
+    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], sweep.label(by): colour[rows]}
     columns = 1 if len(names) == 1 else 2
     with styled():
         lines = -(-len(names) // columns)
@@ -123,7 +123,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
             axis.set_visible(False)
         figure.supxlabel(f"${letters[0]}$ (m)", fontsize=9)
         figure.supylabel(f"${letters[1]}$ (m)", fontsize=9)
-        figure.colorbar(dots, ax=list(axes), label=label(sweep, by), aspect=40, shrink=0.8)
+        figure.colorbar(dots, ax=list(axes), label=sweep.label(by), aspect=40, shrink=0.8)
         figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
@@ -169,12 +169,6 @@ def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
     ]
     varying = [name for name in found if np.ptp(_finite(sweep, name)) > 1e-9]
     return (varying or found)[:MOST_COLUMNS]
-
-
-def label(sweep: Sweep, name: str) -> str:
-    """A column with its unit."""
-    unit = (sweep.table.schema.field(name).metadata or {}).get(b"unit", b"1").decode()
-    return name if unit == "1" else f"{name} ({unit})"
 
 
 def _title(sweep: Sweep) -> str:

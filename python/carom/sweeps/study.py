@@ -87,7 +87,8 @@ class Study:
         measure: Measure | None = None,
         **options: Any,
     ) -> Study:
-        """A study in Python; the arguments are the keys of a file, `options` those of `[run]`.
+        """A study in Python; the arguments are the keys of a file, `options` those of `[run]`. `scene` may be the name of
+        an example that comes with Carom, too.
 
         `Study.of("break.toml", {"v": (5.0, 12.0), "mu": [0.1, 0.2]}, design="sobol", count=1000)`: a pair is a range, a list
         all its values. `set` says where values go: `{"cue.velocity.x": "= v*cos(aim)"}`.
@@ -97,8 +98,9 @@ class Study:
         if isinstance(scene, Scene):
             text, source = scene.to_toml(), "scene"
         else:
-            text, source = _read(Path(scene)), str(scene)
-            Scene.from_toml(scene, case=case)  # what is wrong with it is said with its lines
+            path = _example_or(Path(scene))
+            text, source = _read(path), str(scene)
+            Scene.from_toml(path, case=case)  # what is wrong with it is said with its lines
         columns = read_table(Path(table)) if isinstance(table, (str, Path)) else table
         study = cls(
             text=text,
@@ -244,12 +246,21 @@ def _read(path: Path) -> str:
     return read_text(path)
 
 
+def _example_or(path: Path) -> Path:
+    """The example that is called like a path where nothing is, else the path."""
+    from carom.scenario.shipped import find, named
+
+    called = path.as_posix()
+    is_example = not path.exists() and path.suffix != ".toml" and len(named(called)) == 1
+    return find(called) if is_example else path
+
+
 def _scenario(study: Path, named: str) -> Path:
     """The scenario of a study: beside it, or an example that comes with Carom."""
     beside = study.parent / named
     if beside.exists() or named.endswith(".toml"):
         return beside
-    from carom.cli.examples import find
+    from carom.scenario.shipped import find
 
     return Path(find(named))
 
