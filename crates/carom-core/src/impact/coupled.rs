@@ -158,7 +158,7 @@ impl ImpactScratch {
         self.chosen.clear();
         self.scale.clear();
         self.velocity.clone_from(&self.v_check);
-        self.build(model, &scratch.contacts, Law::Plastic);
+        self.build(model, scratch.contacts, Law::Plastic);
         if !self.solve_built(model, scratch, 0, None, report) {
             return false;
         }

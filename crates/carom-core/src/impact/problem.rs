@@ -276,7 +276,7 @@ impl ImpactScratch {
         }
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
-        self.build(model, &scratch.contacts, law);
+        self.build(model, scratch.contacts, law);
         if !self.solve_built(model, scratch, index.unwrap_or(0), warm, report) {
             return false;
         }
@@ -289,7 +289,7 @@ impl ImpactScratch {
         if scratch.keeper.wants(self.last.iterations) {
             self.keep(model, scratch, index.unwrap_or(0));
         }
-        self.commit(&scratch.contacts);
+        self.commit(scratch.contacts);
         self.record(scratch, index);
         true
     }
@@ -416,7 +416,7 @@ impl ImpactScratch {
         let result = if self.loads.is_empty() {
             newton.solve(&mut sub, &mut Linear, &options, &mut lambda, &mut u)
         } else {
-            let mut problem = self.velocities(model, bodies, node_of, &mut scratch.trial);
+            let mut problem = self.velocities(model, bodies, node_of, scratch.trial);
             newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         };
         (self.sub, self.lambda, self.u) = (sub, lambda, u);
@@ -454,12 +454,12 @@ impl ImpactScratch {
             let SolveScratch {
                 bodies, node_of, ..
             } = &scratch.solve;
-            self.velocities(model, bodies, node_of, &mut scratch.trial)
+            self.velocities(model, bodies, node_of, scratch.trial)
                 .evaluate(&mut system, &correction, &mut measures);
         }
         scratch.keeper.keep(&Solve {
             model,
-            contacts: &scratch.contacts,
+            contacts: scratch.contacts,
             members: &members,
             spheres: &scratch.solve.bodies,
             system: &system,

@@ -43,7 +43,7 @@ impl ImpactScratch {
                     for (&p, start) in inside.iter().zip(&base) {
                         this.scale[p] = s * start;
                     }
-                    this.build(model, &scratch.contacts, law);
+                    this.build(model, scratch.contacts, law);
                     this.solve_built(model, scratch, problem, None, report)
                 };
                 // A trial is no part of the step: its counts are its own, and one that fails is not admissible.

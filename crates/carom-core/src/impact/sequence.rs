@@ -46,7 +46,7 @@ pub fn with_load_offset(
     work.chosen.clear();
     work.chosen
         .extend((0..slots).filter(|&s| closing[s] || loaded[s]));
-    work.drop_chosen(&scratch.contacts);
+    work.drop_chosen(scratch.contacts);
     work.v_minus.clone_from(&work.v_old);
     if !work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report) {
         return false;

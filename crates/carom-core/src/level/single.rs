@@ -170,7 +170,7 @@ pub fn keep(
     system.linear_measures(&correction, &mut measures);
     scratch.keeper.keep(&Solve {
         model,
-        contacts: &scratch.contacts,
+        contacts: scratch.contacts,
         members: &[member],
         spheres: &[c.a],
         system: &system,

@@ -366,7 +366,7 @@ impl Pile {
                 warm.map_or([0.0; 3], |w| (ratio * w.impulse).to_array())
             }));
             debug_assert_eq!(island.contacts.len(), members.len());
-            self.solve_chosen(model, &scratch.contacts, Law::Plastic, 0, report)?;
+            self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
             let memory = &mut self.velocity;
             for &slot in &memory.chosen {
                 let member = &mut memory.members[slot as usize];
@@ -395,9 +395,9 @@ impl Pile {
                 .iter()
                 .map(|&slot| memory.members[slot as usize].load.to_array()),
         );
-        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
+        self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
         // Later problems, where something closes.
-        let (last, done) = self.cascade(model, &scratch.contacts, report);
+        let (last, done) = self.cascade(model, scratch.contacts, report);
         problems += last - 1;
         if done {
             return Some(problems);
@@ -406,7 +406,7 @@ impl Pile {
         self.velocity.choose(|_, _| true);
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
-        self.solve_chosen(model, &scratch.contacts, Law::Plastic, last + 1, report)?;
+        self.solve_chosen(model, scratch.contacts, Law::Plastic, last + 1, report)?;
         Some(problems + 1)
     }
 
@@ -420,7 +420,7 @@ impl Pile {
         self.velocity.choose(|_, _| true);
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
-        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
+        self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
         Some(1)
     }
 
