@@ -88,9 +88,7 @@ impl Pile {
         self.spheres.clear();
         self.bodies.clear();
         self.places.clear();
-        let o = &model.options;
-        let worth = members.len() / o.contacts_per_thread as usize;
-        self.sweeps.threads = (o.threads as usize).min(worth).max(1);
+        self.sweeps.threads = threads(model, members.len());
         for &m in members {
             let c = &contacts[m as usize];
             for body in [c.a, c.b] {
@@ -147,6 +145,13 @@ pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
             let b = &contacts[m as usize].bounds;
             b.rolling == 0.0 && b.spinning == 0.0
         })
+}
+
+/// Threads that sweep an island of `contacts` contacts.
+pub fn threads(model: &Model, contacts: usize) -> usize {
+    let o = &model.options;
+    let worth = contacts / o.contacts_per_thread as usize;
+    (o.threads as usize).min(worth).max(1)
 }
 
 /// What the worst of so many contacts may be left with over what the worst of a small pile may: at the same residual the worst of

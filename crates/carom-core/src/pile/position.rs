@@ -9,7 +9,7 @@ use crate::level::position_floor;
 use crate::level::velocity::MANY;
 use crate::model::Model;
 use crate::report::{Level, StepReport};
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
@@ -27,21 +27,21 @@ const MOST_OVERLAP: f64 = 4.5e-4;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
 const LINEAR_SHARE: f64 = 0.8;
 
-/// Solves one island; writes `shift` of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
+/// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
 pub fn solve_positions(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> bool {
-    let mut pile = std::mem::take(&mut scratch.pile);
+    let mut pile = std::mem::take(scratch.pile);
     let solved = solve(
         &mut pile, model, state, scratch, island, span, report, accept,
     );
-    scratch.pile = pile;
+    *scratch.pile = pile;
     solved
 }
 
@@ -50,18 +50,18 @@ fn solve(
     pile: &mut Pile,
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> bool {
-    let Scratch {
+    let IslandScratch {
         contacts,
         position,
         linear,
         angular,
-        shift,
+        corrections,
         solve,
         keeper,
         walls,
@@ -187,7 +187,10 @@ fn solve(
     report.add_position(&told(&last, round));
     report.unconverged += u32::from(!last.converged);
     for (&i, u) in pile.spheres.iter().zip(&velocities) {
-        shift[i as usize] = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
+        corrections.set(
+            i,
+            [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])],
+        );
     }
     for ((&m, r), z) in members.iter().zip(&impulses).zip(&pile.contacts) {
         let c = &mut contacts[m as usize];
