@@ -40,8 +40,7 @@ const TYPICAL: f64 = 2_500.0;
 /// Share of the closing tolerance that solvers may leave.
 const LEFT: f64 = 0.5;
 
-/// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many,
-/// and a step then needs a fifth less.
+/// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many.
 const HUGE: usize = 1_000_000;
 
 /// Memory of the pile solver.
