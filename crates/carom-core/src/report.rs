@@ -404,7 +404,7 @@ impl Outcome {
                  overlap): look at them; if they are as meant, try a smaller step"
             }
             Outcome::NotConverged { .. } => {
-                "try a smaller step, a larger tolerance (1e-7 in piles) or more max_iterations"
+                "try a smaller step, a larger tolerance (in piles pile_tolerance = 1e-4) or more max_iterations"
             }
             Outcome::BlowUp { what, .. } if what.level == Level::Smooth => {
                 "a load drives it there without any contact: look at loads, springs and joints on it, its mass and the step"
