@@ -245,10 +245,10 @@ class TestNonsense:
     def test_a_mass_ratio_without_measure(self) -> None:
         scene = two_balls()
         scene.sphere("dust", radius=0.1, mass=0.9e-4, at=(1, 0, 0.1), material="m")
-        (advice,) = scene.validate()
-        assert '"a" has 1.1e+04 times the mass of "dust", more than 10000' in str(advice)
+        words = '"a" has 1.1e+04 times the mass of "dust", more than 10000'
+        assert sum(words in str(advice) for advice in scene.validate()) == 1
         scene.spheres[2].mass = 1.1e-4
-        assert scene.validate() == []
+        assert not any("times the mass" in str(advice) for advice in scene.validate())
 
     @pytest.mark.parametrize("finite", [False, True])
     def test_a_ball_outside_a_closed_box(self, finite: bool) -> None:

@@ -170,6 +170,8 @@ STARTS = {
     "paper/runner.py": "examples of the paper side by side",
     "problem/solve.py": "a thread that waits for the solver",
     "study.py": "runs of a study side by side",
+    "film/encode.py": "ffmpeg, which writes films",
+    "film/window.py": "a trial of OpenGL, which ends a process where there is none",
 }
 #: Modules that one source may have all the same, and why.
 EXCEPTIONS = {
@@ -178,8 +180,8 @@ EXCEPTIONS = {
 }
 CALLS = {"eval", "exec", "compile", "__import__", "breakpoint"}
 SYSTEM = {"system", "popen", "execv", "execve", "execvp", "spawnv", "posix_spawn", "startfile"}
-#: Modules by name: the lazy names of the package, and those of its own examples.
-IMPORTERS = {"__init__.py", "paper/runner.py", "export/__init__.py"}
+#: Modules by name: the lazy names of the package, those of its own examples, and VTK's.
+IMPORTERS = {"__init__.py", "paper/runner.py", "export/__init__.py", "film/window.py"}
 
 
 def faults(tree: ast.AST, name: str) -> list[str]:

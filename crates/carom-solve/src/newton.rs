@@ -170,8 +170,9 @@ impl Newton {
         if !total.converged {
             self.sweep_and_polish(system, problem, options, lambda, u, &mut total);
         }
-        // Wedged balls whose contacts are redundant: path following finds what Newton and sweeps go round in circles for.
-        if !total.converged && !linearised && !system.has_load() {
+        // Wedged balls whose contacts are redundant: path following finds what Newton and sweeps go round in circles for. Whoever
+        // wants no sweeps wants Newton alone.
+        if !total.converged && !linearised && options.sweeps > 0 && !system.has_load() {
             lambda.copy_from_slice(&self.start_lambda);
             u.copy_from_slice(&self.start_u);
             self.linearise(system, problem, options, lambda, u, &mut total);

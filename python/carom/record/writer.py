@@ -205,14 +205,16 @@ class Writer:
             self._file = None
 
     def _create(self, block: Mapping[str, Any]) -> None:
-        # HDF5 does not survive to run out of room while it sets up a file: it does so in memory.
-        with h5py.File("segment", "w", driver="core", backing_store=False, libver="latest") as empty:
-            self._set_up(empty, block)
-            empty.flush()
-            image = empty.id.get_file_image()
         # Until it is in SWMR mode nobody can read the file, nor could anybody ever if we were killed before: it gets
         # its name when it can be read.
         unborn = self.path.with_name(f".{self.path.name}.{os.getpid()}.tmp")
+        # HDF5 does not survive to run out of room while it sets up a file: it does so in memory. There too it tells files
+        # by their names, and runs of one process are set up at the same time.
+        memory = f"{unborn}.memory"
+        with h5py.File(memory, "w", driver="core", backing_store=False, libver="latest") as empty:
+            self._set_up(empty, block)
+            empty.flush()
+            image = empty.id.get_file_image()
         try:
             unborn.write_bytes(image)
         except OSError:

@@ -102,7 +102,10 @@ OPTIONS: dict[str, Option] = {
         "largest island, in contacts, not solved by sweeps over spheres from the impulses of the last step",
         _COUNT_OR_NONE,
     ),
-    "gauss_seidel_sweeps": Option("sweeps of the fallback before Newton is tried again", _COUNT_OR_NONE),
+    "gauss_seidel_sweeps": Option(
+        "sweeps of the fallback before Newton is tried again; 0: no solver but Newton in islands of up to dense_contacts",
+        _COUNT_OR_NONE,
+    ),
     "max_halvings": Option(
         "halvings of a step that could not be solved, before the run stops", Bounds(ge=0, le=20)
     ),
