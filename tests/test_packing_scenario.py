@@ -56,7 +56,8 @@ class TestKinds:
         assert len(text) < 1000
         again = Scene.from_toml(text)
         assert again == made
-        assert made.validate() == again.validate() == []
+        # Many balls are advised a tolerance: at another place, since one scene has a text.
+        assert [p.cause for p in made.validate()] == [p.cause for p in again.validate()]
 
     def test_resolved_copy_makes_the_same_model(self, keys: dict[str, Any]) -> None:
         made = scene(**keys)

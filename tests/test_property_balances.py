@@ -240,7 +240,7 @@ def test_the_scenes_hold_what_they_should() -> None:
         ("scenes", "impacts", "several", "islands of 3", "rest", "slip", "stick"), 0
     )
 
-    @settings(max_examples=24)
+    @settings(max_examples=60)
     @given(walled_scenes())
     def count(case: Case) -> None:
         run = case.run(20)
