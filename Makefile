@@ -124,13 +124,13 @@ $(STAMPS)/test: $(LOCK) $(STAMPS)/run
 	@tools/setup.sh $@ base plot build test
 
 $(STAMPS)/test-all: $(LOCK) $(STAMPS)/test
-	@tools/setup.sh $@ base plot build test interop cluster export
+	@tools/setup.sh $@ base plot build test interop cluster export video
 
 $(STAMPS)/check: $(LOCK) $(STAMPS)/run
 	@tools/setup.sh $@ check
 
 $(STAMPS)/docs: $(LOCK) $(STAMPS)/run
-	@tools/setup.sh $@ base plot build docs
+	@tools/setup.sh $@ base plot build docs cluster
 
 # Editable: a change of Python needs no rebuild. --release, like the tests: both share every compiled crate.
 $(STAMPS)/extension: $(RUST) pyproject.toml $(STAMPS)/run | preflight

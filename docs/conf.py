@@ -11,7 +11,9 @@ import re
 import tomllib
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 
 ROOT = Path(__file__).parent.parent
 
@@ -21,10 +23,12 @@ copyright = "the Carom developers, Apache License 2.0"
 release = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]["package"]["version"]
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "_static"]
 suppress_warnings = ["mystnb.unknown_mime_type"]
 html_theme = "furo"
 html_title = f"Carom {release}"
+html_static_path = ["_static"]
+html_css_files = ["carom.css"]
 
 myst_heading_anchors = 3
 myst_ref_domains = ["std"]  # #parameters is a heading, not an attribute of the API reference
@@ -57,5 +61,31 @@ def _plain_bars(app: Sphinx, what: str, name: str, obj: object, options: object,
         lines[k] = "".join(p if p.startswith("`") else p.replace("|", r"\|") for p in parts)
 
 
+GALLERY = "gallery/index"
+
+
+def _pictures(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """The first picture that each page of the gallery draws, before the table of its index."""
+    if page != GALLERY:
+        return
+    grid = nodes.container(classes=["carom-gallery"])
+    for name in app.env.toctree_includes[GALLERY]:
+        picture = next(iter(app.env.get_doctree(name).findall(nodes.image)))
+        title = app.env.titles[name].astext()
+        link = nodes.reference("", "", refuri=app.builder.get_relative_uri(GALLERY, name), internal=True)
+        small = picture.deepcopy()
+        small["alt"] = title
+        link += [small, nodes.Text(title)]
+        grid += nodes.paragraph("", "", link)
+    table = next(iter(doctree.findall(nodes.table)))
+    table.parent.insert(table.parent.index(table), grid)
+
+
+def _pages_to_write(app: Sphinx, env: BuildEnvironment) -> list[str]:
+    return [GALLERY]  # pictures of other pages may have changed
+
+
 def setup(app: Sphinx) -> None:
+    app.connect("doctree-resolved", _pictures)
+    app.connect("env-updated", _pages_to_write)
     app.connect("autodoc-process-docstring", _plain_bars)

@@ -253,3 +253,26 @@ def more_work(frame: int, by: float) -> Fault:
         file["contacts/work_normal"][rows_of(file, frame).start] += by
 
     return edit
+
+
+def write(path: str, row: object, value: object) -> Fault:
+    """A number, or a row of them, is another."""
+
+    def edit(file: h5py.File) -> None:
+        values = file[path][...]
+        values[row] = value
+        file[path][...] = values
+
+    return edit
+
+
+def lose_impact(row: int) -> Fault:
+    """An impact is told of another pair that did not meet: its own has none."""
+
+    def edit(file: h5py.File) -> None:
+        pairs = {tuple(pair) for pair in file["contacts/body"][:].tolist()}
+        n = len(file["bodies/mass"])
+        free = next((a, b) for a in range(n) for b in range(a + 1, n) if (a, b) not in pairs)
+        file["impacts/body"][row] = free
+
+    return edit

@@ -23,6 +23,9 @@ BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
 #: cause -> (key that the message names, piece to add); several where several messages share the cause.
 PIECES: dict[str, list[tuple[str, str]]] = {
+    "... is above ..., more than any pair of solids has: such contacts stick": [
+        ("friction", "friction = 0.2 -> friction = 20.0")
+    ],
     '"all" would act on balls that enter in the course of the run, and what enters must be free': [
         (
             "drag",
@@ -167,6 +170,12 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "spheres ... overlap at the start, gap ... m": [
         ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1, 1, 1]\norigin = [0.0, 0.0, 0.03]\n')
+    ],
+    "... balls under gravity make a pile: pile_tolerance = ... solves it slowly or not at all": [
+        (
+            "run.pile_tolerance",
+            f'[[lattice]]\nname = "l"\n{SPHERE}counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n',
+        )
     ],
     "a ... has no periodic axes": [
         (

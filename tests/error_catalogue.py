@@ -1,7 +1,8 @@
-"""The messages about scenarios, as the source states them: what `docs/reference/errors.md` lists and the tests provoke.
+"""The messages about scenarios and contact problems, as the source states them: `docs/reference/errors.md` lists them, and
+the tests provoke them.
 
 A message is written where the mistake is found, as a cause and a cure; this module reads those places in the source of
-`carom.scenario`. `python tests/error_catalogue.py` writes the list of the page anew.
+`carom.scenario`, `carom.problem` and `carom solve`. `python tests/error_catalogue.py` writes the lists of the page anew.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "reference" / "errors.md"
-BEGIN, END = "<!-- all messages -->", "<!-- end of all messages -->"
+PACKAGE = ROOT / "python" / "carom"
 #: Calls that state a message, with the place of the cause among their arguments.
 CALLS = {"Finding": 1, "refuse": 0, "wrong": 0, "Problem": 2, "formulas.refuse": 1, "self.refuse": 1}
+#: The same about contact problems.
+PROBLEM_CALLS = {"refuse": 1}
 FILL = "..."
 
 
@@ -37,15 +40,27 @@ def _pattern(text: str) -> re.Pattern[str]:
 
 def messages() -> list[Message]:
     """Every message of the scenario format whose cause is written down in the source, sorted."""
+    found = _stated(sorted((PACKAGE / "scenario").glob("*.py")), CALLS)
+    # More than what is found out elsewhere.
+    return sorted(m for m in found if re.search(r"[a-z]{3}", m.cause))
+
+
+def problem_messages() -> list[Message]:
+    """The same about contact problems; some have no more to say of the cause than the value that stands there."""
+    paths = [*sorted((PACKAGE / "problem").glob("*.py")), PACKAGE / "cli" / "solve.py"]
+    return sorted(m for m in _stated(paths, PROBLEM_CALLS) if re.search(r"[a-z]{3}", m.cause + m.cure))
+
+
+def _stated(paths: list[Path], calls: dict[str, int]) -> set[Message]:
     found = set()
-    for path in sorted((ROOT / "python" / "carom" / "scenario").glob("*.py")):
+    for path in paths:
         for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(function, ast.FunctionDef):
-                found |= set(_of(function))
-    return sorted(found)
+                found |= set(_of(function, calls))
+    return found
 
 
-def _of(function: ast.FunctionDef) -> list[Message]:
+def _of(function: ast.FunctionDef, calls: dict[str, int]) -> list[Message]:
     texts: dict[str, str] = {}
     found = []
     nodes = [node for node in ast.walk(function) if isinstance(node, ast.stmt | ast.expr)]
@@ -54,12 +69,11 @@ def _of(function: ast.FunctionDef) -> list[Message]:
             texts[node.targets[0].id] = _text(node.value, texts)
         elif isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name):
             texts[node.target.id] = texts.get(node.target.id, FILL) + _text(node.value, texts)
-        elif isinstance(node, ast.Call) and (name := _name(node.func)) in CALLS:
-            at = CALLS[name]
+        elif isinstance(node, ast.Call) and (name := _name(node.func)) in calls:
+            at = calls[name]
             if len(node.args) > at + 1:
                 cause, cure = (_text(arg, texts) for arg in node.args[at : at + 2])
-                if re.search(r"[a-z]{3}", cause):  # more than what is found out elsewhere
-                    found.append(Message(cause, cure))
+                found.append(Message(cause, cure))
     return found
 
 
@@ -84,9 +98,13 @@ def _text(node: ast.expr, texts: dict[str, str]) -> str:
     return re.sub(r"\.{4,}", FILL, text)
 
 
-def table() -> str:
-    """The list as it stands on the page."""
-    rows = [f"| {_cell(m.cause)} | {_cell(m.cure)} |" for m in messages()]
+#: The lists of the page by the words of their marks.
+LISTS = {"messages": messages, "messages about contact problems": problem_messages}
+
+
+def table(name: str) -> str:
+    """A list as it stands on the page."""
+    rows = [f"| {_cell(m.cause)} | {_cell(m.cure)} |" for m in LISTS[name]()]
     return "\n".join(["| message | cure |", "|---|---|", *rows])
 
 
@@ -94,16 +112,23 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("[[", "\\[\\[") if text != FILL else "said with it"
 
 
-def written() -> str:
-    """The list that the page holds now."""
-    page = PAGE.read_text(encoding="utf-8")
-    return page.partition(BEGIN)[2].partition(END)[0].strip()
+def _marks(name: str) -> tuple[str, str]:
+    return f"<!-- all {name} -->", f"<!-- end of all {name} -->"
+
+
+def written(name: str) -> str:
+    """A list that the page holds now."""
+    begin, end = _marks(name)
+    return PAGE.read_text(encoding="utf-8").partition(begin)[2].partition(end)[0].strip()
 
 
 def main() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    before, _, rest = page.partition(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n\n{table()}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    for name in LISTS:
+        begin, end = _marks(name)
+        before, _, rest = page.partition(begin)
+        page = f"{before}{begin}\n\n{table(name)}\n\n{end}{rest.partition(end)[2]}"
+    PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ from carom import checkpoint
 from carom.errors import CaromError
 from carom.record import Segments
 from carom.rundir import RunDir
+from kill_process import Forked
 from numpy.typing import NDArray
 
 CAROM = [sys.executable, "-m", "carom"]
@@ -66,25 +67,29 @@ def differences(
 
 @dataclass(frozen=True)
 class Whole:
-    """The run that nobody disturbed: its scenario file, what it recorded, its totals, and how long it took (s)."""
+    """The run that nobody disturbed: its scenario file, what it recorded, its totals, how long it took, and how long of it
+    it computed and wrote (s).
+    """
 
     name: str
     scenario: Path
     data: Data
     totals: dict[str, Any]
     seconds: float
+    driven: float
 
 
-def uninterrupted(name: str, root: Path) -> Whole:
-    """Run a scene of `kill_scenes` to its end."""
-    scenario = kill_scenes.write(name, root)
+def uninterrupted(name: str, root: Path, share: float = 1.0) -> Whole:
+    """Run a scene of `kill_scenes`, or a `share` of its time, to its end."""
+    scenario = kill_scenes.write(name, root, share)
     run = root / f"{name}-whole"
     start = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = carom.simulate(carom.Scene.from_toml(scenario), out=run)
     seconds = time.perf_counter() - start
-    return Whole(name, scenario, recorded(run), {k: result.summary.get(k) for k in TOTALS}, seconds)
+    totals = {k: result.summary.get(k) for k in TOTALS}
+    return Whole(name, scenario, recorded(run), totals, seconds, result.summary["wall_s"])
 
 
 @functools.cache
@@ -93,6 +98,9 @@ def startup() -> float:
     start = time.perf_counter()
     subprocess.run([*CAROM, "run", "--help"], stdout=subprocess.DEVNULL, check=True)
     return time.perf_counter() - start
+
+
+Process = subprocess.Popen[str] | Forked
 
 
 def start(
@@ -113,7 +121,7 @@ def spawn(*arguments: str, env: Mapping[str, str] | None = None) -> subprocess.P
     )
 
 
-def kill_after(process: subprocess.Popen[str], delay: float, wait_for: Path | None = None) -> bool:
+def kill_after(process: Process, delay: float, wait_for: Path | None = None) -> bool:
     """SIGKILL after `delay` seconds, counted from when `wait_for` is there; False if the process ended before."""
     while wait_for is not None and not wait_for.exists() and process.poll() is None:
         time.sleep(0.001)
@@ -207,19 +215,25 @@ def refused_and_run_anew(run: Path, whole: Whole) -> None:
 def kill_once(whole: Whole, run: Path, rng: np.random.Generator, *, by_command: bool, again: float) -> str:
     """Start a run, kill it at a random moment, with probability `again` its continuation too, and finish it.
 
-    Returns what was met.
+    `by_command` all processes are those of the command line; without, forks of a warm one, and the last continuation is
+    in this process. Returns what was met.
     """
-    late = rng.random() < 0.7  # most of them after start-up, which takes as long as such a run
-    span = 0.9 * whole.seconds if late else startup()
+
+    def begin(*arguments: str) -> Process:
+        return spawn(*arguments) if by_command else Forked([*arguments, "--quiet"])
+
+    begun = (startup() if by_command else 0.0) + whole.seconds - whole.driven  # s until it computes
+    late = rng.random() < 0.8  # most of them after start-up, which takes as long as such a run
+    span = 0.9 * whole.driven if late else begun
     killed = False
     while not killed:  # a run that ended before it was killed is started again and killed sooner
-        process = start(run, whole, "--force")
+        process = begin("run", str(whole.scenario), "-o", str(run), "--force")
         killed = kill_after(process, span * rng.random(), run / "results.h5" if late else None)
         span *= 0.8
     met = [examine(run, whole)]
     while killed and (run / "run.json").exists() and rng.random() < again:
-        process = spawn("resume", str(run))
-        killed = kill_after(process, startup() + whole.seconds * (rng.random() - 0.3))
+        process = begin("resume", str(run))
+        killed = kill_after(process, max(0.0, begun + whole.driven * (rng.random() - 0.3)))
         met.append(f"resumed: {examine(run, whole) if killed else 'ended before'}")
     finish(run, whole, by_command=by_command)
     return "; ".join(met)

@@ -107,8 +107,9 @@ SCENES: dict[str, Callable[[], carom.Scene]] = {
 }
 
 
-def write(name: str, folder: Path) -> Path:
-    """The scenario file of a scene."""
+def write(name: str, folder: Path, share: float = 1.0) -> Path:
+    """The scenario file of a scene, or of a `share` of its time."""
     path = folder / f"{name}.toml"
-    path.write_text(SCENES[name]().to_toml())
+    scene = SCENES[name]()
+    path.write_text(scene.with_options(until=share * (scene.run.until or 0.0)).to_toml())
     return path

@@ -7,20 +7,37 @@ the scenario file of a scene, to report it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import carom
 import numpy as np
+import pytest
 from carom import _core
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from physics_scenes import F64, balls
 
 LAWS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 #: Solved to rounding: what differs between a scene and its transform is then rounding too.
 SHARP = {"tolerance": 1e-12, "pile_tolerance": 1e-12, "tolerance_floor": 1e-15}
-EXAMPLES = {False: 6, True: 400}
-"""Scenes of each law in the quick and in the long tier."""
+PHASES = [phase for phase in Phase if phase != Phase.explain]
+#: Scenes of each law, the same ones each time (`conftest.py`), in the quick and in the long tier.
+TIERS = [
+    pytest.param(settings(max_examples=6, phases=PHASES), id="few"),
+    pytest.param(
+        settings(max_examples=400, phases=PHASES, suppress_health_check=list(HealthCheck)),
+        id="many",
+        marks=pytest.mark.long,
+    ),
+]
+in_both_tiers = pytest.mark.parametrize("tier", TIERS)
+
+
+def hold(law: Callable[..., None], drawn: list[Any], tier: settings) -> None:
+    """Try a law on the scenes of a tier, and on what else it is drawn with."""
+    tier(given(*drawn)(law))()
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from carom import audit
+from carom.audit.data import Run
 from carom.audit.formula import law
 from carom.audit.rerun import rerun
 from carom.cli.app import app
@@ -94,6 +95,16 @@ def test_options_that_do_not_fit_are_refused(run: Path) -> None:
     assert called(run / "scenario.toml", "--rerun")[0] == 2
 
 
+def test_a_tolerance_that_was_changed_within_the_run_is_taken_at_its_loosest(tmp_path: Path) -> None:
+    path = scenes.run(scenes.two_balls(), tmp_path / "two", 0.03)
+    carom.resume(path, until=0.05, tolerance=1e-6).close()
+    carom.resume(path, until=0.06, tolerance=1e-9).close()
+    code, text, _ = called(path)
+    assert code == 0, text
+    with carom.load(path) as result:
+        assert Run(result).loosest["tolerance"] == 1e-6
+
+
 FORMULAS = [
     "0.01 + 0.1*exp(-v)",
     "-v^2 + 2^3^2",
@@ -103,6 +114,8 @@ FORMULAS = [
     "abs(v - 0.3)*sign(v - 0.3) + floor(3*v)*0",
     "ln(1 + v) - log10(2 + v)",
     "pi*cos(v)/(1 + tan(v/3))",
+    "PI*v + 007 - 01.50*v",
+    "v\n + 1e-3*v - .5 + 2.",
 ]
 
 

@@ -112,7 +112,7 @@ MISTAKES = {
         '"28.575 mm"\nmass = 0.17\nposition = [0.0',
         '"2 mn"\nmass = 0.17\nposition = [0.0',
         'unknown unit "mn"',
-        "did you mean m",
+        "did you mean m? otherwise",
     ),
     "no unit": (
         '"28.575 mm"\nmass = 0.17\nposition = [0.0',

@@ -7,6 +7,7 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
+from carom.batching import Runner
 from carom.errors import CaromError, ScenarioError
 
 ROOT = Path(__file__).parent.parent
@@ -67,6 +68,8 @@ def test_failures_stay_with_their_case() -> None:
     batch = carom.simulate_batch(pair(), {"cue.position.x": x, "cue.mass": [0.17, 0.17, 0.17, -1.0]})
     assert batch.outcome.tolist() == ["done", "overlap", "bad_model", "bad_model"]
     assert "cue and object overlap by 0.0272" in batch.message[1]
+    low = carom.simulate_batch(pair(), {"cue.position.z": [0.02]})
+    assert "cue and bed overlap" in low.message[0]
     assert "position" in batch.message[2]
     assert batch.ok.tolist() == [True, False, False, False]
     assert np.isfinite(batch.position[0]).all()
@@ -124,8 +127,17 @@ def test_columns_are_one_row_per_case() -> None:
     batch = carom.simulate_batch(pair(), {"cue.velocity": [[1.0, 0, 0], [2.0, 0, 0]]})
     table = batch.columns()
     assert {len(values) for values in table.values()} == {2}
-    assert table["parameter cue.velocity.0"].tolist() == [1.0, 2.0]
+    assert table["parameter cue.velocity.x"].tolist() == [1.0, 2.0]
     assert table["object.velocity.x"][1] == batch["object"].velocity[1, 0]
+    of_all = {
+        "velocity": np.arange(12.0).reshape(2, 2, 3),
+        "cue.mass": [0.1, 0.2],
+        "gravity": np.zeros((2, 3)),
+    }
+    wide = carom.simulate_batch(pair(0.002), of_all).columns()
+    assert wide["parameter velocity.object.y"].tolist() == [4.0, 10.0]
+    assert wide["parameter cue.mass"].tolist() == [0.1, 0.2]
+    assert wide["parameter gravity.z"].tolist() == [0.0, 0.0]
     pandas = pytest.importorskip("pandas")
     assert isinstance(batch.to_pandas(), pandas.DataFrame)
 
@@ -163,6 +175,10 @@ def test_wrong_arguments_are_told() -> None:
         carom.simulate_batch(pair(), untl=3)
     with pytest.raises(CaromError, match="empty"):
         carom.simulate_batch([])
+    with pytest.raises(CaromError, match="found list"):
+        carom.simulate_batch(pair(), [1.0, 2.0])  # type: ignore[arg-type]
+    with pytest.raises(CaromError, match="need one step"):  # their frames are at other times
+        carom.simulate_batch([pair(), pair().with_options(step=5e-4)], frames=10)
     with pytest.raises(CaromError, match="GiB"):
         carom.simulate_batch(pair(until=1e5), frames=1)
 
@@ -178,3 +194,45 @@ def test_what_stops_a_batch_keeps_what_is_done() -> None:
     batch = caught.value.result  # type: ignore[attr-defined]
     assert 0 < batch.ok.sum() < 400
     assert set(batch.outcome) == {"done", "not_run"}
+
+
+def test_progress_ends_with_all_cases() -> None:
+    told: list[tuple[int, int]] = []
+    for _ in range(5):  # the last worker may end between two looks
+        given = {"cue.velocity.x": [0.1, 0.2, 0.3]}
+        carom.simulate_batch(pair(0.002), given, threads=2, progress=lambda *n: told.append(n))
+        assert told[-1] == (3, 3)
+
+
+def test_batches_are_themselves_and_name_the_cases_they_have() -> None:
+    batch = carom.simulate_batch(pair(0.002), {"cue.velocity.x": [0.1, 0.2]})
+    assert batch == batch
+    assert batch != carom.simulate_batch(pair(0.002), {"cue.velocity.x": [0.1, 0.2]})
+    assert batch.scene(-1).spheres[0].velocity == (0.2, 0.0, 0.0)
+    with pytest.raises(IndexError, match="there are 2"):
+        batch.scene(2)
+
+
+def test_a_load_function_keeps_its_place_in_a_case_and_a_batch_that_breaks_keeps_its_cases(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def push(t: float, x: object, v: object, w: object) -> np.ndarray:
+        return np.array([[0.3, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]])
+
+    scene = pair()
+    scene.load_function(push)
+    batch = carom.simulate_batch(scene, {"cue.mass": [0.17, 0.2]})
+    single = carom.simulate(batch.scene(1))
+    assert np.array_equal(batch.position[1], np.asarray(single.position)[-1])
+
+    keep = Runner._keep
+
+    def fault(runner: Runner, case: int, *rest: object) -> None:
+        if case == 1:
+            raise RuntimeError("a fault of Carom")
+        keep(runner, case, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Runner, "_keep", fault)
+    with pytest.raises(RuntimeError, match="a fault of Carom") as caught:
+        carom.simulate_batch(pair(), {"cue.mass": [0.17, 0.2, 0.3]}, threads=1)
+    assert caught.value.result.outcome.tolist() == ["done", "not_run", "not_run"]  # type: ignore[attr-defined]

@@ -115,6 +115,11 @@ def test_wrong_strikes_are_told() -> None:
         ({"speed": "1 kg"}, "expected a speed"),
         ({"speed": 1.0, "direction": (0.0, 0.0)}, "not zero"),
         ({"speed": 1.0, "restitution": 1.1}, "from 0 to 1"),
+        ({"speed": 1.0, "direction": (1.0,)}, r"direction must be \(x, y\)"),
+        ({"speed": 1.0, "direction": math.nan}, "direction must be a finite number"),
+        ({"speed": 1.0, "side": "5 mm"}, r"side \(in radii\) must be a finite number"),
+        ({"speed": [1.0]}, "speed must be a finite number"),
+        ({"speed": math.inf}, "speed must be a finite number"),
     ):
         with pytest.raises(CaromError, match=said):
             strike(cue, **keys)  # type: ignore[arg-type]
@@ -122,6 +127,9 @@ def test_wrong_strikes_are_told() -> None:
         strike(cue, speed=1.0, height=0.6)
     with pytest.raises(CaromError, match="moves already"):
         strike(cue, speed=1.0)
+    other = table().ball(scene, "other", (1.0, 1.0))
+    strike(other, speed=1.0, direction=np.int64(1))  # any number is an angle
+    assert math.atan2(other.velocity[1], other.velocity[0]) == pytest.approx(1.0)
 
 
 # --- what balls do ---------------------------------------------------------------------------------------------------
@@ -273,6 +281,22 @@ def test_a_ball_that_flies_over_the_rail_is_off_the_table() -> None:
     assert [(p.ball, p.pocket) for p in t.pocketed(result)] == [("b", "off the table")]
 
 
+def test_the_stairs_of_a_corner_follow_the_edge_of_the_slate() -> None:
+    """They once all lay on its near side, and took balls up to 6 mm too early."""
+    t = table("9ft")
+    s = t.spec
+    middle = 0.5 * s.corner_mouth / math.sqrt(2) - s.corner_shelf / math.sqrt(2)  # of the edge, along x and y
+    boxes = [(np.array(low[:2]), np.array(high[:2])) for low, high in t._outlets()]
+    along, off = np.meshgrid(np.linspace(-0.8, 0.8, 201) * s.ball_radius, np.linspace(-8e-3, 8e-3, 161))
+    x = np.stack([middle + (off + along) / math.sqrt(2), middle + (off - along) / math.sqrt(2)], axis=-1)
+    taken = np.zeros(off.shape, dtype=bool)
+    for low, high in boxes[4:]:  # the first four are over the rails, above the nose
+        taken |= ((x >= low) & (x <= high)).all(axis=-1)
+    assert off[taken].max() < 3.1e-3
+    assert off[~taken].min() > -3.1e-3
+    assert off[taken].max() == pytest.approx(-off[~taken].min(), abs=2e-4)
+
+
 def test_a_ball_beside_a_pocket_stays() -> None:
     t = table("9ft")
     scene = t.scene(until=0.1, step=1e-3)
@@ -302,6 +326,24 @@ def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None
         table("9ft", nose_height=0.02)
     with pytest.raises(CaromError, match="both"):
         table("9ft", side_mouth=0.0)
+    for keys, said in (
+        ({"ball_mass": -0.17}, "ball_mass must be above 0"),
+        ({"ball_radius": "28 mm"}, "ball_radius must be a finite number in SI units"),
+        ({"length": math.nan}, "length must be a finite number"),
+        ({"corner_mouth": -0.1}, "corner_mouth must not be below 0"),
+        ({"corner_mouth": 2.0}, "leave no cushion"),
+        ({"side_angle": 20.0}, "side_angle is that between nose and facing"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            table("9ft", **keys)
+    for call, said in (
+        (lambda: t.ball(t.scene(), "b", (1.0,)), r"at must be \(x, y\)"),
+        (lambda: t.rack(t.scene(), apex=3), r"apex must be \(x, y\)"),  # type: ignore[arg-type]
+        (lambda: t.scene(gravity="g"), "gravity must be a finite number"),  # type: ignore[arg-type]
+        (lambda: t.scene(laws=3), "laws must be of billiards.Laws"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(CaromError, match=said):
+            call()
     with pytest.raises(CaromError, match="no spot"):
         t.rack(t.scene(), apex="fot spot")
     with pytest.raises(ScenarioError):
@@ -350,6 +392,7 @@ def test_wrong_racks_are_told() -> None:
         ({"balls": 5, "jitter": 1e-4}, "without a seed"),
         ({"balls": 5, "jitter": 1e-3, "seed": 1}, "may overlap"),
         ({"balls": 5, "gap": -1.0}, "below 0"),
+        ({"balls": 5, "gap": "1 mm"}, "gap must be a finite number"),
     ):
         with pytest.raises(CaromError, match=said):
             rack_places(radius=0.5, **keys)  # type: ignore[arg-type]

@@ -16,6 +16,8 @@ FOLDER = Path(__file__).parent / "data" / "contact_problems"
 INDEX: list[dict[str, Any]] = json.loads((FOLDER / "index.json").read_text(encoding="utf-8"))["problems"]
 #: Rows up to which the rank is computed anew here.
 RANK_ROWS = 400
+#: Contacts from which a problem is left to the long tier: it takes seconds.
+LARGE = 1000
 
 
 def test_the_index_lists_the_files_and_no_others() -> None:
@@ -28,7 +30,11 @@ def test_the_index_lists_the_files_and_no_others() -> None:
     assert sum(not entry["carom"]["converged"] for entry in INDEX) > 10
 
 
-@pytest.mark.parametrize("entry", INDEX, ids=lambda entry: str(entry["file"]).removesuffix(".hdf5"))
+@pytest.mark.parametrize(
+    "entry",
+    [pytest.param(entry, marks=[pytest.mark.long] * (entry["contacts"] > LARGE)) for entry in INDEX],
+    ids=lambda entry: str(entry["file"]).removesuffix(".hdf5"),
+)
 def test_a_collected_problem_is_what_the_index_says(entry: dict[str, Any], tmp_path: Path) -> None:
     path = FOLDER / entry["file"]
     with warnings.catch_warnings():

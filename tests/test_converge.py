@@ -181,7 +181,7 @@ def test_at_takes_the_error_at_these_times_alone() -> None:
 def test_the_number_of_threads_changes_nothing() -> None:
     scene = SCENARIOS / "corner.toml"
     one, four = (
-        carom.converge(scene, [2e-3, 1e-3], 5e-4, ["position", "orientation"], until=0.1, threads=n)
+        carom.converge(scene, [2e-3, 1e-3], 5e-4, ["position", "orientation"], until=0.04, threads=n)
         for n in (1, 4)
     )
     assert one.errors == four.errors

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import carom
@@ -23,6 +25,9 @@ PAGES = [
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_runs(page: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="pages draw figures")
+    if page.stem == "sweep":
+        pytest.importorskip("pyarrow", reason="tables of studies are Parquet")
+        pytest.importorskip("scipy", reason="its points are those of SciPy")
     run(program(page), tmp_path)
 
 
@@ -54,11 +59,32 @@ def test_examples_in_toml_and_python_can_be_read(page: Path) -> None:
             assert getattr(carom, name, None) is not None or (ROOT / "python/carom" / name).exists(), name
 
 
-def test_the_guide_to_an_impact_law_fits_this_version(tmp_path: Path) -> None:
-    """The patch of docs/guides/extend.md applies, and touches the files that the page shows."""
-    patch = DOCS / "guides" / "pairwise.patch"
+#: Public names that the reference leaves out: constants, and names for types alone.
+UNLISTED = {"TABLES", "__version__", "Region", "Sizes", "MOST_BALLS"}
+
+
+@pytest.mark.parametrize(
+    "module", ["carom", "carom.audit", "carom.billiards", "carom.packing", "carom.problem", "carom.sweeps"]
+)
+def test_the_reference_lists_every_public_name(module: str) -> None:
+    page = (DOCS / "reference" / "api.md").read_text("utf-8")
+    listed = set(re.findall(r"auto\w+:: (?:[\w.]*\.)?(\w+)$", page, re.M))
+    assert set(import_module(module).__all__) - UNLISTED <= listed
+
+
+def test_what_the_reference_calls_a_module_of_carom_is_one() -> None:
+    page = (DOCS / "reference" / "api.md").read_text("utf-8").split("## Simulate")[0]
+    for name in re.findall(r"`carom\.([a-z]+)`", page):
+        done = subprocess.run([sys.executable, "-c", f"import carom; carom.{name}"], check=False, timeout=60)
+        assert done.returncode == 0, name
+
+
+@pytest.mark.parametrize("patch", sorted((DOCS / "guides").glob("*.patch")), ids=lambda patch: patch.stem)
+def test_the_guide_to_extensions_fits_this_version(patch: Path, tmp_path: Path) -> None:
+    """Each patch of docs/guides/extend.md applies, and touches the files that the page shows of it."""
     files = re.findall(r"^\+\+\+ b/(.*)$", patch.read_text("utf-8"), re.M)
-    shown = re.findall(r"\+\+\+ b/([^\"]*)\"", (DOCS / "guides" / "extend.md").read_text("utf-8"))
+    page = (DOCS / "guides" / "extend.md").read_text("utf-8")
+    shown = re.findall(rf"{{literalinclude}} {patch.name}\n(?::.*\n)*?.*\+\+\+ b/([^\"]*)\"", page)
     assert shown
     assert set(shown) <= set(files)
     if shutil.which("patch") is None:

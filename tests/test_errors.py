@@ -10,10 +10,12 @@ import carom
 import error_catalogue
 import pytest
 from carom.errors import Problem, ScenarioError
+from carom.problem import ContactProblemError
 from carom.scenario import load
 from carom.scene import Scene
 from error_cases import CALLED, PIECES
 from error_catalogue import Message, messages
+from problem_error_cases import PROBLEMS
 from test_bad_input import GOOD, MISTAKES
 
 MESSAGES = messages()
@@ -113,8 +115,29 @@ def test_every_message_of_the_source_is_provoked() -> None:
     assert silent == [], "a message without a case: add one to tests/error_cases.py"
 
 
-def test_the_page_lists_every_message() -> None:
-    assert error_catalogue.written() == error_catalogue.table(), (
+@pytest.mark.parametrize("words", PROBLEMS)
+def test_a_message_about_a_contact_problem_names_place_cause_and_cure(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place, call = PROBLEMS[words]
+    meant = [m for m in error_catalogue.problem_messages() if f"{m.cause}; {m.cure}" == words]
+    assert meant, f"no message says {words!r} any more"
+    with pytest.raises(ContactProblemError) as caught:
+        call(tmp_path, monkeypatch)
+    told = str(caught.value)
+    assert place in told
+    assert len(told.splitlines()) == 1
+    assert any(m.matches(told) for m in meant), told
+
+
+def test_every_message_about_contact_problems_is_provoked() -> None:
+    found = {f"{m.cause}; {m.cure}" for m in error_catalogue.problem_messages()}
+    assert found == {*PROBLEMS}, "a message without a case: add one to tests/problem_error_cases.py"
+
+
+@pytest.mark.parametrize("name", error_catalogue.LISTS)
+def test_the_page_lists_every_message(name: str) -> None:
+    assert error_catalogue.written(name) == error_catalogue.table(name), (
         "the page is not up to date: run `python tests/error_catalogue.py`"
     )
 

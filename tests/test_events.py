@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from carom import events
 from carom.errors import CaromError
+from carom.record import Column
 
 R, G, MU = 0.028575, 9.8, 0.2
 pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
 
 
-def shot(speed: float = 2.0, spin: float = 0.0, rho: float = 0.0, **run: float) -> carom.Scene:
+def shot(speed: float = 2.0, spin: float = 0.0, rho: float = 0.0, **run: float | str) -> carom.Scene:
     """A cue ball that slides along x, and an object ball 0.5 m further."""
     scene = carom.Scene("shot", gravity=(0, 0, -G), run={"until": 1.0, "step": 1e-3, **run})
     for name, x in (("cue", 0.0), ("object", 0.5)):
@@ -100,8 +101,43 @@ def test_at_rest_as_a_stop_condition() -> None:
     # Slower than the bound at the top, not for long.
     up = carom.simulate(thrown, stop=events.AtRest(speed=0.1), callback_every=1)
     assert up.outcome.kind == "done"
-    one = carom.simulate(shot(1.0), stop=events.AtRest(["object"], hold=0.05), every=10)
-    assert one.outcome.time == pytest.approx(0.06)
+    for named in (["object"], "object"):
+        one = carom.simulate(shot(1.0), stop=events.AtRest(named, hold=0.05), every=10)
+        assert one.outcome.time == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize("method", ["moreau", "penalty"])
+def test_a_ball_that_overlaps_its_plane_touches_it(method: str) -> None:
+    """Methods with overlaps were said never to touch, so that nothing ever rolled."""
+    result = carom.simulate(shot(1.0, method=method), until=0.45, every=20)
+    assert (events.phases(result, "cue", "bed")[1:] != events.AWAY).all()
+    [event] = events.slip_to_roll(result, "cue", "bed")
+    assert event.time == pytest.approx(2.0 / (7.0 * MU * G), abs=2e-3)
+
+
+def test_a_contact_that_is_there_before_its_first_impact_is_told_by_its_frame() -> None:
+    """A ball rolls on a floor that shakes off and hits again between two frames: it touched from the start."""
+    scene = carom.Scene(run={"until": 0.1, "step": 1e-3})
+    scene.sphere("ball", radius=R, mass=0.17, at=(0, 0, R), material="ball")
+    motion = {"translation": [0, 0, {"table": [[0, 0], [0.012, 0], [0.0121, -5e-5], [0.1, -5e-5]]}]}
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="cloth", motion=motion)
+    scene.contact("ball", "cloth", friction=MU, restitution=0.5)
+    result = carom.simulate(scene, every=10)
+    assert 0.01 < result.impacts["time"][0] < 0.02
+    event = events.first_contact(result, "ball", "bed")
+    assert event is not None
+    assert event.time == pytest.approx(0.01)
+
+
+def test_columns_are_read_once_and_not_for_each_ball(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = carom.simulate(shot(1.0), until=0.05)
+    reads = []
+    whole = Column.__getitem__
+    monkeypatch.setattr(Column, "__getitem__", lambda self, key: reads.append(key) or whole(self, key))
+    for find in (events.slip_to_roll, events.rest):
+        reads.clear()
+        find(result)
+        assert len([key for key in reads if isinstance(key, tuple)]) <= 4
 
 
 def test_wrong_names_and_moving_planes_are_told() -> None:

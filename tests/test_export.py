@@ -8,7 +8,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import carom
 import h5py
@@ -19,6 +18,7 @@ from carom.errors import CaromError
 from carom.export import FORMATS
 from carom.export.whole import whole_file, whole_folder
 from typer.testing import CliRunner
+from vtk_files import arrays, steps_of
 
 R, N, G = 0.01, 3, 9.8
 
@@ -51,47 +51,6 @@ def flow() -> carom.Result:
     return carom.simulate(scene)
 
 
-def steps_of(path: Path) -> list[tuple[float, Any]]:
-    """All steps of a VTKHDF or PVD file as (time, vtkPolyData), by VTK's own readers."""
-    vtk = pytest.importorskip("vtkmodules.vtkIOHDF", reason="the package vtk is not installed")
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-    if path.suffix == ".pvd":
-        import xml.etree.ElementTree as ElementTree
-
-        found = []
-        for entry in ElementTree.parse(path).getroot().iter("DataSet"):
-            reader = vtkXMLPolyDataReader()
-            reader.SetFileName(str(path.parent / entry.attrib["file"]))
-            reader.Update()
-            found.append((float(entry.attrib["timestep"]), reader.GetOutput()))
-        return found
-    reader = vtk.vtkHDFReader()
-    reader.SetFileName(str(path))
-    reader.UpdateInformation()
-    times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
-    found = []
-    for k, time in enumerate(times):
-        reader.SetStep(k)
-        reader.Update()
-        data = type(reader.GetOutput())()
-        data.DeepCopy(reader.GetOutput())
-        found.append((time, data))
-    return found
-
-
-def arrays(data: Any) -> dict[str, np.ndarray]:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    points = data.GetPointData()
-    named = {
-        points.GetArrayName(i): vtk_to_numpy(points.GetArray(i)) for i in range(points.GetNumberOfArrays())
-    }
-    place = vtk_to_numpy(data.GetPoints().GetData()) if data.GetPoints() is not None else np.zeros((0, 3))
-    return {"points": place, **named}
-
-
 @pytest.mark.parametrize("format", ["vtkhdf", "vtp"])
 @pytest.mark.parametrize("which", ["column", "flow"])
 def test_vtk_reads_what_the_run_holds(
@@ -99,7 +58,7 @@ def test_vtk_reads_what_the_run_holds(
 ) -> None:
     result: carom.Result = request.getfixturevalue(which)
     files = result.export(tmp_path, format)
-    assert [f.stem for f in files] == ["balls", "contacts"]
+    assert [f.stem for f in files] == ["balls", "contacts", "walls"]
     steps = steps_of(files[0])
     assert [time for time, _ in steps] == np.asarray(result.time).tolist()
     seen = set()
@@ -163,6 +122,15 @@ def test_a_part_of_the_run_by_time(column: carom.Result, tmp_path: Path) -> None
         CaromError, match=r"no frame between 7 and 0.05 s; the run has frames from 0 to 0.05 s"
     ):
         column.export(tmp_path, "csv", start=7.0)
+
+
+def test_tables_end_with_the_time_asked_for_however_few_frames_are_taken(
+    column: carom.Result, tmp_path: Path
+) -> None:
+    """With a large `every` the tables once went on to the end of the run."""
+    column.export(tmp_path, "csv", stop=0.03, every=1000)
+    assert len({r["frame"] for r in read_csv(tmp_path / "frames.csv")}) == 1
+    assert [int(r["step"]) for r in read_csv(tmp_path / "steps.csv")] == list(range(1, 31))
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -267,6 +235,44 @@ def test_a_periodic_box_goes_along(tmp_path: Path) -> None:
     assert 'pbc="T F F"' in comment
     assert 'Lattice="1.0 0.0 0.0 0.0 0.2' in comment
     assert 'Origin="-0.25 -0.1 -0.1"' in comment
+
+
+def test_balls_that_crossed_a_period_lie_in_the_box_of_gsd(tmp_path: Path) -> None:
+    """Places go on beyond the period in a run; HOOMD refuses such a file."""
+    hoomd = pytest.importorskip("gsd.hoomd", reason="the extra [export] is not installed")
+    scene = carom.Scene(
+        run={"until": 1.0, "step": 1e-2}, gravity=(0, 0, 0), periodic=(1.0, 0, 0), origin=(-0.25, 0, 0)
+    )
+    for name, speed in (("there", 3.0), ("back", -1.3)):
+        scene.sphere(name, radius=0.1, mass=1, material="m", at=(0.3, speed, 0), velocity=(speed, 0, 0))
+    scene.contact("m", "m", friction=0, restitution=1)
+    result = carom.simulate(scene, every=5)
+    with hoomd.open(str(result.export(tmp_path, "gsd")[0])) as file:
+        for k, frame in enumerate(file):
+            box, place = frame.configuration.box[:3], frame.particles.position
+            assert (np.abs(place) <= 0.5 * box * (1 + 1e-6)).all()
+            whole = place + frame.particles.image * box + frame.log["configuration/origin"]
+            assert whole == pytest.approx(result.position[k], abs=1e-6)
+        assert np.abs(frame.particles.image[:, 0]).max() >= 1
+
+
+def test_places_are_folded_into_the_box_to_the_nearest_period() -> None:
+    from carom.export.gsd import _image
+
+    place, period = np.array([[2.75, 9.0, -0.51], [-1.2, 0.0, 0.49]]), np.array([1.0, 0.0, 0.5])
+    assert _image(place, period).tolist() == [[3, 0, -1], [-1, 0, 1]]
+
+
+def test_ase_reads_the_balls_and_their_numbers(flow: carom.Result, tmp_path: Path) -> None:
+    """Its column `species` takes chemical elements only: there must be none."""
+    [path] = flow.export(tmp_path, "extxyz")
+    assert "Properties=type:S:1:pos:R:3:" in path.read_text()
+    io = pytest.importorskip("ase.io", reason="the package ase is not installed")
+    frames = io.read(path, index=":")
+    assert len(frames) == len(flow.time)
+    there = np.asarray(flow.present[-1])
+    assert np.array_equal(frames[-1].positions, flow.position[-1][there])
+    assert frames[-1].arrays["type"].tolist() == ["M0"] * int(there.sum())
 
 
 class TestWhole:

@@ -90,10 +90,13 @@ class TestFlow:
         with h5py.File(tmp_path / "run" / "results.h5") as file:
             assert file["events/kind"].attrs["description"] == "1 the ball enters, 0 it leaves"
 
-    def test_what_is_made_of_it(self, tmp_path: Path, slid: carom.Result) -> None:
+    @pytest.mark.parametrize(
+        "what", [["trajectories", "heights"], pytest.param(None, marks=pytest.mark.long)]
+    )
+    def test_what_is_made_of_it(self, tmp_path: Path, slid: carom.Result, what: list[str] | None) -> None:
         info = slid.view(tmp_path / "view.html")
         assert info.frames == len(slid.time)
-        slid.plot.save(tmp_path / "plots")
+        slid.plot.save(tmp_path / "plots", what)
         assert list((tmp_path / "plots").iterdir())
 
     def test_no_events_without_flow(self) -> None:

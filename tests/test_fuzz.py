@@ -22,9 +22,20 @@ from fuzz.pool import Pool
 
 CORPUS = Path(__file__).parent / "fuzz" / "corpus"
 #: Cases of each target in the quick tier: about a second each.
-QUICK = {"scenario": 40, "problem": 40, "result": 8, "checkpoint": 80, "state": 600, "expression": 1200}
+QUICK = {
+    "scenario": 40,
+    "problem": 40,
+    "result": 8,
+    "resume": 16,
+    "checkpoint": 80,
+    "state": 600,
+    "expression": 1200,
+}
 #: Seconds of each target in the long tier.
 LONG = float(os.environ.get("CAROM_FUZZ_SECONDS", "60"))
+
+
+assert QUICK.keys() == set(campaign.TARGETS)
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +43,10 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return material.make(tmp_path_factory.mktemp("material"))
 
 
-def told(case: bytes, seen: str) -> str:
-    return f"{seen}\nthe input: {case[:300]!r}"
+def told(case: bytes, seen: str, folder: Path) -> str:
+    """What a case is reported with: the whole of it is kept, to be tried again."""
+    (folder / "case").write_bytes(case)
+    return f"{seen}\nthe input, kept in {folder / 'case'}: {case[:300]!r}"
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +56,11 @@ def pool(base: Path) -> Iterator[Pool]:
 
 
 @pytest.mark.parametrize("target", QUICK)
-def test_damaged_input_is_used_or_refused(target: str, base: Path, pool: Pool) -> None:
+def test_damaged_input_is_used_or_refused(target: str, base: Path, pool: Pool, tmp_path: Path) -> None:
     verdicts: Counter[str] = Counter()
     for case in itertools.islice(campaign.cases(target, base, 0), QUICK[target]):
         verdict = pool.one(target, case)
-        assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}")
+        assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
         verdicts[verdict.kind] += 1
     # The mutations are no use if they break nothing, or everything.
     assert verdicts["refused"] >= 0.1 * QUICK[target], verdicts
@@ -64,14 +77,16 @@ def test_what_was_trouble_once(path: Path, pool: Pool) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("target", QUICK)
-def test_damaged_input_for_a_minute(target: str, base: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_damaged_input_for_a_minute(
+    target: str, base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     begin, verdicts = time.monotonic(), Counter[str]()
     cases = campaign.cases(target, base, random.SystemRandom().randrange(10**9))
     with Pool(base, patience=60.0) as pool:
         while time.monotonic() - begin < LONG:
             case = next(cases)
             verdict = pool.one(target, case)
-            assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}")
+            assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
             verdicts[verdict.kind] += 1
     with capsys.disabled():
         print(f" {target}: {verdicts.total()} cases, {dict(verdicts)}")

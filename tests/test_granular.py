@@ -147,6 +147,28 @@ def test_lattices(kind: str) -> None:
     assert max(sliced) > fraction + 1e-3
 
 
+def test_a_profile_over_the_layers_of_a_cylinder() -> None:
+    s, _ = lattice("sc", n=6)
+    tube = Cylinder((0.025, 0.025, 0.024), (0, 0, -2.0), 0.02, 0.03)
+    profile = granular.over_regions(s, granular.coordination, layers(tube, "z", 3), gap=1e-7)
+    assert profile.centre == pytest.approx(np.array([[0.025, 0.025, z] for z in (0.014, 0.024, 0.034)]))
+    assert list(profile["mean"]) == [value.mean for value in profile] == [6.0, 6.0, 6.0]
+    assert len(profile) == 3
+    assert profile[1] is profile.values[1]
+    volumes = [granular.ball_volume(part, s.position, s.radius).sum() for part in profile.regions]
+    assert sum(volumes) == pytest.approx(granular.ball_volume(tube, s.position, s.radius).sum(), rel=1e-12)
+    boxes = granular.over_regions(
+        s, granular.packing_fraction, cells(Box((0, 0, 0), (0.04, 0.02, 0.02)), (2, 1, 1))
+    )
+    assert boxes.centre == pytest.approx(np.array([[0.01, 0.01, 0.01], [0.03, 0.01, 0.01]]))
+
+
+def test_measures_print_their_numbers_by_name() -> None:
+    s, inner = lattice("sc")
+    text = repr(granular.coordination(s, region=inner, gap=1e-7))
+    assert text.startswith("Coordination(mean=6, mean_without_rattlers=6, rattlers=0, per_ball=<125>")
+
+
 def test_a_periodic_box_has_no_faces() -> None:
     s, _ = lattice("sc", n=4)
     box = Box((-0.005,) * 3, (0.035,) * 3)
@@ -427,3 +449,7 @@ def test_what_is_not_known_is_said() -> None:
         granular.granular_temperature(Snapshot(np.zeros((2, 3)), np.ones(2)))
     with pytest.raises(CaromError, match="give an axis x, y or z"):
         layers(CUBE, "w", 3)
+    with pytest.raises(CaromError, match=r"a cylinder along .* cannot be cut in layers across x"):
+        layers(Cylinder((0, 0, 0), (0, 0, 1), 1.0, 2.0), "x", 3)
+    with pytest.raises(CaromError, match="only a Box or a Cylinder can be cut in layers"):
+        layers(Ball((0, 0, 0), 1.0), "x", 3)  # type: ignore[arg-type]

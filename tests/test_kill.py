@@ -15,10 +15,12 @@ KILLS = dict(zip(kill_scenes.SCENES, (3, 3, 3, 3, 2, 2, 2, 2), strict=True))
 
 @pytest.mark.parametrize("name", KILLS)
 def test_a_killed_run_is_readable_and_continues_bit_for_bit(name: str, tmp_path: Path) -> None:
-    whole = kill_harness.uninterrupted(name, tmp_path)
+    whole = kill_harness.uninterrupted(name, tmp_path, share=0.5)
+    met = []
     for k in range(KILLS[name]):
-        rng = np.random.default_rng([2026, len(name), k])
-        kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=False, again=0.2)
+        rng = np.random.default_rng([2026, list(kill_scenes.SCENES).index(name), k])
+        met.append(kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=False, again=0.2))
+    print(*met, sep="\n")
 
 
 @pytest.mark.long
@@ -27,5 +29,5 @@ def test_a_run_that_is_killed_again_and_again(name: str, tmp_path: Path) -> None
     """200 kills over all scenes, and up to several of each continuation."""
     whole = kill_harness.uninterrupted(name, tmp_path)
     for k in range(25):
-        rng = np.random.default_rng([2027, len(name), k])
+        rng = np.random.default_rng([2027, list(kill_scenes.SCENES).index(name), k])
         kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=True, again=0.4)

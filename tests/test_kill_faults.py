@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import carom
@@ -24,6 +25,12 @@ NO_SPACE = 28  # ENOSPC
 def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The library that injects faults."""
     return kill_faults.built(tmp_path_factory.mktemp("shim"))
+
+
+@pytest.fixture(scope="module")
+def small_calls(small: Whole, shim: Path, tmp_path_factory: pytest.TempPathFactory) -> int:
+    """How many calls that write it makes."""
+    return calls(small, tmp_path_factory.mktemp("calls") / "counted", shim)
 
 
 @pytest.fixture(scope="module")
@@ -48,51 +55,70 @@ def struck(whole: Whole, run: Path, shim: Path, at: int, kind: str | int) -> tup
     return process.returncode, told
 
 
-def kill_at_calls(whole: Whole, folder: Path, shim: Path, tries: int, rng: np.random.Generator) -> None:
-    """Kill at `tries` of the calls that write, by turns before and in the middle of one."""
-    total = calls(whole, folder / "counted", shim)
+Strike = Callable[[Whole, Path, Path, int, int, np.random.Generator], None]
+
+
+def kill_at_calls(
+    whole: Whole, folder: Path, shim: Path, total: int, tries: int, rng: np.random.Generator
+) -> None:
+    """Kill at `tries` of the `total` calls that write, by turns before and in the middle of one."""
+    struck_at_all = 0
     for k in range(tries):
         run = folder / f"run{k}"
         code, told = struck(whole, run, shim, int(rng.integers(1, total)), ("kill", "torn")[k % 2])
         assert code in (0, -9), told  # batches depend on time, so a run may have fewer calls
         if code:
+            struck_at_all += 1
             examine(run, whole)
             finish(run, whole, by_command=False)
+    assert struck_at_all > tries // 2
 
 
-def fill_disk_at_calls(whole: Whole, folder: Path, shim: Path, tries: int, rng: np.random.Generator) -> None:
-    """Let the disk be full from `tries` of the calls on; then make room again.
-
-    The first ones set up the file, for which the writer has made sure of room.
-    """
-    total = calls(whole, folder / "counted", shim)
+def fill_disk_at_calls(
+    whole: Whole, folder: Path, shim: Path, total: int, tries: int, rng: np.random.Generator
+) -> None:
+    """Let the disk be full from `tries` of the calls on, those that set up the file among them; then make room again."""
+    struck_at_all = 0
     for k in range(tries):
         run = folder / f"run{k}"
-        code, told = struck(whole, run, shim, int(rng.integers(80, total)), NO_SPACE)
+        code, told = struck(whole, run, shim, int(rng.integers(1, total)), NO_SPACE)
         assert code in (0, 2), told
         if code:
+            struck_at_all += 1
             assert "no space left on the disk; free some" in told
             assert told.count("\n") == 1
             if run.exists():
                 examine(run, whole)
             finish(run, whole, by_command=False)
+    assert struck_at_all > tries // 2
 
 
-def test_killed_at_a_system_call(small: Whole, shim: Path, tmp_path: Path) -> None:
-    kill_at_calls(small, tmp_path, shim, 3, np.random.default_rng(1))
+def test_killed_at_a_system_call(small: Whole, small_calls: int, shim: Path, tmp_path: Path) -> None:
+    kill_at_calls(small, tmp_path, shim, small_calls, 2, np.random.default_rng(1))
 
 
-def test_a_disk_that_is_full_from_some_write_on(small: Whole, shim: Path, tmp_path: Path) -> None:
-    fill_disk_at_calls(small, tmp_path, shim, 2, np.random.default_rng(2))
+def test_a_disk_that_is_full_from_some_write_on(
+    small: Whole, small_calls: int, shim: Path, tmp_path: Path
+) -> None:
+    fill_disk_at_calls(small, tmp_path, shim, small_calls, 1, np.random.default_rng(2))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", kill_scenes.SCENES)
 def test_killed_or_starved_at_many_system_calls(name: str, shim: Path, tmp_path: Path) -> None:
     whole = kill_harness.uninterrupted(name, tmp_path)
-    for folder, strike in ((tmp_path / "kill", kill_at_calls), (tmp_path / "full", fill_disk_at_calls)):
-        folder.mkdir()
-        strike(whole, folder, shim, 20, np.random.default_rng([3, len(name)]))
+    total = calls(whole, tmp_path / "counted", shim)
+    strikes: dict[str, Strike] = {"kill": kill_at_calls, "full": fill_disk_at_calls}
+    for name_, strike in strikes.items():
+        (tmp_path / name_).mkdir()
+        strike(
+            whole,
+            tmp_path / name_,
+            shim,
+            total,
+            20,
+            np.random.default_rng([3, list(kill_scenes.SCENES).index(name)]),
+        )
 
 
 def test_a_disk_that_fills_up_and_is_given_room(small: Whole, tmp_path: Path) -> None:

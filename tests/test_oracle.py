@@ -57,18 +57,19 @@ def compare(seed: int, seen: Counter[str]) -> None:
     seen["equal"] += 1
 
 
-def test_positions_and_velocities_equal_the_oracle() -> None:
+@pytest.mark.parametrize("scenes_", [60, pytest.param(400, marks=pytest.mark.long)])
+def test_positions_and_velocities_equal_the_oracle(scenes_: int) -> None:
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=400, deadline=None, derandomize=True)
+    @settings(max_examples=scenes_, deadline=None, derandomize=True)
     @given(seed=st.integers(0, 2**32 - 1))
     def scenes(seed: int) -> None:
         compare(seed, seen)
 
     scenes()
     # Nearly all scenes agree by number; the judge is for the rest.
-    assert seen["equal"] >= 390
-    assert seen["redundant"] <= 10
+    assert seen["equal"] >= 0.975 * scenes_
+    assert seen["redundant"] <= 0.025 * scenes_
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -146,12 +147,13 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
 
 
 @pytest.mark.usefixtures("linked")
-def test_joints_and_loads_equal_the_oracle() -> None:
+@pytest.mark.parametrize("scenes", [20, pytest.param(120, marks=pytest.mark.long)])
+def test_joints_and_loads_equal_the_oracle(scenes: int) -> None:
     seen: Counter[str] = Counter()
-    for seed in range(120):
+    for seed in range(scenes):
         compare_linked(seed, seen)
-    assert seen["equal"] >= 116
-    assert seen["reactions"] > 200
+    assert seen["equal"] >= 0.966 * scenes
+    assert seen["reactions"] > 200 * scenes / 120
 
 
 @pytest.mark.long

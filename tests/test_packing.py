@@ -183,7 +183,7 @@ def test_what_would_be_denser_than_random_packings_is_refused() -> None:
     with pytest.raises(
         PackingError, match=r"no packing of fraction 0\.\d* was found.* jam at 0\.64.*ask for"
     ):
-        pack(PERIODIC, Equal(0.2), fraction=0.7, seed=1)
+        pack(PERIODIC, Equal(0.25), fraction=0.7, seed=1)
     with pytest.raises(PackingError, match=r"would fill 1\.05 of the region"):
         pack(UNIT, Equal(0.1), count=2000, seed=1)
     with pytest.raises(PackingError, match=r"has no room in the region; the largest may have 0\.4999 m"):

@@ -18,7 +18,7 @@ from physics_scenes import EPS, F64, balls, below, rotation, run
 
 SHARP = {"tolerance": 1e-12, "pile_tolerance": 1e-12}
 SEEDS = st.integers(0, 10_000)
-few = settings(max_examples=6)
+few = settings(max_examples=3)  # test_property_symmetries.py has hundreds in the long tier
 
 
 @dataclass(frozen=True)

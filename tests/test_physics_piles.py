@@ -46,7 +46,7 @@ def test_a_column_of_five_stays_at_rest() -> None:
         assert impulse == pytest.approx(carried * m * G * h, rel=1e-7)
 
 
-@pytest.mark.parametrize("spinning", [False, True])
+@pytest.mark.parametrize("spinning", [pytest.param(False, marks=pytest.mark.long), True])
 def test_ten_balls_in_a_corner_come_to_rest(spinning: bool) -> None:
     text = find("corner").read_text(encoding="utf-8")
     if not spinning:

@@ -47,13 +47,13 @@ def test_every_kind_is_written_with_its_numbers(result: carom.Result, tmp_path: 
 
 def test_figures_for_print_repeat_byte_for_byte(result: carom.Result, tmp_path: Path) -> None:
     formats = ("png", "svg", "pdf")
-    first = result.plot.save(tmp_path / "a", ["velocities"], formats=formats)
-    second = result.plot.save(tmp_path / "b", ["velocities"], formats=formats)
+    first = result.plot.save(tmp_path / "a", ["heights"], formats=formats)
+    second = result.plot.save(tmp_path / "b", ["heights"], formats=formats)
     for one, other in zip(first, second, strict=True):
         assert one.read_bytes() == other.read_bytes(), one.name
-    svg = (tmp_path / "a" / "velocities.svg").read_text()
+    svg = (tmp_path / "a" / "heights.svg").read_text()
     assert "ball5" in svg  # text stays text
-    assert b"/Type3" not in (tmp_path / "a" / "velocities.pdf").read_bytes()
+    assert b"/Type3" not in (tmp_path / "a" / "heights.pdf").read_bytes()
 
 
 def test_the_numbers_beside_a_figure_are_those_of_the_run(result: carom.Result, tmp_path: Path) -> None:
@@ -134,15 +134,20 @@ def test_many_bodies_are_a_band_and_few_numbers(monkeypatch: pytest.MonkeyPatch,
     )
 
 
-def test_a_run_without_contacts_can_be_drawn(tmp_path: Path) -> None:
+def test_what_a_run_lacks_is_left_out_and_said_if_asked_for(tmp_path: Path) -> None:
     scene = carom.Scene("free fall", run={"until": 0.1})
     scene.sphere("only", radius=0.1, mass=1.0, material="stone", position=(0, 0, 1))
     result = carom.simulate(scene)
-    assert len(result.plot.save(tmp_path, ["velocities", "heights", "energies", "iterations"])) == 8
+    made = {f.stem for f in result.plot.save(tmp_path, formats=["svg"])}
+    assert made == {"velocities", "angular_velocities", "heights", "trajectories", "energies", "iterations"}
     assert result.plot.heights().axes[0].get_ylabel() == "height of the centre (m)"
-    if len(result.residuals) == 0:
-        with pytest.raises(CaromError, match="no step needed a solve"):
-            result.plot.residuals()
+    for kind, told in (
+        ("phases", "the run holds no contacts"),
+        ("impacts", "the run holds no impacts"),
+        ("residuals", "no step needed a solve"),
+    ):
+        with pytest.raises(CaromError, match=told):
+            result.plot.chart(kind)
 
 
 def test_paths_from_above_between_the_cushions(result: carom.Result) -> None:
@@ -209,12 +214,51 @@ def test_a_figure_for_one_column_is_that_wide_and_nothing_is_cut(
         result.plot.save(tmp_path, width="wide")
 
 
-def test_what_a_run_lacks_is_left_out_and_said_if_asked_for(tmp_path: Path) -> None:
-    scene = carom.Scene("free fall", run={"until": 0.1})
-    scene.sphere("only", radius=0.1, mass=1.0, material="stone", position=(0, 0, 1))
+def test_balls_that_left_leave_the_figures_and_the_others_stay(tmp_path: Path) -> None:
+    """One ball through an outlet once ended the heights of all, and its velocity 0 counted in median and band."""
+    scene = carom.Scene("fall", run={"until": 0.3, "step": 1e-3}, record={"every": 10})
+    scene.contact("m", "m", friction=0.1, restitution=0.5)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for k in range(10):
+        scene.sphere(
+            f"b{k}", radius=0.01, mass=0.01, material="m", at=(0.1 * k, 0, 0.01), velocity=(0, 0.5, 0)
+        )
+    scene.outlet(low=(-0.05, 0.05, -1), high=(0.05, 9, 1))
     result = carom.simulate(scene)
-    made = {f.stem for f in result.plot.save(tmp_path)}
-    assert made == {"velocities", "angular_velocities", "heights", "trajectories", "energies", "iterations"}
-    for kind, told in (("phases", "the run holds no contacts"), ("impacts", "the run holds no impacts")):
-        with pytest.raises(CaromError, match=told):
-            result.plot.chart(kind)
+    assert result.present[0].all()
+    assert np.asarray(result.present[-1]).sum() == 9
+    heights = result.plot.chart("heights").data
+    assert heights["median height (mm)"] == pytest.approx(0.0, abs=1e-6)
+    speeds = result.plot.chart("velocities").data
+    assert speeds["least v_y (m/s)"][-1] == np.asarray(result.velocity)[-1, 1:, 1].min() > 0
+    one = result.plot.chart("velocities", bodies=["b0"]).data["b0 v_y (m/s)"]
+    assert np.array_equal(np.isfinite(one), result.present[:, 0])
+    assert len(result.plot.save(tmp_path, ["trajectories"])) == 2
+
+
+def test_heights_above_a_floor_that_moves_are_above_where_it_is() -> None:
+    scene = carom.Scene("lift", run={"until": 0.2, "step": 1e-3}, record={"every": 10})
+    scene.contact("m", "m", friction=0.1, restitution=0.0)
+    scene.plane(
+        "plate", point=(0, 0, 0), normal=(0, 0, 1), material="m", motion={"translation": [0, 0, {"expression": "0.3*t"}]}
+    )  # fmt: skip
+    scene.sphere("b", radius=0.01, mass=0.01, material="m", at=(0, 0, 0.01), velocity=(0, 0, 0.3))
+    result = carom.simulate(scene)
+    assert result.position[-1, 0, 2] == pytest.approx(0.07, abs=1e-6)
+    assert result.plot.chart("heights").data["b height (mm)"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_of_a_crowd_the_balls_at_the_end_are_drawn_from_the_lowest_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from carom.plot import table
+
+    scene = carom.Scene("stack", gravity=(0, -9.8, 0), run={"until": 0.01})
+    scene.contact("m", "m", friction=0.1, restitution=0.0)
+    for k, (x, y) in enumerate(((0.0, 0.5), (0.1, 0.1), (0.2, 0.3))):
+        scene.sphere(f"b{k}", radius=0.01, density=1000, at=(x, y, 0.0), material="m")
+    monkeypatch.setattr(table, "CROWD", 2)
+    [axes] = table.trajectories(carom.simulate(scene)).figure.axes
+    [heap] = axes.collections
+    assert not axes.lines
+    assert [round(path.get_extents().x0 + 0.01, 6) for path in heap.get_paths()] == [0.1, 0.2, 0.0]

@@ -9,18 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from physics_scenes import F64
 from random_scenes import (
-    EXAMPLES,
     Case,
     Run,
     angular_momentum,
     directions,
     free_scenes,
     gaps,
+    hold,
     hundredths,
+    in_both_tiers,
     laws,
     momentum,
     vectors,
@@ -29,10 +30,6 @@ from random_scenes import (
 
 # Rounding of some thousand sums of terms that cancel.
 ROUNDING = 1e-13
-PHASES = [phase for phase in Phase if phase != Phase.explain]
-quick = settings(max_examples=EXAMPLES[False], phases=PHASES)
-many = settings(max_examples=EXAMPLES[True], phases=PHASES, suppress_health_check=list(HealthCheck))
-"""The quick tier draws the same scenes each time (`conftest.py`), and so does the long one, more of them."""
 
 
 def size(case: Case) -> float:
@@ -228,17 +225,10 @@ LAWS = {
 }
 
 
+@in_both_tiers
 @pytest.mark.parametrize("name", LAWS)
-def test_law(name: str) -> None:
-    law, drawn = LAWS[name]
-    quick(given(*drawn)(law))()
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", LAWS)
-def test_law_in_many_scenes(name: str) -> None:
-    law, drawn = LAWS[name]
-    many(given(*drawn)(law))()
+def test_law(name: str, tier: settings) -> None:
+    hold(*LAWS[name], tier)
 
 
 # --------------------------------------------------------------------------------------- the scenes are no toys

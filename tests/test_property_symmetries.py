@@ -12,16 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from physics_scenes import F64
-from random_scenes import EXAMPLES, Case, Run, directions, free_scenes, vectors, walled_scenes
+from random_scenes import Case, Run, directions, free_scenes, hold, in_both_tiers, vectors, walled_scenes
 
 # Hits multiply a difference by about (way between hits)/r, the solver leaves 1e-12; see the figures in the document.
 AGREE = 1e-9
-PHASES = [phase for phase in Phase if phase != Phase.explain]
-quick = settings(max_examples=EXAMPLES[False], phases=PHASES)
-many = settings(max_examples=EXAMPLES[True], phases=PHASES, suppress_health_check=list(HealthCheck))
 
 State = tuple[F64, F64, F64]
 """x, v, w of all steps, (S+1, N, 3)."""
@@ -221,14 +218,7 @@ LAWS: dict[str, tuple[Callable[..., None], list[Any]]] = {
 }
 
 
+@in_both_tiers
 @pytest.mark.parametrize("name", LAWS)
-def test_law(name: str) -> None:
-    law, drawn = LAWS[name]
-    quick(given(*drawn)(law))()
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", LAWS)
-def test_law_in_many_scenes(name: str) -> None:
-    law, drawn = LAWS[name]
-    many(given(*drawn)(law))()
+def test_law(name: str, tier: settings) -> None:
+    hold(*LAWS[name], tier)

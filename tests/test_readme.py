@@ -1,5 +1,6 @@
 """What README.md shows works as it is printed there."""
 
+import contextlib
 import re
 import shlex
 import subprocess
@@ -7,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from carom.cli import main
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
@@ -31,8 +33,9 @@ def test_the_commands(tmp_path: Path) -> None:
     commands = [line.split("#")[0].strip() for line in README.splitlines() if line.startswith("    carom ")]
     assert len(commands) >= 6
     for command in commands:
-        arguments = [argument for argument in shlex.split(command)[1:] if argument != "--open"]
-        run([sys.executable, "-c", "from carom.cli import main; main()", *arguments], tmp_path)
+        with contextlib.chdir(tmp_path), pytest.raises(SystemExit) as left:
+            main([argument for argument in shlex.split(command)[1:] if argument != "--open"])
+        assert not left.value.code, command
     made = tmp_path / "runs" / "three_balls-1"
     assert {"run.json", "scenario.toml", "results.h5", "view.html", "plots"} <= {
         path.name for path in made.iterdir()

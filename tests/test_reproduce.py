@@ -139,10 +139,11 @@ def test_a_cell_cannot_break_its_table() -> None:
 # --- runs -----------------------------------------------------------------------------------------------------------
 
 
-def test_page_report_and_figures(fakes: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("formats", ["svg", pytest.param("png,svg,pdf", marks=pytest.mark.long)])
+def test_page_report_and_figures(fakes: Any, tmp_path: Path, formats: str) -> None:
     fakes(**{"5_1": "good"})
     out = tmp_path / "r"
-    text, _ = cli("-o", out, "--format", "png,svg,pdf", "--json")
+    text, _ = cli("-o", out, "--format", formats, "--json")
     document = json.loads(text)
     assert {"example", "quantity", "paper", "analytic", "carom", "difference", "tolerance", "verdict"} <= set(
         document["rows"][0]
@@ -155,7 +156,7 @@ def test_page_report_and_figures(fakes: Any, tmp_path: Path) -> None:
     present = sorted(f.relative_to(out).as_posix() for f in out.rglob("*") if f.is_file())
     assert present == document["files"] == json.loads((out / "report.json").read_text())["files"]
     for name in ("5.1_figure_3a", "5.1_figure_4"):
-        assert {f"figures/{name}.{end}" for end in ("png", "svg", "pdf", "csv")} <= set(present)
+        assert {f"figures/{name}.{end}" for end in (*formats.split(","), "csv")} <= set(present)
     markdown = (out / "report.md").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "| spin after t_lim (rad/s) ¹ | -0.00691 | **-18.7305** | -18.7304 | 5e-05 | 0.001 (c) | ✎ paper in error |"
@@ -279,7 +280,7 @@ def test_an_earlier_reproduction_is_replaced_and_nothing_else_is_ever_deleted(
     assert (empty / "index.html").exists()
 
 
-@pytest.mark.parametrize("number_", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number_", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_interrupted_it_leaves_the_old_reproduction_and_no_process(tmp_path: Path, number_: int) -> None:
     out, begun = tmp_path / "r", tmp_path / "begun"
     program = (
@@ -377,18 +378,19 @@ def test_the_page_is_whole_by_itself_and_says_in_words_what_it_shows(fakes: Any,
     assert '<td data-label="verdict" class="short">✗ short</td>' in text
 
 
+@pytest.mark.parametrize("times", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_the_documentation_has_the_same_page_without_anything_that_changes_by_itself(
-    fakes: Any, tmp_path: Path
+    fakes: Any, tmp_path: Path, times: int
 ) -> None:
     fakes(**{"5_1": "good"})
     docs = tmp_path / "docs"
     (docs / "paper").mkdir(parents=True)
     (docs / "paper" / "5.1_figure_9.svg").write_text("of an earlier time")
     written = []
-    for _ in range(2):
+    for _ in range(times):
         cli("-o", tmp_path / "r", "--docs", docs, "-q")
         written.append({f.name: f.read_bytes() for f in docs.rglob("*") if f.is_file()})
-    assert written[0] == written[1]
+    assert written[0] == written[-1]
     assert sorted(written[0]) == ["5.1_figure_3a.svg", "5.1_figure_4.svg", "paper.md"]
     text = written[0]["paper.md"].decode()
     assert "](paper/5.1_figure_3a.svg)" in text
@@ -398,10 +400,11 @@ def test_the_documentation_has_the_same_page_without_anything_that_changes_by_it
     assert set(tables) <= set(report.splitlines()) | {"| made by | `make reproduce` |", *tables[-2:]}
 
 
-def test_the_same_figure_is_the_same_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("formats", [("svg",), pytest.param(("png", "svg", "pdf"), marks=pytest.mark.long)])
+def test_the_same_figure_is_the_same_file(tmp_path: Path, formats: tuple[str, ...]) -> None:
     figure = good.reproduce(_alone(quick=False)).figures[0]
     for name in ("a", "b"):
-        draw(figure, tmp_path / name, ("png", "svg", "pdf"))
+        draw(figure, tmp_path / name, formats)
     for one in (tmp_path / "a").iterdir():
         assert one.read_bytes() == (tmp_path / "b" / one.name).read_bytes()
     head, *lines = (tmp_path / "a" / f"{figure.name}.csv").read_text().splitlines()
@@ -419,22 +422,32 @@ def test_json_has_plain_values_only() -> None:
 # --- the paper ------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def paper(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The report of all examples in their quick form."""
-    return json.loads(cli("--quick", "-o", tmp_path_factory.mktemp("paper") / "r", "--json")[0])
+#: Examples of the quick tier; rows of the others are judged by test_paper_123.py and test_paper_456.py.
+SOME = ("5.1", "B")
+
+
+@pytest.fixture(scope="module", params=[SOME, pytest.param((), marks=pytest.mark.long)], ids=["some", "all"])
+def paper(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The report of some or all examples in their quick form."""
+    out = tmp_path_factory.mktemp("paper") / "r"
+    report = json.loads(cli(*request.param, "--quick", "-o", out, "--json")[0])
+    assert [example["id"] for example in report["examples"]] == list(request.param or runner.MODULES)
+    return report
 
 
 def test_every_example_of_the_paper_is_reproduced(paper: Any) -> None:
-    assert [example["id"] for example in paper["examples"]] == list(runner.MODULES)
     assert not [row for row in paper["rows"] if row["verdict"] == "short"]
-    assert {row["example"] for row in paper["rows"]} == set(runner.MODULES)
+    assert {row["example"] for row in paper["rows"]} == {example["id"] for example in paper["examples"]}
     assert paper["verdicts"]["paper in error"] > 0
 
 
 def test_the_documentation_shows_these_rows(paper: Any) -> None:
     """`make reproduce` writes docs/validation/paper.md; a row that came, went or changed its verdict calls for it."""
     text = (ROOT / "docs/validation/paper.md").read_text(encoding="utf-8")
+    chapters = {
+        re.split(r"[ :]", part.removeprefix("Appendix "))[0]: part for part in text.split("\n## ")[1:]
+    }
+    text = "".join(chapters[example["id"]] for example in paper["examples"])
     shown = [
         (re.sub(r"\s[⁰¹²³⁴⁵⁶⁷⁸⁹]+$", "", cells[0]).replace("\\|", "|"), cells[-1][2:])
         for line in text.splitlines()

@@ -10,6 +10,7 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError
+from carom.frames import chosen_frames
 
 ROOT = Path(__file__).parent.parent
 pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
@@ -54,10 +55,23 @@ def test_the_ways_to_say_which(result: carom.Result) -> None:
         ({"body": 7}, "there are 5"),
         ({"time": 1.0}, "outside of the run"),
         ({"time": "1"}, "numbers in s"),
+        ({"time": float("nan")}, "outside of the run"),
+        ({"body": slice(0.5, 2)}, "names or numbers"),
+        ({"body": [["ball1"]]}, "no body is called"),
         ({"time": slice(0, 1, 0.1)}, "counts frames"),
     ):
         with pytest.raises(CaromError, match=said):
             result.sel(**wrong)  # type: ignore[arg-type]
+
+
+def test_nearest_frames_are_those_of_a_search_through_all() -> None:
+    time = np.arange(7) * 0.1
+    given = np.concatenate([np.linspace(0, 0.6, 61), 0.5 * (time[1:] + time[:-1])])
+    wanted = np.abs(time[:, None] - given).argmin(axis=0)
+    assert chosen_frames(time, given).tolist() == wanted.tolist()
+    assert chosen_frames(time[:1], [0.0, 0.0]).tolist() == [0, 0]
+    many = np.arange(200_000) * 1e-3  # a table of all differences would be 320 GB
+    assert np.array_equal(chosen_frames(many, many), np.arange(200_000))
 
 
 def test_tables_are_cut_alike(result: carom.Result) -> None:
@@ -157,4 +171,8 @@ def test_notebooks_see_tables_without_markup_of_the_user(result: carom.Result) -
         assert found.seen <= {"div", "strong", "table", "thead", "tbody", "tr", "th", "td"}
     assert "and 5 more" in small._repr_html_()
     assert "law of the slip speed" in scene._repr_html_()
+    assert "until 0.01 s" in scene._repr_html_()
+    empty = carom.Scene()._repr_html_()
+    assert "until not given<" in empty
+    assert ">none<" in empty
     assert "done: 2" in batch._repr_html_()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -15,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import carom
+import fake_sim
 import h5py
 import numpy as np
 import pytest
@@ -22,14 +20,11 @@ from carom import checkpoint
 from carom.drive import Plan, Progress, thinned
 from carom.errors import CaromError
 from carom.record import Rows, Segments, Writer
-from carom.record.layout import TABLES
 from carom.rundir import RunDir
+from fake_runs import everything
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-
-sys.path.insert(0, str(Path(__file__).parent))
-import fake_sim
 
 
 @pytest.fixture
@@ -37,20 +32,6 @@ def scene(monkeypatch: pytest.MonkeyPatch) -> fake_sim.Scene:
     """A scene for the stand-in, which takes the place of the core for one test."""
     fake_sim.install(monkeypatch)
     return fake_sim.Scene()
-
-
-def everything(run: Path) -> dict[str, Any]:
-    """All that a run recorded, as bytes, and the shapes."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        result = carom.load(run)
-    segments = result._segments
-    columns = {
-        f"{table}/{name}": segments.column(table, name)
-        for table in TABLES
-        for name in segments.columns(table)
-    }
-    return {name: (c.shape, np.asarray(c).tobytes()) for name, c in columns.items()}
 
 
 # --- the plan -------------------------------------------------------------------------------------------------------
@@ -79,9 +60,13 @@ def test_nothing_is_replaced_unasked_and_nobody_elses_files_ever(scene: Any, tmp
     carom.simulate(scene, until=0.01, out=run)
     with pytest.raises(CaromError, match="exists already; give --force"):
         carom.simulate(scene, until=0.01, out=run)
+    (run / "plots").mkdir()
+    (run / "plots" / "caption.tex").write_text("mine")
+    (run / "plots" / "heights.png").write_text("drawn by carom plot")
     (run / "notes.txt").write_text("mine")
     assert len(carom.simulate(scene, until=0.02, out=run, force=True)) == 21
     assert (run / "notes.txt").read_text() == "mine"
+    assert [path.name for path in (run / "plots").iterdir()] == ["caption.tex"]
     other = tmp_path / "other"
     other.mkdir()
     (other / "thesis.tex").write_text("years of work")
@@ -232,229 +217,6 @@ def test_results_end_at_the_end_even_off_the_grid_of_frames(scene: Any, tmp_path
     assert np.asarray(longer.step).tolist() == [0, 30, 60, 90, 120, 150, 180, 200]
     carom.simulate(scene, until=0.2, every=30, out=tmp_path / "whole")
     assert everything(tmp_path / "run") == everything(tmp_path / "whole")
-
-
-# --- resuming -------------------------------------------------------------------------------------------------------
-
-
-def interrupted(scene: Any, run: Path, after: int, **options: Any) -> None:
-    """Run and press Ctrl-C when step `after` is reached."""
-
-    def press(now: Progress) -> None:
-        if now.step >= after:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    with pytest.raises(KeyboardInterrupt):
-        carom.simulate(scene, out=run, progress=press, **options)
-
-
-@pytest.mark.parametrize("every", [1, 7])
-def test_an_interrupted_run_continues_bit_for_bit(
-    scene: Any, tmp_path: Path, every: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)  # small blocks
-    carom.simulate(scene, until=1.0, every=every, out=tmp_path / "whole")
-    run = tmp_path / "run"
-    interrupted(scene, run, 300, until=1.0, every=every)
-    assert carom.load(run).outcome.kind == "interrupted"
-    assert everything(run) != everything(tmp_path / "whole")
-    result = carom.resume(run)
-    assert result.outcome.ok
-    assert result.segment_names == ["results.h5", "results-0002.h5"]
-    assert everything(run) == everything(tmp_path / "whole")
-    assert len(json.loads((run / "run.json").read_text())["segments"]) == 2
-    # There is nothing left to do, and nothing is done.
-    assert carom.resume(run).segment_names == result.segment_names
-    with pytest.raises(CaromError, match="has reached t = 1 s already"):
-        carom.resume(run, until=0.5)
-
-
-def test_a_segment_without_a_checkpoint_of_its_own_is_overruled(
-    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)
-    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
-    run = tmp_path / "run"
-    interrupted(scene, run, 300, until=1.0)
-    held = {p.name: p.read_bytes() for p in run.glob("checkpoint-*")}
-
-    def press(now: Progress) -> None:
-        if now.step >= 600:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    with pytest.raises(KeyboardInterrupt):
-        carom.resume(run, progress=press)
-    for path in run.glob("checkpoint-*"):  # as if killed: only the old checkpoint is there
-        path.unlink()
-    for name, content in held.items():
-        (run / name).write_bytes(content)
-    assert carom.resume(run).segment_names == ["results.h5", "results-0002.h5", "results-0003.h5"]
-    assert everything(run) == everything(tmp_path / "whole")
-
-
-def stopped_with_two_checkpoints(scene: Any, run: Path) -> tuple[Path, Path]:
-    """A run of 1000 steps that was interrupted after 500, and its checkpoints, the newest first."""
-    interrupted(scene, run, 500, until=1.0, checkpoint_steps=200)
-    newest, older = checkpoint.found(run)
-    return newest, older
-
-
-@pytest.fixture
-def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)
-
-
-@pytest.mark.usefixtures("small_blocks")
-def test_a_damaged_checkpoint_is_refused_and_the_previous_one_offered(scene: Any, tmp_path: Path) -> None:
-    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
-    run = tmp_path / "run"
-    newest, older = stopped_with_two_checkpoints(scene, run)
-    content = bytearray(newest.read_bytes())
-    content[len(content) // 2] ^= 1
-    newest.write_bytes(content)
-    before = sorted((p.name, p.read_bytes()) for p in run.glob("[!l]*"))
-    with pytest.raises(CaromError) as refused:
-        carom.resume(run)
-    assert f"checkpoint {newest} cannot be used: it" in str(refused.value)
-    step = checkpoint.load(older).step
-    assert f"the previous one, of step {step} (t = {step * 1e-3:g} s), can be" in str(refused.value)
-    assert f"`carom resume {run} --checkpoint previous`" in str(refused.value)
-    assert sorted((p.name, p.read_bytes()) for p in run.glob("[!l]*")) == before  # nothing was done
-    assert carom.resume(run, checkpoint="previous").outcome.ok
-    assert everything(run) == everything(tmp_path / "whole")
-    # It is not in the way again, and still there to be looked at.
-    assert (run / f"{newest.name}.aside").read_bytes() == bytes(content)
-    assert "put aside" in (run / "log.jsonl").read_text()
-
-
-@pytest.mark.usefixtures("small_blocks")
-def test_if_no_checkpoint_can_be_used_the_run_can_begin_anew(scene: Any, tmp_path: Path) -> None:
-    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
-    run = tmp_path / "run"
-    newest, older = stopped_with_two_checkpoints(scene, run)
-    for path in (newest, older):
-        path.write_bytes(b"torn")
-    for wish in ("newest", "previous"):
-        with pytest.raises(
-            CaromError, match=r"no other can be; `carom resume .* --checkpoint start` computes"
-        ):
-            carom.resume(run, checkpoint=wish)
-    assert carom.resume(run, checkpoint="start").outcome.ok
-    assert everything(run) == everything(tmp_path / "whole")
-
-
-@pytest.mark.usefixtures("small_blocks")
-def test_the_newest_is_offered_where_the_previous_is_damaged(scene: Any, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    _, older = stopped_with_two_checkpoints(scene, run)
-    older.write_bytes(older.read_bytes()[:-100])
-    with pytest.raises(
-        CaromError, match=r"the newest one, of step 5\d\d .* can be: `carom resume [^`]*run` cont"
-    ):
-        carom.resume(run, checkpoint="previous")
-    older.unlink()
-    with pytest.raises(CaromError, match="has no previous checkpoint, only checkpoint-0"):
-        carom.resume(run, checkpoint="previous")
-    with pytest.raises(CaromError, match=r"unknown choice 'previos'; did you mean previous\?"):
-        carom.resume(run, checkpoint="previos")
-
-
-@pytest.mark.usefixtures("small_blocks")
-def test_a_foreign_checkpoint_is_refused(scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = tmp_path / "run"
-    newest, _ = stopped_with_two_checkpoints(scene, run)
-    own = newest.read_bytes()
-    # Of another scenario, with the same shapes.
-    other = scene.with_options(step=0.002)
-    interrupted(other, tmp_path / "other", 500, until=2.0)
-    newest.write_bytes(checkpoint.found(tmp_path / "other")[0].read_bytes())
-    with pytest.raises(CaromError, match="belongs to another scenario; the previous one, of step"):
-        carom.resume(run)
-    newest.write_bytes(own)
-    # Of another format.
-    with monkeypatch.context() as old:
-        old.setattr(checkpoint, "FORMAT", 1)
-        checkpoint.save(run, checkpoint.Checkpoint(999, 0.999, Rows(), "", {}))
-    with pytest.raises(CaromError, match="it has format 1, wanted 2; the previous one, of step"):
-        carom.resume(run)
-
-
-def test_a_checkpoint_of_another_version_is_taken_only_if_that_is_asked_for(
-    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = tmp_path / "run"
-    carom.simulate(scene, until=0.1, out=run)
-    carom.simulate(scene, until=0.2, out=tmp_path / "whole")
-    monkeypatch.setattr(fake_sim, "__version__", "newer")
-    with pytest.raises(CaromError, match=r"it is of Carom fake, this is newer, .* or give --any-version"):
-        carom.resume(run, until=0.2)
-    carom.resume(run, until=0.2, any_version=True)
-    assert everything(run) == everything(tmp_path / "whole")
-
-
-def test_another_build_of_the_same_version_is_mentioned(
-    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = tmp_path / "run"
-    monkeypatch.setattr(checkpoint, "build", lambda: "one")
-    carom.simulate(scene, until=0.1, out=run)
-    monkeypatch.setattr(checkpoint, "build", lambda: "two")
-    with pytest.warns(carom.run.CaromWarning, match="was built anew since the checkpoint was written"):
-        carom.resume(run, until=0.2)
-
-
-def test_without_any_checkpoint_the_run_begins_again(scene: Any, tmp_path: Path) -> None:
-    carom.simulate(scene, until=0.2, out=tmp_path / "whole")
-    run = tmp_path / "run"
-    carom.simulate(scene, until=0.1, out=run)
-    for path in checkpoint.found(run):  # as if killed before the first
-        path.unlink()
-    with pytest.warns(
-        carom.run.CaromWarning, match="no checkpoint had been written yet; the run begins anew"
-    ):
-        carom.resume(run, until=0.2)
-    assert everything(run) == everything(tmp_path / "whole")
-
-
-@pytest.mark.usefixtures("small_blocks")
-def test_results_that_are_gone_are_missed(scene: Any, tmp_path: Path) -> None:
-    carom.simulate(scene, until=1.0, out=tmp_path / "whole")
-    run = tmp_path / "run"
-    stopped_with_two_checkpoints(scene, run)
-    results = run / "results.h5"
-    content = results.read_bytes()
-    results.unlink()
-    with pytest.raises(CaromError, match=r"there are no results yet.*--checkpoint start"):
-        carom.resume(run)
-    # Of another run, shorter than this one.
-    carom.simulate(scene, until=0.1, out=tmp_path / "short")
-    results.write_bytes((tmp_path / "short" / "results.h5").read_bytes())
-    with pytest.raises(
-        CaromError, match=r"of the 5\d\d rows of frames up to it 101 are in results.h5: a results file"
-    ):
-        carom.resume(run)
-    results.write_bytes(b"torn")
-    with pytest.raises(CaromError, match=r"cannot be read as results of a run.*--checkpoint start"):
-        carom.resume(run)
-    # What is put back will do.
-    results.write_bytes(content)
-    assert carom.resume(run).outcome.ok
-    assert everything(run) == everything(tmp_path / "whole")
-    # If it is gone for good, the run can begin anew, and what is left of the old one is put aside.
-    for k in ("", "2"):
-        results.write_bytes(b"torn")
-        carom.resume(run, checkpoint="start")
-        assert (run / f"results.h5.aside{k}").read_bytes() == b"torn"
-        assert carom.load(run).segment_names == ["results.h5"]
-        assert everything(run) == everything(tmp_path / "whole")
-
-
-def test_another_scenario_is_not_continued(scene: Any, tmp_path: Path) -> None:
-    carom.simulate(scene, until=0.1, out=tmp_path / "run")
-    path = tmp_path / "run" / "scenario.toml"
-    path.write_text(path.read_text().replace("step = 0.001", "step = 0.002"))
-    with pytest.raises(CaromError, match="was changed since the run began"):
-        carom.resume(tmp_path / "run", until=0.2)
 
 
 # --- what goes wrong ------------------------------------------------------------------------------------------------

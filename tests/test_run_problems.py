@@ -207,16 +207,17 @@ def test_rows_of_a_problem_are_sparse() -> None:
     assert ContactProblem(state(p)).local.W.entries < 9 * 5 * contacts
 
 
-def test_nothing_changes_in_a_run_whose_problems_are_kept(tmp_path: Path) -> None:
-    scene_ = carom.Scene.from_toml(find("corner")).with_options(until=0.15)
+@pytest.mark.parametrize(("until", "last"), [(0.11, 104), pytest.param(0.15, 120, marks=pytest.mark.long)])
+def test_nothing_changes_in_a_run_whose_problems_are_kept(tmp_path: Path, until: float, last: int) -> None:
+    scene_ = carom.Scene.from_toml(find("corner")).with_options(until=until)
     plain = simulate(scene_, out=tmp_path / "plain")
-    both = simulate(scene_, out=tmp_path / "kept", save_problems="100:120,worst:3")
+    both = simulate(scene_, out=tmp_path / "kept", save_problems=f"100:{last},worst:3")
     assert np.asarray(plain.position[-1]).tobytes() == np.asarray(both.position[-1]).tobytes()
     assert np.array_equal(plain.steps.iterations_velocity, both.steps.iterations_velocity)
     assert not kept_files(plain.path)
     files = kept_files(both.path)
-    outside = [file for file in files if not 100 <= file.step <= 120]
-    assert {file.step for file in files} >= set(range(100, 121))
+    outside = [file for file in files if not 100 <= file.step <= last]
+    assert {file.step for file in files} >= set(range(100, last + 1))
     assert len(outside) <= 3
     # The hardest of all is there: as many iterations as the report of the run tells.
     most = max(np.asarray(plain.steps[f"iterations_{level}"]).max() for level in ("position", "velocity"))

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 G = 9.8
 F64 = NDArray[np.float64]
+#: Single packings scatter; the law is for the mean of the long tier.
+several_seeds = pytest.mark.parametrize("seeds", [(2,), pytest.param((1, 2, 3), marks=pytest.mark.long)])
 SIDES = ("low x", "high x", "low y", "high y")
 
 
@@ -77,15 +79,16 @@ def test_a_floor_between_smooth_walls_carries_all_of_the_weight() -> None:
     assert [share[name] for name in SIDES] == pytest.approx([0, 0, 0, 0], abs=1e-12)
 
 
-def test_a_floor_between_rough_walls_feels_what_janssen_says() -> None:
+@several_seeds
+def test_a_floor_between_rough_walls_feels_what_janssen_says(seeds: tuple[int, ...]) -> None:
     """Janssen 1895, with K between 1/4 (Rankine, grains that yield at 37 degrees) and 1.
 
-    For the mean of three packings: how much of its friction each has mobilised is left to its history.
+    For the mean of some packings: how much of its friction each has mobilised is left to its history.
     """
     text = find("settling_box").read_text(encoding="utf-8")
     assert text.count("seed = 1") == 1
     floors, bounds = [], []
-    for seed in (1, 2, 3):
+    for seed in seeds:
         result = carom.simulate(carom.Scene.from_toml(text.replace("seed = 1", f"seed = {seed}")))
         assert result.outcome.ok
         p = result.parameters
@@ -260,10 +263,11 @@ def test_a_tilted_box_slides_to_the_angle_of_repose() -> None:
     assert 20 < slope < 30
 
 
-def test_heaps_have_the_angle_of_repose() -> None:
+@several_seeds
+def test_heaps_have_the_angle_of_repose(seeds: tuple[int, ...]) -> None:
     """Zhou and others 2002, Carrigy 1970: 20 to 30 degrees. Heaps of some hundred grains differ by some degrees."""
     angles = []
-    for seed in (1, 2, 3):
+    for seed in seeds:
         result = simulated("heap", values={"seed": seed})
         assert result.summary["removed"] > 100  # it ran over: no steeper column that was never in motion
         assert np.nanmax(np.abs(result.velocity[-1])) < 0.01  # m/s

@@ -54,6 +54,14 @@ def test_a_view_ends_with_the_call_and_its_arrays_are_read_only() -> None:
         arrays.append(view.velocity)
         with pytest.raises(ValueError, match="read-only"):
             view.velocity[0, 0] = 100.0
+        for fixed in (view.radius, view.mass, view.inertia):  # the run has the same arrays
+            with pytest.raises(ValueError, match="read-only"):
+                fixed[0] = 100.0
+        ball = view["ball"]
+        assert (ball.radius, ball.mass, ball.present) == (0.1, 0.5, True)
+        assert ball.inertia == view.inertia[0]
+        assert np.array_equal(ball.orientation, view.orientation[0])
+        assert "'ball'" in repr(ball)
         energy = 0.5 * 0.5 * float((view.velocity**2).sum())
         assert view.kinetic_energy == pytest.approx(energy)
         assert view.present.all()

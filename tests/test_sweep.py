@@ -138,6 +138,34 @@ class TestDesigns:
         with pytest.raises(CaromError, match=r"parameters.a: a grid needs count = N points"):
             Design("grid").points([Axis.of("a", (0.0, 1.0))])
 
+    @pytest.mark.parametrize(
+        ("design", "axes", "told"),
+        [
+            (Design("grid", 8), {"a": [1, 2]}, "design.count belongs to lhs and sobol; give each range its count"),
+            (Design("table", 8, table={"a": [1.0]}), {}, "the rows of the table are the points"),
+            (
+                Design("lhs", 8),
+                {"a": {"low": 0, "high": 1, "count": 5}},
+                "parameters.a: count belongs to a grid; lhs takes design.count = N points in all",
+            ),
+            (Design("lhs", 8, -1), {"a": (0.0, 1.0)}, "design.seed: expected a whole number from 0, found -1"),
+            (Design("sobol", 10**12), {"a": (0.0, 1.0)}, "design.count: expected a whole number from 1 to"),
+            (Design("sobol", 10**7), {"a": (0.0, 1.0), "s": {"seeds": 10}}, "the study has 100000000 points"),
+            (Design("table", table={"a": [1.0, 2.0], "b": [1.0]}), {}, "equally long, found a 2, b 1 rows"),
+            (Design("table", table={"a": ["x"]}), {}, "parameters.a: expected numbers in SI units, found 'x'"),
+            (Design("table", table={"a": [math.nan]}), {}, "parameters.a: expected numbers in SI units, found nan"),
+        ],
+    )  # fmt: skip
+    def test_nothing_of_a_design_is_left_aside_without_a_word(
+        self, design: Design, axes: dict[str, Any], told: str
+    ) -> None:
+        """A count of the wrong kind was once ignored, and a table cut to its first column."""
+        if design.kind in ("lhs", "sobol"):
+            pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        with pytest.raises(CaromError) as caught:
+            design.points([Axis.of(name, given) for name, given in axes.items()])
+        assert told in str(caught.value)
+
 
 class TestStudy:
     def test_values_go_where_they_should(self, files: Path) -> None:
@@ -174,7 +202,7 @@ class TestStudy:
             ('"slide.toml"', '"side.toml"', "side.toml: no such file; did you mean"),
             ("speed*cos(aim)", "sped*cos(aim)", 'unknown name sped in "= sped*cos(aim)"; did you mean speed?'),
             ('"cue.velocity.x"', '"cu.velocity.x"', 'no ball is called "cu"; did you mean cue?'),
-            ("[set]", "[set]\nw = 1", 'w'),
+            ("[set]", "[set]\nw = 1", '"w" names no quantity'),
             ("aim = {", "eim = {", "unknown name aim"),
             ("format = 1", "", "write format = 1 at the top"),
         ],
@@ -189,6 +217,27 @@ class TestStudy:
         assert told in done.stderr
         assert "Traceback" not in done.stderr
         assert not (files / "out").exists()
+
+    def test_a_file_that_is_not_there_is_not_called_bad_toml(self, files: Path) -> None:
+        with pytest.raises(CaromError, match=r"^.*none.toml: no such file"):
+            carom.Study.from_toml(files / "none.toml")
+        (files / "study.toml").write_text("format = ")
+        with pytest.raises(CaromError, match=r"study.toml is not TOML: Invalid value"):
+            carom.Study.from_toml(files / "study.toml")
+
+    def test_an_example_is_known_by_name_in_python_as_in_files(self) -> None:
+        study = carom.Study.of("paper/5.3_throw", {"spin": [0.0, 0.5]})
+        assert study.cases == 2
+        assert study.targeting.scene(1).spheres[0].angular_velocity[2] == pytest.approx(
+            0.5 * 1.341 / 0.028575
+        )
+        with pytest.raises(CaromError, match="absent: no such file"):
+            carom.Study.of("absent", {"spin": [0.0]})
+
+    def test_one_ball_may_be_named_alone_and_set_takes_numbers(self, files: Path) -> None:
+        assert carom.Study.of(files / "slide.toml", {"v": [1.0]}, bodies="cue").bodies == ("cue",)
+        with pytest.raises(CaromError, match=r"set.cue.mass: expected numbers in SI units, found None"):
+            carom.Study.of(files / "slide.toml", {"v": [1.0]}, set={"cue.mass": None})  # type: ignore[dict-item]
 
     def test_a_parameter_that_goes_nowhere_is_refused(self, files: Path) -> None:
         with pytest.raises(CaromError, match=r"parameters.speed goes nowhere: .*slide.toml has no parameter"):
@@ -268,6 +317,72 @@ class TestInThisProcess:
         assert [(run / "results.h5").stat().st_mtime_ns for run in runs] == before
         assert np.array_equal(again["travelled"], found["travelled"])
 
+    @pytest.mark.parametrize("name", ["v", "outcome", "time", "cue.position.x"])
+    def test_a_measure_may_not_take_the_place_of_another_column(self, name: str, files: Path) -> None:
+        """It once overwrote parameters and outcomes without a word."""
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, measure=lambda result: {name: 9.0})
+        found = carom.sweep(study, files / "out", workers=0)
+        assert found["v"].tolist() == [1.0, 2.0]
+        assert found["outcome"].tolist() == ["measure_failed"] * 2
+        assert f"a column is called {name} already" in found.failures[0]["message"]
+
+    def test_columns_have_their_units(self, files: Path) -> None:
+        found = carom.sweep(
+            carom.Study.of(files / "slide.toml", {"cue.velocity.x": [1.0]}), files / "out", workers=0
+        )
+        units = {field.name: (field.metadata or {}).get(b"unit") for field in found.table.schema}
+        assert units["cue.velocity.x"] == units["cue.velocity.x.start"] == b"m/s"
+        assert (units["penetration_max"], units["energy_final"], units["time"]) == (b"m", b"J", b"s")
+        assert units["penetration_max_relative"] == units["cue.orientation.w"] == units["outcome"] == b"1"
+
+    def test_the_table_is_written_as_csv_with_units_and_every_bit(self, files: Path) -> None:
+        found = carom.sweep(
+            carom.Study.of(files / "slide.toml", {"v": [1.0, 1 / 3]}), files / "out", workers=0
+        )
+        with open(found.to_csv(), newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert [float(row["cue.velocity.x (m/s)"]) for row in rows] == found["cue.velocity.x"].tolist()
+        assert [row["outcome"] for row in rows] == ["done", "done"]
+        few = found.to_csv(files / "tables" / "few.csv", ["v", "cue.velocity.x"])
+        assert few.read_text().splitlines()[0] == "v,cue.velocity.x (m/s)"
+        assert float(few.read_text().splitlines()[2].split(",")[0]) == 1 / 3
+        with pytest.raises(CaromError, match="no column 'velocity'"):
+            found.to_csv(columns=["velocity"])
+
+    def test_the_folder_of_a_study_is_not_called_a_run_that_is_not_there(self, files: Path) -> None:
+        carom.sweep(carom.Study.of(files / "slide.toml", {"v": [1.0]}), files / "out", workers=0)
+        with pytest.raises(
+            CaromError, match=r"out is the folder of a study, .* `carom sweep STUDY -o .*out`"
+        ):
+            carom.load(files / "out")
+
+    def test_the_numbers_beside_the_figures_have_units_and_those_below_panels_stand_apart(
+        self, files: Path
+    ) -> None:
+        pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
+        from carom.plot.sweep import histograms, places, responses
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        def long_number(result: carom.Result) -> dict[str, float]:
+            return {"z": 0.03 + 7.5e-4 * float(result["cue"].velocity[0, 0])}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [0.0, 0.3, 0.6, 1.0]}, measure=long_number)
+        found = carom.sweep(study, files / "out", workers=0)
+        assert list(responses(found, ["cue.position.x"]).data) == ["case", "cue.position.x (m)", "v"]
+        assert set(places(found).data) == {"case", "v", "cue x (m)", "cue y (m)", "post x (m)", "post y (m)"}
+        chart = histograms(found, ["z"] * 5 + ["cue.position.x"])  # three panels beside each other
+        assert {"z: from", "cue.position.x: from (m)"} < set(chart.data)
+        canvas = FigureCanvasAgg(chart.figure)
+        canvas.draw()
+        ends = 0.0
+        for axis in chart.figure.axes[:3]:
+            low, high = axis.get_xlim()
+            for tick, at in zip(axis.get_xticklabels(), axis.get_xticks(), strict=True):
+                if low <= at <= high:
+                    box = tick.get_window_extent(canvas.get_renderer())
+                    assert box.x0 > ends
+                    ends = box.x1
+
     def test_many_parts_become_one_and_lose_nothing(
         self, files: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -334,9 +449,14 @@ class TestInThisProcess:
         assert done.exit_code == 3, done.output
         assert "8 cases done, 8 failed; 16 new in" in done.stdout
         assert "overlap" in done.stdout
-        again = CliRunner().invoke(app, [*arguments, "--json", "--columns", "cue.position.y,seconds"])
+        again = CliRunner().invoke(
+            app,
+            [*arguments, "--json", "--columns", "cue.position.y,seconds", "--csv", str(files / "table.csv")],
+        )
         facts = json.loads(again.stdout)
         assert (facts["new"], facts["done"], facts["failed"], facts["missing"]) == (0, 8, 8, 0)
+        assert facts["files"][0] == str(files / "table.csv")
+        assert len((files / "table.csv").read_text().splitlines()) == 17
         assert json.loads((files / "out" / "sweep.json").read_text())["failures"] == facts["failures"]
         with open(files / "out" / "plots" / "histograms.csv", newline="") as file:
             rows = list(csv.DictReader(file))

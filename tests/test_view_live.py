@@ -15,9 +15,7 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError
-from carom.view.live_shapes import ball_halves, wall_mesh
-
-LOW, HIGH = np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0])
+from carom.view.live_shapes import ball_halves
 
 
 def area_vectors(vertices: Any, faces: Any) -> Any:
@@ -36,30 +34,6 @@ def test_the_halves_of_a_ball_are_one_closed_sphere_seen_from_outside() -> None:
         volume += (middle * vectors).sum() / 3
     assert np.abs(total).max() < 1e-12
     assert volume == pytest.approx(4 / 3 * np.pi, rel=0.06)  # inscribed, hence less
-
-
-@pytest.mark.parametrize(
-    ("shape", "facts", "area"),
-    [
-        ("rectangle", {"axis": [0, 0, 1], "side": [1, 0, 0], "size": [2.0, 3.0]}, 6.0),
-        ("disc", {"axis": [0, 1, 0], "radius": 2.0, "hole": 1.0}, 3 * np.pi),
-        ("cylinder", {"axis": [0, 0, 1], "radius": 0.5, "length": 2.0}, 2 * np.pi),
-        ("cone", {"axis": [0, 0, 1], "radius": 3.0, "radius_end": 0.0, "length": 4.0}, 15 * np.pi),
-        ("sphere", {"radius": 1.0}, 4 * np.pi),
-    ],
-)
-def test_walls_have_the_area_of_their_shape(shape: str, facts: dict[str, Any], area: float) -> None:
-    vertices, faces = wall_mesh(shape, {"point": [0.2, 0.0, 0.0], **facts}, LOW, HIGH)
-    found = np.linalg.norm(area_vectors(vertices, faces), axis=1).sum()
-    assert found == pytest.approx(area, rel=0.02)
-
-
-def test_a_plane_lies_under_the_balls_and_looks_along_its_normal() -> None:
-    normal = np.array([0.0, 0.6, 0.8])
-    vertices, faces = wall_mesh("plane", {"point": [5.0, 0.0, 0.0], "normal": normal}, LOW, HIGH)
-    assert np.abs(vertices @ normal).max() < 1e-12
-    assert (area_vectors(vertices, faces) @ normal > 0).all()
-    assert np.linalg.norm(vertices.mean(axis=0)[0] + 5.0) < 1e-9  # though its point is far away
 
 
 def test_without_viser_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

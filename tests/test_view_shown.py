@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from carom.view import write_html
 from carom.view.browser import Browser, find_browser
-from view_scenes import RADIUS, STEP, struck
+from view_scenes import RADIUS, STEP, billiard, struck
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="needs a Chromium (apt-get install chromium, or name one in CAROM_BROWSER)"
@@ -186,6 +186,34 @@ def test_graphs_follow_the_clock_and_the_clock_a_click(browser: Browser, run: An
     assert browser.evaluate("document.getElementById('graphs').hidden") is False
     browser.press("g", "g")
     assert browser.evaluate("document.getElementById('graphs').hidden") is True
+
+
+def test_graphs_of_balls_that_leave_hold_all_curves(tmp_path: Path) -> None:
+    """One number that is none once made the range 0 to 1, and the curves of the others left the sheet."""
+    run = billiard(50)
+    run.velocity = 100 * run.velocity
+    run.present = np.ones((50, 4), dtype=bool)
+    run.present[20:, 3] = False
+    run.position[20:, 3] = np.nan
+    with Browser(size=(900, 640)) as browser:
+        browser.open(write_html(run, tmp_path / "left.html").path)
+        browser.evaluate("carom.graphs(true)")
+        browser.evaluate(f"carom.setTime({10 * STEP})")
+        coloured = """(share => {
+            const canvas = [...document.querySelectorAll('#graphs canvas')].at(-1);
+            const [left, right] = [58, canvas.clientWidth - 10];  // the margins of graph.ts
+            const x = Math.round((left + share * (right - left)) * devicePixelRatio);
+            const {data} = canvas.getContext('2d').getImageData(x, 0, 1, canvas.height);
+            let found = 0;
+            for (let i = 0; i < data.length; i += 4) {
+              const c = [data[i], data[i + 1], data[i + 2]];
+              found += data[i + 3] > 100 && Math.max(...c) - Math.min(...c) > 60;
+            }
+            return found;
+        })"""
+        assert browser.evaluate(f"{coloured}(0.35)") >= 3
+        assert browser.evaluate(f"{coloured}(0.8)") >= 3
+        assert not [said for said in browser.console if not said.startswith("warning")]
 
 
 def test_keys_and_menu_switch_the_same_things(browser: Browser) -> None:

@@ -23,7 +23,8 @@ cargo test --release --workspace $locked --no-run || exit 1
 cargo test --release --workspace $locked --quiet --no-fail-fast -- "${rust_args[@]}" 2>&1 | tee "$cargo_log"
 cargo_status=$?
 
-.venv/bin/python -m pytest -n "${PYTEST_JOBS:-2}" -q "${python_args[@]}" "$@" 2>&1 | tee "$pytest_log"
+# By files: what the tests of a file share is made once.
+.venv/bin/python -m pytest -n "${PYTEST_JOBS:-2}" --dist loadfile -q "${python_args[@]}" "$@" 2>&1 | tee "$pytest_log"
 pytest_status=$?
 
 echo

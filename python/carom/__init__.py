@@ -54,7 +54,7 @@ _HOMES = {
     "simulate": "carom.run",
 }
 
-_MODULES = ("billiards", "events", "problem")
+_MODULES = ("audit", "billiards", "events", "granular", "packing", "problem")
 
 __all__ = [
     "Batch",

@@ -17,6 +17,29 @@ CONTENT: Mapping[str, tuple[type, ...]] = {
     "versions": (dict,),
 }
 
+#: What is needed besides where a run is continued; a name with dots is within another.
+CONTINUED: Mapping[str, tuple[type, ...]] = {
+    "scenario.identity": (str,),
+    "scenario.title": (str, type(None)),
+    "scenario.file": (str, type(None)),
+    "versions.core": (str,),
+    "segments": (list,),
+}
+
+#: The same for what not every run has.
+CONTINUED_IF_THERE: Mapping[str, tuple[type, ...]] = {
+    "scenario.earlier": (list,),
+    "changes": (list,),
+    "save_problems": (dict,),
+}
+
+#: Of each entry of a list, and of the wish to keep problems.
+ENTRIES: Mapping[str, Mapping[str, tuple[type, ...]]] = {
+    "segments": {"wall_s": (int, float), "core_s": (int, float)},
+    "changes": {"after_step": (int,), "options": (dict,)},
+    "save_problems": {"choice": (str,), "form": (str,)},
+}
+
 
 def checked(directory: RunDir) -> dict[str, Any]:
     """The content of `run.json`, if it is what a run writes."""
@@ -37,6 +60,30 @@ def checked(directory: RunDir) -> dict[str, Any]:
             raise CaromError(_altered(directory, f"outcome.{name}", outcome[name]))
     if outcome and "kind" not in outcome:
         raise CaromError(_altered(directory, "outcome", outcome))
+    return about
+
+
+def continued(directory: RunDir) -> dict[str, Any]:
+    """The content of `run.json`, if a run can be continued by it."""
+    about = checked(directory)
+
+    def within(key: str) -> Any:
+        found: Any = about
+        for part in key.split("."):
+            found = found.get(part) if isinstance(found, dict) else None
+        return found
+
+    for key, kinds in {**CONTINUED, **CONTINUED_IF_THERE}.items():
+        found = within(key)
+        if not isinstance(found, kinds) and (key in CONTINUED or found is not None):
+            raise CaromError(_altered(directory, key, found))
+    for key, entry in ENTRIES.items():
+        found = within(key) or []
+        for one in found if isinstance(found, list) else [found]:
+            if not isinstance(one, dict) or any(
+                not isinstance(one.get(k), kinds) for k, kinds in entry.items()
+            ):
+                raise CaromError(_altered(directory, key, one))
     return about
 
 

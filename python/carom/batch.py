@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.cases import Overrides, Values
+from carom.cases import WIDTHS, Overrides, Values
 from carom.errors import CaromError, did_you_mean
 from carom.tables import UnknownName
 
@@ -54,8 +54,9 @@ def simulate_batch(
 
     Where `mass` or `radius` is given and `inertia` is not, I / (m r^2) stays. `options` are keys of `[run]`, as in
     `carom.simulate`. `threads` is by default the number of processors. With `frames` a frame is kept after each so many
-    steps, and of the start; with `impacts` the table of all impacts. `progress(done, cases)` is called ten times a second,
-    in this thread; what it raises, and Ctrl-C, end the batch, with the cases that are done as `error.result`.
+    steps, and of the start, but none of an end that lies between; scenes of a list must have one step then. With `impacts`
+    the table of all impacts. `progress(done, cases)` is called ten times a second and at the end, in this thread; what it
+    raises, and Ctrl-C, end the batch, with the cases that are done as `error.result`.
 
     A case that fails (`not_converged`, balls that overlap at its start, numbers that are unusable) says so in `outcome`
     and `message`, has NaN for a final state and stops no other. A wrong scene or wrong names raise `ScenarioError` or
@@ -64,6 +65,11 @@ def simulate_batch(
     from carom.batching import Runner
     from carom.run import scene_of
 
+    if parameters is not None and not isinstance(parameters, Mapping):
+        raise CaromError(
+            f'simulate_batch: parameters must be a table of names and values, as {{"cue.velocity.x": [1.0, 2.0]}},'
+            f" found {type(parameters).__name__}"
+        )
     if isinstance(scenes, Sequence) and not isinstance(scenes, str):
         if parameters:
             raise CaromError("simulate_batch: parameters change one scene; a list of scenes takes none")
@@ -79,7 +85,7 @@ def simulate_batch(
     return Runner(sources, overrides, frames, impacts).run(_threads(threads), progress)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Batch:
     """B finished cases of N balls each. Rows of failed ones are NaN."""
 
@@ -129,7 +135,7 @@ class Batch:
 
     @property
     def per_second(self) -> float:
-        """Cases a second."""
+        """Cases a second, over the seconds that the batch took."""
         return len(self) / self.wall_s if self.wall_s > 0 else 0.0
 
     def __getitem__(self, name: str) -> BatchBody:
@@ -140,8 +146,10 @@ class Batch:
     def scene(self, case: int) -> Scene:
         """The scene of one case, to simulate it again with everything recorded: the same bits.
 
-        `carom.simulate(batch.scene(7)).view()`
+        `carom.simulate(batch.scene(7)).view()`; -1 is the last case, and one that there is not raises `IndexError`.
         """
+        if not -len(self) <= case < len(self):
+            raise IndexError(f"no case {case}; there are {len(self)}, numbered from 0")
         case = range(len(self))[case]
         return self._scenes[case] if self._overrides is None else self._overrides.scene(case)
 
@@ -155,11 +163,16 @@ class Batch:
         return pandas.DataFrame(dict(self.columns()), index=rows)
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """The same table as arrays (B,), by name: `cue.velocity.x`, `penetration_max`, `outcome` ..."""
+        """The same table as arrays (B,), by name: `parameter cue.velocity.x`, `outcome`, `penetration_max` ..., and
+        `cue.velocity.x` of the final state.
+        """
         found: dict[str, NDArray[Any]] = {}
         for key, values in self.parameters.items():
+            ends = [f".{name}" for name in self.names] if values.ndim > 1 and key in WIDTHS else [""]
+            width = WIDTHS.get(key.rpartition(".")[2], 3)
+            if values.ndim > 1 and width:
+                ends = [f"{end}.{x}" for end in ends for x in ("wxyz" if width == 4 else "xyz")]
             flat = values.reshape(len(self), -1)
-            ends = [""] if flat.shape[1] == 1 else [f".{i}" for i in range(flat.shape[1])]
             found |= {f"parameter {key}{end}": flat[:, i] for i, end in enumerate(ends)}
         found |= {"outcome": self.outcome, "message": self.message, "time": self.time, **self.monitors}
         for quantity, width in KINEMATICS.items():

@@ -51,6 +51,7 @@ class Runner:
             raise CaromError(f"simulate_batch: frames must be a number of steps from 1 on, found {frames!r}")
         self.scenes, self.overrides, self.every, self.keep_impacts = scenes, overrides, frames, impacts
         self.names = list(scenes[0].names)
+        self.bodies = [[*scene.names, *scene.wall_names] for scene in scenes]
         for k, scene in enumerate(scenes):
             if list(scene.names) != self.names:
                 raise CaromError(
@@ -58,6 +59,12 @@ class Runner:
                 )
         self.plans = [_plan(scene, frames) for scene in scenes]
         self.cases = len(scenes) if overrides is None else overrides.cases
+        steps = sorted({plan.step for plan in self.plans})
+        if frames is not None and len(steps) > 1:
+            raise CaromError(
+                f"simulate_batch: frames need one step, the scenes have steps from {steps[0]:g} to {steps[-1]:g} s;"
+                " pass step=..., or leave frames out"
+            )
         b, n = self.cases, len(self.names)
         self.outcome = np.full(b, "not_run", dtype=object)
         self.message = np.full(b, "", dtype=object)
@@ -97,8 +104,10 @@ class Runner:
             for worker in workers:
                 while worker.is_alive():
                     worker.join(0.1)
-                    if progress is not None:
+                    if progress is not None and worker.is_alive():
                         progress(self.done, self.cases)
+            if progress is not None and self.broken is None:
+                progress(self.done, self.cases)
         except BaseException as error:  # Ctrl-C, or the callback: what is there goes with it
             self.stop.set()
             for worker in workers:
@@ -106,6 +115,7 @@ class Runner:
             error.result = self._batch(threads, time.perf_counter() - start)  # type: ignore[attr-defined]
             raise
         if self.broken is not None:
+            self.broken.result = self._batch(threads, time.perf_counter() - start)  # type: ignore[attr-defined]
             raise self.broken
         return self._batch(threads, time.perf_counter() - start)
 
@@ -124,7 +134,8 @@ class Runner:
             ) as error:  # a fault of Carom's own, or of a load function: not for one case alone
                 self.broken = error
                 self.stop.set()
-            self.done += 1
+            with self._lock:
+                self.done += 1
 
     def _note(self, case: int, kind: str, message: str) -> None:
         self.outcome[case], self.message[case] = kind, message
@@ -151,9 +162,9 @@ class Runner:
         overlap = simulation.overlaps(TOUCHING, 1)
         if overlap:
             a, b, gap = overlap[0]
-            other = self.names[b] if b < len(self.names) else "a wall"
+            names = self.bodies[0 if self.overrides is not None else case]
             return self._note(
-                case, "overlap", f"{self.names[a]} and {other} overlap by {-gap:.3g} m at the start"
+                case, "overlap", f"{names[a]} and {names[b]} overlap by {-gap:.3g} m at the start"
             )
         return self._advance(case, simulation, plan)
 

@@ -70,13 +70,25 @@ def identities(about: Mapping[str, Any]) -> list[str]:
     return [about["scenario"]["identity"], *about["scenario"].get("earlier", [])]
 
 
-def note_changes(directory: RunDir, about: dict[str, Any], old: Scene, new: Scene, step: int) -> None:
-    """Record in `run.json` and the log from which step on the run was solved with other options."""
-    before, after = old.to_model()["options"], new.to_model()["options"]
+def note_changes(
+    directory: RunDir, about: dict[str, Any], old: Mapping[str, Any], new: Mapping[str, Any], step: int
+) -> None:
+    """Record in the content of `run.json` and in the log that the run goes on after `step` with other options.
+
+    `old` and `new` are the models of the core, of `scenario.toml` as it lies there and as it will be. What was noted of
+    steps that are now computed again is put right: they get the options of `new`.
+    """
+    before, after = old["options"], new["options"]
     changed = {key: [before[key], after[key]] for key in after if before[key] != after[key]}
+    identity = identify(new)
+    noted = about.pop("changes", [])
+    if identify(old) != about["scenario"]["identity"]:
+        # The last one was announced by a process that was killed before it had written the scenario: it never came true.
+        noted = noted[:-1]
+    about["scenario"]["earlier"] = [k for k in identities(about) if k != identity]
+    about["scenario"]["identity"] = identity
     if changed:
-        identity = identify(new.to_model())
-        about["scenario"]["earlier"] = [k for k in identities(about) if k != identity]
-        about["scenario"]["identity"] = identity
-        about.setdefault("changes", []).append({"after_step": step, "options": changed})
+        noted.append({"after_step": step, "options": changed})
         directory.log("options changed", after_step=step, options=changed)
+    if noted and step > 0:  # from the start on it is one run with one set of options
+        about["changes"] = [{**change, "after_step": min(change["after_step"], step)} for change in noted]

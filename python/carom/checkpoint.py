@@ -93,11 +93,18 @@ def load(path: Path) -> Checkpoint:
         if head["format"] != FORMAT:
             raise ValueError(f"it has format {head['format']}, wanted {FORMAT}")
         rows, state = Rows(*head["rows"]), _unpack(head["state"], arrays)
-        if not isinstance(state, dict) or not isinstance(head["step"], int):
-            raise ValueError("its state is not one of a run")
-        return Checkpoint(
+        found = Checkpoint(
             head["step"], head["time"], rows, head["scenario"], state, head["version"], head["build"]
         )
+        texts, counts = (found.scenario, found.version, found.build), (found.step, *found.rows)
+        if not (
+            isinstance(found.state, dict)
+            and isinstance(found.time, int | float)
+            and all(isinstance(text, str) for text in texts)
+            and all(isinstance(count, int) and count >= 0 for count in counts)
+        ):
+            raise ValueError("its state is not one of a run")
+        return found
     except _DAMAGE as error:
         told = reason(error)
         if not told.startswith("it") and getattr(error, "errno", None) is None:

@@ -25,7 +25,7 @@ F64 = NDArray[np.float64]
 
 #: Slip or speed below which a ball counts as rolling or at rest, m/s, unless the caller says otherwise.
 SPEED = 1e-3
-#: Gap over radius up to which a ball counts as touching a plane.
+#: Gap over radius up to which a ball counts as touching a plane; one that overlaps it touches.
 TOUCHING = 1e-6
 #: How long all must be quiet for the stop condition `AtRest`, s.
 HOLD = 0.05
@@ -78,7 +78,7 @@ def phases(result: Result, body: str, surface: str, *, speed: float = SPEED) -> 
     centre is slower than that as well (a ball that spins in its place rests).
     """
     index = _index(body, result.names)
-    return _phases(result, index, _plane(result, surface), speed)[0]
+    return _phases(result, _motion(result, index), (index, 0), _plane(result, surface), speed)[0]
 
 
 def slip_to_roll(
@@ -89,20 +89,22 @@ def slip_to_roll(
     Slip falls linearly under dry friction, so the time is found by its slope in the two frames before, within the frames
     around it. Without `body` of all balls, without `surface` on all planes that stand.
     """
-    bodies = range(len(result.names)) if body is None else [_index(body, result.names)]
+    names = result.names
+    bodies = range(len(names)) if body is None else [_index(body, names)]
+    motion = _motion(result, None if body is None else bodies[0])
     known = result.plane_names
     surfaces = [n for n in known if not _moves(result, n)] if surface is None else [surface]
     time = np.asarray(result.time)
     found = []
     for name in surfaces:
         plane = _plane(result, name)
-        for index in bodies:
-            state, slip, fast = _phases(result, index, plane, speed)
+        for place, index in enumerate(bodies):
+            state, slip, fast = _phases(result, motion, (index, place), plane, speed)
             ends = np.flatnonzero((state[:-1] == SLIDING) & (state[1:] >= ROLLING))
             for k in ends.tolist():
                 at = _end_of_slip(time, slip, state, k, speed)
-                label = result.names[index]
-                found.append(Event("roll", at, float(time[k + 1] - time[k]), label, name, float(fast[k + 1])))
+                within = float(time[k + 1] - time[k])
+                found.append(Event("roll", at, within, names[index], name, float(fast[k + 1])))
     return _sorted(found)
 
 
@@ -112,18 +114,20 @@ def rest(result: Result, body: str | None = None, *, speed: float = SPEED) -> li
     Balls that move at the end, or left, have no such event.
     """
     time, radius = np.asarray(result.time), np.asarray(result.bodies["radius"])
-    bodies = range(len(result.names)) if body is None else [_index(body, result.names)]
+    names = result.names
+    bodies = range(len(names)) if body is None else [_index(body, names)]
+    velocity, spin, there = _motion(result, None if body is None else bodies[0], MOTION[1:])
     found = []
-    for index in bodies:
-        v = np.linalg.norm(np.asarray(result.velocity[:, index]), axis=1)
-        w = radius[index] * np.linalg.norm(np.asarray(result.angular_velocity[:, index]), axis=1)
-        quiet = (v <= speed) & (w <= speed) & np.asarray(result.present[:, index])
+    for place, index in enumerate(bodies):
+        v = np.linalg.norm(velocity[:, place], axis=1)
+        w = radius[index] * np.linalg.norm(spin[:, place], axis=1)
+        quiet = (v <= speed) & (w <= speed) & there[:, place]
         if not len(time) or not quiet[-1]:
             continue
         loud = np.flatnonzero(~quiet)
         first = int(loud[-1]) + 1 if len(loud) else 0
         before = float(time[first] - time[first - 1]) if first else 0.0
-        found.append(Event("rest", float(time[first]), before, result.names[index], "", float(v[first])))
+        found.append(Event("rest", float(time[first]), before, names[index], "", float(v[first])))
     return _sorted(found)
 
 
@@ -142,18 +146,20 @@ def departures(result: Result) -> list[Event]:
 
 
 class AtRest:
-    """A stop condition for `carom.simulate(scene, stop=AtRest())`: all balls, or those named, lay still for `hold` s.
+    """A stop condition for `carom.simulate(scene, stop=AtRest())`: all balls, or those named (one or several), lay still for
+    `hold` s.
 
     Still is |v| and r |w| below `speed`, m/s. A ball at the top of its way is no slower than that for 2 speed/g, 0.2 ms:
     that is what `hold` is for.
     """
 
     def __init__(
-        self, bodies: Sequence[str] | None = None, *, speed: float = SPEED, hold: float = HOLD
+        self, bodies: str | Sequence[str] | None = None, *, speed: float = SPEED, hold: float = HOLD
     ) -> None:
         if not speed > 0 or not hold >= 0:
             raise CaromError(f"AtRest: speed must be above 0 and hold not below, found {speed:g}, {hold:g}")
-        self.bodies, self.speed, self.hold = bodies, speed, hold
+        self.bodies = [bodies] if isinstance(bodies, str) else bodies
+        self.speed, self.hold = speed, hold
         self._since: float | None = None
         self.__name__ = "AtRest"
 
@@ -192,23 +198,39 @@ def _first(result: Result, pair: set[int] | None) -> list[Event]:
         _, first = np.unique(body, axis=0, return_index=True)  # rows are in the order of time
         for row in first.tolist():
             a, b = (int(i) for i in body[row])
-            speed = float("nan") if closing is None else abs(float(np.asarray(closing)[row]))
+            speed = float("nan") if closing is None else max(0.0, -float(np.asarray(closing)[row]))
             event = Event("contact", float(time[row]), within, names[a], names[b], speed)
-            # A contact of the frames is known less well than the impact that made it.
-            if (a, b) not in earliest or event.time < earliest[a, b].time - within:
+            # A contact of the frames is known less well than the impact that made it, which is no later than its frame.
+            if (a, b) not in earliest or event.time < earliest[a, b].time - 0.5 * step:
                 earliest[a, b] = event
     return _sorted(earliest.values())
 
 
-def _phases(result: Result, index: int, plane: int, speed: float) -> tuple[NDArray[np.int8], F64, F64]:
-    """Phases (T,), slip (T,) and speed of the centre (T,), m/s, of a ball on a plane."""
+MOTION = ("position", "velocity", "angular_velocity", "present")
+
+
+def _motion(
+    result: Result, index: int | None = None, columns: Sequence[str] = MOTION
+) -> tuple[NDArray[Any], ...]:
+    """Columns of the frames, (T, N, ...), read once for all balls, or (T, 1, ...) of one."""
+    chosen = slice(None) if index is None else slice(index, index + 1)
+    return tuple(np.asarray(getattr(result, name)[:, chosen]) for name in columns)
+
+
+def _phases(
+    result: Result, motion: tuple[NDArray[Any], ...], ball: tuple[int, int], plane: int, speed: float
+) -> tuple[NDArray[np.int8], F64, F64]:
+    """Phases (T,), slip (T,) and speed of the centre (T,), m/s, of a ball on a plane; `ball`: its number, and its place in
+    `motion`.
+    """
     normal = np.asarray(result.planes["normal"][plane])
     point = np.asarray(result.planes["point"][plane])
-    radius = float(result.bodies["radius"][index])
-    x, v = np.asarray(result.position[:, index]), np.asarray(result.velocity[:, index])
-    w = np.asarray(result.angular_velocity[:, index])
-    touches = np.abs((x - point) @ normal - radius) <= TOUCHING * radius
-    touches &= np.asarray(result.present[:, index])
+    number, index = ball
+    radius = float(result.bodies["radius"][number])
+    x, v, w, there = (column[:, index] for column in motion)
+    with np.errstate(invalid="ignore"):  # absent balls are nowhere
+        touches = (x - point) @ normal - radius <= TOUCHING * radius
+    touches &= there
     at_contact = v - radius * np.cross(w, normal)
     slip = np.linalg.norm(at_contact - np.outer(at_contact @ normal, normal), axis=1)
     fast = np.linalg.norm(v, axis=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -238,10 +238,13 @@ def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
     given = np.atleast_1d(np.asarray([_seconds(t) for t in np.atleast_1d(wanted)], dtype=np.float64))
     if not len(time):
         raise CaromError("sel: there are no frames yet")
-    outside = given[(given < time[0] - 1e-9) | (given > time[-1] * (1 + 1e-9) + 1e-12)]
+    outside = given[~((given >= time[0] - 1e-9) & (given <= time[-1] * (1 + 1e-9) + 1e-12))]
     if len(outside):
         raise CaromError(f"sel: {outside[0]:g} s is outside of the run, {time[0]:g} to {time[-1]:g} s")
-    return np.asarray(np.abs(time[:, np.newaxis] - given).argmin(axis=0))
+    after = np.clip(np.searchsorted(time, given), 1, max(1, len(time) - 1))
+    before = after - 1
+    after = np.minimum(after, len(time) - 1)
+    return np.where(np.abs(time[before] - given) <= np.abs(time[after] - given), before, after)
 
 
 def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
@@ -250,21 +253,28 @@ def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
         return np.arange(len(names))
     if isinstance(wanted, slice):
         start, stop = wanted.start, wanted.stop
+        for end in (start, stop, wanted.step):
+            if end is not None and (isinstance(end, bool) or not isinstance(end, str | int | np.integer)):
+                raise CaromError(
+                    f'sel: a slice of bodies is of names or numbers, as slice("a", "c"), found {end!r}'
+                )
         start = _number(names, start) if isinstance(start, str) else start
         stop = _number(names, stop) + 1 if isinstance(stop, str) else stop  # of names both ends count
         return np.arange(len(names))[start : stop : wanted.step]
     several = [wanted] if isinstance(wanted, str | int | np.integer) else list(wanted)
-    return np.array([_number(names, name) for name in several], dtype=np.intp)
+    known = {name: i for i, name in enumerate(names)}
+    return np.array([_number(names, name, known) for name in several], dtype=np.intp)
 
 
-def _number(names: Sequence[str], wanted: Any) -> int:
+def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None = None) -> int:
     if isinstance(wanted, int | np.integer) and not isinstance(wanted, bool):
         if not -len(names) <= wanted < len(names):
             raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
         return range(len(names))[int(wanted)]
-    if wanted not in names:
+    known = {name: i for i, name in enumerate(names)} if known is None else known
+    if not isinstance(wanted, str) or wanted not in known:
         raise UnknownName(f"no body is called {wanted!r}; {did_you_mean(str(wanted), list(names)[:20])}")
-    return list(names).index(wanted)
+    return known[wanted]
 
 
 def _seconds(value: Any) -> float:

@@ -57,7 +57,11 @@ def of_result(result: Result) -> str:
     if frames:
         head += ["last position (m)", "last speed (m/s)"]
         x, v = np.asarray(result.position[-1]), np.asarray(result.velocity[-1])
-        rows = [[*row, _vector(x[i]), f"{np.linalg.norm(v[i]):.4g}"] for i, row in enumerate(rows)]
+        there = np.asarray(result.present[-1])
+        rows = [
+            [*row, _vector(x[i]), f"{np.linalg.norm(v[i]):.4g}"] if there[i] else [*row, "absent", "-"]
+            for i, row in enumerate(rows)
+        ]
     more = len(result.names) - LISTED
     if more > 0:
         rows.append([f"... and {more} more", *[""] * (len(head) - 1)])
@@ -68,10 +72,18 @@ def of_scene(scene: Scene) -> str:
     """What `repr` says, and the contact laws."""
     run, names = scene.run, scene.names
     facts = [
-        ("balls", f"{len(names)}: {', '.join(names[:LISTED])}" + (" ..." if len(names) > LISTED else "")),
+        (
+            "balls",
+            (f"{len(names)}: " if names else "none")
+            + ", ".join(names[:LISTED])
+            + (" ..." if len(names) > LISTED else ""),
+        ),
         ("walls", ", ".join(scene.wall_names[:LISTED]) or "none"),
         ("gravity", f"{_vector(np.array(scene.gravity))} m/s^2"),
-        ("run", f"method {run.method}, step {run.step:g} s, until {run.until or 'not given'} s"),
+        (
+            "run",
+            f"method {run.method}, step {run.step:g} s, until {'not given' if run.until is None else f'{run.until:g} s'}",
+        ),
     ]
     head = ["contact law", "friction", "restitution", "rolling radius (m)"]
     rows = [

@@ -8,7 +8,10 @@ Nothing that was refused is deleted: it is put aside under another name.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+import itertools
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,27 +31,48 @@ COMPATIBLE: frozenset[str] = frozenset()
 ASIDE = ".aside"
 
 
-def choose(
-    directory: RunDir, about: Mapping[str, Any], wish: str = "newest", *, any_version: bool = False
-) -> Checkpoint | None:
+def _silent(text: str) -> None:
+    """For who does not want to be told."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """From where a run is to go on: `checkpoint` is one of `CHOICES`; with `any_version` that of another version of
+    Carom will do. `tell` is called with what the user should know.
+    """
+
+    checkpoint: str = "newest"
+    any_version: bool = False
+    tell: Callable[[str], None] = _silent
+
+    def __post_init__(self) -> None:
+        if self.checkpoint not in CHOICES:
+            raise CaromError(
+                f"checkpoint: unknown choice {self.checkpoint!r}; {did_you_mean(self.checkpoint, CHOICES)}"
+            )
+
+    @property
+    def anew(self) -> bool:
+        """Whether the run is to be computed from its start."""
+        return self.checkpoint == "start"
+
+
+def choose(directory: RunDir, about: Mapping[str, Any], wish: Wish) -> Checkpoint | None:
     """The checkpoint to continue from, None for the start; `about` is the content of `run.json`.
 
-    With `any_version` that of another version of Carom will do. Raises `CaromError` if what was wished for cannot
-    be used.
+    Raises `CaromError` if what was wished for cannot be used.
     """
-    if wish not in CHOICES:
-        raise CaromError(f"checkpoint: unknown choice {wish!r}; {did_you_mean(wish, CHOICES)}")
-    if wish == "start":
+    if wish.anew:
         return None
     paths = checkpoint.found(directory.path)
     here = f"carom resume {directory.path}"
-    if wish == "previous" and len(paths) < 2:
+    if wish.checkpoint == "previous" and len(paths) < 2:
         found = f"only {paths[0].name}" if paths else "none"
         raise CaromError(
             f"{directory.path} has no previous checkpoint, {found}; `{here} --checkpoint start` computes the run anew"
         )
-    judge = functools.partial(_judged, directory, about, any_version)
-    wanted = {"newest": 0, "previous": 1}[wish]
+    judge = functools.partial(_judged, directory, about, wish.any_version)
+    wanted = CHOICES.index(wish.checkpoint)
     if wanted >= len(paths):  # killed before the first one
         complaint = _missing(directory, Rows())
         if complaint:
@@ -57,7 +81,7 @@ def choose(
     chosen = judge(paths[wanted])
     if isinstance(chosen, Checkpoint):
         return chosen
-    others = [(name, judge(path)) for name, path in zip(("newest", "previous"), paths) if name != wish]
+    others = [(name, judge(path)) for name, path in zip(CHOICES, paths) if name != wish.checkpoint]
     for name, other in others:
         if isinstance(other, Checkpoint):
             option = "" if name == "newest" else " --checkpoint previous"
@@ -68,7 +92,7 @@ def choose(
     raise CaromError(f"{chosen}; no other can be; `{here} --checkpoint start` computes the run anew")
 
 
-def put_aside(directory: RunDir, chosen: Checkpoint | None, wish: str) -> list[str]:
+def put_aside(directory: RunDir, chosen: Checkpoint | None, wish: Wish) -> list[str]:
     """Rename what stands in the way of continuing from `chosen`; returns the names as they were.
 
     These are newer checkpoints, which would otherwise count as the newest, and, if it was wished that the run begins
@@ -79,18 +103,23 @@ def put_aside(directory: RunDir, chosen: Checkpoint | None, wish: str) -> list[s
         for path in checkpoint.found(directory.path)
         if chosen is None or path.name > checkpoint.name(chosen.step)
     ]
-    if wish == "start":  # after the checkpoints, which are worth nothing without them
+    if wish.anew:  # after the checkpoints, which are worth nothing without them
         passed += directory.segments()
     for path in passed:
-        taken = len(list(path.parent.glob(path.name + ASIDE + "*")))
-        path.replace(path.with_name(path.name + ASIDE + (str(taken + 1) if taken else "")))
+        path.rename(_free(path.with_name(path.name + ASIDE)))
     return [path.name for path in passed]
 
 
-def remarks(chosen: Checkpoint | None, wish: str) -> list[str]:
+def _free(path: Path) -> Path:
+    """`path`, or with the first number from 2 on that makes it the name of nothing: what was put aside stays."""
+    numbered = (path.with_name(f"{path.name}{n}") for n in itertools.count(2))
+    return next(name for name in itertools.chain([path], numbered) if not os.path.lexists(name))
+
+
+def remarks(chosen: Checkpoint | None, wish: Wish) -> list[str]:
     """What the user should know of a choice that is possible."""
     if chosen is None:
-        return [] if wish == "start" else ["no checkpoint had been written yet; the run begins anew"]
+        return [] if wish.anew else ["there is no checkpoint (yet); the run begins anew"]
     mine = checkpoint.build()
     if mine and chosen.build and mine != chosen.build:
         return [

@@ -313,9 +313,11 @@ class Result(Frames):
     def export(
         self, directory: str | Path | None = None, format: str = "vtkhdf", **options: Any
     ) -> list[Path]:
-        """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz` or `gsd`, by default in `export` of the run.
+        """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz`, `gsd`, `mp4`, `gif` or `png`, by default in `export`
+        of the run.
 
-        `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`. Returns the files to open.
+        `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`, and of films `speed`, `camera`,
+        `follow` and others. Returns the files to open.
         """
         from carom.export import export
 

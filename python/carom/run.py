@@ -19,8 +19,10 @@ import numpy as np
 
 import carom
 from carom import changes, checkpoint, restart, summary
+from carom.about import continued
 from carom.drive import Cadence, Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
 from carom.errors import CaromError
+from carom.gained import gained
 from carom.record import Rows, Writer
 from carom.record.walls import tables
 from carom.result import Result, load
@@ -183,9 +185,9 @@ def resume(
             watch=watch,
             progress=progress,
             load_functions=load_functions,
-            checkpoint=checkpoint,
-            any_version=any_version,
-            tell=lambda text: warnings.warn(text, CaromWarning, stacklevel=3),
+            wish=restart.Wish(
+                checkpoint, any_version, tell=lambda text: warnings.warn(text, CaromWarning, stacklevel=4)
+            ),
         )
     if watch is not None:
         watch.raise_with(result)
@@ -252,18 +254,17 @@ def relaunch(
     stop: Interrupt,
     progress: OnProgress | None = None,
     load_functions: LoadFunctions = (),
-    checkpoint: str = "newest",
-    any_version: bool = False,
-    tell: Callable[[str], None] = lambda text: None,
+    wish: restart.Wish | None = None,
     watch: Watch | None = None,
 ) -> Result:
     """Continue the run in `directory` from its newest checkpoint, or from the start if it came to none.
 
-    `options` are `until` and numerical options of the core; `places` says how messages call them. `checkpoint` and
-    `any_version` are explained in `carom.restart.choose`. `tell` is called with what the user should know.
+    `options` are `until` and numerical options of the core; `places` says how messages call them. With a `wish` it
+    goes on from another checkpoint.
     """
     from carom.scene import Scene
 
+    wish = wish or restart.Wish()
     options = dict(options or {})
     changes.refuse_other_physics(options, places or {})
     old = Scene.from_toml(directory.scenario)
@@ -272,32 +273,35 @@ def relaunch(
     if options:
         scene = old.overridden(options, places) if places else old.with_options(**options)
     simulation, model, plan = _build(scene)
-    about = directory.read()
-    was = identify(old.to_model())
+    about = continued(directory)
+    before = old.to_model()
+    was = identify(before)
     if was not in changes.identities(about):
         raise CaromError(
             f"{directory.scenario} was changed since the run began, and a run continues only with the same scenario;"
             " start a new one with `carom run`"
         )
-    if directory.is_finished(plan.steps) and checkpoint == "newest":
+    if directory.is_finished(plan.steps) and wish.checkpoint == "newest":
         return load(directory.path)
     if identify(model) == was:
         changes.refuse_to_fail_again(directory, about)
     with directory.writing():
-        about = directory.read()
-        saved = restart.choose(directory, about, checkpoint, any_version=any_version)
+        about = continued(directory)
+        saved = restart.choose(directory, about, wish)
         if saved is not None:
             reached = max(saved.time, (about.get("outcome") or {}).get("time") or 0.0)
             if plan.until < reached - 0.5 * plan.step:
                 raise CaromError(f"the run has reached t = {reached:g} s already; give --until a later time")
             _restore(simulation, saved)
-        aside = restart.put_aside(directory, saved, checkpoint)
+        aside = restart.put_aside(directory, saved, wish)
         if aside:
             directory.log("put aside", files=aside)
-        for remark in restart.remarks(saved, checkpoint):
-            tell(remark)
+        for remark in restart.remarks(saved, wish):
+            wish.tell(remark)
             directory.log("remark", message=remark)
-        changes.note_changes(directory, about, old, scene, simulation.step)
+        if wish.anew:  # those of the old results, which are put aside
+            about["segments"] = []
+        changes.note_changes(directory, about, before, model, simulation.step)
         about.update(status="running", outcome=None)
         directory.write(
             about
@@ -476,6 +480,8 @@ def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], erro
 
 
 def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
+    if rise := gained(result):
+        warnings.warn(rise, CaromWarning, stacklevel=3)
     outcome = result.outcome
     if outcome.ok:
         return result

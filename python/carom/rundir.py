@@ -33,10 +33,12 @@ _OWN = (
     "problems/*.hdf5",
     "problems/.*.tmp",
     "*.aside*",
-    "plots/*",
+    *(f"plots/*.{kind}" for kind in ("png", "svg", "pdf", "csv")),
     "export/[!.]*.*",
     "export/balls/*.vtp",
     "export/contacts/*.vtp",
+    "export/walls/*.vtp",
+    "export/pictures/*.png",
     "view.html",
     ".*.tmp",
     "run.json",
@@ -78,6 +80,11 @@ class RunDir:
                 raise CaromError(
                     f"{path}: the run was stopped before it wrote anything, and there is nothing to continue;"
                     f" start it again, as `carom run SCENARIO -o {path} --force`"
+                )
+            if (path / "sweep.json").is_file():
+                raise CaromError(
+                    f"{path} is the folder of a study, not a run directory; `carom sweep STUDY -o {path}` draws"
+                    " it and, with --csv FILE, writes its table; in Python `carom.sweep(STUDY, FOLDER)` opens it"
                 )
             what = (
                 "a file, not a run directory"
@@ -219,7 +226,8 @@ class RunDir:
     def _remove_own(self) -> None:
         for pattern in _OWN:
             for file in self.path.glob(pattern):
-                file.unlink()
+                if not file.is_dir():
+                    file.unlink()
 
     def _is_own(self) -> bool:
         """Whether it is what a run leaves that was killed before it wrote `run.json`: the log, and nothing foreign."""
@@ -231,7 +239,8 @@ class RunDir:
         """Delete what a run writes, and the directory if nothing else is in it."""
         with suppress(OSError):
             self._remove_own()
-            folders = ("problems", "plots", "export/balls", "export/contacts", "export")
+            parts = ("balls", "contacts", "walls", "pictures")
+            folders = ("problems", "plots", *(f"export/{part}" for part in parts), "export")
             for empty in (*(self.path / name for name in folders), self.path):
                 if empty.exists():
                     empty.rmdir()

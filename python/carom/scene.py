@@ -29,11 +29,12 @@ from carom.scenario.options import Run
 from carom.scenario.packing import Packing, Places, faults
 from carom.scenario.placing import PLANE
 from carom.scenario.problems import Finding, Source
+from carom.scenario.taking import Taker
 from carom.scenario.walling import Waller
 from carom.scenario.walls import WALLS, Plane
 
 
-class Scene(Waller, Attacher):
+class Scene(Waller, Attacher, Taker):
     """Spheres, walls, materials and how to simulate them.
 
     `scene.run` and `scene.record` hold the keys of `[run]` and `[record]` as attributes: `scene.run.step =

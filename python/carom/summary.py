@@ -45,7 +45,7 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
     totals = plain(simulation.monitors())
     segments = about["segments"]
     found: dict[str, Any] = {
-        "scenario": about["scenario"]["file"] or about["scenario"]["title"],
+        "scenario": about["scenario"].get("file") or about["scenario"].get("title"),
         "title": scene.title,
         **{key: about["scenario"][key] for key in ("case", "parameters") if key in about["scenario"]},
         "method": scene.run.method,

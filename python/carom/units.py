@@ -80,7 +80,8 @@ UNITS: dict[str, _Unit] = {
 }
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?)\s*(.*?)\s*", re.DOTALL)
-_FACTOR = re.compile(r"([*/ ]?)\s*([A-Za-z]+|1)(?:\^?(-?\d))?\s*")
+# A 1 only stands before a slash: "5 12 m" would be 5 m otherwise, with 12 as a power of 1.
+_FACTOR = re.compile(r"([*/ ]?)\s*(?:([A-Za-z]+)(?:\^?(-?\d))?|1(?=\s*/))\s*")
 
 SCHEMA_PATTERN = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\S.*$"
 """A number and a unit, as a regular expression that JSON Schema and its editors understand."""
@@ -108,8 +109,8 @@ def parse(text: str, dimension: str) -> float:
     if not unit:
         # "0.5" in quotes: accepting it would hide the forgotten unit that a string announces
         raise UnitError(f"{quoted(text)} is text without a unit", f"remove the quotes, or {cure}")
-    factor, pi, found = _parse_unit(unit.replace("µ", "u").replace("μ", "u").replace("·", "*"), cure)
     wanted = DIMENSIONS[dimension][0]
+    factor, pi, found = _parse_unit(unit.replace("µ", "u").replace("μ", "u").replace("·", "*"), cure, wanted)
     if found != wanted:
         is_a = next((f", {_article(name)}" for name, row in DIMENSIONS.items() if row[0] == found), "")
         raise UnitError(f"expected {_article(dimension)}, found {quoted(text)}{is_a}", cure)
@@ -123,7 +124,7 @@ def parse(text: str, dimension: str) -> float:
 
 
 def expected(dimension: str) -> str:
-    """What may stand there, in words: `a number in m, or a string with a unit such as m, cm, mm`."""
+    """What may stand there, in words: `a number in m, or "NUMBER UNIT" with a unit of m, cm, mm, um, in`."""
     _, si, others = DIMENSIONS[dimension]
     return f'a number in {si}, or "NUMBER UNIT" with a unit of {others}' if si else "a plain number"
 
@@ -133,9 +134,9 @@ def _article(name: str) -> str:
 
 
 @lru_cache(maxsize=256)
-def _parse_unit(text: str, cure: str) -> _Unit:
+def _parse_unit(text: str, cure: str, wanted: Dimension | None = None) -> _Unit:
     """Products and powers of `UNITS`: `kg/m^3`, `kg m^2`, `m/s2`, `1/s`. A slash divides by the next factor
-    only.
+    only. An unknown unit is told with one that would make the `wanted` dimension, if it may have been meant.
     """
     factor, pi, exponents = Fraction(1), 0, (0, 0, 0, 0)
     position = 0
@@ -144,12 +145,10 @@ def _parse_unit(text: str, cure: str) -> _Unit:
         if match is None or (position and not match[1] and text[position - 1] not in " "):
             raise UnitError(f"cannot read the unit {quoted(text)}", cure)
         name, power = match[2], int(match[3] or 1) * (-1 if match[1] == "/" else 1)
-        if name != "1":
+        if name is not None:
             if name not in UNITS:
-                # case matters (mN, Mn), so the nearest name is looked up without it
-                near = {unit.lower(): unit for unit in UNITS}
-                best = nearest(name, list(near))
-                hint = f"did you mean {near[best]}? otherwise {cure}" if best else cure
+                best = _meant(text, match.span(2), wanted) if wanted is not None else None
+                hint = f"did you mean {best}? otherwise {cure}" if best else cure
                 raise UnitError(f"unknown unit {quoted(name)}", hint)
             base, base_pi, base_exponents = UNITS[name]
             factor *= base**power
@@ -158,3 +157,16 @@ def _parse_unit(text: str, cure: str) -> _Unit:
             exponents = (a, b, c, d)
         position = match.end()
     return factor, pi, exponents
+
+
+def _meant(text: str, span: tuple[int, int], wanted: Dimension) -> str | None:
+    """The unit nearest to what stands at `span`, of those with which `text` has the wanted dimension."""
+    fitting = {}
+    for unit in UNITS:
+        try:
+            if _parse_unit(text[: span[0]] + unit + text[span[1] :], "")[2] == wanted:
+                fitting[unit.lower()] = unit  # case matters (mN), so the nearest name is looked up without it
+        except UnitError:  # another part cannot be read either
+            return None
+    best = nearest(text[slice(*span)], list(fitting))
+    return fitting[best] if best else None

@@ -72,22 +72,22 @@ class View:
         frame = self._fetch()
         if "present" not in frame:
             return np.ones(len(self.names), dtype=bool)
-        return np.asarray(frame["present"], dtype=bool)
+        return np.array(frame["present"], dtype=bool)
 
     @property
     def radius(self) -> F64:
         """Radii, (N,), m."""
-        return np.asarray(self._model["radius"])
+        return self._fixed("radius")
 
     @property
     def mass(self) -> F64:
         """Masses, (N,), kg."""
-        return np.asarray(self._model["mass"])
+        return self._fixed("mass")
 
     @property
     def inertia(self) -> F64:
         """Moments of inertia, (N,), kg m^2."""
-        return np.asarray(self._model["inertia"])
+        return self._fixed("inertia")
 
     @property
     def kinetic_energy(self) -> float:
@@ -138,6 +138,12 @@ class View:
             self._frame = dict(simulation.frame())
         return self._frame
 
+    def _fixed(self, name: str) -> F64:
+        """A column of the model that nobody can write to: the run has the same array."""
+        values = np.asarray(self._model[name]).view()
+        values.flags.writeable = False
+        return values
+
     def _array(self, name: str) -> F64:
         values = self._fetch()[name]
         values.flags.writeable = False
@@ -156,6 +162,11 @@ class BodyView:
         return np.asarray(self._view.position[self.index])
 
     @property
+    def orientation(self) -> F64:
+        """Unit quaternion, scalar part first, (4,)."""
+        return np.asarray(self._view.orientation[self.index])
+
+    @property
     def velocity(self) -> F64:
         """(3,), m/s."""
         return np.asarray(self._view.velocity[self.index])
@@ -169,6 +180,29 @@ class BodyView:
     def speed(self) -> float:
         """m/s."""
         return float(np.linalg.norm(self.velocity))
+
+    @property
+    def present(self) -> bool:
+        """Whether the ball is there."""
+        return bool(self._view.present[self.index])
+
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+        return float(self._view.radius[self.index])
+
+    @property
+    def mass(self) -> float:
+        """Mass, kg."""
+        return float(self._view.mass[self.index])
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about any diameter, kg m^2."""
+        return float(self._view.inertia[self.index])
+
+    def __repr__(self) -> str:
+        return f"<body {self.name!r} of {self._view!r}>"
 
 
 Callback = Callable[[View], object]

@@ -11,6 +11,9 @@ from carom import _core
 
 from fuzz import material, mutate
 
+#: Kinds of inputs that there are cases of.
+TARGETS = ("scenario", "problem", "result", "resume", "checkpoint", "state", "expression")
+
 
 def cases(target: str, base: Path, seed: int) -> Iterator[bytes]:
     """Mutations of the material in the folder `base`."""
@@ -27,6 +30,9 @@ def cases(target: str, base: Path, seed: int) -> Iterator[bytes]:
     if target == "result":
         while True:
             yield mutate.result(r, run)
+    if target == "resume":
+        while True:
+            yield mutate.result(r, run, (2, 5, 2, 3))
     if target == "checkpoint":
         whole = sorted(run.glob("checkpoint-*.npz"))[-1].read_bytes()
         while True:
@@ -37,6 +43,8 @@ def cases(target: str, base: Path, seed: int) -> Iterator[bytes]:
         arrays = dict(simulation.state())
         while True:
             yield mutate.state(r, arrays)
+    if target != "expression":
+        raise ValueError(f"no kind of input is called {target!r}; there are {', '.join(TARGETS)}")
     functions = _core.Expression.functions()
     while True:
         text = mutate.expression(r, functions)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import carom
+from carom import checkpoint
 from carom.scenario.shipped import shipped
 
-#: Name of the run in the folder of material.
+#: Name of the run in the folder of material, and the files of it that a case may stand for: by their numbers.
 RUN = "run"
+FILES = ("results.h5", "run.json", "scenario.toml", checkpoint.name(30))
 
 #: Two balls that hit one another on a floor: contacts, impacts, residuals and checkpoints in 30 steps.
 SCENE = """\

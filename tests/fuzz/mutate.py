@@ -12,6 +12,8 @@ from typing import Any
 import h5py
 import numpy as np
 
+from fuzz.material import FILES
+
 #: Values that readers trip over: too large, too small, no numbers at all, of another type, endless.
 NASTY = (
     *("0", "-1", "1", "0.5", "-0.0", "1e308", "-1e308", "1e-308", "5e-324", "1e999", "nan", "inf", "-inf"),
@@ -278,12 +280,13 @@ def problem(r: random.Random, good: list[bytes]) -> bytes:
 # --- runs and checkpoints -----------------------------------------------------------------------------------------
 
 
-def result(r: random.Random, run: Path) -> bytes:
-    """A file of a run, with the number of the file before it."""
-    files = ("results.h5", "run.json", "scenario.toml")
-    which = r.choices((0, 1, 2), (8, 2, 1))[0]
-    good = (run / files[which]).read_bytes()
-    if which == 0:
+def result(r: random.Random, run: Path, weights: tuple[int, ...] = (8, 2, 1, 0)) -> bytes:
+    """A file of a run, with its number in `material.FILES` before it."""
+    which = r.choices(range(len(FILES)), weights)[0]
+    good = (run / FILES[which]).read_bytes()
+    if FILES[which].startswith("checkpoint"):
+        bad = checkpoint(r, good)
+    elif which == 0:
         bad = damaged(r, good) if r.random() < 0.4 else hdf5(r, good)
     elif which == 1 and r.random() < 0.7:
         bad = json.dumps(_tree(r, json.loads(good))).encode()

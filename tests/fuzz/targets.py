@@ -26,7 +26,7 @@ from carom.errors import CaromError, ScenarioError
 from carom.problem.fclib import read_fclib
 from carom.scene import Scene
 
-from fuzz.material import RUN
+from fuzz.material import FILES, RUN
 
 Judge = Callable[[bytes], None]
 
@@ -111,15 +111,24 @@ def result(folder: Path, base: Path) -> Judge:
     def judge(case: bytes) -> None:
         shutil.rmtree(run, ignore_errors=True)
         shutil.copytree(whole, run)
-        (run / RESULT_FILES[case[0] % len(RESULT_FILES)]).write_bytes(case[1:])
+        (run / FILES[case[0]]).write_bytes(case[1:])
         with carom.load(run) as found:
             read_all(found)
 
     return judge
 
 
-#: Files of a run that a case of the target `result` may stand for.
-RESULT_FILES = ("results.h5", "run.json", "scenario.toml")
+def resumed(folder: Path, base: Path) -> Judge:
+    """The same for a run that is continued, to a time that it has not reached."""
+    whole, run = base / RUN, folder / "resumed"
+
+    def judge(case: bytes) -> None:
+        shutil.rmtree(run, ignore_errors=True)
+        shutil.copytree(whole, run)
+        (run / FILES[case[0]]).write_bytes(case[1:])
+        carom.resume(run, until=0.033).close()
+
+    return judge
 
 
 def read_all(found: carom.Result) -> None:
@@ -221,6 +230,7 @@ TARGETS: dict[str, Callable[[Path, Path], Judge]] = {
     "scenario": scenario,
     "problem": problem,
     "result": result,
+    "resume": resumed,
     "checkpoint": saved,
     "state": state,
     "expression": expression,

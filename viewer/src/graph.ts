@@ -1,6 +1,7 @@
 // One graph over time on a 2D canvas: drawn once, then only the cursor moves over it.
 
 import { create, decimals, figure } from "./dom";
+import { linear } from "./palette";
 
 export interface Series {
   name: string;
@@ -23,6 +24,7 @@ export class Graph {
   private readonly sheet = document.createElement("canvas");
   private series: Series[] = [];
   private values: HTMLElement[] = [];
+  private chips: HTMLElement[] = [];
   private unit = "";
   private range: [number, number] = [0, 1];
   private digits = 3;
@@ -56,6 +58,7 @@ export class Graph {
     let [low, high] = [Infinity, -Infinity];
     for (const { value } of series) {
       for (let i = 0; i < value.length; i++) {
+        if (!Number.isFinite(value[i])) continue; // of a ball that is absent
         low = Math.min(low, value[i]);
         high = Math.max(high, value[i]);
       }
@@ -67,11 +70,10 @@ export class Graph {
     this.digits = Math.min(6, decimals((this.range[1] - this.range[0]) / 500));
     this.canvas.setAttribute("aria-label", `${series.map((s) => s.name).join(", ")} in ${unit} over time`);
     this.values = series.map(() => create("b"));
+    this.chips = series.map((s) => create("i", s.dashed ? "dash" : ""));
     const entries = series.map((s, i) => {
       const entry = create("span");
-      const chip = create("i", s.dashed ? "dash" : "");
-      chip.style.borderColor = s.colour.startsWith("--") ? `var(${s.colour})` : s.colour;
-      entry.append(chip, s.name, " ", this.values[i]);
+      entry.append(this.chips[i], s.name, " ", this.values[i]);
       return entry;
     });
     this.legend.replaceChildren(head, ...entries);
@@ -136,7 +138,8 @@ export class Graph {
       pen.fillStyle = edge;
       pen.fillRect(Math.round(x), TOP, 1, height - TOP - BOTTOM);
       pen.fillStyle = faint;
-      pen.fillText(`${t.text} s`, Math.min(x, width - 16), height - 6);
+      const text = `${t.text} s`;
+      pen.fillText(text, Math.min(x, width - 0.5 * pen.measureText(text).width - 1), height - 6);
     }
     pen.save();
     pen.beginPath();
@@ -144,8 +147,8 @@ export class Graph {
     pen.clip();
     pen.lineWidth = 1.6;
     pen.lineJoin = "round";
-    for (const s of this.series) {
-      pen.strokeStyle = this.colour(s);
+    for (const [i, s] of this.series.entries()) {
+      pen.strokeStyle = this.chips[i].style.borderColor = this.colour(s);
       pen.setLineDash(s.dashed ? [5, 3] : []);
       pen.beginPath();
       let drawing = false;
@@ -175,8 +178,18 @@ export class Graph {
     return getComputedStyle(this.element).getPropertyValue(name);
   }
   private colour(s: Series): string {
-    return s.colour.startsWith("--") ? this.css(s.colour) : s.colour;
+    return s.colour.startsWith("--") ? this.css(s.colour) : legible(s.colour);
   }
+}
+
+/** A ball's colour, lighter in the dark and darker in the light where it would be lost: black balls, white ones. */
+function legible(css: string): string {
+  const [r, g, b] = linear(css);
+  const bright = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  const dark = document.documentElement.dataset.theme === "dark";
+  if (dark && bright < 0.09) return `color-mix(in srgb, ${css}, white 45%)`;
+  if (!dark && bright > 0.7) return `color-mix(in srgb, ${css}, black 40%)`;
+  return css;
 }
 
 /** The value at a time, straight between its neighbours; undefined where there is none. */

@@ -75,9 +75,9 @@ in vec4 vMesh;
 out vec4 colour;
 ${lines}
 void main() {
-  float line = max(0.10 * meshLines(vMesh.xy), 0.55 * edgeLine(vMesh.zw));
+  float line = max(0.12 * meshLines(vMesh.xy), 0.7 * edgeLine(vMesh.zw));
   if (line < 0.01) discard;
-  colour = vec4(uLine, line);
+  colour = vec4(pow(uLine, vec3(1.0 / 2.2)), line); // as the theme has it, or it is lost in the dark
 }
 `;
 

@@ -8,22 +8,6 @@ mod scenes;
 use carom_core::{Options, Recording, Simulation};
 use std::time::{Duration, Instant};
 
-fn hash(s: &Simulation) -> u64 {
-    let mut h = 0xcbf2_9ce4_8422_2325u64;
-    for x in s
-        .state
-        .position
-        .iter()
-        .chain(&s.state.velocity)
-        .chain(&s.state.angular_velocity)
-    {
-        for bits in x.to_array().map(f64::to_bits) {
-            h = (h ^ bits).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
-    h
-}
-
 /// Runs `make().advance(steps)` repeatedly; prints and returns the median seconds.
 fn measure(name: &str, steps: u64, every: u64, make: impl Fn() -> Simulation) {
     let recording = Recording {
@@ -38,7 +22,7 @@ fn measure(name: &str, steps: u64, every: u64, make: impl Fn() -> Simulation) {
         let outcome = s.advance(steps, recording, Duration::MAX);
         times.push(begin.elapsed().as_secs_f64());
         assert!(outcome.is_none(), "{outcome:?}");
-        final_hash = hash(&s);
+        final_hash = scenes::hash(&s);
     }
     times.sort_by(f64::total_cmp);
     let (low, median) = (times[0], times[times.len() / 2]);

@@ -124,10 +124,16 @@ impl Islands {
         self.contacts.starts.len().saturating_sub(1)
     }
 
+    /// Contacts of every island.
+    pub fn sizes(&self) -> impl Iterator<Item = u32> + '_ {
+        self.contacts.starts.windows(2).map(|w| w[1] - w[0])
+    }
+
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
+    #[inline(always)]
     pub fn island(&self, index: usize) -> Island<'_> {
         Island {
             contacts: self.contacts.of(index),
@@ -184,6 +190,7 @@ impl Groups {
         self.starts[0] = 0;
     }
 
+    #[inline(always)]
     fn of(&self, index: usize) -> &[u32] {
         match self.starts.get(index + 1) {
             Some(&end) => &self.members[self.starts[index] as usize..end as usize],

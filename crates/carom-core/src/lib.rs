@@ -22,6 +22,7 @@ pub mod report;
 pub mod rotation;
 pub mod scalar;
 pub mod scratch;
+mod share;
 pub mod simulation;
 pub mod state;
 pub mod step;

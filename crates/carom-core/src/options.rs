@@ -263,10 +263,13 @@ options! {
     penalty_slip_speed: f64 = 1e-3,
     /// Substeps per contact time.
     penalty_resolution: u32 = 50,
-    /// Worker threads of the search for pairs and of sweeps in large islands; results never depend on this number.
+    /// Worker threads of the search for pairs, of islands side by side and of sweeps in large ones; results never depend on this number.
     threads: u32 = 1,
     /// Contacts of an island for each thread that sweeps it: below, another thread costs more than it gives.
     contacts_per_thread: u32 = 12_288,
+    /// Contacts and joints of all islands that are shared out among threads, for each of these: below, starting another thread
+    /// costs more than it gives.
+    shared_contacts_per_thread: u32 = 48,
 }
 
 impl Options {
@@ -328,6 +331,10 @@ impl Options {
             ("max_problems", self.max_problems),
             ("threads", self.threads),
             ("contacts_per_thread", self.contacts_per_thread),
+            (
+                "shared_contacts_per_thread",
+                self.shared_contacts_per_thread,
+            ),
         ] {
             if value == 0 {
                 return Err(ModelError::option(name, "must be at least 1".to_owned()));

@@ -210,6 +210,8 @@ pub struct Keeper {
     kept: Vec<KeptProblem>,
     /// Sorted by iterations, hardest first, older before newer.
     ranking: Vec<KeptProblem>,
+    /// Of a thread: iterations of the last of the step's full ranking, which the hardest must exceed.
+    exceed: Option<u32>,
 }
 
 impl Keeper {
@@ -226,7 +228,52 @@ impl Keeper {
 
     fn ranks(&self, iterations: u32) -> bool {
         let least = self.ranking.last().map_or(0, |p| p.iterations);
-        self.ranking.len() < self.hardest || iterations > least
+        (self.ranking.len() < self.hardest || iterations > least)
+            && self.exceed.is_none_or(|least| iterations > least)
+    }
+
+    /// For a thread that solves some islands of the level at hand.
+    pub(crate) fn fork(&self) -> Keeper {
+        let full = self.hardest > 0 && self.ranking.len() >= self.hardest;
+        let last = self.ranking.last().filter(|_| full);
+        Keeper {
+            hardest: self.hardest,
+            part: self.part,
+            step: self.step,
+            time: self.time,
+            chosen: self.chosen,
+            exceed: last.map(|p| p.iterations),
+            ..Keeper::default()
+        }
+    }
+
+    /// Takes what a thread kept of an island, as if it had been solved here; `failed` is the problem in it that could not be
+    /// solved. Islands come in their order.
+    pub(crate) fn take_over(
+        &mut self,
+        fork: &mut Keeper,
+        island: u32,
+        failed: Option<&KeptProblem>,
+    ) {
+        if let Some(problem) = failed {
+            self.failed = Some(problem.clone());
+        }
+        for problem in fork.ranking.iter().filter(|p| p.island == island) {
+            self.rank(problem);
+        }
+        let count = fork.kept.partition_point(|p| p.island <= island);
+        self.kept.extend(fork.kept.drain(..count));
+    }
+
+    /// Puts a problem among the hardest, if it is one of them.
+    fn rank(&mut self, problem: &KeptProblem) {
+        if self.hardest > 0 && self.ranks(problem.iterations) {
+            let place = self
+                .ranking
+                .partition_point(|p| p.iterations >= problem.iterations);
+            self.ranking.insert(place, problem.clone());
+            self.ranking.truncate(self.hardest);
+        }
     }
 
     /// Keeps a problem, if it is wanted or was not solved.
@@ -238,13 +285,7 @@ impl Keeper {
         if !problem.converged {
             self.failed = Some(problem.clone());
         }
-        if self.hardest > 0 && self.ranks(problem.iterations) {
-            let place = self
-                .ranking
-                .partition_point(|p| p.iterations >= problem.iterations);
-            self.ranking.insert(place, problem.clone());
-            self.ranking.truncate(self.hardest);
-        }
+        self.rank(&problem);
         if self.chosen {
             self.kept.push(problem);
         }

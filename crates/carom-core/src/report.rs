@@ -154,28 +154,33 @@ impl StepReport {
     pub(crate) fn merge(&mut self, later: &StepReport) {
         let earlier = *self;
         *self = *later;
+        self.join(&earlier);
         self.iterations_smooth = self.iterations_smooth.max(earlier.iterations_smooth);
-        self.iterations_position = self.iterations_position.max(earlier.iterations_position);
-        self.iterations_velocity = self.iterations_velocity.max(earlier.iterations_velocity);
-        self.line_search_position = self.line_search_position.max(earlier.line_search_position);
-        self.line_search_velocity = self.line_search_velocity.max(earlier.line_search_velocity);
-        self.impact_problems = self.impact_problems.max(earlier.impact_problems);
-        self.sweeps_position = self.sweeps_position.max(earlier.sweeps_position);
-        self.sweeps_velocity = self.sweeps_velocity.max(earlier.sweeps_velocity);
         self.residual_smooth = self.residual_smooth.max(earlier.residual_smooth);
-        self.residual_position = self.residual_position.max(earlier.residual_position);
-        self.residual_velocity = self.residual_velocity.max(earlier.residual_velocity);
         self.energy_work += earlier.energy_work;
         self.penetration = self.penetration.max(earlier.penetration);
         self.penetration_relative = self.penetration_relative.max(earlier.penetration_relative);
-        self.fallbacks += earlier.fallbacks;
-        self.truncated += earlier.truncated;
-        self.unconverged += earlier.unconverged;
         self.halvings += earlier.halvings;
-        self.missed_impacts += earlier.missed_impacts;
         self.relisted += earlier.relisted;
-        self.restitution_scale = self.restitution_scale.min(earlier.restitution_scale);
         self.take_substeps(earlier.substeps, earlier.substep_min);
+    }
+
+    /// Takes in what solves of islands told elsewhere: largest values and sums, in no order.
+    pub(crate) fn join(&mut self, other: &StepReport) {
+        self.iterations_position = self.iterations_position.max(other.iterations_position);
+        self.iterations_velocity = self.iterations_velocity.max(other.iterations_velocity);
+        self.line_search_position = self.line_search_position.max(other.line_search_position);
+        self.line_search_velocity = self.line_search_velocity.max(other.line_search_velocity);
+        self.impact_problems = self.impact_problems.max(other.impact_problems);
+        self.sweeps_position = self.sweeps_position.max(other.sweeps_position);
+        self.sweeps_velocity = self.sweeps_velocity.max(other.sweeps_velocity);
+        self.residual_position = self.residual_position.max(other.residual_position);
+        self.residual_velocity = self.residual_velocity.max(other.residual_velocity);
+        self.fallbacks += other.fallbacks;
+        self.truncated += other.truncated;
+        self.unconverged += other.unconverged;
+        self.missed_impacts += other.missed_impacts;
+        self.restitution_scale = self.restitution_scale.min(other.restitution_scale);
     }
 }
 
@@ -306,6 +311,11 @@ pub enum Level {
 }
 
 impl Level {
+    /// Place among the histories of a step.
+    pub(crate) fn index(self) -> usize {
+        self as usize
+    }
+
     pub fn name(self) -> &'static str {
         match self {
             Level::Smooth => "smooth",

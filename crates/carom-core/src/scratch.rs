@@ -9,6 +9,8 @@ use crate::model::Model;
 use crate::penalty::Workspace;
 use crate::pile::Pile;
 use crate::problem::Keeper;
+use crate::report::Level;
+use crate::share::Sharing;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::wall::Walls;
@@ -60,6 +62,7 @@ pub struct Scratch {
     /// Pairs that overlap at the end of a step of `moreau`.
     pub overlaps: Vec<Contact>,
     pub islands: Islands,
+    pub sharing: Sharing,
     pub solve: SolveScratch,
     pub smooth: SmoothScratch,
     /// Where loads and joints are evaluated.
@@ -82,6 +85,35 @@ pub struct Scratch {
     pub wall_impulse: Vec<[DVec3; 2]>,
     /// Power at t_n of loads without potential, W.
     pub power: f64,
+}
+
+/// What the solve of an island reads and writes: parts of the step's scratch, or memory of a thread (`share`).
+pub struct IslandScratch<'a> {
+    /// Read only: predictions, positions of the level, and the corrections U once they are known.
+    pub linear: &'a [Prediction],
+    pub angular: &'a [Prediction],
+    pub position: &'a [DVec3],
+    pub shift: &'a [[DVec3; 2]],
+    pub walls: &'a Walls,
+    /// Results.
+    pub contacts: &'a mut [Contact],
+    pub corrections: Corrections<'a>,
+    pub joint_reaction: &'a mut [[DVec3; 2]],
+    pub warm: &'a mut Vec<Warm>,
+    pub impacts: &'a mut Vec<ImpactRecord>,
+    pub history: &'a mut [History; 3],
+    pub keeper: &'a mut Keeper,
+    /// Buffers.
+    pub solve: &'a mut SolveScratch,
+    pub trial: &'a mut Trial,
+    pub impact: &'a mut ImpactScratch,
+    pub pile: &'a mut Pile,
+}
+
+/// Where the corrections of a level go: U or W of each sphere.
+pub enum Corrections<'a> {
+    Placed(&'a mut [[DVec3; 2]]),
+    Listed(&'a mut Vec<(u32, [DVec3; 2])>),
 }
 
 /// Buffers of one island's solve.
@@ -114,13 +146,11 @@ impl Scratch {
             contacts: Vec::new(),
             overlaps: Vec::new(),
             islands: Islands::default(),
+            sharing: Sharing::default(),
             impact: ImpactScratch::default(),
             smooth: SmoothScratch::new(model),
             trial: Trial::new(model),
-            solve: SolveScratch {
-                node_of: vec![u32::MAX; n],
-                ..SolveScratch::default()
-            },
+            solve: SolveScratch::new(model),
             warm: Vec::new(),
             impacts: Vec::new(),
             history: Default::default(),
@@ -135,7 +165,60 @@ impl Scratch {
     }
 }
 
+impl Scratch {
+    /// What islands of a level are solved with, in the step itself.
+    pub fn of_level(&mut self, level: Level) -> IslandScratch<'_> {
+        let (shift, corrections): (&[_], _) = match level {
+            Level::Position => (&[], &mut self.shift),
+            _ => (&self.shift, &mut self.jump),
+        };
+        IslandScratch {
+            linear: &self.linear,
+            angular: &self.angular,
+            position: &self.position,
+            shift,
+            walls: &self.walls,
+            contacts: &mut self.contacts,
+            corrections: Corrections::Placed(corrections),
+            joint_reaction: &mut self.joint_reaction,
+            warm: &mut self.warm,
+            impacts: &mut self.impacts,
+            history: &mut self.history,
+            keeper: &mut self.keeper,
+            solve: &mut self.solve,
+            trial: &mut self.trial,
+            impact: &mut self.impact,
+            pile: &mut self.pile,
+        }
+    }
+}
+
+impl Corrections<'_> {
+    #[inline]
+    pub fn set(&mut self, body: u32, correction: [DVec3; 2]) {
+        match self {
+            Corrections::Placed(all) => all[body as usize] = correction,
+            Corrections::Listed(list) => list.push((body, correction)),
+        }
+    }
+
+    /// How many are listed.
+    pub fn listed(&self) -> usize {
+        match self {
+            Corrections::Placed(_) => 0,
+            Corrections::Listed(list) => list.len(),
+        }
+    }
+}
+
 impl SolveScratch {
+    pub fn new(model: &Model) -> SolveScratch {
+        SolveScratch {
+            node_of: vec![u32::MAX; model.spheres()],
+            ..SolveScratch::default()
+        }
+    }
+
     /// Starts an island: nodes for the spheres of its contacts, joints and loads, in order of first use.
     pub fn begin(&mut self, model: &Model, contacts: &[Contact], island: Island) {
         self.system.clear();

@@ -6,12 +6,13 @@
 use crate::blow_up::{self, BlowUp};
 use crate::contact::Contact;
 use crate::force::{self, Motion};
-use crate::level::{position, smooth, velocity};
+use crate::level::{position, smooth};
 use crate::model::Model;
 use crate::options::Method;
 use crate::report::{Level, StepReport};
 use crate::rotation;
 use crate::scratch::{History, Scratch};
+use crate::share::{self, Task};
 use crate::state::State;
 use crate::stepper::{Coefficients, Prediction, Span};
 use crate::timers::{Phase, Timers};
@@ -341,16 +342,15 @@ pub(crate) fn solve_positions(
 ) -> Result<(), Failure> {
     let mut islands = std::mem::take(&mut scratch.islands);
     islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
-    let mut converged = true;
     scratch.keeper.discard(Some(Level::Position));
-    for number in 0..islands.len() {
-        scratch.keeper.island = number as u32;
-        let island = islands.island(number);
-        converged &= position::solve_island(model, state, scratch, island, span, report, accept);
-        if !converged {
-            break;
-        }
-    }
+    let task = Task {
+        model,
+        state,
+        level: Level::Position,
+        span,
+        accept_unconverged: accept,
+    };
+    let converged = share::solve(&task, &islands, scratch, report);
     scratch.islands = islands;
     if converged {
         Ok(())
@@ -458,19 +458,19 @@ pub(crate) fn correct_velocities(
     islands.build(model.spheres(), &scratch.contacts, &model.links, |c| {
         c.closed
     });
-    let mut converged = true;
-    for number in 0..islands.len() {
-        scratch.keeper.island = number as u32;
-        let island = islands.island(number);
-        let members = island.contacts.len() as u32;
+    for members in islands.sizes() {
         report.contacts += members;
         report.islands += u32::from(members > 0);
         report.largest_island = report.largest_island.max(members);
-        converged &= velocity::solve_island(model, state, scratch, island, span, report, accept);
-        if !converged {
-            break;
-        }
     }
+    let task = Task {
+        model,
+        state,
+        level: Level::Velocity,
+        span,
+        accept_unconverged: accept,
+    };
+    let converged = share::solve(&task, &islands, scratch, report);
     scratch.islands = islands;
     if converged {
         Ok(())

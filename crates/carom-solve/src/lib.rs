@@ -15,7 +15,7 @@ pub mod rows;
 pub mod single;
 pub mod solver;
 pub mod spheres;
-mod team;
+pub mod team;
 
 pub use cone::{Bounds, Status};
 pub use newton::{Newton, NewtonOptions};

@@ -170,6 +170,13 @@ impl Newton {
         if !total.converged {
             self.sweep_and_polish(system, problem, options, lambda, u, &mut total);
         }
+        // Wedged balls whose contacts are redundant: path following finds what Newton and sweeps go round in circles for.
+        if !total.converged && !linearised && !system.has_load() {
+            lambda.copy_from_slice(&self.start_lambda);
+            u.copy_from_slice(&self.start_u);
+            self.linearise(system, problem, options, lambda, u, &mut total);
+            total.rung = Rung::Path;
+        }
         if linearised && total.rung == Rung::First {
             total.rung = Rung::Path; // what failed before is a fallback too
         }

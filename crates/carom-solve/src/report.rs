@@ -12,7 +12,7 @@ pub enum Rung {
     DoublePenalty,
     /// Newton after Gauss-Seidel sweeps.
     AfterSweeps,
-    /// A large island that needed path following, or what comes after it, in a linear problem.
+    /// The linearised problem by the solvers of large islands: path following, or what comes after it.
     Path,
 }
 

@@ -13,16 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
+from carom.audit.rerun import rerun
 
 if TYPE_CHECKING:
     from carom.audit.data import Run
     from carom.result import Result
 
-__all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check"]
+__all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check", "rerun"]
 
 
 def check(run: Result | str | Path) -> Report:
-    """Judge a run: a `carom.Result`, a run directory, or its `results.h5`."""
+    """Judge a run: a `carom.Result`, a run directory, or its `results.h5`, also of a run that did not reach its end.
+
+    What the files claim wrongly is a finding of the report; files that cannot be read raise `CaromError`.
+    """
     from carom.audit.data import read
 
     path = Path(run if isinstance(run, (str, Path)) else run.path)
@@ -39,11 +43,14 @@ def check(run: Result | str | Path) -> Report:
 
 
 def _judge(run: Run, tally: Tally) -> None:
-    from carom.audit import cones, energy, gaps, impacts, joints, motion, tables, tunnel
+    from carom.audit import cones, counts, energy, gaps, impacts, joints, motion, references, tables, tunnel
     from carom.audit.block import blocks
     from carom.audit.near import near
 
+    if not references.judge(run, tally):
+        return
     tables.judge(run, tally)
+    counts.judge(run, tally)
     energy.rises(run, tally)
     for block in blocks(run):
         pairs = near(block)
@@ -52,6 +59,7 @@ def _judge(run: Run, tally: Tally) -> None:
         motion.walls(block, tally)
         gaps.penetration(block, pairs, tally)
         gaps.recorded(block, tally)
+        counts.of_frames(block, pairs, tally)
         gaps.complementarity(block, tally)
         gaps.approach(block, pairs, tally)
         cones.judge(block, tally)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carom.audit.data import Run
 from carom.audit.report import Place
+from carom.scenario.wall_checks import pile_overlap
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -179,17 +180,36 @@ class Block:
 
     @cached_property
     def piled(self) -> NDArray[np.bool_]:
-        """(B,) intervals in which an island may have been solved as a pile."""
+        """(B,) intervals in which an island may have been solved as a pile at the position level, where all pairs that are
+        looked at count.
+        """
+        return np.asarray(self.over(self.run.steps["candidates"]) > self._least)
+
+    @cached_property
+    def cascaded(self) -> NDArray[np.bool_]:
+        """(B,) the same at the velocity level, where the closed contacts count, which the steps record."""
+        return np.asarray(self.over(self.run.steps["largest_island"]) > self._least)
+
+    @property
+    def _least(self) -> float:
+        """Contacts of an island up to which it is no pile (`docs/reference/scenario.md`, `pile_contacts`)."""
         o = self.run.options
-        many = self.over(self.run.steps["candidates"])
-        least = o["dense_contacts"] if o["pile_tolerance"] >= 1e-5 else o["pile_contacts"]
-        return np.asarray(many > least)
+        few = min(o["dense_contacts"], o["pile_contacts"])
+        return float(few if o["pile_tolerance"] >= 1e-5 else o["pile_contacts"])
 
     @cached_property
     def tolerance(self) -> F64:
         """(B,) tol_r of eq. 44 as it held in each interval."""
         t = self.run.loosest
         return np.where(self.large, max(t["tolerance"], t["pile_tolerance"]), t["tolerance"])
+
+    @cached_property
+    def pile_overlap(self) -> F64:
+        """(B,) overlap over the radius that the solver of piles may leave, growing with the 3/4th power of the
+        contacts above 2500 up to five times.
+        """
+        many = np.clip((self.over(self.run.steps["candidates"]) / 2500.0) ** 0.75, 1.0, 5.0)
+        return pile_overlap(self.run.loosest["pile_tolerance"], many)
 
     def left(self, size: F64) -> F64:
         """(B,) what a solver may leave of multipliers `size` (K,) of the contacts: tol_r times the sum of the norms of

@@ -170,7 +170,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         int((single & odd).sum()),
     )
     # Later problems of a pile may change the impulse of a contact that has no row in the table.
-    quiet = ~block.piled | (block.over(run.steps["impact_problems"]) <= 1)
+    quiet = ~block.cascaded | (block.over(run.steps["impact_problems"]) <= 1)
     why = "piles do not record which contacts took part in later impact problems"
     tally.skip("slip", why, "pile_contacts above the contacts", int((single & ~quiet[c.k]).sum()))
     odd = odd | ~quiet[c.k]
@@ -254,7 +254,7 @@ def passivity(block: Block, tally: Tally) -> None:
     work = np.bincount(c.k, columns.sum(axis=1), minlength=block.count)
     size = np.bincount(c.k, np.abs(columns).sum(axis=1), minlength=block.count)
     problems = block.total(run.steps["impact_problems"] + 1.0)
-    share = np.where(block.piled, np.maximum(1e-10, 0.01 * block.tolerance), 1e-10)
+    share = np.where(block.cascaded, np.maximum(1e-10, 0.01 * block.tolerance), 1e-10)
     top = block.over(run.steps["energy_kinetic"])
     bound = problems * share * top + block.tolerance * size + 64.0 * EPS * (size + top)
     gone = (np.bincount(c.k, minlength=block.count) == 0) | ~block.kept

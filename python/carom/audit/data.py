@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from carom.audit.formula import law
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
+from carom.record.walls import tables
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -52,12 +53,13 @@ class Run:
         self.radius: F64 = result.bodies["radius"]
         self.mass: F64 = result.bodies["mass"]
         self.inertia: F64 = result.bodies["inertia"]
-        self.material = np.asarray(result.bodies["material"]).astype(np.int64)
+        self.material = np.asarray(self.model["material"]).astype(np.int64)
         self.gravity: F64 = result.gravity
         self.period: F64 | None = result.periodic
-        self.names = [*result.names, *result.wall_names]
+        self.names = [*scene.names, *scene.wall_names]
         self.bodies = len(self.radius)
         self.walls = _walls(self.model)
+        self.wall_tables = tables(scene.wall_names, self.model)
         self.joints: list[Any] = list(self.model.get("joints", ()))
         self.loads: list[Any] = list(self.model.get("loads", ()))
         self.time = np.asarray(result.time)
@@ -71,9 +73,9 @@ class Run:
         names = ("tolerance", "pile_tolerance", "gap_tolerance", "touching_tolerance", "tolerance_floor")
         found = {name: float(self.options[name]) for name in names}
         for change in self.result._about.get("changes", ()):
-            for name, value in {**change, **change.get("options", {})}.items():
-                if name in found:
-                    found[name] = max(found[name], float(value))
+            for name, values in change.get("options", {}).items():
+                if name in found:  # before and after
+                    found[name] = max(found[name], *map(float, values))
         return found
 
     @cached_property
@@ -92,8 +94,9 @@ class Run:
         return np.asarray(self.law_of[material[a], material[b]])
 
     def coefficient(self, name: str, index: I64) -> F64:
-        """A column of the contact laws."""
-        return np.asarray(np.asarray(self.model[name], dtype=np.float64)[index])
+        """A column of the contact laws; not a number where there is no law (index -1)."""
+        column = np.append(np.asarray(self.model[name], dtype=np.float64), np.nan)
+        return np.asarray(column[index])
 
     def friction(self, index: I64, slip: F64) -> F64:
         """mu at the slip speed of the start of the step, m/s; without a law of it the constant."""

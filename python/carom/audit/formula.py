@@ -7,6 +7,7 @@ A law has the form in which results and models keep it: `("constant", x)`, `("po
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
@@ -62,15 +63,16 @@ def _table(points: F64, x: F64) -> Dual:
 
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> ast.expr:
-    """The tree of a formula: its powers bind as Python's do."""
-    return ast.parse(text.replace("^", "**").strip(), mode="eval").body
+    """The tree of a formula: its powers bind as Python's do, which knows no numbers such as 007."""
+    plain = re.sub(r"(?<![\w.])0+(?=\d)", "", " ".join(text.split()))
+    return ast.parse(plain.replace("^", "**"), mode="eval").body
 
 
 def _evaluate(node: ast.expr, x: F64) -> Dual:
     if isinstance(node, ast.Constant):
         return np.full(x.shape, float(node.value)), np.zeros(x.shape)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
-        if node.id == "pi":
+        if node.id in ("pi", "PI"):
             return np.full(x.shape, np.pi), np.zeros(x.shape)
         return x, np.ones(x.shape)  # the one variable, whatever its name
     if isinstance(node, ast.UnaryOp):

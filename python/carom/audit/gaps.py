@@ -34,6 +34,8 @@ def recorded(block: Block, tally: Tally) -> None:
     between frames. Bound: 16 roundings of the coordinates, of a normal over the distance of the centres.
     """
     run, c = block.run, block.rows
+    off = np.abs(norm(c.normal) - 1.0)
+    tally.measure("normal", off, 16.0 * EPS, lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))
     if run.method == "penalty":
         for kind in ("gap", "normal"):
             tally.skip(kind, "penalty records them within its substeps", "use nsga or moreau", len(c))
@@ -96,9 +98,7 @@ def complementarity(block: Block, tally: Tally) -> None:
             way[mine] += 2.0 * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at])[0]) * block.dt[c.k[mine]]
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
-    bound = np.maximum(
-        touching, np.where(block.large[c.k], 0.5 * run.loosest["pile_tolerance"] * length, 0.0)
-    )
+    bound = np.maximum(touching, np.where(block.large[c.k], block.pile_overlap[c.k] * length, 0.0))
     # Of larger islands eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
     left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
     bound = bound + np.where(block.large[c.k], left, 0.0)
@@ -114,9 +114,8 @@ def complementarity(block: Block, tally: Tally) -> None:
 def approach(block: Block, near: Near, tally: Tally) -> None:
     """At the end of a step no closed contact closes (eqs. 1f-h, rule 26): `gamma_N >= -tol`.
 
-    `tol` is the closing tolerance: 1e-2 (in islands of more than 100 contacts `pile_closing_tolerance`) of the largest speed
-    that loads give in a step, or `closing_tolerance_speed` of the largest speed, whichever is more; with what the solver
-    leaves, `2 D_cc` times that of the impulses. Moreau-Jean and penalty leave overlaps that close; they are not judged.
+    `tol` is the closing tolerance (`closing`); what the solver leaves comes on top, `2 D_cc` times that of the impulses.
+    Moreau-Jean and penalty leave overlaps that close; they are not judged.
     """
     run = block.run
     if run.method != "nsga":
@@ -127,7 +126,6 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             block.count,
         )
         return
-    o = run.options
     length = np.minimum(run.radius[near.a], np.append(run.radius, np.inf)[np.minimum(near.b, run.bodies)])
     rows = np.flatnonzero(near.gap1 <= 0.5 * run.options["touching_tolerance"] * length)
     if not rows.size:
@@ -136,24 +134,35 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     ball, normal = np.minimum(b, run.bodies - 1), near.normal1[rows]
     motion = (block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball])
     found = rates(run, Pairs(a, b, block.t1[k], block.x1[k, a], normal), motion, normal, normal)
-    many = block.over(run.steps["candidates"]) > 100
-    share = np.where(
-        many, max(o["pile_closing_tolerance"], o["closing_tolerance_load"]), o["closing_tolerance_load"]
-    )
-    fastest = np.nan_to_num(np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)).max(
-        axis=1
-    )
-    load = _load(block) + _walls(block)
-    tolerance = np.maximum(share * load, o["closing_tolerance_speed"] * np.maximum(fastest, load))
+    speed = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)
+    fastest = np.nan_to_num(speed).max(axis=1)
     left = block.left(norm(block.rows.impulse))[k] * 2.0 * compliance(run, a, b)[0]
     if (
         not run.has_contacts
     ):  # what the solver may leave of impulses is not known, but of what the bodies lost
         change = norm(block.v1 - block.v0 - run.gravity * block.dt[:, None, None])
         left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
-    bound = tolerance[k] + left + 64.0 * EPS * fastest[k]
+    bound = closing(block)[k] + left + 64.0 * EPS * fastest[k]
     tally.measure("approach", np.maximum(0.0, -found.normal), bound,
                   lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip
+
+
+def closing(block: Block) -> F64:
+    """(B,) closing tolerance of the largest island, m/s (rule R3).
+
+    `closing_tolerance_load` (in islands of more than 100 contacts `pile_closing_tolerance`) of the largest speed that loads
+    give in a step; in islands of up to `dense_contacts` contacts, and where no load acts, not more than
+    `closing_tolerance_speed` of the largest speed.
+    """
+    run, o = block.run, block.run.options
+    largest = block.over(run.steps["largest_island"])
+    small = o["closing_tolerance_load"]
+    share = np.where(largest > 100, max(o["pile_closing_tolerance"], small), small)
+    speed = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)
+    load = _load(block) + _walls(block)
+    by_speed = o["closing_tolerance_speed"] * np.maximum(np.nan_to_num(speed).max(axis=1), load)
+    tolerance = np.where(largest > o["dense_contacts"], share * load, np.minimum(share * load, by_speed))
+    return np.asarray(np.where(load == 0.0, by_speed, tolerance))
 
 
 def _load(block: Block) -> F64:

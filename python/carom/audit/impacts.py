@@ -1,13 +1,4 @@
-"""Newton's law at every recorded impact, by a replay of the impact problems of a step from the state at its start.
-
-From `V = v_n + h g` (weight and loads of the step) the impulses of problem after problem are added. Before each problem the
-recorded approach, after it the recorded separation must be those of `V`; and where a contact has an impulse
-
-    gamma_N^+ = -s e_N min(0, G_N V^-),   V^- = v_n + (W - W_0)       (eqs. 16, 24, 27; algorithm, section 5)
-
-with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` the recorded factor of the energy safeguard.
-Friction is held against `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. Bound: `2 D_cc` times what the solver may leave of
-the impulses of the step.
+"""Impacts: their impulses and speeds are those of the frames, and Newton's law holds (`replay`), none left out.
 
 Where the frames do not show the state before and after each step, the recorded speeds are held against one another alone:
 approach and `V^-` differ by what loads give in a step, and by the impulses of problem 0 that an impact takes back: those
@@ -17,46 +8,23 @@ carry at most the whole weight.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces
+from carom.audit import forces, hits
 from carom.audit.block import Block
-from carom.audit.cones import friction, opposed
-from carom.audit.loads import of_loads
+from carom.audit.cones import struck
+from carom.audit.gaps import closing
+from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
+from carom.audit.replay import Replay
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows of the table of impacts in a block."""
-
-    k: I64
-    step: I64
-    problem: I64
-    a: I64
-    b: I64
-    normal: F64
-    impulse: F64
-    moment: F64
-    approach: F64
-    separation: F64
-    scale: F64
-
-    def __len__(self) -> int:
-        return len(self.k)
-
-    def of(self, chosen: Bool | I64) -> Rows:
-        """Some of them."""
-        return Rows(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
 
 
 def judge(block: Block, tally: Tally) -> None:
@@ -66,10 +34,12 @@ def judge(block: Block, tally: Tally) -> None:
         for kind in ("impact", "impact speeds", "impact sum"):
             tally.skip(kind, "impacts were not recorded", "impacts = true in [record]", block.count)
         return
-    rows = _rows(block)
+    rows = hits.of_block(block)
+    _missing(block, tally)
     if not len(rows):
         return
     _sign(block, tally, rows)
+    _unit(block, tally, rows)
     if run.method == "penalty":
         tally.skip(
             "impact",
@@ -78,34 +48,100 @@ def judge(block: Block, tally: Tally) -> None:
             len(rows),
         )
         return
-    piled = block.piled[rows.k]
+    piled = block.cascaded[rows.k]
     why = "piles record one row per contact and step, over several problems"
     tally.skip("impact", why, "pile_contacts above the contacts", int(piled.sum()))
     # Joints and loads that depend on the motion answer impacts within their problem.
     coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
     whole = block.single[rows.k] & ~piled & run.has_contacts & (not coupled) & block.there.all(axis=1)[rows.k]
     _recorded(block, tally, rows.of(~whole & ~piled))
+    seen = block.single[rows.k] & block.there.all(axis=1)[rows.k]
+    _ends(block, tally, rows.of(seen))
+    remained = np.zeros(len(rows), dtype=bool)
+    if run.has_contacts:
+        summed = np.flatnonzero(seen & ~piled & block.kept[rows.k])
+        one = rows.of(summed)
+        remained[summed], value, bound = hits.kept(block, one)
+        tally.measure("impact sum", value, bound, _place(block, one))
     if whole.any():
-        _Replay(block, tally, rows.of(whole)).run_all()
+        Replay(block, tally, rows.of(whole), remained[whole]).run_all()
 
 
-def _rows(block: Block) -> Rows:
-    table = block.run.result.impacts
-    step = np.asarray(table["step"]).astype(np.int64)
-    low, high = np.searchsorted(step, [block.s0[0] + 1, block.s1[-1] + 1])
+def _place(block: Block, r: Hits) -> Callable[[int], Place]:
+    return lambda i: block.run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
 
-    def column(name: str) -> F64:
-        return np.asarray(table[name][low:high])
 
-    body = column("body").astype(np.int64).reshape(-1, 2)
-    k = np.searchsorted(block.s1, step[low:high])
-    numbers = (
-        column(n) for n in ("normal", "impulse", "moment", "approach", "separation", "restitution_scale")
+def _unit(block: Block, tally: Tally, r: Hits) -> None:
+    """Normals are unit vectors; after one whole step of nsga those of the places; factors on restitution are shares."""
+    run = block.run
+    tally.measure("normal", np.abs(norm(r.normal) - 1.0), 16.0 * EPS, _place(block, r))
+    tally.measure("counts", ~((r.scale >= 0.0) & (r.scale <= 1.0)), 0.0, _place(block, r))
+    if run.method == "nsga":
+        one = r.of(block.single[r.k])
+        other = np.minimum(one.b, run.bodies - 1)
+        _, normal = run.meet(block.t1[one.k], one.a, one.b, block.x1[one.k, one.a], block.x1[one.k, other])
+        extent = np.abs(block.x1[one.k, one.a]).max(axis=1) + run.radius[one.a]
+        bound = 16.0 * EPS * (1.0 + extent / run.radius[one.a])
+        tally.measure("normal", norm(one.normal - normal), bound, _place(block, one))
+
+
+def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
+    """At some rows for the velocities of the frame before or after the step, along the recorded normals."""
+    run = block.run
+    ball = np.minimum(r.b, run.bodies - 1)
+    x, v, w, t = (
+        (block.x0, block.v0, block.w0, block.t0) if start else (block.centres, block.v1, block.w1, block.t1)
     )
-    return Rows(k, step[low:high], column("problem").astype(np.int64), body[:, 0], body[:, 1], *numbers)
+    foot = r.normal
+    if start:
+        _, foot = run.meet(t[r.k], r.a, r.b, x[r.k, r.a], x[r.k, ball])
+    motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])
+    return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot), motion, r.normal, r.normal)
 
 
-def _sign(block: Block, tally: Tally, r: Rows) -> None:
+def _ends(block: Block, tally: Tally, r: Hits) -> None:
+    """After the last problem of a step the pair separates as the frame says; rows of piles are all of the step's end."""
+    run = block.run
+    last = np.zeros(block.count, dtype=np.int64)
+    np.maximum.at(last, r.k, r.problem)
+    final = r.of((r.problem == last[r.k]) | block.cascaded[r.k])
+    own = compliance(run, final.a, final.b)[0]
+    scale = (norm(block.v1) + run.radius * norm(block.w1) + norm(run.gravity) * run.h)[final.k, final.a]
+    ball = np.minimum(final.b, run.bodies - 1)
+    scale = scale + norm(block.v1)[final.k, ball] + own * norm(final.impulse)
+    # Speeds are recorded as the solver left them, velocities follow from its impulses.
+    squares = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
+    left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
+    off = np.abs(final.separation - _motion(block, final).normal)
+    tally.measure("impact speeds", off, 640.0 * EPS * scale + left, _place(block, final))
+
+
+def _missing(block: Block, tally: Tally) -> None:
+    """Whoever approached before the step and got an impulse in it has had an impact (rules R2, R3): it is in the table."""
+    run, c = block.run, block.rows
+    coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
+    if (
+        run.method == "penalty"
+        or run.options["impact"] == "sequence-paper"
+        or coupled
+        or not run.has_contacts
+    ):
+        return
+    judged = block.single & ~block.cascaded & block.there.all(axis=1) & block.kept
+    rows = np.flatnonzero(judged[c.k] & (dot(c.impulse, c.normal) > 0.0) & ~struck(block))
+    if not rows.size:
+        return
+    k, a, b = c.k[rows], c.a[rows], c.b[rows]
+    zero = np.zeros(len(rows))
+    one = Hits(k, block.s1[k], k, a, b, c.normal[rows], c.impulse[rows], c.moment[rows], zero, zero, zero)
+    speed = np.nan_to_num(norm(block.v0) + run.radius * norm(block.w0)).max(axis=1, initial=0.0)
+    bound = closing(block)[k] + 64.0 * EPS * speed[k]
+    tally.measure(
+        "impact", np.maximum(0.0, -_motion(block, one, start=True).normal), bound, _place(block, one)
+    )
+
+
+def _sign(block: Block, tally: Tally, r: Hits) -> None:
     """Impulses of impacts push, with friction in its cone and at least the recorded speed after as before the law allows."""
     run = block.run
     size = norm(r.impulse)
@@ -114,7 +150,7 @@ def _sign(block: Block, tally: Tally, r: Rows) -> None:
     def place(i: int) -> Place:
         return run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
 
-    loose = block.piled[r.k] | ~block.single[r.k]
+    loose = block.cascaded[r.k] | ~block.single[r.k]
     pulled = -dot(r.impulse, r.normal)
     # Rows of piles and of penalty add up impulses while the normal turns: a pull is what points away from it altogether.
     tally.measure("sign", np.maximum(pulled, 0.0), left + np.where(loose, 0.5 * size, 0.0), place)
@@ -131,7 +167,7 @@ def _sign(block: Block, tally: Tally, r: Rows) -> None:
     tally.measure("friction cone", np.maximum(excess, 0.0)[kept], bound[kept], lambda i: place(int(kept[i])))
 
 
-def _recorded(block: Block, tally: Tally, r: Rows) -> None:
+def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     """The law between recorded approach and separation."""
     run = block.run
     if not len(r):
@@ -168,137 +204,3 @@ def _recorded(block: Block, tally: Tally, r: Rows) -> None:
         + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation))
     )
     tally.measure("impact", value, bound, lambda i: run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i])))
-
-
-class _Replay:
-    """The impact problems of all whole steps of a block, problem after problem: bodies share none within a step."""
-
-    def __init__(self, block: Block, tally: Tally, r: Rows) -> None:
-        self.block, self.tally, self.r = block, tally, r
-        run, c = block.run, block.rows
-        loads = of_loads(block)
-        scale = np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1)
-        self.inverse = 1.0 / scale
-        self.old = np.concatenate([block.v0, block.w0], axis=-1)
-        self.check = self.old + loads.impulse * self.inverse
-        self.check[..., :3] += run.gravity * block.dt[:, None, None]
-        many = len(run.names)
-        keys = (c.k * many + c.a) * many + c.b
-        self.key = (r.k * many + r.a) * many + r.b
-        order = np.argsort(keys, kind="stable")
-        found = np.minimum(np.searchsorted(keys[order], self.key), max(len(keys) - 1, 0))
-        self.contact = order[found] if len(keys) else found
-        self.known = keys[self.contact] == self.key if len(keys) else np.zeros(len(r), dtype=bool)
-        self.mu = friction(block)[self.contact] if len(keys) else np.zeros(len(r))
-        size = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
-        self.left = (8.0 * block.tolerance * np.sqrt(size))[r.k]
-        # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
-        other = np.minimum(r.b, run.bodies - 1)
-        start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])[1]
-        self.lever = r.normal if run.method == "moreau" else start
-        part = forces.split(r.impulse, r.normal, self.lever)[0 if run.method == "moreau" else 1]
-        self.push, self.slide = part.normal, part.sliding
-
-    def run_all(self) -> None:
-        """Problem 0, then 1, 2, ..."""
-        r = self.r
-        loads = r.problem == 0
-        kept = self._kept()
-        offset, jump = self._jump(loads), self._jump(loads & kept)
-        self._problem(np.flatnonzero(loads), self.check, self.old)
-        for problem in np.unique(r.problem[~loads]):
-            now = np.flatnonzero(r.problem == problem)
-            # Before the first problem V^- is v_n itself, also where it took impulses of the loads back.
-            minus = self.old + (jump - offset) if problem > 1 else self.old
-            self._problem(now, self.check + jump, minus)
-            jump = jump + self._jump(r.problem == problem)
-
-    def _kept(self) -> Bool:
-        """Which impulses of problem 0 remained: an impact takes those of its contacts back and solves them anew. Told by the
-        contact's whole impulse of the step, which must be the sum with or without it.
-        """
-        r = self.r
-        whole = np.where(self.known[:, None], self.block.rows.impulse[self.contact], 0.0)
-        _, group = np.unique(self.key, return_inverse=True)
-        sums, loads = np.zeros((len(r), 3)), np.zeros((len(r), 3))
-        np.add.at(sums, group, np.where((r.problem > 0)[:, None], r.impulse, 0.0))
-        np.add.at(loads, group, np.where((r.problem == 0)[:, None], r.impulse, 0.0))
-        sums, loads = sums[group], loads[group]
-        without, within = norm(whole - sums), norm(whole - sums - loads)
-        bound = 32.0 * EPS * (norm(whole) + norm(sums) + norm(loads))
-        value = np.minimum(without, within)
-        self.tally.measure("impact sum", value, np.maximum(bound, 1e-300), self._place(np.arange(len(r))))
-        return np.asarray(within <= without)
-
-    def _place(self, rows: I64) -> Callable[[int], Place]:
-        r, run = self.r, self.block.run
-        return lambda i: run.step_place(int(r.step[rows[i]]), int(r.a[rows[i]]), int(r.b[rows[i]]))
-
-    def _jump(self, chosen: Bool) -> F64:
-        """Velocity jumps (B, N, 6) by some impulses."""
-        run, r = self.block.run, self.r
-        out = np.zeros((self.block.count, run.bodies, 6))
-        reach = np.append(run.radius, 0.0)
-        arm = np.cross(self.lever, self.slide)
-        np.add.at(
-            out,
-            (r.k[chosen], r.a[chosen]),
-            np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])[chosen],
-        )
-        ball = chosen & (r.b < run.bodies)
-        back = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
-        np.add.at(out, (r.k[ball], r.b[ball]), back[ball])
-        return out * self.inverse
-
-    def _rates(self, rows: I64, motion: F64, *, old: bool = False, printed: bool = False) -> Rates:
-        """At some rows for the motion (B, N, 6); `old`: walls as at t_n; `printed`: the normal of t_n."""
-        run, block, r = self.block.run, self.block, self.r.of(rows)
-        ball = np.minimum(r.b, run.bodies - 1)
-        time, x = (block.t0, block.x0) if old else (block.t1, block.centres)
-        of_a, of_b = motion[r.k, r.a], motion[r.k, ball]
-        foot = self.lever[rows] if old else r.normal
-        pairs = Pairs(r.a, r.b, time[r.k], x[r.k, r.a], foot)
-        parts = (of_a[:, :3], of_a[:, 3:], of_b[:, :3], of_b[:, 3:])
-        return rates(run, pairs, parts, self.lever[rows] if printed else r.normal, self.lever[rows])
-
-    def _problem(self, rows: I64, start: F64, before_impact: F64) -> None:
-        """One problem of every step: `start` the velocities before it, `before_impact` V^-, (B, N, 6)."""
-        if not rows.size:
-            return
-        run, r, tally = self.block.run, self.r.of(rows), self.tally
-        left, place = self.left[rows], self._place(rows)
-        chosen = np.zeros(len(self.r), dtype=bool)
-        chosen[rows] = True
-        before, after = self._rates(rows, start), self._rates(rows, start + self._jump(chosen))
-        minus = self._rates(rows, before_impact, old=True)
-        own = compliance(run, r.a, r.b)
-        weight = norm(run.gravity) * run.h
-        scale = np.nan_to_num(np.abs(start[..., :3]) + run.radius[:, None] * np.abs(start[..., 3:])).max(
-            axis=(1, 2)
-        )[r.k]
-        # Speeds follow from recorded impulses without any solver, to rounding of both.
-        noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
-        told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))
-        tally.measure("impact speeds", told, 10.0 * noise + 2.0 * own[0] * left, place)
-        o, index = run.options, run.law_index(r.a, r.b)
-        acts = (r.problem > 0) & (r.problem <= o["max_problems"])
-        e_n = np.where(acts, run.coefficient("restitution", index), 0.0)
-        e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
-        towards = minus.normal
-        if o["impact"] == "sequence-paper":
-            towards = self._rates(rows, before_impact, old=True, printed=True).normal
-        else:
-            e_n = np.where(-towards < o["restitution_threshold"], 0.0, e_n)
-            # Whether a contact that hardly approaches restores slip is for the closing tolerance to say.
-            clear = towards < -(weight + 1e-6 * scale)
-            e_t = np.where(clear | (e_t == 0.0), e_t, np.where(towards >= 0.0, 0.0, np.nan))
-            towards = np.minimum(towards, 0.0)
-        value = np.abs(after.normal + r.scale * e_n * towards)
-        tally.measure("impact", value, 2.0 * own[0] * left + noise, place)
-        mu = self.mu[rows]
-        z = after.slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
-        most = mu * np.maximum(self.push[rows], 0.0)
-        defect = opposed(self.slide[rows], z, most, left, 2.0 * own[1] * left + noise)
-        sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0))
-        limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
-        tally.measure("slip", defect[sure], limit, self._place(rows[sure]))

@@ -19,11 +19,16 @@ _ROUNDING = "rounding of the numbers involved"
 _SOLVER = "8 tol_r times the root of the sum of squares of all multipliers (eq. 44), and rounding"
 
 _KINDS = (
+    Kind("references", "rows name bodies, steps and frames that there are", "rows", "none"),
     Kind("numbers", "every recorded number is finite", "numbers", "none"),
     Kind("clock", "times are steps times h, rows follow one another", "s", "2 roundings of the time"),
     Kind(
-        "scenario", "bodies and first frame are those of the scenario", "relative", "rounding of its decimals"
+        "scenario",
+        "bodies, walls and first frame are those of the scenario",
+        "relative",
+        "rounding of its decimals",
     ),
+    Kind("counts", "counts of the steps are those of the tables", "rows", "none"),
     Kind("quaternion", "orientations are unit quaternions", "1", "one normalisation: 8 roundings"),
     Kind(
         "position",
@@ -43,11 +48,17 @@ _KINDS = (
         "penetration",
         "no two bodies overlap",
         "m",
-        "gap_tolerance r, in islands of more than 50 contacts pile_tolerance r / 2;"
+        "gap_tolerance r, in islands of more than 50 contacts 0.9 pile_tolerance r (up to 5 times from 2500 on);"
         " moreau: way of a step; penalty: what the energy can compress",
     ),
+    Kind(
+        "penetration record",
+        "the penetration of a step is the deepest overlap of its frame",
+        "m",
+        _ROUNDING,
+    ),
     Kind("gap", "recorded gaps are those of the positions", "m", _ROUNDING),
-    Kind("normal", "recorded normals are those of the positions", "1", _ROUNDING),
+    Kind("normal", "recorded normals are unit vectors, those of the positions", "1", _ROUNDING),
     Kind(
         "complementarity",
         "only closed contacts have impulses",
@@ -104,6 +115,7 @@ _KINDS = (
     Kind("joint", "joints hold, and follow their laws", "m", "tol_r and rounding"),
     Kind("joint speed", "so do their velocities", "m/s", "tol_r and rounding"),
     Kind("wall impulse", "impulses on walls are those of their contacts", "N s", _ROUNDING),
+    Kind("wall moment", "so are their moments", "N m s", _ROUNDING),
 )
 
 KINDS: dict[str, Kind] = {kind.name: kind for kind in _KINDS}

@@ -116,6 +116,10 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
         single[:, None], 0.0, norm(loads.impulse[..., :3]) / run.mass * block.dt[:, None]
     )  # fmt: skip
     touched = s.count > 0
+    if run.method == "penalty":  # it has no position level
+        c = block.rows
+        tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
+                      lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))  # fmt: skip
     left = block.left(norm(block.rows.position_impulse))[:, None] / run.mass
     reach = 2.0 * (s.size * block.dt[:, None] + s.shift_size) / run.mass
     # Piles turn their normals while they solve: second order in the correction.
@@ -183,6 +187,33 @@ def walls(block: Block, tally: Tally) -> None:
     count = given.shape[1]
     kept = np.flatnonzero(np.broadcast_to(block.kept[:, None], value.shape))
     tally.measure("wall impulse", value.ravel()[kept], bound.ravel()[kept],
+                  lambda i: block.place(int(kept[i]) // count, run.bodies + int(kept[i]) % count))  # fmt: skip
+    _wall_moments(block, tally, given, rows)
+
+
+def _wall_moments(block: Block, tally: Tally, given: F64, rows: NDArray[np.bool_]) -> None:
+    """Moments about the places of the walls at the frame, of contacts that act at their last place: after one step alone.
+
+    Those of Moreau-Jean act where its step has them, between the frames.
+    """
+    run, c = block.run, block.rows
+    judged = block.single & block.kept & (run.method == "nsga")
+    why = "contacts move between the frames, or within the step of moreau and penalty"
+    tally.skip("wall moment", why, "nsga and every = 1 in [record]", int((~judged).sum()))
+    k, a, b = c.k[rows], c.a[rows], c.b[rows] - run.bodies
+    lever = np.zeros((len(k), 3))
+    for w, wall in enumerate(run.walls):
+        mine = b == w
+        lever[mine] = run.between(block.x1[k[mine], a[mine]], wall.place(block.t1[k[mine]]))
+    lever = lever - run.radius[a][:, None] * c.normal[rows]
+    summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
+    np.add.at(summed, (k, b), -np.cross(lever, c.impulse[rows]) - c.moment[rows])
+    extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
+    np.add.at(size, (k, b), extent * norm(c.impulse[rows]) + norm(c.moment[rows]))
+    value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size
+    count = given.shape[1]
+    kept = np.flatnonzero(np.broadcast_to(judged[:, None], value.shape))
+    tally.measure("wall moment", value.ravel()[kept], bound.ravel()[kept],
                   lambda i: block.place(int(kept[i]) // count, run.bodies + int(kept[i]) % count))  # fmt: skip
 
 

@@ -105,15 +105,15 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """(K,) how deep pairs may overlap, m.
 
     nsga: `gap_tolerance r` and 16 roundings of the largest coordinate in islands of up to 50 contacts; beyond, the
-    solver aims at half of `pile_tolerance r`, ten times that after its patience ended (a fallback is counted then).
+    solver aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then).
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
     end, so the way of one step at the largest speeds of the run. Penalty: the elastic energy `K d^(n+1)/(n+1)` is at
     most the largest kinetic energy of the run; twice the indentation under the whole weight comes on top.
     """
     other = np.append(run.radius, np.inf)[np.minimum(b, run.bodies)]
     r = np.minimum(run.radius[a], other)
-    ball = np.minimum(b, run.bodies - 1)
-    extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, ball)))
+    partner = np.where(b < run.bodies, b, a)  # a wall has no place of its own
+    extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, partner)))
     rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
     if run.method == "penalty":
         return np.asarray(_compressed(run, a, b, r) + rounding)
@@ -122,7 +122,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
         return np.asarray(_way(run, block, k, a, b) + rounding)
     many = (block.over(run.steps["candidates"])[k] > 50) | block.piled[k]
     tired = block.over(run.steps["fallbacks"])[k] > 0
-    aim = np.maximum(t["gap_tolerance"], 0.5 * t["pile_tolerance"] * np.where(tired, 10.0, 1.0))
+    aim = np.maximum(t["gap_tolerance"], block.pile_overlap[k] * np.where(tired, 10.0, 1.0))
     return np.asarray(np.where(many, aim, t["gap_tolerance"]) * r + rounding)
 
 

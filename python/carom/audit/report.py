@@ -41,7 +41,7 @@ class Finding:
     @property
     def ratio(self) -> float:
         """Value over bound; above 1 the law is violated."""
-        return self.value / self.bound if self.bound > 0.0 else (np.inf if self.value > 0.0 else 0.0)
+        return float(_ratios(np.array([self.value]), np.array([self.bound]))[0])
 
     def __str__(self) -> str:
         return f"{self.kind}: {self.value:.3g} {self.unit} (bound {self.bound:.3g}) at {self.place}"
@@ -149,7 +149,7 @@ class Tally:
 
     def measure(self, kind: str, value: Any, bound: Any, place: Callable[[int], Place]) -> None:
         """Values that must not exceed their bounds, of any one shape; `place(i)` says where the `i`-th of them, counted
-        flat, was found. A value that is not a number violates any bound.
+        flat, was found. A value that is not a number violates any bound, and a bound that is none is violated.
         """
         values = np.asarray(value, dtype=np.float64).ravel()
         if not values.size:
@@ -158,8 +158,8 @@ class Tally:
         values = np.where(np.isnan(values), np.inf, values) + 0.0  # no negative zeros
         verdict = self.verdicts[kind]
         verdict.judged += values.size
-        verdict.violations += int((values > bounds).sum())
         ratio = _ratios(values, bounds)
+        verdict.violations += int((ratio > 1.0).sum())
         at = int(np.argmax(ratio))
         if verdict.worst is None or ratio[at] > verdict.worst.ratio:
             verdict.worst = Finding(kind, float(values[at]), float(bounds[at]), verdict.kind.unit, place(at))
@@ -178,6 +178,7 @@ class Tally:
 
 
 def _ratios(values: NDArray[np.float64], bounds: NDArray[np.float64]) -> NDArray[np.float64]:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = values / bounds
-    return np.where(bounds > 0.0, ratio, np.where(values > 0.0, np.inf, 0.0))
+    """Values over bounds: infinite where a bound is 0 and the value is not, and where a bound is no number."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        ratio = np.where(np.isinf(bounds) & ~np.isinf(values), 0.0, values / bounds)
+    return np.where(bounds > 0.0, ratio, np.where((values > 0.0) | np.isnan(bounds), np.inf, 0.0))

@@ -74,6 +74,11 @@ class Surface:
         turn[:, 0], turn[:, 1:] = np.cos(half), np.outer(np.sin(half), np.asarray(axis))
         return np.asarray(pivot, dtype=np.float64), shift, turn
 
+    def place(self, time: F64) -> F64:
+        """Where the wall's point is at the times (K,), (K, 3)."""
+        pivot, shift, turn = self.pose(time)
+        return pivot + shift + rotated(turn, np.broadcast_to(self.point - pivot, shift.shape))
+
     def local(self, time: F64, x: F64) -> F64:
         """Places (K, 3) in the axes of the wall where it stood at the start."""
         if not self.travels:

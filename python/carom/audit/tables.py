@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.block import Block
 from carom.audit.data import Run
+from carom.audit.references import at
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
 
@@ -47,7 +49,7 @@ def _numbers(run: Run, tally: Tally) -> None:
             for first in range(0, len(column), ROWS):
                 values = np.asarray(column[first : first + ROWS])
                 wrong = (~np.isfinite(values)).reshape(len(values), -1).sum(axis=1)
-                tally.measure("numbers", wrong.sum(keepdims=True), 0.0, _at(f"/{table}/{name}"))
+                tally.measure("numbers", wrong.sum(keepdims=True), 0.0, at(f"/{table}/{name}"))
 
 
 def _clock(run: Run, tally: Tally) -> None:
@@ -81,17 +83,24 @@ def _scenario(run: Run, tally: Tally) -> None:
     for name in ("radius", "mass", "inertia"):
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run, name))
         if wanted.shape != found.shape:
-            tally.measure("scenario", [np.inf], 0.0, _at(f"/bodies/{name}"))
+            tally.measure("scenario", [np.inf], 0.0, at(f"/bodies/{name}"))
             return
         tally.measure(
             "scenario", np.abs(found / wanted - 1.0), 8.0 * EPS, lambda i: Place(who=(run.names[i],))
         )
+    _walls(run, tally)
+    world = (("gravity", run.gravity), ("periodic", np.zeros(3) if run.period is None else run.period))
+    for name, found in world:
+        given = run.model.get(name)
+        _compare(tally, np.zeros(3) if given is None else given, found, f"/ ({name})")
+    _compare(tally, run.names[: run.bodies], run.result.names, "/bodies/name")
+    _compare(tally, run.material, run.result.bodies["material"], "/bodies/material")
     if not run.frames or int(run.step[0]) != 0:
         return
     present = np.asarray(run.result.present[0])
     if not present.all() or len(run.result.events):
         present = present & False  # what enters at the start has places drawn, and the rest is absent
-    for name in ("position", "velocity", "angular_velocity"):
+    for name in ("position", "orientation", "velocity", "angular_velocity"):
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run.result, name)[0])
         off = norm(found - wanted) / (
             norm(wanted) + run.radius * (1.0 if name == "position" else 0.0) + 1e-300
@@ -100,8 +109,26 @@ def _scenario(run: Run, tally: Tally) -> None:
         tally.measure("scenario", off[chosen], 8.0 * EPS, _first(run, chosen))
 
 
-def _at(dataset: str) -> Callable[[int], Place]:
-    return lambda i: Place(who=(dataset,))
+def _walls(run: Run, tally: Tally) -> None:
+    """The tables of walls, column by column, as far as the file has them."""
+    for table, columns in run.wall_tables.items():
+        found = run.result._segments.static(table)
+        for name in sorted({*columns, *found}):
+            _compare(tally, columns.get(name, ()), found.get(name, ()), f"/{table}/{name}")
+
+
+def _compare(tally: Tally, wanted: Any, found: Any, dataset: str) -> None:
+    """A column of the files against the scenario: texts the same, numbers to rounding, none where there is none."""
+    wanted, found = np.asarray(wanted), np.asarray(found)
+    if wanted.shape != found.shape:
+        off = np.array([np.inf])
+    elif wanted.dtype.kind in "fiub" and found.dtype.kind in "fiub":
+        wanted, found = wanted.astype(np.float64), found.astype(np.float64)
+        off = np.abs(found - wanted) / np.maximum(np.abs(wanted), 1.0)
+        off = np.where(np.isnan(wanted) & np.isnan(found) | (wanted == found), 0.0, off)
+    else:
+        off = (wanted.astype(str) != found.astype(str)).astype(np.float64)
+    tally.measure("scenario", off, 8.0 * EPS, at(dataset))
 
 
 def _first(run: Run, bodies: NDArray[np.int64]) -> Callable[[int], Place]:

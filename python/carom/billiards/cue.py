@@ -16,11 +16,13 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.billiards.given import number, place
 from carom.errors import CaromError
 from carom.units import UnitError, parse
 
@@ -72,8 +74,9 @@ def cue_impulse(
 
     `speed` is that of the cue, or `ball_speed` |v| of the ball after the strike, m/s. The tip touches `side` radii to the
     right of the cue's line through the centre and `height` radii above it, both across the cue as the player sees it.
-    `elevation` is that of the butt. With `end_mass`, the mass of the cue's front end that takes part (kg), the ball
-    squirts away from the side on which it is struck:
+    `elevation` is that of the butt; `restitution` 1 is the textbook's, leather tips have 0.71 to 0.75 (`data.ALCIATORE`).
+    With `end_mass`, the mass of the cue's front end that takes part (kg), the ball squirts away from the side on which it
+    is struck:
 
         tan a = 5/2 s sqrt(1 - s^2)/(1 + m/m_e + 5/2 (1 - s^2)),   s = side
 
@@ -159,10 +162,10 @@ def strike(
     """
     if any(ball.velocity) or any(ball.angular_velocity):
         raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
-    if isinstance(direction, str | float | int):
-        angle = _si(direction, "angle")
+    if isinstance(direction, str | Real):
+        angle = _si(direction, "angle", "direction")
     else:
-        x, y = (float(c) for c in tuple(direction)[:2])
+        x, y = place("strike", "direction", direction)
         if not math.hypot(x, y) > 0:
             raise CaromError(
                 "strike: direction must be an angle or a vector within the table that is not zero"
@@ -173,24 +176,25 @@ def strike(
         mass=ball.mass_kg(),
         inertia=ball.inertia_kg_m2(),
         direction=angle,
-        speed=None if speed is None else _si(speed, "speed"),
-        ball_speed=None if ball_speed is None else _si(ball_speed, "speed"),
-        side=side,
-        height=height,
-        elevation=_si(elevation, "angle"),
-        cue_mass=_si(cue_mass, "mass"),
-        restitution=restitution,
-        end_mass=None if end_mass is None else _si(end_mass, "mass"),
+        speed=None if speed is None else _si(speed, "speed", "speed"),
+        ball_speed=None if ball_speed is None else _si(ball_speed, "speed", "ball_speed"),
+        side=number("strike", "side (in radii)", side),
+        height=number("strike", "height (in radii)", height),
+        elevation=_si(elevation, "angle", "elevation"),
+        cue_mass=_si(cue_mass, "mass", "cue_mass"),
+        restitution=number("strike", "restitution", restitution),
+        end_mass=None if end_mass is None else _si(end_mass, "mass", "end_mass"),
     )
     ball.velocity = tuple(found.velocity.tolist())
     ball.angular_velocity = tuple(found.angular_velocity.tolist())
     return found
 
 
-def _si(value: float | str, quantity: str) -> float:
+def _si(value: float | str, quantity: str, name: str) -> float:
+    """A number in SI, or a text with a unit."""
     if not isinstance(value, str):
-        return float(value)
+        return number("strike", name, value)
     try:
         return parse(value, quantity)
     except UnitError as error:
-        raise CaromError(f"strike: {error}") from None
+        raise CaromError(f"strike: {name}: {error}") from None

@@ -11,6 +11,7 @@ WPA = "WPA tournament table & equipment specifications (2001)"
 WPBSA = "WPBSA official rules of snooker, section 1"
 UMB = "UMB rules of carom billiards, chapter on equipment"
 POOLTOOL = "default of pooltool (E. Kiefl)"
+ALCIATORE = "D. Alciatore's list of physical properties (billiards.colostate.edu), by copies of it"
 MARLOW = "fit of D. Alciatore, TP A.14, to W. C. Marlow, The Physics of Pocket Billiards (1995); eq. 51 of the paper"
 MATHAVAN_CUSHION = (
     "S. Mathavan, M. R. Jackson, R. M. Parkin, Proc. IMechE C 224 (2010) 1863: snooker, v < 2.5 m/s"
@@ -95,22 +96,19 @@ TABLES: dict[str, Spec] = {
 class Laws:
     """Contact laws of a table. Where a value is no `Value`'s, say so in what you publish."""
 
+    # The ranges are those of `ALCIATORE` unless said otherwise.
     ball_restitution: Value = Value(0.95, "1", POOLTOOL, 0.92, 0.98)
     ball_friction: str | float = "9.951e-3 + 0.108*exp(-1.088*v)"
     """mu of the slip speed v, m/s: 0.11 at 0.07, 0.06 at 0.7, 0.01 at 7 m/s; see `MARLOW`."""
     cloth_friction: Value = Value(0.2, "1", POOLTOOL, 0.15, 0.4)
-    cloth_restitution: Value = Value(0.5, "1", POOLTOOL, 0.5, 0.7)
+    cloth_restitution: Value = Value(0.5, "1", f"{ALCIATORE}; upper end from memory", 0.5, 0.7)
     rolling_deceleration: Value = Value(0.01, "g", POOLTOOL, 0.005, 0.015)
     """Of a rolling ball, over g."""
-    spin_deceleration: Value = Value(
-        10.0, "rad/s^2", "Alciatore's range of 5 to 15 for pool cloth", 5.0, 15.0
-    )
+    spin_deceleration: Value = Value(10.0, "rad/s^2", f"middle of {ALCIATORE}", 5.0, 15.0)
     """Of a ball that spins in its place."""
-    cushion_restitution: Value = Value(
-        0.85, "1", "the paper, section 5.6; van Balen's constant for the model of Han in pooltool", 0.6, 0.9
-    )
+    cushion_restitution: Value = Value(0.85, "1", f"the paper, section 5.6; {POOLTOOL}", 0.6, 0.9)
     """Of the speed across the rail of a ball on the bed. Mathavan's 0.98 belongs to another law, of the energy."""
-    cushion_friction: Value = Value(0.14, "1", MATHAVAN_CUSHION, 0.14, 0.2)
+    cushion_friction: Value = Value(0.14, "1", f"{MATHAVAN_CUSHION}; upper end: {POOLTOOL}", 0.14, 0.2)
 
     def rolling_radius(self, radius: float) -> float:
         """rho, m: a ball that rolls under the moment rho N slows down by 5 rho g/(7 r)."""

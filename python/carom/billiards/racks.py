@@ -7,6 +7,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.billiards.given import number
 from carom.errors import CaromError
 from carom.scenario.bodies import uniform
 
@@ -38,6 +39,9 @@ def rack_places(
     (PCG64): a real rack is never tight, and the outcome of a break hangs on it.
     """
     rows = rows_of(balls)
+    radius, gap, jitter = (
+        number("rack", name, value) for name, value in (("radius", radius), ("gap", gap), ("jitter", jitter))
+    )
     if not gap >= 0 or not jitter >= 0:
         raise CaromError(f"rack: gap and jitter must not be below 0, found {gap!r} and {jitter!r}")
     if jitter and seed is None:

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.billiards.data import LAWS, TABLES, Laws, Spec
+from carom.billiards.given import number, place
 from carom.billiards.racks import rack_places
 from carom.errors import CaromError, did_you_mean
 from carom.events import departures
@@ -70,6 +71,18 @@ class Table:
     """Builds scenes on a table and reads results of them."""
 
     def __init__(self, spec: Spec) -> None:
+        for name in ("length", "width", "ball_radius", "ball_mass", "nose_height"):
+            if not number("table", name, getattr(spec, name)) > 0:
+                raise CaromError(f"table: {name} must be above 0, found {getattr(spec, name)!r}")
+        for name in ("corner_mouth", "side_mouth", "corner_shelf", "side_shelf"):
+            if not number("table", name, getattr(spec, name)) >= 0:
+                raise CaromError(f"table: {name} must not be below 0, found {getattr(spec, name)!r}")
+        for name in ("corner_angle", "side_angle"):
+            if not 90 <= number("table", name, getattr(spec, name)) < 180:
+                raise CaromError(
+                    f"table: {name} is that between nose and facing, in degrees, from 90 to below 180,"
+                    f" found {getattr(spec, name)!r}"
+                )
         r = spec.ball_radius
         if not 0 < r < spec.nose_height < 2 * r:
             raise CaromError(
@@ -81,6 +94,13 @@ class Table:
         if bool(spec.corner_mouth) != bool(spec.side_mouth):
             raise CaromError(
                 "table: give corner_mouth and side_mouth both, or both 0 for a table without pockets"
+            )
+        # Each piece of nose must be longer than nothing.
+        a, b = spec.corner_mouth / math.sqrt(2), 0.5 * spec.side_mouth
+        if not (0.5 * spec.length > a + b and spec.width > 2 * a):
+            raise CaromError(
+                f"table: pockets of {spec.corner_mouth:g} m (corner_mouth) and {spec.side_mouth:g} m (side_mouth) leave"
+                f" no cushion on {spec.length:g} m x {spec.width:g} m"
             )
         self.spec = spec
 
@@ -126,6 +146,9 @@ class Table:
         """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`."""
         from carom.scene import Scene
 
+        gravity = number("scene", "gravity", gravity)
+        if not isinstance(laws, Laws):
+            raise CaromError(f"scene: laws must be of billiards.Laws, as billiards.LAWS is, found {laws!r}")
         scene = Scene(
             title or f"{self.spec.name} table", gravity=(0.0, 0.0, -gravity), run=run, record=record
         )
@@ -143,7 +166,7 @@ class Table:
             if at not in self.spots:
                 raise CaromError(f"ball: no spot is called {at!r}; {did_you_mean(at, list(self.spots))}")
             at = self.spots[at]
-        x, y = (float(c) for c in at)
+        x, y = place("ball", "at", at)
         r = self.spec.ball_radius
         given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, r), **keys}
         return scene.sphere(name, **given)
@@ -171,7 +194,7 @@ class Table:
         if x is None or y is None:
             if isinstance(apex, str):
                 raise CaromError(f"rack: no spot is called {apex!r}; {did_you_mean(apex, list(self.spots))}")
-            x, y = (float(c) for c in apex)
+            x, y = place("rack", "apex", apex)
         places = rack_places(balls, self.spec.ball_radius, gap=gap, jitter=jitter, seed=seed)
         return [
             self.ball(scene, f"{prefix}{k}", (x + along, y + left))
@@ -268,8 +291,9 @@ class Table:
         for corner_x, sign_x in ((0.0, 1.0), (length, -1.0)):
             for corner_y, sign_y in ((0.0, 1.0), (width, -1.0)):
                 for u in steps.tolist():
+                    # Stairs reach as far before the edge as they stay behind it, half / sqrt(2).
                     xs = sorted((corner_x - sign_x * FAR, corner_x + sign_x * (u + half)))
-                    ys = sorted((corner_y - sign_y * FAR, corner_y + sign_y * (2 * c - u + half)))
+                    ys = sorted((corner_y - sign_y * FAR, corner_y + sign_y * (2 * c - u)))
                     boxes.append(([xs[0], ys[0], -FAR], [xs[1], ys[1], FAR]))
         b = 0.5 * spec.side_mouth + r
         middle, shelf = 0.5 * length, spec.side_shelf

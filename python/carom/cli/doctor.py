@@ -136,7 +136,7 @@ TESTS: dict[str, Callable[[], str]] = {
     "export": _extra("pyarrow", "gsd"),
     "studies": _extra("dask", "distributed", "scipy"),
     "live view": _extra("viser"),
-    "videos": _extra("pyvista", "imageio-ffmpeg"),
+    "films": _extra("vtk", "imageio-ffmpeg"),
 }
 OPTIONAL = {
     "plots": "pip install 'carom[plot]' for figures",
@@ -144,5 +144,5 @@ OPTIONAL = {
     "export": "pip install 'carom[export]' for Parquet and GSD; other formats need nothing",
     "studies": "pip install 'carom[cluster]' for carom sweep",
     "live view": "pip install 'carom[live]' for carom view --live",
-    "videos": "pip install 'carom[video]'",
+    "films": "pip install 'carom[video]' for MP4, GIF and PNG by carom export",
 }

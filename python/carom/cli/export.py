@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -20,7 +20,8 @@ def export(
         typer.Option(
             "--format",
             metavar="FORMAT",
-            help="vtkhdf, vtp (ParaView), csv, parquet (tables), extxyz, gsd (OVITO), or several with commas.",
+            help="vtkhdf, vtp (ParaView), csv, parquet (tables), extxyz, gsd (OVITO), mp4, gif, png (films, pictures),"
+            " or several with commas.",
         ),
     ] = "vtkhdf",
     out: Annotated[
@@ -36,13 +37,56 @@ def export(
     contacts: Annotated[
         bool, typer.Option("--contacts/--no-contacts", help="Contacts with their forces too.")
     ] = True,
+    at: Annotated[
+        float | None, typer.Option("--at", metavar="TIME", help="Of png: one still at this time, s.")
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            "--speed",
+            metavar="X",
+            help="Of films: simulated seconds per second; default 1, or what suits the run.",
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option("--fps", metavar="N", help="Of films: pictures per second; default 30, of gif 20."),
+    ] = None,
+    width: Annotated[
+        int | None, typer.Option("--width", metavar="PIXELS", help="Of films; default 1280, of gif 640.")
+    ] = None,
+    height: Annotated[
+        int | None, typer.Option("--height", metavar="PIXELS", help="Of films; default 720, of gif 360.")
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option("--camera", metavar="NAME", help="Of films: fit (default), top, side or end."),
+    ] = None,
+    follow: Annotated[
+        str | None, typer.Option("--follow", metavar="BALL", help="Of films: go along with this ball.")
+    ] = None,
+    shading: Annotated[
+        str | None,
+        typer.Option(
+            "--shading",
+            metavar="NAME",
+            help="Of films: pattern (default, shows rotation), plain, or colours by speed or spin.",
+        ),
+    ] = None,
+    stamp: Annotated[
+        bool, typer.Option("--stamp/--no-stamp", help="Of films: the time in the corner.")
+    ] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a run in a format of other programs: ParaView, OVITO, data frames.
+    """Write a run in a format of other programs: ParaView, OVITO, data frames; or as a film.
 
     Example: carom export runs/break-1 --format vtkhdf -o paraview
+
+    Example: carom export runs/break-1 --format mp4 --speed 0.5 --follow ball2
     """
-    from carom.export import FORMATS
+    from carom.cli.progress import counting_bar
+    from carom.export import FILMS, FORMATS
     from carom.result import load
 
     with warnings.catch_warnings(record=True) as caught:
@@ -56,9 +100,16 @@ def export(
     for name in formats:  # before anything is written
         if name not in FORMATS:
             raise CaromError(f"no export format is called {name!r}; {did_you_mean(name, list(FORMATS))}")
+    named: dict[str, Any] = {"at": at, "speed": speed, "fps": fps, "width": width, "height": height}
+    named |= {"camera": camera, "follow": follow, "shading": shading}
+    film = {key: value for key, value in named.items() if value is not None}
+    if film and not set(formats) & set(FILMS):
+        raise CaromError(f"--{next(iter(film))} is an option of films; add --format {FILMS[0]}")
     files = []
     for name in formats:
-        files += result.export(out, name, every=every, start=start, stop=stop, contacts=contacts)
+        with counting_bar(not (quiet or as_json) and name in FILMS, "pictures") as bar:
+            look = {**film, "stamp": stamp, "progress": bar} if name in FILMS else {}
+            files += result.export(out, name, every=every, start=start, stop=stop, contacts=contacts, **look)
     if as_json:
         emit({"files": [str(f) for f in files]})
     else:

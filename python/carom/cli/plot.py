@@ -57,13 +57,13 @@ def plot(
         result = load(run)
     for warning in caught:
         note(str(warning.message))
-    named = [kind for kinds in what or ["all"] for kind in kinds.split(",")]
+    named = [kind.strip() for kinds in what or ["all"] for kind in kinds.split(",")]
     kinds = result.plot.available(step) if "all" in named else named
     files = result.plot.save(
         out or result.path / "plots",
         kinds,
-        formats=format_.split(","),
-        bodies=bodies.split(",") if bodies else None,
+        formats=[name.strip() for name in format_.split(",")],
+        bodies=[name.strip() for name in bodies.split(",")] if bodies else None,
         step=step,
         width=width,
     )

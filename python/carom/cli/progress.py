@@ -1,9 +1,9 @@
-"""The progress bar of `carom run` and `carom resume`: on a terminal only, and only for runs that last."""
+"""Progress bars, on a terminal only: that of runs, and only of those that last, and one for things that are counted."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -76,3 +76,19 @@ def progress_bar(wanted: bool) -> Iterator[ProgressBar | None]:
         yield bar
     finally:
         bar.stop()
+
+
+@contextmanager
+def counting_bar(wanted: bool, what: str) -> Iterator[Callable[[int, int], None] | None]:
+    """A bar that is called with how many things (`what`) are done and how many there are, if somebody can see it."""
+    if not (wanted and sys.stderr.isatty()):
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn(what), TimeRemainingColumn())
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, known: bar.update(task, completed=done, total=known)

@@ -51,6 +51,7 @@ def resume(
     Example: carom resume runs/break-1 --until 6
     """
     from carom.drive import Interrupt
+    from carom.restart import Wish
     from carom.run import relaunch
     from carom.rundir import RunDir
 
@@ -63,8 +64,6 @@ def resume(
             places=places,
             stop=stop,
             progress=bar,
-            checkpoint=checkpoint,
-            any_version=any_version,
-            tell=note,
+            wish=Wish(checkpoint, any_version, tell=note),
         )
     return report(result, quiet=quiet, as_json=as_json)

@@ -11,6 +11,9 @@ import numpy as np
 
 from carom.cli.output import seconds, table
 from carom.errors import counted
+from carom.gained import gained
+from carom.scenario.advice import MANY_BALLS, PILE_TOLERANCE
+from carom.scenario.wall_checks import COARSE
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -99,6 +102,8 @@ def _troubles(summary: Mapping[str, Any], result: Result) -> str:
     travel = summary.get("travel_max") or 0.0
     if travel > MOST_TRAVEL and "penalty" not in summary:  # whose substeps see every impact
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
+    if rise := gained(result):
+        found.append(rise)
     return "troubles    " + ("; ".join(found) if found else "none")
 
 
@@ -110,6 +115,11 @@ def _energy(summary: Mapping[str, Any], result: Result) -> str:
     elif energy:
         rise = f"largest rise {energy['max_rise']:.2g} J" if energy["max_rise"] > 0 else "never rises"
         lines.append(f"energy      {energy['initial']:.6g} J to {energy['final']:.6g} J, {rise}")
+    if scaled := summary.get("safeguarded"):
+        least = f"the least to {100 * summary['restitution_scale_min']:.3g} % of it"
+        lines.append(
+            f"restitution scaled down in {counted(scaled, 'step')} ({least}), which would have gained energy"
+        )
     deepest = summary.get("penetration_max")
     if deepest is not None and summary["steps"]:
         radius = float(np.min(result.bodies["radius"]))
@@ -146,14 +156,18 @@ def _next(path: str, result: Result) -> str:
     joined = outcome.level == "smooth" or (result.summary.get("failure") or {}).get("joints")
     commands = [f"carom info {path}"]
     if outcome.kind == "not_converged" and not joined:  # joints that contradict one another stay
-        commands.insert(0, f"carom resume {path} --set {_easier(outcome)}")
+        commands.insert(0, f"carom resume {path} --set {_easier(outcome, result)}")
     if len(result.time) > 1:
         commands.append(f"carom view {path}")
     return "   ".join(commands)
 
 
-def _easier(outcome: Outcome) -> str:
-    """An option with which the failed step may be solved: the next tolerance that its residual keeps, or half steps."""
+def _easier(outcome: Outcome, result: Result) -> str:
+    """An option with which the failed step may be solved: the tolerance of piles, where it is one of a pile; the next
+    tolerance that its residual keeps; or half steps.
+    """
+    if len(result.names) >= MANY_BALLS and tomllib.loads(result.scenario)["run"]["pile_tolerance"] < COARSE:
+        return f"pile_tolerance={PILE_TOLERANCE:g}"
     if outcome.residual and outcome.residual < MOST_TOLERANCE:
         return f"tolerance=1e{math.floor(math.log10(outcome.residual)) + 1}"
     return "max_halvings=8"

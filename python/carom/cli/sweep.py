@@ -55,7 +55,11 @@ def sweep(
         typer.Option("--plots/--no-plots", help="Summary figures; by default if matplotlib is there."),
     ] = None,
     columns: Annotated[
-        str | None, typer.Option("--columns", metavar="A,B", help="Columns that the figures show.")
+        str | None,
+        typer.Option("--columns", metavar="A,B", help="Columns of the figures and of --csv."),
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV, too.")
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -82,7 +86,9 @@ def sweep(
     finally:
         if bar is not None:
             bar.stop()
-    files = _figures(found, plots, columns.split(",") if columns else [])
+    chosen = columns.split(",") if columns else []
+    files = [found.to_csv(csv, chosen)] if csv is not None else []
+    files += _figures(found, plots, chosen)
     if as_json:
         emit({**found.summary, "files": [str(f) for f in files]})
     elif not quiet:

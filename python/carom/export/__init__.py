@@ -1,8 +1,8 @@
 """Runs in the formats of other programs: `result.export("folder", "vtkhdf")`, `carom export RUN --format vtkhdf`.
 
 ParaView reads `vtkhdf` (5.12 or newer) and `vtp` (every version), OVITO reads `extxyz` and `gsd`, data frames `parquet` and
-`csv`. Files are written beside their place and renamed when they are whole. Balls that are absent (inflows and outlets) are
-left out of every format. Units are SI throughout.
+`csv`; `mp4`, `gif` and `png` are films and pictures. Files are written beside their place and renamed when they are whole.
+Balls that are absent (inflows and outlets) are left out of every format. Units are SI throughout.
 """
 
 from __future__ import annotations
@@ -10,24 +10,31 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from carom.errors import CaromError, did_you_mean
 from carom.export.whole import writing_into
 
 if TYPE_CHECKING:
-    from carom.export.frames import Selection
     from carom.result import Result
 
-#: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for.
+#: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for; those of `FILMS` take the
+#: `Look` as a third argument.
 FORMATS = {
-    "vtkhdf": ("carom.export.vtkhdf", "ParaView 5.12 or newer: balls and contacts over time, one file each"),
+    "vtkhdf": (
+        "carom.export.vtkhdf",
+        "ParaView 5.12 or newer: balls, contacts and walls over time, one file each",
+    ),
     "vtp": ("carom.export.vtp", "any ParaView: a file per frame with a .pvd that lists them"),
     "csv": ("carom.export.csv_tables", "frames, impacts, contacts, steps as text, units in the headings"),
     "parquet": ("carom.export.parquet", "the same for data frames (extra [export])"),
     "extxyz": ("carom.export.extxyz", "OVITO, ASE and others: one text file of all frames"),
     "gsd": ("carom.export.gsd", "OVITO, HOOMD, freud: one binary file of all frames (extra [export])"),
+    "mp4": ("carom.export.mp4", "a film, H.264 (extra [video])"),
+    "gif": ("carom.export.gif", "a film for pages that play no other (extra [video])"),
+    "png": ("carom.export.png", "a still, or numbered pictures of a film (extra [video])"),
 }
+FILMS = ("mp4", "gif", "png")
 
 
 def export(
@@ -39,19 +46,34 @@ def export(
     start: float | None = None,
     stop: float | None = None,
     contacts: bool = True,
+    **look: Any,
 ) -> list[Path]:
     """Write a run as `format` (one of `FORMATS`) into `directory`, by default `export` in the run directory.
 
     Of the recorded frames every so many (`every`) from `start` to `stop` (s, both included) are written; tables of
     impacts and steps have the rows of that time. Without `contacts` no contacts are written. Files of an earlier export
     of the same format are replaced. Returns the files to open, the first of them the balls.
+
+    Films and pictures have further options: `width`, `height` (pixels), `fps`, `speed` (simulated s per s), `camera`,
+    `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (s: one still), `progress`; see
+    `carom.film.look.Look`.
     """
     if format not in FORMATS:
         raise CaromError(f"no export format is called {format!r}; {did_you_mean(format, list(FORMATS))}")
     from carom.export.frames import Selection
 
     selection = Selection.of(result, every=every, start=start, stop=stop, contacts=contacts)
-    write: Callable[[Selection, Path], list[Path]] = import_module(FORMATS[format][0]).write
+    write: Callable[..., list[Path]] = import_module(FORMATS[format][0]).write
     path = Path(directory) if directory is not None else result.path / "export"
+    if format not in FILMS:
+        if look:
+            raise CaromError(f"{next(iter(look))} is an option of films; {format} has none of that name")
+        with writing_into(path):
+            return write(selection, path)
+    from carom.film.look import Look
+
+    chosen = Look.of(format, look)
+    if chosen.follow is not None:
+        result[chosen.follow]  # a name that is none is refused here
     with writing_into(path):
-        return write(selection, path)
+        return write(selection, path, chosen)

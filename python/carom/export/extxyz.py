@@ -1,6 +1,7 @@
 """Extended XYZ: text of all frames, with a line that names the columns; OVITO and ASE read it.
 
-Columns whose names OVITO knows become its own properties: species (the material), id, pos, velo, radius, mass.
+Columns whose names OVITO knows become its own properties: type (the material), id, pos, velo, radius, mass. The column
+`species` of ASE takes chemical elements only, so there is none; ASE has balls of the element X and the rest as arrays.
 Orientations are quaternions with the scalar part last, as OVITO has them. Numbers are the shortest text that reads
 back as the same bits.
 """
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from carom.export.frames import Frame, Selection
 from carom.export.whole import whole_file
 
-PROPERTIES = "species:S:1:pos:R:3:id:I:1:radius:R:1:mass:R:1:velo:R:3:angular_velocity:R:3:orientation:R:4"
+PROPERTIES = "type:S:1:pos:R:3:id:I:1:radius:R:1:mass:R:1:velo:R:3:angular_velocity:R:3:orientation:R:4"
 
 
 def write(selection: Selection, directory: Path) -> list[Path]:

@@ -119,9 +119,10 @@ class Selection:
     def rows_between(self, table: Any) -> NDArray[np.bool_]:
         """Which rows of a table with times lie in the time of the selection; the time before a frame belongs to it."""
         time = np.asarray(table["time"])
-        first, last = self.frames[0], self.frames[-1]
+        # Up to the last frame of the time asked for, which need not be one of those chosen by `every`.
+        first, end = self.frames.start, self.frames.stop
         low = -np.inf if first == 0 else self.time[first - 1]
-        high = np.inf if last + self.frames.step >= len(self.time) else self.time[last]
+        high = np.inf if end >= len(self.time) else self.time[end - 1]
         slack = 1e-9 * max(1e-30, float(self.time[-1]))
         return np.asarray((time > low + slack) & (time <= high + slack))
 

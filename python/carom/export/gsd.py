@@ -2,8 +2,8 @@
 
 The schema keeps single precision. The exact positions, velocities and angular velocities are in the file too, as
 `log/particles/position` and so on. A file of this kind has a box about the origin: of a periodic scene its own, to whose
-centre all positions are shifted (`log/configuration/origin`); of others one that holds all balls in all frames, without
-a shift.
+centre all positions are shifted (`log/configuration/origin`) and into which they are folded (`image` counts the periods);
+of others one that holds all balls in all frames, without a shift.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     result = selection.result
     low, high = box(selection)
     periods = result.periodic
-    origin = np.zeros(3)
+    origin, period = np.zeros(3), np.zeros(3)
     lengths = 2.0 * np.maximum(np.abs(low), np.abs(high))
     if periods is not None:
+        period = np.asarray(periods, dtype=np.float64)
         origin = np.where(periods > 0, result.periodic_origin + 0.5 * periods, origin)
         lengths = np.where(periods > 0, periods, lengths)
     materials = int(np.max(selection.fixed()["material"], initial=0)) + 1
@@ -43,7 +44,9 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             particles.N = len(frame.body)
             particles.types = [f"M{k}" for k in range(materials)]
             particles.typeid = found["material"]
-            particles.position = frame.position - origin
+            image = _image(frame.position - origin, period)
+            particles.position = frame.position - origin - image * period
+            particles.image = image
             particles.velocity = found["velocity"]
             particles.orientation = found["orientation"]
             particles.mass = found["mass"]
@@ -60,6 +63,12 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             }
             file.append(snapshot)
     return [path]
+
+
+def _image(position: Any, period: Any) -> Any:
+    """How many periods (3,), 0 where there is none, a place (n, 3) is from the box about the origin, (n, 3)."""
+    length = np.where(period > 0, period, np.inf)
+    return np.floor(position / length + 0.5).astype(np.int32)
 
 
 def _angular_momentum(orientation: Any, momentum: Any) -> Any:

@@ -1,4 +1,4 @@
-"""VTKHDF, temporal PolyData: balls and contacts as points over time, one HDF5 file each, written without VTK.
+"""VTKHDF, temporal PolyData: balls and contacts as points, walls as triangles over time, one HDF5 file each, without VTK.
 
 Layout: VTK's file format documentation, version 2.0 of VTKHDF. A step names offsets into arrays that hold all steps end to
 end; what does not change is stored once, and every step points to it. Numbers keep their double precision.
@@ -16,19 +16,22 @@ from numpy.typing import NDArray
 
 from carom.export.frames import FIXED, MOVING, Selection
 from carom.export.glyphs import contact_glyphs
+from carom.export.walls import walls
 from carom.export.whole import whole_file
 
 VERSION = (2, 0)
 CELLS = ("Vertices", "Lines", "Polygons", "Strips")
 #: Rows of a chunk.
 CHUNK = 8192
+#: Bytes that are kept before they are written: to write each step by itself took most of the time.
+KEPT = 8 * 1024 * 1024
 
 
 def write(selection: Selection, directory: Path) -> list[Path]:
-    """`balls.vtkhdf`, and `contacts.vtkhdf` if the run has some."""
+    """`balls.vtkhdf`, and `contacts.vtkhdf` and `walls.vtkhdf` if the run has some."""
     files = [directory / "balls.vtkhdf"]
     fixed = {} if selection.changes else {**selection.fixed(), "id": np.arange(len(selection.result.names))}
-    with whole_file(files[0]) as path, TemporalPoints(path, fixed) as file:
+    with whole_file(files[0]) as path, Temporal(path, fixed) as file:
         for frame in selection:
             data = {name: frame.quantities[name] for name in MOVING if name != "position"}
             if selection.changes:
@@ -36,58 +39,95 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             file.append(frame.time, frame.position, data)
     if selection.with_contacts:
         files.append(directory / "contacts.vtkhdf")
-        with whole_file(files[1]) as path, TemporalPoints(path) as file:
+        with whole_file(files[1]) as path, Temporal(path) as file:
             for frame in selection:
                 file.append(frame.time, *contact_glyphs(selection, frame))
+    found = walls(selection)
+    if found is not None:
+        files.append(directory / "walls.vtkhdf")
+        with (
+            whole_file(files[-1]) as path,
+            Temporal(path, triangles=found.triangles, cells=found.cells) as file,
+        ):
+            for k, frame_index in enumerate(selection.frames):
+                # Walls at rest are stored once.
+                file.append(
+                    float(selection.time[frame_index]), found.points(k) if found.moves or k == 0 else None, {}
+                )
     return files
 
 
-class TemporalPoints:
-    """A VTKHDF file of points, each a vertex cell, written step by step.
+class Temporal:
+    """A VTKHDF file written step by step: points, each a vertex cell, or with `triangles` (F, 3), the same in every step.
 
-    `fixed` are arrays (n,) or (n, k) that belong to every step; with them all steps have the same number of points.
+    `fixed` are arrays (n,) or (n, k) of the points, `cells` (F,) or (F, k) of the triangles, that belong to every step; with
+    them and with triangles all steps have the same number of points.
     """
 
-    def __init__(self, path: Path, fixed: Mapping[str, NDArray[Any]] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        fixed: Mapping[str, NDArray[Any]] | None = None,
+        *,
+        triangles: NDArray[Any] | None = None,
+        cells: Mapping[str, NDArray[Any]] | None = None,
+    ) -> None:
         self._file = h5py.File(path, "w")
         root = self._root = self._file.create_group("VTKHDF")
         root.attrs["Version"] = np.array(VERSION, dtype=np.int64)
         root.attrs.create("Type", np.bytes_(b"PolyData"))
         root.create_group("PointData")
+        self._kept: dict[str, list[NDArray[Any]]] = {}
+        self._lengths: dict[str, int] = {}
+        self._bytes = 0
         self._fixed = dict(fixed or {})
         for name, values in self._fixed.items():
             self._append(f"PointData/{name}", values)
+        self._triangles = triangles
+        self._of_cells = list(cells or {})
+        for name, values in (cells or {}).items():
+            self._append(f"CellData/{name}", values)
         self._times: list[float] = []
         self._counts: list[int] = []
+        self._begins: list[int] = []
         self._varying: list[str] = []
 
-    def append(self, time: float, points: NDArray[Any], data: Mapping[str, NDArray[Any]]) -> None:
-        """Add a step at `time` (s) with points (n, 3) and arrays (n,) or (n, k), the same in every step."""
+    def append(self, time: float, points: NDArray[Any] | None, data: Mapping[str, NDArray[Any]]) -> None:
+        """Add a step at `time` (s) with points (n, 3) and arrays (n,) or (n, k), the same in every step; without points
+        those of the step before.
+        """
         self._varying = list(data)
-        self._append("Points", points)
+        self._times.append(time)
+        if points is None:
+            self._begins.append(self._begins[-1])
+            self._counts.append(self._counts[-1])
+            return
+        self._begins.append(self._append("Points", points))
         for name, values in data.items():
             self._append(f"PointData/{name}", values)
-        self._times.append(time)
         self._counts.append(len(points))
 
     def close(self) -> None:
         """Write what the steps share, and where each begins."""
+        self._flush()
         steps, counts = len(self._times), np.array(self._counts, dtype=np.int64)
-        most = int(counts.max(initial=0))
         # A fixed number of points is one part that all steps share.
         parts = counts[:1] if len(set(self._counts)) <= 1 else counts
         root = self._root
         root["NumberOfPoints"] = parts
         for kind in CELLS:
-            cells = most if kind == "Vertices" else 0
+            connected, of_parts = np.zeros((0, 1), dtype=np.int64), np.zeros_like(parts)
+            if kind == "Vertices" and self._triangles is None:
+                # A step with fewer points reads only the beginning of both.
+                connected, of_parts = np.arange(counts.max(initial=0))[:, np.newaxis], parts
+            elif kind == "Polygons" and self._triangles is not None:
+                connected, of_parts = self._triangles, np.full_like(parts, len(self._triangles))
             group = root.create_group(kind)
-            of_parts = parts if kind == "Vertices" else np.zeros_like(parts)
-            group["NumberOfCells"] = group["NumberOfConnectivityIds"] = of_parts
-            # A step with fewer points reads only the beginning of both.
-            group["Connectivity"] = np.arange(cells, dtype=np.int64)
-            group["Offsets"] = np.arange(cells + 1, dtype=np.int64)
-        begin = np.concatenate([[0], np.cumsum(counts)[:-1]]) if steps else np.zeros(0)
-        begin = begin.astype(np.int64)
+            corners = connected.shape[1]
+            group["NumberOfCells"], group["NumberOfConnectivityIds"] = of_parts, corners * of_parts
+            group["Connectivity"] = connected.ravel()
+            group["Offsets"] = corners * np.arange(len(connected) + 1, dtype=np.int64)
+        begin = np.array(self._begins, dtype=np.int64)
         group = root.create_group("Steps")
         group.attrs["NSteps"] = np.int64(steps)
         group["Values"] = np.array(self._times)
@@ -100,8 +140,27 @@ class TemporalPoints:
             offsets[name] = begin
         for name in self._fixed:
             offsets[name] = np.zeros(steps, dtype=np.int64)
+        if self._of_cells:
+            offsets = group.create_group("CellDataOffsets")
+            for name in self._of_cells:
+                offsets[name] = np.zeros((steps, len(CELLS)), dtype=np.int64)
 
-    def _append(self, name: str, values: NDArray[Any]) -> None:
+    def _append(self, name: str, values: NDArray[Any]) -> int:
+        """Add rows to an array; returns how many it had."""
+        rows = self._lengths.get(name, 0)
+        self._lengths[name] = rows + len(values)
+        self._kept.setdefault(name, []).append(values)
+        self._bytes += values.nbytes
+        if self._bytes >= KEPT:
+            self._flush()
+        return rows
+
+    def _flush(self) -> None:
+        for name, pieces in self._kept.items():
+            self._write(name, np.concatenate(pieces))
+        self._kept, self._bytes = {}, 0
+
+    def _write(self, name: str, values: NDArray[Any]) -> None:
         if name not in self._root:
             self._root.create_dataset(
                 name,
@@ -115,7 +174,7 @@ class TemporalPoints:
         dataset.resize(rows + len(values), axis=0)
         dataset[rows:] = values
 
-    def __enter__(self) -> TemporalPoints:
+    def __enter__(self) -> Temporal:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

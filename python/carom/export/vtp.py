@@ -16,28 +16,41 @@ from numpy.typing import NDArray
 
 from carom.export.frames import FIXED, MOVING, Frame, Selection
 from carom.export.glyphs import contact_glyphs
+from carom.export.walls import walls
 from carom.export.whole import whole_file, whole_folder
 
 ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
 
 
 def write(selection: Selection, directory: Path) -> list[Path]:
-    """`balls.pvd`, and `contacts.pvd` if the run has some; the frames are in folders of these names."""
-    files = [_series(selection, directory, "balls")]
+    """`balls.pvd`, and `contacts.pvd` and `walls.pvd` if the run has some; the frames are in folders of these names."""
+    files = [_series(selection, directory, "balls", (polydata(*_balls(frame)) for frame in selection))]
     if selection.with_contacts:
-        files.append(_series(selection, directory, "contacts"))
+        glyphs = (polydata(*contact_glyphs(selection, frame)) for frame in selection)
+        files.append(_series(selection, directory, "contacts", glyphs))
+    found = walls(selection)
+    if found is not None:
+        placed = (
+            # Walls at rest have one file for all times.
+            polydata(found.points(k), {}, found.triangles, found.cells) if found.moves or k == 0 else None
+            for k in range(len(selection.frames))
+        )
+        files.append(_series(selection, directory, "walls", placed))
     return files
 
 
-def _series(selection: Selection, directory: Path, what: str) -> Path:
+def _series(selection: Selection, directory: Path, what: str, steps: Iterable[bytes | None]) -> Path:
+    """The file of each chosen frame, and their list; a frame without one shares that of the frame before."""
     digits = len(str(selection.frames[-1]))
-    listed = []
+    listed: list[tuple[float, str]] = []
     with whole_folder(directory / what, own="*.vtp") as folder:
-        for frame in selection:
-            name = f"{frame.index:0{digits}d}.vtp"
-            arrays = _balls(frame) if what == "balls" else contact_glyphs(selection, frame)
-            (folder / name).write_bytes(points_file(*arrays))
-            listed.append((frame.time, f"{what}/{name}"))
+        for index, content in zip(selection.frames, steps, strict=True):
+            name = f"{index:0{digits}d}.vtp"
+            if content is not None:
+                (folder / name).write_bytes(content)
+            listed.append(
+                (float(selection.time[index]), listed[-1][1] if content is None else f"{what}/{name}")
+            )
         # Between here and the end of the function a reader finds no list, never one of frames that are not there.
         (directory / f"{what}.pvd").unlink(missing_ok=True)
     with whole_file(directory / f"{what}.pvd") as path:
@@ -50,8 +63,15 @@ def _balls(frame: Frame) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
     return frame.position, {**{name: frame.quantities[name] for name in names}, "id": frame.body}
 
 
-def points_file(points: NDArray[Any], data: Mapping[str, NDArray[Any]]) -> bytes:
-    """A `.vtp` file of points (n, 3), each a vertex, with arrays (n,) or (n, k)."""
+def polydata(
+    points: NDArray[Any],
+    data: Mapping[str, NDArray[Any]],
+    triangles: NDArray[Any] | None = None,
+    cells: Mapping[str, NDArray[Any]] | None = None,
+) -> bytes:
+    """A `.vtp` file of points (n, 3) with arrays (n,) or (n, k): each a vertex, or with `triangles` (F, 3), which may have
+    arrays `cells` too, (F,) or (F, k).
+    """
     blobs: list[bytes] = []
     size = 0
 
@@ -67,21 +87,29 @@ def points_file(points: NDArray[Any], data: Mapping[str, NDArray[Any]]) -> bytes
         return f'<DataArray type="{kind}" {called}NumberOfComponents="{components}" format="appended" offset="{offset}"/>'
 
     count = len(points)
+    section, corners = (
+        ("Verts", np.arange(count)[:, np.newaxis]) if triangles is None else ("Polys", triangles)
+    )
+    numbers = dict.fromkeys(("Verts", "Lines", "Strips", "Polys"), 0) | {section: len(corners)}
+    counted = " ".join(f'NumberOf{name}="{number}"' for name, number in numbers.items())
     lines = [
         '<?xml version="1.0"?>',
         f'<VTKFile type="PolyData" version="1.0" byte_order="{ORDER}" header_type="UInt64">',
         "<PolyData>",
-        f'<Piece NumberOfPoints="{count}" NumberOfVerts="{count}" NumberOfLines="0" NumberOfStrips="0" NumberOfPolys="0">',
+        f'<Piece NumberOfPoints="{count}" {counted}>',
         "<PointData>",
         *(array(values, name) for name, values in data.items()),
         "</PointData>",
+        "<CellData>",
+        *(array(values, name) for name, values in (cells or {}).items()),
+        "</CellData>",
         "<Points>",
         array(points, "Points"),
         "</Points>",
-        "<Verts>",
-        array(np.arange(count), "connectivity"),
-        array(np.arange(1, count + 1), "offsets"),
-        "</Verts>",
+        f"<{section}>",
+        array(corners.ravel(), "connectivity"),
+        array(corners.shape[1] * np.arange(1, len(corners) + 1), "offsets"),
+        f"</{section}>",
         "</Piece>",
         "</PolyData>",
         '<AppendedData encoding="raw">',

@@ -24,7 +24,7 @@ from carom.granular.contact import (
     normal_forces,
 )
 from carom.granular.density import RadialDistribution, packing_fraction, radial_distribution
-from carom.granular.over import Series, over_frames, over_regions
+from carom.granular.over import Profile, Series, over_frames, over_regions
 from carom.granular.region import Region, ball_volume, cells, layers
 from carom.granular.snapshot import Contacts, Snapshot, snapshot
 from carom.granular.stress import Stress, Temperature, ball_stress, granular_temperature, stress
@@ -41,6 +41,7 @@ __all__ = [
     "ForceChains",
     "HeapAngle",
     "NormalForces",
+    "Profile",
     "RadialDistribution",
     "Region",
     "RunOut",

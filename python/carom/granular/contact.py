@@ -9,6 +9,7 @@ import numpy as np
 
 from carom.errors import CaromError
 from carom.granular.region import Region, holds
+from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
 from carom.packing.neighbours import pairs
 
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from carom.result import Result
 
 
-@dataclass(frozen=True)
-class Coordination:
+@dataclass(frozen=True, repr=False)
+class Coordination(Measure):
     """Numbers of contacts. Rattlers are balls with too few contacts, and those that are left with too few without them."""
 
     per_ball: I64
@@ -102,8 +103,8 @@ def _near(s: Snapshot, gap: float) -> tuple[I64, I64]:
     return np.concatenate(first), np.concatenate(second)
 
 
-@dataclass(frozen=True)
-class Fabric:
+@dataclass(frozen=True, repr=False)
+class Fabric(Measure):
     """How contact normals are directed. The density of directions n is about (1 + a_ij n_i n_j) / 4 pi."""
 
     tensor: F64
@@ -148,8 +149,8 @@ def fabric(
     return Fabric(np.einsum("c,ci,cj->ij", weight, normal, normal), len(push))
 
 
-@dataclass(frozen=True)
-class NormalForces:
+@dataclass(frozen=True, repr=False)
+class NormalForces(Measure):
     """The distribution of normal forces over their mean."""
 
     mean: float
@@ -189,8 +190,8 @@ def normal_forces(
     return NormalForces(float(push.mean()), ratio, edges, counts / unit, np.sqrt(counts) / unit)
 
 
-@dataclass(frozen=True)
-class ForceChains:
+@dataclass(frozen=True, repr=False)
+class ForceChains(Measure):
     """Contacts that carry much, and the chains that they form: two of them that share a ball belong to one."""
 
     threshold: float

@@ -9,6 +9,7 @@ import numpy as np
 
 from carom.errors import CaromError
 from carom.granular.region import Region, ball_volume, holds
+from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, snapshot
 from carom.packing.neighbours import pairs, separation
 from carom.packing.region import Box
@@ -35,8 +36,8 @@ def packing_fraction(source: Result | Snapshot, region: Region, frame: int = -1)
     return float(ball_volume(region, s.position[there], s.radius[there]).sum()) / region.volume
 
 
-@dataclass(frozen=True)
-class RadialDistribution:
+@dataclass(frozen=True, repr=False)
+class RadialDistribution(Measure):
     """g(r): how often centres are a distance apart, over how often they would be if they lay evenly."""
 
     edges: F64

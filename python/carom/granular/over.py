@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.granular.region import Region
 from carom.granular.snapshot import F64, Snapshot, snapshot
+from carom.packing.region import Box
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -37,6 +38,40 @@ class Series(Generic[T]):
         """Mean over time of an attribute, or of the values themselves. A frame counts for the time since the one before."""
         found = np.array(self.values) if name is None else self[name]
         return np.tensordot(self.interval / self.interval.sum(), found, axes=1)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Profile(Generic[T]):
+    """What a function found in each of some regions."""
+
+    regions: tuple[Region, ...]
+    values: tuple[T, ...]
+
+    @property
+    def centre(self) -> F64:
+        """Centres of the regions, (K, 3), m."""
+        middle = (
+            0.5 * np.add(r.low, r.high) if isinstance(r, Box) else np.asarray(r.point) for r in self.regions
+        )
+        return np.array([*middle], dtype=np.float64).reshape(-1, 3)
+
+    @overload
+    def __getitem__(self, which: str) -> NDArray[Any]: ...
+    @overload
+    def __getitem__(self, which: int) -> T: ...
+    def __getitem__(self, which: str | int) -> NDArray[Any] | T:
+        """An attribute of all values as one array, (K, ...), or the value of one region by its number."""
+        return (
+            np.array([getattr(v, which) for v in self.values])
+            if isinstance(which, str)
+            else self.values[which]
+        )
 
     def __iter__(self) -> Iterator[T]:
         return iter(self.values)
@@ -74,10 +109,12 @@ def over_regions(
     regions: Iterable[Region],
     frame: int = -1,
     **options: Any,
-) -> list[T]:
+) -> Profile[T]:
     """`function(snapshot, region=region, **options)` for each of the regions.
 
-    over_regions(result, packing_fraction, layers(box, "z", 20))
+    profile = over_regions(result, stress, layers(box, "z", 20))
+    profile.centre[:, 2], profile["pressure"]
     """
     s = snapshot(source, frame)
-    return [function(s, region=region, **options) for region in regions]
+    regions = tuple(regions)
+    return Profile(regions, tuple(function(s, region=region, **options) for region in regions))

@@ -73,16 +73,33 @@ def _slab(x: F64, along: F64, low: float, high: float, first: F64, last: F64) ->
     return np.maximum(first, entry), np.minimum(last, leave)
 
 
-def layers(box: Box, axis: str, count: int) -> list[Box]:
-    """`count` equal slices of a box across an axis, "x", "y" or "z", lowest first."""
+def layers(region: Box | Cylinder, axis: str, count: int) -> list[Box] | list[Cylinder]:
+    """`count` equal slices of a box, or of a cylinder along this axis, across "x", "y" or "z", lowest first."""
     if axis not in ("x", "y", "z") or count < 1:
         raise CaromError(
             f"cannot cut {count} layers across {axis!r}; give an axis x, y or z and at least one layer"
         )
     k = "xyz".index(axis)
+    if isinstance(region, Cylinder):
+        return _discs(region, k, count)
+    if not isinstance(region, Box):
+        raise CaromError("only a Box or a Cylinder can be cut in layers; give one of these")
     counts = [1, 1, 1]
     counts[k] = count
-    return cells(box, (counts[0], counts[1], counts[2]))
+    return cells(region, (counts[0], counts[1], counts[2]))
+
+
+def _discs(region: Cylinder, k: int, count: int) -> list[Cylinder]:
+    along = scaled(region.axis)
+    if abs(along[k]) < 1.0 - 1e-12:
+        cure = "give the axis that it lies along, or make the slices yourself: each is a Cylinder"
+        raise CaromError(f"a cylinder along {region.axis} cannot be cut in layers across {'xyz'[k]}; {cure}")
+    edges = np.linspace(-0.5, 0.5, count + 1) * region.length
+    middle = np.tile(np.array(region.point, dtype=np.float64), (count, 1))
+    middle[:, k] += 0.5 * (edges[1:] + edges[:-1])
+    return [
+        Cylinder((x, y, z), region.axis, region.radius, region.length / count) for x, y, z in middle.tolist()
+    ]
 
 
 def cells(box: Box, counts: tuple[int, int, int]) -> list[Box]:

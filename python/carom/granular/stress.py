@@ -14,14 +14,15 @@ import numpy as np
 
 from carom.errors import CaromError
 from carom.granular.region import Region, ball_volume, holds, line_share
+from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, Snapshot, snapshot
 
 if TYPE_CHECKING:
     from carom.result import Result
 
 
-@dataclass(frozen=True)
-class Stress:
+@dataclass(frozen=True, repr=False)
+class Stress(Measure):
     """Mean stress of a region, Pa, positive in compression."""
 
     contact: F64
@@ -104,8 +105,8 @@ def ball_stress(source: Result | Snapshot, frame: int = -1) -> F64:
     return np.asarray(moment / s.volume[:, None, None])
 
 
-@dataclass(frozen=True)
-class Temperature:
+@dataclass(frozen=True, repr=False)
+class Temperature(Measure):
     """Granular temperature of a region, m^2/s^2; not a number where there are too few balls."""
 
     translational: float

@@ -10,6 +10,7 @@ import numpy as np
 
 from carom.errors import CaromError
 from carom.granular.contact import components
+from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
 from carom.packing.neighbours import pairs
 
@@ -21,8 +22,8 @@ _MOST_PAIRS = 500_000  # of the points of a surface
 _ROUNDS = 3  # of choosing the part of the slope from the line fitted before
 
 
-@dataclass(frozen=True)
-class HeapAngle:
+@dataclass(frozen=True, repr=False)
+class HeapAngle(Measure):
     """The slope of a free surface."""
 
     angle: float
@@ -166,8 +167,8 @@ def _leave_one_out(used: Bool, sector: I64) -> list[Bool]:
     return [part for part in parts if np.count_nonzero(part) >= 3]
 
 
-@dataclass(frozen=True)
-class RunOut:
+@dataclass(frozen=True, repr=False)
+class RunOut(Measure):
     """How far a column has run out, and how high it was and is."""
 
     initial: float

@@ -84,8 +84,7 @@ class Plots:
             "iterations": lambda: solver.iterations(self._result),
             "residuals": lambda: solver.residuals(self._result, step),
         }
-        if what not in drawn:
-            raise CaromError(f"no plot is called {what!r}; {did_you_mean(what, KINDS)}")
+        _known(what)
         require_matplotlib()
         return drawn[what]()
 
@@ -108,8 +107,11 @@ class Plots:
         for chosen in formats:
             if chosen not in FORMATS:
                 raise CaromError(f"no format is called {chosen!r}; {did_you_mean(chosen, FORMATS)}")
+        chosen_kinds = self.available(step) if what is None else list(what)
+        for name in chosen_kinds:  # before anything is written
+            _known(name)
         files: list[Path] = []
-        for name in self.available(step) if what is None else what:
+        for name in chosen_kinds:
             with column_width(width):
                 chart = self.chart(name, bodies=bodies, step=step)
             files += save(chart, Path(directory), name.replace("-", "_"), formats)
@@ -129,6 +131,11 @@ class Plots:
 
     def __repr__(self) -> str:
         return f"<figures of {self._result.path}: {', '.join(k.replace('-', '_') for k in KINDS)}>"
+
+
+def _known(what: str) -> None:
+    if what not in KINDS:
+        raise CaromError(f"no plot is called {what!r}; {did_you_mean(what, KINDS)}")
 
 
 def require_matplotlib() -> None:

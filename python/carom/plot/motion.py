@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -34,19 +35,20 @@ def angular_velocities(result: Result, bodies: Sequence[str] | None = None) -> C
 
 
 def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
-    """Height of the lowest point of each body above the plane on which things rest; of its centre without one."""
+    """Height of the lowest point of each body above the plane on which things rest, where that is at the time; of its centre
+    without one."""
     names, columns, frames = selection(result, bodies)
     up = upward(result)
-    centre = np.asarray(result.position[frames])[:, columns] @ up
+    centre = of_present(result, "position", frames, columns) @ up
     floor = _floor(result, up)
     if floor is None:
         values, label = centre, "height of the centre"
     else:
-        plane, level = floor
-        values = centre - level - np.asarray(result.bodies["radius"])[columns]
-        label = f"height above {plane}"
+        level = result.walls[floor].position[frames] @ up
+        values = centre - level[:, np.newaxis] - np.asarray(result.bodies["radius"])[columns]
+        label = f"height above {floor}"
     # A ball that hops is seen in millimetres.
-    scale, unit = (1e3, "mm") if np.max(np.abs(values), initial=0.0) < 0.5 else (1.0, "m")
+    scale, unit = (1e3, "mm") if np.nanmax(np.abs(values), initial=0.0) < 0.5 else (1.0, "m")
     with styled():
         figure, (axes,) = panels(1, 2.8, result.title)
         time = np.asarray(result.time[frames])
@@ -61,7 +63,7 @@ def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
 
 def _components(result: Result, bodies: Sequence[str] | None, quantity: str, symbol: str, unit: str) -> Chart:
     names, columns, frames = selection(result, bodies)
-    values = np.asarray(getattr(result, quantity)[frames])[:, columns]
+    values = of_present(result, quantity, frames, columns)
     time = np.asarray(result.time[frames])
     plain = symbol.replace("\\", "")
     numbers: dict[str, NDArray[Any]] = {"time (s)": time}
@@ -87,7 +89,9 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
         for i, name in enumerate(names):
             axes.plot(time, values[:, i], color=COLOURS[i], linestyle=DASHES[i % 2], label=name)
         return {name: values[:, i] for i, name in enumerate(names)}
-    least, low, middle, high, most = np.quantile(values, [0.0, 0.05, 0.5, 0.95, 1.0], axis=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of frames without any body: nothing is drawn
+        least, low, middle, high, most = np.nanquantile(values, [0.0, 0.05, 0.5, 0.95, 1.0], axis=1)
     axes.fill_between(
         time, low, high, color=COLOURS[5], alpha=0.35, linewidth=0, label="5 to 95 % of the bodies"
     )
@@ -100,7 +104,7 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
 
 
 def _flat(values: F64) -> bool:
-    return bool(np.max(np.abs(values), initial=0.0) < 1e-9)
+    return bool(np.nanmax(np.abs(values), initial=0.0) < 1e-9)
 
 
 def selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], Any, Any]:
@@ -111,16 +115,23 @@ def selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], 
     return names, columns, slice(None, None, stride)
 
 
+def of_present(result: Result, quantity: str, frames: Any, columns: Any) -> F64:
+    """A quantity (T, n, 3) of the chosen bodies, not a number where they are absent: before they enter, after they left."""
+    there = np.asarray(result.present[frames])[:, columns]
+    values = np.asarray(getattr(result, quantity)[frames])[:, columns]
+    return np.where(there[:, :, np.newaxis], values, np.nan)
+
+
 def upward(result: Result) -> F64:
     gravity = result.gravity
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
 
 
-def _floor(result: Result, up: F64) -> tuple[str, float] | None:
-    """Name and level of the first plane that faces upwards."""
+def _floor(result: Result, up: F64) -> str | None:
+    """Name of the first plane that faces upwards."""
     planes = result.planes
-    for name, point, normal in zip(planes["name"], planes["point"], planes["normal"], strict=True):
+    for name, normal in zip(planes["name"], planes["normal"], strict=True):
         if normal @ up > 1 - 1e-9:
-            return str(name), float(point @ up)
+            return str(name)
     return None

@@ -30,6 +30,8 @@ MOST_BALLS = 4
 BINS = 40
 #: Bands of a parameter.
 BANDS = 15
+#: Cases from which on medians are drawn.
+LINED = 20
 
 
 def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
@@ -45,10 +47,11 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             middle = float(np.median(values)) if len(values) else np.nan
             axis.axvline(middle, color=COLOURS[1], linewidth=1.0)
             axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
-            axis.set_xlabel(label(sweep, name))
+            axis.set_xlabel(sweep.label(name))
             axis.set_ylabel("cases")
-            numbers[f"{name}: from"] = _filled(edges[:-1], BINS)
-            numbers[f"{name}: to"] = _filled(edges[1:], BINS)
+            unit = sweep.label(name).removeprefix(name)
+            numbers[f"{name}: from{unit}"] = _filled(edges[:-1], BINS)
+            numbers[f"{name}: to{unit}"] = _filled(edges[1:], BINS)
             numbers[f"{name}: cases"] = _filled(counts.astype(float), BINS)
         figure.suptitle(_title(sweep), x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
@@ -61,6 +64,8 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     varied = varied or sweep.parameters[:1]
     stride = max(1, -(-int(sweep.ok.sum()) // MOST_DOTS))
     rows = np.flatnonzero(sweep.ok)[::stride]
+    lined = int(sweep.ok.sum()) >= LINED
+    size = 1.6 if len(rows) > 1000 else 3.0 if lined else 7.0  # points; a few dots are to be seen
     numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows]}
     with styled():
         from matplotlib.figure import Figure
@@ -70,21 +75,22 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
             y = np.asarray(sweep[column], float)
-            numbers[column] = y[rows]
+            numbers[sweep.label(column)] = y[rows]
             for j, name in enumerate(varied):
                 x = np.asarray(sweep[name], float)
-                numbers[name] = x[rows]
+                numbers[sweep.label(name)] = x[rows]
                 axis = grid[i, j]
                 axis.plot(
-                    x[rows], y[rows], ".", color=COLOURS[0], markersize=1.6, alpha=0.45, rasterized=True
+                    x[rows], y[rows], ".", color=COLOURS[0], markersize=size, alpha=0.45, rasterized=True
                 )
                 _median(axis, x[sweep.ok], y[sweep.ok])
                 if j == 0:
-                    axis.set_ylabel(label(sweep, column))
+                    axis.set_ylabel(sweep.label(column))
                 if i == len(chosen) - 1:
-                    axis.set_xlabel(name)
+                    axis.set_xlabel(sweep.label(name))
+                    axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
-        figure.suptitle(f"{_title(sweep)}; line: median", x=0.01, ha="left", fontsize=9)
+        figure.suptitle(_title(sweep) + "; line: median" * lined, x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
 
@@ -101,7 +107,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
     colour = np.asarray(sweep[by], float)
     letters = "xyz".replace("xyz"[_upright(sweep)], "")
     rows = np.flatnonzero(sweep.ok)[:: max(1, -(-int(sweep.ok.sum()) // MOST_PLACES))]
-    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], by: colour[rows]}
+    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], sweep.label(by): colour[rows]}
     columns = 1 if len(names) == 1 else 2
     with styled():
         lines = -(-len(names) // columns)
@@ -121,7 +127,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
             axis.set_visible(False)
         figure.supxlabel(f"${letters[0]}$ (m)", fontsize=9)
         figure.supylabel(f"${letters[1]}$ (m)", fontsize=9)
-        figure.colorbar(dots, ax=list(axes), label=label(sweep, by), aspect=40, shrink=0.8)
+        figure.colorbar(dots, ax=list(axes), label=sweep.label(by), aspect=40, shrink=0.8)
         figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
@@ -169,12 +175,6 @@ def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
     return (varying or found)[:MOST_COLUMNS]
 
 
-def label(sweep: Sweep, name: str) -> str:
-    """A column with its unit."""
-    unit = (sweep.table.schema.field(name).metadata or {}).get(b"unit", b"1").decode()
-    return name if unit == "1" else f"{name} ({unit})"
-
-
 def _title(sweep: Sweep) -> str:
     failed = int((~sweep.ok).sum())
     return f"{sweep.study.title}: {int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
@@ -199,7 +199,7 @@ def _filled(values: F64, rows: int) -> F64:
 def _median(axis: Axes, x: F64, y: F64) -> None:
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = x[keep], y[keep]
-    if len(x) < 20:
+    if len(x) < LINED:
         return
     distinct = np.unique(x)
     bands = min(BANDS, max(2, len(x) // 20))
@@ -225,4 +225,10 @@ def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
         axis.set_visible(False)
     for axis in axes:
         axis.grid(color=GREY, alpha=0.2)
+        axis.locator_params(axis="x", nbins=_ticks(columns))
     return figure, axes
+
+
+def _ticks(columns: int) -> int:
+    """Numbers below a panel at most, so that those with five digits do not run into each other."""
+    return max(2, int(1.4 * width() / columns))

@@ -8,26 +8,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.plot.motion import MOST_LINES, selection, upward
+from carom.plot.motion import MOST_LINES, of_present, selection, upward
 from carom.plot.style import COLOURS, DASHES, GREY, Chart, fitted, legend, styled, width
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from carom.result import Result
 
 F64 = NDArray[np.float64]
 
 #: Height of a figure over its width at most, and at least.
 TALLEST, FLATTEST = 1.2, 0.3
+#: Above so many balls their paths would fill the figure: the balls at the end are drawn alone, the highest on top.
+CROWD = 200
 
 
 def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
-    """Paths of the centres seen against gravity, m, with the balls at the start (outlined) and at the end (filled)."""
+    """Paths of the centres seen against gravity, m, with the balls at the start (outlined) and at the end (filled).
+
+    Of more than 200 balls no paths: the balls at the end, the highest on top.
+    """
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
     names, columns, frames = selection(result, bodies)
     across, along, letters = _plane(result)
-    centre = np.asarray(result.position[frames])[:, columns]
+    centre = of_present(result, "position", frames, columns)
     x, y = centre @ across, centre @ along
     radius = np.asarray(result.bodies["radius"])[columns]
     few = len(names) <= MOST_LINES
@@ -47,7 +54,9 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
         axes.set_aspect("equal")
         for point, direction in lines:
             axes.axline(tuple(point), tuple(point + direction), color=GREY, linewidth=1.6, zorder=1)
-        for i, name in enumerate(names):
+        if len(names) > CROWD:
+            _heap(axes, x, y, centre @ upward(result), radius)
+        for i, name in enumerate(names if len(names) <= CROWD else ()):
             colour = COLOURS[i] if few else COLOURS[0]
             look: dict[str, Any] = {"label": name, "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
             axes.plot(x[:, i], y[:, i], color=colour, linewidth=1.0 if few else 0.4, zorder=3, **look)
@@ -79,6 +88,21 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
     for i, name in enumerate(names):
         numbers |= {f"{name} {letters[0]} (m)": x[:, i], f"{name} {letters[1]} (m)": y[:, i]}
     return Chart(figure, numbers)
+
+
+def _heap(axes: Axes, x: F64, y: F64, height: F64, radius: F64) -> None:
+    """The balls (B,) where each was last, of `x`, `y`, `height` (T, B), seen from above."""
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Circle
+
+    there = np.isfinite(x)
+    last = len(x) - 1 - there[::-1].argmax(axis=0)
+    seen = np.flatnonzero(there.any(axis=0))
+    order = seen[np.argsort(height[last[seen], seen], kind="stable")]
+    balls = [Circle((x[last[i], i], y[last[i], i]), radius[i]) for i in order]
+    axes.add_collection(
+        PatchCollection(balls, facecolor=COLOURS[0], edgecolor="white", linewidth=0.4, zorder=2)
+    )
 
 
 def _plane(result: Result) -> tuple[F64, F64, str]:

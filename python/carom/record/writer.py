@@ -34,8 +34,6 @@ MAX_CHUNK_ROWS = 4096
 #: Rows wait in memory until there are this many bytes of them, or the oldest is this many seconds old.
 BATCH_BYTES = 16 * 1024 * 1024
 BATCH_SECONDS = 1.0
-#: More than a file takes before its first row.
-SETUP_BYTES = 512 * 1024
 
 
 class Writer:
@@ -207,15 +205,33 @@ class Writer:
             self._file = None
 
     def _create(self, block: Mapping[str, Any]) -> None:
+        # HDF5 does not survive to run out of room while it sets up a file: it does so in memory.
+        with h5py.File("segment", "w", driver="core", backing_store=False, libver="latest") as empty:
+            self._set_up(empty, block)
+            empty.flush()
+            image = empty.id.get_file_image()
         # Until it is in SWMR mode nobody can read the file, nor could anybody ever if we were killed before: it gets
         # its name when it can be read.
         unborn = self.path.with_name(f".{self.path.name}.{os.getpid()}.tmp")
-        # HDF5 does not survive to run out of room while it sets up a file: there must be some.
-        unborn.write_bytes(bytes(SETUP_BYTES))
-        file = h5py.File(unborn, "w", libver="latest")
+        try:
+            unborn.write_bytes(image)
+        except OSError:
+            unborn.unlink(missing_ok=True)
+            raise
+        file = h5py.File(unborn, "r+", libver="latest")
         self._file = file
         # Kept, since a file that HDF5 failed to close cannot be asked for it any more.
         self._handle = int(file.id.get_vfd_handle())
+        self._columns = {
+            table: {name: file[table][name] for name in file[table].attrs["columns"]}
+            for table in tables(block)
+        }
+        self._commit = file["commit"]
+        file.swmr_mode = True
+        os.rename(unborn, self.path)
+
+    def _set_up(self, file: h5py.File, block: Mapping[str, Any]) -> None:
+        """Everything that a segment has before its first row."""
         for key, value in self._attributes.items():
             file.attrs[key] = value
         for table, columns in self._static.items():
@@ -227,22 +243,20 @@ class Writer:
         for table in tables(block):
             group = file.create_group(table)
             guess = getattr(self._expected, table)
-            self._columns[table] = {}
+            written = []
             for name, values in block[table].items():
                 if (table, name) in self._leave_out:
                     continue
                 rows = self._expected.values if (table, name) == VALUES else guess
-                self._columns[table][name] = _new_column(group, table, name, np.asarray(values), rows)
-            group.attrs["columns"] = list(self._columns[table])
+                _new_column(group, table, name, np.asarray(values), rows)
+                written.append(name)
+            group.attrs["columns"] = written
         width = len(Rows._fields)
         commit = file.create_dataset(
             "commit", (0, width), np.uint64, maxshape=(None, width), chunks=(128, width)
         )
         commit.attrs["columns"] = list(Rows._fields)
         commit.attrs["description"] = "rows of each table that are whole; the last row counts"
-        self._commit = commit
-        file.swmr_mode = True
-        os.rename(unborn, self.path)
 
 
 def _divert(handle: int) -> None:
@@ -274,7 +288,7 @@ def _no_limit_on_files() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], guess: int) -> h5py.Dataset:
+def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], guess: int) -> None:
     dtype = np.uint64 if (table, name) in ENDS else values.dtype
     shape = values.shape[1:]
     row_bytes = max(1, int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
@@ -285,7 +299,6 @@ def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], 
         name, (0, *shape), dtype, maxshape=(None, *shape), chunks=(rows, *(max(1, n) for n in shape))
     )
     _describe(dataset, f"{table}/{name}")
-    return dataset
 
 
 def _describe(dataset: h5py.Dataset, key: str) -> None:

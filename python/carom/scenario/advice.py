@@ -12,13 +12,14 @@ from carom.errors import quoted
 from carom.scenario.attachment_checks import advise_loads
 from carom.scenario.bodies import F64, Bodies
 from carom.scenario.checks import Parts, steps
+from carom.scenario.gain_advice import advise_gain
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
 from carom.scenario.model import World
-from carom.scenario.placing import PLANE, Placed
+from carom.scenario.placing import FLAT, PLANE, Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot
-from carom.scenario.wall_checks import advise_walls
+from carom.scenario.wall_checks import COARSE, advise_walls
 
 WARN_TRAVEL = 0.05
 """Travel per step, in radii, above which hits are inaccurate (rule R6)."""
@@ -28,10 +29,21 @@ MASS_RATIO = 1e4
 """Heaviest over lightest ball up to which solvers work as they do among equals. Columns of 6 to 40 balls hit by a heavy one
 at 3 m/s: at 1e4 every step takes a fallback and the energy rises by up to 1e-6 of itself, at 1e8 by 1e-4, at 1e10 by 1e-2.
 """
+MOST_FRICTION = 10.0
+"""Coefficient of friction above which a number is taken for a slip of the pen. Dry solids stay below 1.5 and rubber below 4;
+what adheres (clean metals in vacuum, gels) reaches more, but does not obey Coulomb. At 10 a contact slips only where it is
+loaded within 6 degrees of its plane: the run is that of contacts that stick.
+"""
 PLANE_TRAVEL = 0.5
 """Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
 
 
+MANY_BALLS = 500
+"""Balls from which a scene under gravity is taken for one of piles. 2000 of many sizes in a tube, at
+the default `pile_tolerance`, stopped after 87 of 800 steps, unconverged.
+"""
+PILE_TOLERANCE = 1e-4
+"""What the benchmark of piles takes (docs/validation/scale.md)."""
 FEW_BALLS = 200
 """Balls up to which falls are looked at before a run."""
 
@@ -39,9 +51,12 @@ FEW_BALLS = 200
 def advise(parts: Parts, world: World) -> Iterator[Finding]:
     """All warnings of a scenario that `check` found nothing wrong with."""
     yield from _step_length(parts, world)
+    yield from _piles(parts, world)
     yield from _rounded_until(parts)
+    yield from _much_friction(parts)
     yield from _never_rolls(parts)
     yield from _bounces(parts, world)
+    yield from advise_gain(parts, world)
     yield from _heavy_shell(parts)
     yield from _mass_ratio(parts)
     yield from advise_start(parts)
@@ -151,6 +166,19 @@ def _rounded_down(x: float) -> float:
     return float(f"{math.floor(x / scale * (1 + 1e-12)) * scale:.1g}")
 
 
+def _piles(parts: Parts, world: World) -> Iterator[Finding]:
+    """Many balls that gravity brings together: at the default tolerance of piles a run is slow, or stops."""
+    run, balls = parts.run, len(parts.bodies().names)
+    if run is None or _has_substeps(parts) or balls < MANY_BALLS or not any(world.gravity):
+        return
+    tolerance = run.options()["pile_tolerance"]
+    if tolerance < COARSE:
+        cause = f"{balls} balls under gravity make a pile"
+        cause += f": pile_tolerance = {tolerance:g} solves it slowly or not at all"
+        cure = f"pile_tolerance = {PILE_TOLERANCE:g}; overlaps may then be as large, in radii"
+        yield Finding(("run", "pile_tolerance"), cause, cure)
+
+
 def _rounded_until(parts: Parts) -> Iterator[Finding]:
     run = parts.run
     if run is not None and run.until is not None:
@@ -160,6 +188,18 @@ def _rounded_until(parts: Parts) -> Iterator[Finding]:
             yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
 
 
+def _much_friction(parts: Parts) -> Iterator[Finding]:
+    for i, law in parts.contacts():
+        mu = value_at(law.friction, 0.0)
+        if mu > MOST_FRICTION:
+            cause = (
+                f"{mu:g} is above {MOST_FRICTION:g}, more than any pair of solids has: such contacts stick"
+            )
+            yield Finding(
+                ("contact", i, "friction"), cause, "dry solids have 0.1 to 1.5 (0.3 for 30 %), rubber up to 4"
+            )
+
+
 def _never_rolls(parts: Parts) -> Iterator[Finding]:
     bodies, names = parts.bodies(), parts.materials()
     smallest = {
@@ -167,8 +207,10 @@ def _never_rolls(parts: Parts) -> Iterator[Finding]:
     }
     for i, law in parts.contacts():
         radius = min(smallest.get(name, math.inf) for name in law.between)
+        if law.rolling_radius == 0 or not math.isfinite(radius):  # of two walls
+            continue
         limit = value_at(law.friction, 0.0) * radius
-        if law.rolling_radius > 0 and math.isfinite(radius) and law.rolling_radius >= limit:
+        if law.rolling_radius >= limit:
             cause = f"{law.rolling_radius:g} m is not below friction times radius, {limit:.4g} m"
             cause += ": a sliding ball never starts to roll"
             yield Finding(("contact", i, "rolling_radius"), cause, f"values below {limit:.2g} let balls roll")
@@ -182,7 +224,9 @@ def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
     for i, law in parts.contacts():
         if law.restitution < 1:
             continue
-        for plane in _planes(parts):
+        for plane in parts.walls():
+            if plane.kind not in FLAT:
+                continue
             a, b = law.between
             meets = (a == plane.material and b in kinds) or (b == plane.material and a in kinds)
             if meets and _presses(plane, world):

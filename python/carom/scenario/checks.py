@@ -27,7 +27,7 @@ from carom.scenario.overlap import overlaps
 from carom.scenario.placing import Placed, placed_walls
 from carom.scenario.problems import Finding
 from carom.scenario.table import Table
-from carom.scenario.wall_checks import MOST, TOUCHING, check_flow, check_periodic, check_walls
+from carom.scenario.wall_checks import MOST, check_flow, check_periodic, check_walls, start_overlap
 from carom.scenario.walls import WALLS, Wall
 
 
@@ -284,7 +284,7 @@ def _overlaps(parts: Parts) -> Iterator[Finding]:
     there = np.flatnonzero(bodies.present)
     position, radius = bodies.position[there], bodies.radius[there]
     periods = parts.world.periodic if parts.world is not None else None
-    for first, second, gap in overlaps(position, radius, TOUCHING, MOST, periods):
+    for first, second, gap in overlaps(position, radius, start_overlap(parts), MOST, periods):
         a, b = int(there[first]), int(there[second])
         names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
         cause = f"spheres {names} overlap at the start, gap {gap:.4g} m"

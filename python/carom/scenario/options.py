@@ -63,6 +63,11 @@ OPTIONS: dict[str, Option] = {
         "contacts of an island for each thread that sweeps it; the result has the same bits for any number",
         _COUNT,
     ),
+    "shared_contacts_per_thread": Option(
+        "contacts and joints of smaller islands for each thread among which they are shared out; the result has the"
+        " same bits for any number",
+        _COUNT,
+    ),
     "max_iterations": Option("Newton iterations per sub-problem before the fallbacks begin", _COUNT),
     "penalty_scale": Option("p of eq. 5 in units of 1/D_cc (rule R1)", Bounds(gt=0, lt=2)),
     "tolerance_floor": Option(

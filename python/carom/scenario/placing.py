@@ -21,6 +21,8 @@ from carom.scenario.walls import PARALLEL, BallWall, Box, Cone, Cylinder, Plane,
 X, Y, Z = AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 PLANE = "plane"
 """Kind of the half-spaces, which the core keeps apart from the other shapes."""
+FLAT = (PLANE, "rectangle", "disc")
+"""Kinds of flat walls, whose first parameter is the normal."""
 
 Shape = tuple[Any, ...]
 """Kind and parameters: `("rectangle", normal, side, [a, b])` and so on, see `_core.pyi`."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError, ScenarioError
 from carom.summary import LISTED_BODIES
 from carom.sweeps.folder import Folder
-from carom.sweeps.study import Study
+from carom.sweeps.study import RESERVED, Study
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -122,7 +122,7 @@ def _one_run(study: Study, case: int, folder: Folder, name: str) -> Columns:
         with result:
             columns = _of_result(result)
             if study.measure is not None and result.outcome.ok:
-                columns |= _measured(study, result)
+                columns |= _measured(study, result, {*study.columns, *RESERVED, *columns})
     except CaromError as error:
         return _refused(error)
     return _chosen(study, columns)
@@ -167,14 +167,20 @@ def _of_result(result: Result) -> Columns:
     return {name: _column(value) for name, value in found.items()}
 
 
-def _measured(study: Study, result: Result) -> Columns:
+def _measured(study: Study, result: Result, taken: Set[str]) -> Columns:
+    """What the study measures, in columns of its own: none of those `taken`."""
     assert study.measure is not None
     try:
-        found = dict(study.measure(result))
-        return {str(name): np.array([float(value)]) for name, value in found.items()}
+        found = {str(name): np.array([float(value)]) for name, value in dict(study.measure(result)).items()}
     except Exception as error:  # the user's own code: its mistake is that of one case
-        told = f"measure: {type(error).__name__}: {error}"
-        return {"outcome": _column("measure_failed"), "message": _column(told)}
+        return _not_measured(f"{type(error).__name__}: {error}")
+    if clash := sorted(taken & set(found)):
+        return _not_measured(f"a column is called {', '.join(clash)} already; choose another name")
+    return found
+
+
+def _not_measured(why: str) -> Columns:
+    return {"outcome": _column("measure_failed"), "message": _column(f"measure: {why}")}
 
 
 def _refused(error: CaromError) -> Columns:

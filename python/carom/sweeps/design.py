@@ -17,7 +17,8 @@ from carom.errors import CaromError, did_you_mean
 
 F64 = NDArray[np.float64]
 
-KINDS = ("grid", "table", "lhs", "sobol")
+RANDOM = ("lhs", "sobol")
+KINDS = ("grid", "table", *RANDOM)
 #: Points of a study at most: what is listed in memory several times.
 MOST_POINTS = 20_000_000
 
@@ -111,6 +112,7 @@ class Design:
                 f"design.kind: no design is called {self.kind!r}; {did_you_mean(self.kind, KINDS)}"
             )
         plain = [axis for axis in axes if not axis.crossed]
+        self._used(plain)
         if self.kind == "grid":
             found = _grid([*plain, *(axis for axis in axes if axis.crossed)])
         else:
@@ -118,12 +120,29 @@ class Design:
             for axis in axes:
                 if axis.crossed:
                     rows = len(next(iter(found.values()), np.zeros(1)))
+                    _fits(rows * len(axis.values), "study")
                     found = {name: np.repeat(values, len(axis.values)) for name, values in found.items()}
                     found[axis.name] = np.tile(axis.values, rows)
         cases = len(next(iter(found.values()), ()))
         if not cases:
             raise CaromError("the study has no case: give [parameters], or a table with rows")
         return found
+
+    def _used(self, axes: Sequence[Axis]) -> None:
+        """Refuse what this design would leave aside without a word."""
+        if self.kind in RANDOM:
+            counted = [axis.name for axis in axes if axis.count is not None]
+            if counted:
+                raise CaromError(
+                    f"parameters.{counted[0]}: count belongs to a grid; {self.kind} takes design.count = N points in all"
+                )
+            if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+                raise CaromError(f"design.seed: expected a whole number from 0, found {self.seed!r}")
+        elif self.count is not None:
+            cure = (
+                "give each range its count" if self.kind == "grid" else "the rows of the table are the points"
+            )
+            raise CaromError(f"design.count belongs to {' and '.join(RANDOM)}; {cure}")
 
     def _table(self, axes: Sequence[Axis]) -> dict[str, F64]:
         if axes:
@@ -135,11 +154,16 @@ class Design:
             raise CaromError(
                 "design.kind = table needs design.file, a CSV file with one column per parameter"
             )
-        return {name: np.array(values, dtype=np.float64) for name, values in self.table.items()}
+        columns = {name: np.array(_numbers(name, values)) for name, values in self.table.items()}
+        if len({len(values) for values in columns.values()}) > 1:
+            told = ", ".join(f"{name} {len(values)}" for name, values in columns.items())
+            raise CaromError(f"the columns of the table must be equally long, found {told} rows")
+        return columns
 
     def _sampled(self, axes: Sequence[Axis]) -> dict[str, F64]:
         if self.count is None:
             raise CaromError(f"design.kind = {self.kind} needs design.count = N points")
+        _whole("design.count", self.count)
         if not axes:
             raise CaromError(f"design.kind = {self.kind} needs [parameters] to choose points of")
         try:
@@ -186,25 +210,30 @@ def read_table(path: Path) -> dict[str, list[float]]:
 
 def _grid(axes: Sequence[Axis]) -> dict[str, F64]:
     values = [axis.on_grid() for axis in axes]
-    size = math.prod(len(v) for v in values)
-    if size > MOST_POINTS:
-        raise CaromError(
-            f"the grid has {size} points, more than {MOST_POINTS}; take fewer, or a design lhs or sobol"
-        )
+    _fits(math.prod(len(v) for v in values), "grid")
     mesh = np.meshgrid(*values, indexing="ij") if values else []
     return {axis.name: m.ravel() for axis, m in zip(axes, mesh, strict=True)}
 
 
+def _fits(size: int, what: str) -> None:
+    if size > MOST_POINTS:
+        cure = ", or a design lhs or sobol" if what == "grid" else ""
+        raise CaromError(f"the {what} has {size} points, more than {MOST_POINTS}; take fewer{cure}")
+
+
 def _numbers(name: str, values: Any) -> tuple[float, ...]:
-    found = []
-    for value in values:
-        ok = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if not ok or not math.isfinite(value):
-            raise CaromError(f"parameters.{name}: expected numbers in SI units, found {value!r}")
-        found.append(float(value))
+    found = [number(f"parameters.{name}", value) for value in values]
     if not found:
         raise CaromError(f"parameters.{name}: the list of values is empty")
     return tuple(found)
+
+
+def number(place: str, value: Any) -> float:
+    """A finite number; `place` says in the message where it was given."""
+    ok = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not ok or not math.isfinite(value):
+        raise CaromError(f"{place}: expected numbers in SI units, found {value!r}")
+    return float(value)
 
 
 def _whole(place: str, value: Any) -> int:

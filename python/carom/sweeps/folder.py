@@ -33,7 +33,8 @@ MOST_PARTS = 64
 #: Seconds after which a file that was never renamed belongs to nobody.
 SCRAP_SECONDS = 3600.0
 UNITS = {"position": "m", "velocity": "m/s", "angular_velocity": "rad/s"}
-SECONDS = ("time", "seconds")
+#: Columns of their own; what is not here and no place, velocity or energy has no unit that is known.
+OWN_UNITS = {"time": "s", "seconds": "s", "penetration_max": "m"}
 
 
 class Folder:
@@ -159,10 +160,15 @@ def _table(arrow: Any, columns: Mapping[str, NDArray[Any]]) -> Any:
         arrays.append(
             arrow.array(values.tolist(), arrow.string()) if text else arrow.array(np.asarray(values, float))
         )
-        quantity = name.split(".")[-2] if name.count(".") >= 2 else ""
-        unit = "s" if name in SECONDS else "J" if name.startswith("energy_") else UNITS.get(quantity, "1")
+        unit = OWN_UNITS.get(name) or ("J" if name.startswith("energy_") else _unit_of(name))
         fields.append(arrow.field(name, arrays[-1].type, metadata={"unit": unit}))
     return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
+
+
+def _unit_of(name: str) -> str:
+    """The unit of `cue.velocity.x`, at the end or (`cue.velocity.x.start`) as it was given."""
+    parts = name.removesuffix(".start").split(".")
+    return UNITS.get(parts[-2], "1") if len(parts) > 2 else "1"
 
 
 def _locked(file: Any) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from carom.batch import KINEMATICS
 from carom.batching import ENERGIES, MONITORS
 from carom.errors import CaromError, did_you_mean
-from carom.sweeps.design import Axis, Design, read_table
+from carom.sweeps.design import Axis, Design, number, read_table
 from carom.sweeps.targets import Targets
 
 if TYPE_CHECKING:
@@ -87,7 +87,8 @@ class Study:
         measure: Measure | None = None,
         **options: Any,
     ) -> Study:
-        """A study in Python; the arguments are the keys of a file, `options` those of `[run]`.
+        """A study in Python; the arguments are the keys of a file, `options` those of `[run]`. `scene` may be the name of
+        an example that comes with Carom, too.
 
         `Study.of("break.toml", {"v": (5.0, 12.0), "mu": [0.1, 0.2]}, design="sobol", count=1000)`: a pair is a range, a list
         all its values. `set` says where values go: `{"cue.velocity.x": "= v*cos(aim)"}`.
@@ -97,15 +98,16 @@ class Study:
         if isinstance(scene, Scene):
             text, source = scene.to_toml(), "scene"
         else:
-            text, source = _read(Path(scene)), str(scene)
-            Scene.from_toml(scene, case=case)  # what is wrong with it is said with its lines
+            path = _example_or(Path(scene))
+            text, source = _read(path), str(scene)
+            Scene.from_toml(path, case=case)  # what is wrong with it is said with its lines
         columns = read_table(Path(table)) if isinstance(table, (str, Path)) else table
         study = cls(
             text=text,
             axes=tuple(Axis.of(name, given) for name, given in (parameters or {}).items()),
             design=Design("table" if table is not None else design, count, seed, columns),
             targets={
-                key: value if isinstance(value, str) else repr(float(value))
+                key: value if isinstance(value, str) else repr(number(f"set.{key}", value))
                 for key, value in (set or {}).items()
             },
             run=options,
@@ -113,7 +115,7 @@ class Study:
             title=title,
             source=source,
             keep_runs=keep_runs,
-            bodies=None if bodies is None else tuple(bodies),
+            bodies=None if bodies is None else (bodies,) if isinstance(bodies, str) else tuple(bodies),
             measure=measure,
         )
         study.check()
@@ -123,9 +125,10 @@ class Study:
     def from_toml(cls, path: str | Path, measure: Measure | None = None) -> Study:
         """The study of a file. Its scenario is a path beside it, or the name of an example of Carom."""
         path = Path(path)
+        text = _read(path)
         try:
-            raw = tomllib.loads(_read(path))
-        except (tomllib.TOMLDecodeError, ValueError) as error:
+            raw = tomllib.loads(text)
+        except ValueError as error:
             raise CaromError(f"{path} is not TOML: {error}") from error
         _known(path, "", raw)
         for section in ("design", "keep", "parameters", "set", "run"):
@@ -243,12 +246,21 @@ def _read(path: Path) -> str:
     return read_text(path)
 
 
+def _example_or(path: Path) -> Path:
+    """The example that is called like a path where nothing is, else the path."""
+    from carom.scenario.shipped import find, named
+
+    called = path.as_posix()
+    is_example = not path.exists() and path.suffix != ".toml" and len(named(called)) == 1
+    return find(called) if is_example else path
+
+
 def _scenario(study: Path, named: str) -> Path:
     """The scenario of a study: beside it, or an example that comes with Carom."""
     beside = study.parent / named
     if beside.exists() or named.endswith(".toml"):
         return beside
-    from carom.cli.examples import find
+    from carom.scenario.shipped import find
 
     return Path(find(named))
 

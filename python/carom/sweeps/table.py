@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 
 import carom
 from carom.errors import CaromError, counted, did_you_mean
+from carom.files import write_whole
 
 if TYPE_CHECKING:
     import pandas
@@ -45,6 +48,11 @@ class Sweep:
         return (
             np.asarray(found.to_pylist(), dtype=object) if "string" in str(found.type) else np.asarray(found)
         )
+
+    def label(self, column: str) -> str:
+        """A column with its unit, as figures and CSV name it: `cue.velocity.x (m/s)`."""
+        unit = (self.table.schema.field(column).metadata or {}).get(b"unit", b"1").decode()
+        return column if unit == "1" else f"{column} ({unit})"
 
     def __len__(self) -> int:
         return 0 if self.table is None else int(self.table.num_rows)
@@ -100,8 +108,29 @@ class Sweep:
         try:
             import pandas  # noqa: F401
         except ImportError as error:
-            raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+            raise CaromError(
+                "to_pandas needs pandas: pip install 'carom[interop]'; to_csv needs nothing"
+            ) from error
         return self.table.to_pandas()
+
+    def to_csv(self, path: str | Path | None = None, columns: Sequence[str] = ()) -> Path:
+        """The table as CSV, one line per case, to `path` (by default `sweep.csv` in the folder); returns the path.
+
+        Units stand in the headings, numbers are the shortest text that reads back as the same bits. `columns` are
+        those wanted, in this order; by default all. Raises `CaromError` for a column that is not there, and
+        of a study without a case.
+        """
+        if self.table is None:
+            raise CaromError(f"{self.path}: no case is there yet, so there is no table to write")
+        chosen = list(columns) or self.columns
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        values = [self[name].tolist() for name in chosen]
+        writer.writerow(self.label(name) for name in chosen)
+        writer.writerows(zip(*values, strict=True))
+        file = Path(path) if path is not None else self.path / "sweep.csv"
+        write_whole(file, text.getvalue().encode(), durable=False, parents=True)
+        return file
 
     def plot(
         self,

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from carom.errors import CaromError
-from carom.view.live_shapes import ball_halves, wall_mesh
+from carom.surfaces import surfaces
+from carom.view.live_shapes import ball_halves
 from carom.view.scenery import bounds, held
 
 if TYPE_CHECKING:
@@ -151,8 +152,8 @@ class Live:
             )
         ]
         self._walls = []
-        for wall in result.walls.values():
-            vertices, faces = wall_mesh(wall.shape, wall.facts, low, high)
+        for surface in surfaces(list(result.walls.values()), low, high, up):
+            wall = surface.wall
             # What stands between us and the balls is not drawn; of planes without end only what carries them.
             if (
                 wall.shape == "plane"
@@ -162,11 +163,11 @@ class Live:
                 continue
             handle = scene.add_mesh_simple(
                 f"/walls/{wall.index}",
-                self._scale * vertices,
-                faces,
+                self._scale * surface.vertices,
+                surface.faces,
                 color=WALL,
                 opacity=0.3,
-                side="back" if wall.facts.get("inside") else "front",
+                side="front",
                 cast_shadow=False,
             )
             handle.position = self._scale * np.asarray(wall.facts["point"], dtype=np.float64)

@@ -1,4 +1,5 @@
 //! Scenes shared by benches: built in code, so that a bench needs neither Python nor files.
+#![allow(dead_code)] // each bench uses its part
 
 use carom_core::{Model, ModelInput, Options, Simulation};
 
@@ -40,6 +41,23 @@ fn base(positions: Vec<[f64; 3]>, velocities: Vec<[f64; 3]>, spins: Vec<[f64; 3]
     }
 }
 
+/// Hash of all bits of positions and velocities.
+pub fn hash(s: &Simulation) -> u64 {
+    let mut h = 0xcbf2_9ce4_8422_2325u64;
+    for x in s
+        .state
+        .position
+        .iter()
+        .chain(&s.state.velocity)
+        .chain(&s.state.angular_velocity)
+    {
+        for bits in x.to_array().map(f64::to_bits) {
+            h = (h ^ bits).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+    h
+}
+
 fn build(input: &ModelInput, options: Options) -> Simulation {
     let (model, initial) = Model::new(input, options).expect("a bench scene is valid");
     Simulation::new(model, initial)
@@ -68,4 +86,30 @@ pub fn rolling(options: Options) -> Simulation {
     let velocities = speeds.iter().map(|&v| [0.0, v, 0.0]).collect();
     let spins = speeds.iter().map(|&v| [-v / R, 0.0, 0.0]).collect();
     build(&base(positions, velocities, spins), options)
+}
+
+/// `groups` of 4 to 10 balls, each a loose column that falls on the floor and comes apart, too far from one another to meet:
+/// islands without end.
+pub fn heaps(groups: usize, options: Options) -> Simulation {
+    let (row, pitch, wide) = ((groups as f64).sqrt().ceil() as usize, 14.0 * R, 2.05 * R);
+    let mut positions = Vec::new();
+    for group in 0..groups {
+        let corner = [group % row, group / row].map(|k| k as f64 * pitch);
+        for k in 0..4 + group % 7 {
+            // Two by two in each layer, each a little off the one below, groups unlike one another.
+            let off = |n: usize| 0.02 * R * ((7 * group + 3 * k + n) % 11) as f64;
+            positions.push([
+                corner[0] + wide * (k % 2) as f64 + off(0),
+                corner[1] + wide * (k / 2 % 2) as f64 + off(5),
+                1.05 * R + wide * (k / 4) as f64,
+            ]);
+        }
+    }
+    let zeros = vec![[0.0; 3]; positions.len()];
+    let mut input = base(positions, zeros.clone(), zeros);
+    input.plane_point.truncate(1);
+    input.plane_normal.truncate(1);
+    input.plane_material = vec![0];
+    input.laws = vec![(0, 0, [0.3, 0.4, 0.0, 0.0, 0.0])];
+    build(&input, options)
 }

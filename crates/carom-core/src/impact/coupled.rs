@@ -9,7 +9,7 @@ use crate::level::coupling::Trial;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::rotation;
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use crate::state::State;
 use crate::stepper::Span;
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
@@ -69,7 +69,7 @@ impl ImpactScratch {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         island: Island,
     ) {
         self.joints.clear();
@@ -81,7 +81,7 @@ impl ImpactScratch {
         if island.is_free() {
             return;
         }
-        let Scratch {
+        let IslandScratch {
             solve,
             linear,
             angular,
@@ -152,13 +152,13 @@ impl ImpactScratch {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         report: &mut StepReport,
     ) -> bool {
         self.chosen.clear();
         self.scale.clear();
         self.velocity.clone_from(&self.v_check);
-        self.build(model, &scratch.contacts, Law::Plastic);
+        self.build(model, scratch.contacts, Law::Plastic);
         if !self.solve_built(model, scratch, 0, None, report) {
             return false;
         }
@@ -192,7 +192,7 @@ impl ImpactScratch {
     }
 
     /// Adds the joints' impulses at the velocity level to their totals of the step.
-    pub(super) fn finish_joints(&self, model: &Model, scratch: &mut Scratch) {
+    pub(super) fn finish_joints(&self, model: &Model, scratch: &mut IslandScratch) {
         let first = self.first_joint_row();
         let mut row = 0;
         for &index in &self.joints {

@@ -14,7 +14,7 @@ use crate::islands::Island;
 use crate::model::Model;
 use crate::options::Impact;
 use crate::report::StepReport;
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use crate::state::State;
 use crate::stepper::Span;
 
@@ -46,13 +46,13 @@ pub fn bisect_scale(count: u32, mut admissible: impl FnMut(f64) -> bool) -> f64 
 pub fn solve_island(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
-    let mut work = std::mem::take(&mut scratch.impact);
+    let mut work = std::mem::take(scratch.impact);
     work.begin(model, state, scratch, island, span, accept_unconverged);
     let h = span.h;
     let settled = island.is_free() || work.settle(model, state, scratch, report);
@@ -68,6 +68,6 @@ pub fn solve_island(
     if solved {
         work.finish(model, scratch, report);
     }
-    scratch.impact = work;
+    *scratch.impact = work;
     solved
 }

@@ -10,7 +10,7 @@ use crate::level::{newton_options, worst_group};
 use crate::model::Model;
 use crate::problem::Solve;
 use crate::report::{Level, StepReport};
-use crate::scratch::{ImpactRecord, Scratch, SolveScratch};
+use crate::scratch::{ImpactRecord, IslandScratch, SolveScratch};
 use crate::state::State;
 use crate::stepper::Span;
 use carom_solve::rows::{Linear, RowContact, RowSystem, Subproblem, NODE_DOF};
@@ -92,12 +92,12 @@ impl ImpactScratch {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         island: Island,
         span: Span,
         accept_unconverged: bool,
     ) {
-        let Scratch {
+        let IslandScratch {
             contacts,
             solve,
             walls,
@@ -143,7 +143,7 @@ impl ImpactScratch {
         }
         self.span = span;
         self.begin_coupling(model, state, scratch, island);
-        let Scratch {
+        let IslandScratch {
             solve,
             linear,
             angular,
@@ -259,7 +259,7 @@ impl ImpactScratch {
     pub fn solve_chosen(
         &mut self,
         model: &Model,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         law: Law,
         index: Option<u32>,
         warm: Option<&[f64]>,
@@ -276,7 +276,7 @@ impl ImpactScratch {
         }
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
-        self.build(model, &scratch.contacts, law);
+        self.build(model, scratch.contacts, law);
         if !self.solve_built(model, scratch, index.unwrap_or(0), warm, report) {
             return false;
         }
@@ -289,7 +289,7 @@ impl ImpactScratch {
         if scratch.keeper.wants(self.last.iterations) {
             self.keep(model, scratch, index.unwrap_or(0));
         }
-        self.commit(&scratch.contacts);
+        self.commit(scratch.contacts);
         self.record(scratch, index);
         true
     }
@@ -374,7 +374,7 @@ impl ImpactScratch {
     pub(super) fn solve_built(
         &mut self,
         model: &Model,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         problem: u32,
         warm: Option<&[f64]>,
         report: &mut StepReport,
@@ -416,7 +416,7 @@ impl ImpactScratch {
         let result = if self.loads.is_empty() {
             newton.solve(&mut sub, &mut Linear, &options, &mut lambda, &mut u)
         } else {
-            let mut problem = self.velocities(model, bodies, node_of, &mut scratch.trial);
+            let mut problem = self.velocities(model, bodies, node_of, scratch.trial);
             newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         };
         (self.sub, self.lambda, self.u) = (sub, lambda, u);
@@ -438,7 +438,7 @@ impl ImpactScratch {
 
     /// Hands the problem at hand, with what was found, to the keeper.
     #[cold]
-    fn keep(&mut self, model: &Model, scratch: &mut Scratch, index: u32) {
+    fn keep(&mut self, model: &Model, scratch: &mut IslandScratch, index: u32) {
         let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
         let (mut multiplier, mut correction) = (self.lambda.clone(), self.u.clone());
         if !multiplier.iter().chain(&correction).all(|x| x.is_finite()) {
@@ -454,12 +454,12 @@ impl ImpactScratch {
             let SolveScratch {
                 bodies, node_of, ..
             } = &scratch.solve;
-            self.velocities(model, bodies, node_of, &mut scratch.trial)
+            self.velocities(model, bodies, node_of, scratch.trial)
                 .evaluate(&mut system, &correction, &mut measures);
         }
         scratch.keeper.keep(&Solve {
             model,
-            contacts: &scratch.contacts,
+            contacts: scratch.contacts,
             members: &members,
             spheres: &scratch.solve.bodies,
             system: &system,
@@ -538,7 +538,7 @@ impl ImpactScratch {
 
     /// Keeps the problem in the table of impacts. Stage 0, and a first problem in which only loads act (laws without
     /// stage 0 solve rest as an impact), enter it only if an impact follows in this island.
-    fn record(&mut self, scratch: &mut Scratch, index: Option<u32>) {
+    fn record(&mut self, scratch: &mut IslandScratch, index: Option<u32>) {
         let loads_only = |slot: &usize| self.old_normal_velocity(*slot) >= -self.tol;
         let quiet = index.is_none() || (index == Some(1) && self.chosen.iter().all(loads_only));
         let mut rows = std::mem::take(&mut self.resting);
@@ -574,15 +574,16 @@ impl ImpactScratch {
     }
 
     /// Writes the island's result into the step's scratch.
-    pub fn finish(&mut self, model: &Model, scratch: &mut Scratch, report: &mut StepReport) {
+    pub fn finish(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
         report.impact_problems = report.impact_problems.max(self.problems);
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
             let at = NODE_DOF * node..NODE_DOF * (node + 1);
             let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
-            scratch.jump[body as usize] = [
+            let jump = [
                 glam::DVec3::new(j[0] + s[0], j[1] + s[1], j[2] + s[2]),
                 glam::DVec3::new(j[3] + s[3], j[4] + s[4], j[5] + s[5]),
             ];
+            scratch.corrections.set(body, jump);
         }
         self.finish_joints(model, scratch);
         for (slot, &m) in self.members.iter().enumerate() {

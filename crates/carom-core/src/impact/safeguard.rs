@@ -5,7 +5,7 @@ use super::GAIN_TOLERANCE;
 use super::{bisect_scale, BISECTIONS, BISECTIONS_JOINTS};
 use crate::model::Model;
 use crate::report::StepReport;
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use carom_solve::rows::NODE_DOF;
 
 impl ImpactScratch {
@@ -13,7 +13,7 @@ impl ImpactScratch {
     pub(super) fn safeguard(
         &mut self,
         model: &Model,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         law: Law,
         problem: u32,
         report: &mut StepReport,
@@ -43,7 +43,7 @@ impl ImpactScratch {
                     for (&p, start) in inside.iter().zip(&base) {
                         this.scale[p] = s * start;
                     }
-                    this.build(model, &scratch.contacts, law);
+                    this.build(model, scratch.contacts, law);
                     this.solve_built(model, scratch, problem, None, report)
                 };
                 // A trial is no part of the step: its counts are its own, and one that fails is not admissible.

@@ -3,14 +3,14 @@
 use super::problem::{ImpactScratch, Law};
 use crate::model::Model;
 use crate::report::StepReport;
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use crate::state::{State, Warm};
 
 /// Rule R2: loads first, then impacts. `docs/theory/algorithm.md` section 5 has it stage by stage.
 pub fn with_load_offset(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     work: &mut ImpactScratch,
     h: f64,
     report: &mut StepReport,
@@ -46,7 +46,7 @@ pub fn with_load_offset(
     work.chosen.clear();
     work.chosen
         .extend((0..slots).filter(|&s| closing[s] || loaded[s]));
-    work.drop_chosen(&scratch.contacts);
+    work.drop_chosen(scratch.contacts);
     work.v_minus.clone_from(&work.v_old);
     if !work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report) {
         return false;
@@ -57,7 +57,7 @@ pub fn with_load_offset(
 /// The paper's own sequence (eqs. 24-29): strictly closing contacts from the first problem on.
 pub fn as_printed(
     model: &Model,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     work: &mut ImpactScratch,
     report: &mut StepReport,
 ) -> bool {
@@ -72,7 +72,7 @@ pub fn as_printed(
 /// closes, a problem gives no impulse, or the bound is reached.
 fn in_turn(
     model: &Model,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     work: &mut ImpactScratch,
     report: &mut StepReport,
     law: Law,
@@ -101,7 +101,7 @@ fn in_turn(
 /// Newton's law on all closed contacts at once.
 pub fn one_shot(
     model: &Model,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     work: &mut ImpactScratch,
     report: &mut StepReport,
 ) -> bool {
@@ -117,7 +117,7 @@ pub fn one_shot(
 /// The bound of the sequence: everything at once without restitution leaves nothing closing, and is dissipative.
 fn truncate(
     model: &Model,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     work: &mut ImpactScratch,
     report: &mut StepReport,
 ) -> bool {
@@ -133,7 +133,7 @@ fn truncate(
 }
 
 /// Impulses of the last step for the chosen contacts, scaled to this step's size (rule R8).
-fn warm_start(state: &State, scratch: &Scratch, work: &ImpactScratch, h: f64) -> Vec<f64> {
+fn warm_start(state: &State, scratch: &IslandScratch, work: &ImpactScratch, h: f64) -> Vec<f64> {
     let mut start = Vec::with_capacity(work.full.rows());
     let scale = h / state.warm_step;
     for &slot in &work.chosen {
@@ -157,7 +157,7 @@ fn warm_start(state: &State, scratch: &Scratch, work: &ImpactScratch, h: f64) ->
 }
 
 /// Keeps the impulses of an island that had no impact in this step.
-fn keep_warm(scratch: &mut Scratch, work: &ImpactScratch) {
+fn keep_warm(scratch: &mut IslandScratch, work: &ImpactScratch) {
     for (slot, &m) in work.members.iter().enumerate() {
         let c = &work.full.contacts[slot];
         let row = c.row as usize;

@@ -13,7 +13,7 @@ use crate::pile;
 use crate::problem::Solve;
 use crate::report::{Level, StepReport};
 use crate::rotation;
-use crate::scratch::{Scratch, SolveScratch};
+use crate::scratch::{IslandScratch, SolveScratch};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
@@ -162,19 +162,24 @@ impl Subproblem for Positions<'_> {
     }
 }
 
-/// Solves one island; writes `shift` of its bodies and `nu` of its contacts. False: not converged.
+/// Nothing overlaps and nothing is held: U = 0 satisfies every condition.
+#[inline]
+pub(crate) fn is_apart(contacts: &[Contact], island: Island) -> bool {
+    let apart = |&m: &u32| contacts[m as usize].gap_check >= 0.0;
+    island.joints.is_empty() && island.contacts.iter().all(apart)
+}
+
+/// Solves one island; writes the corrections U of its bodies and `nu` of its contacts. False: not converged.
 pub fn solve_island(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
-    // Nothing overlaps and nothing is held: U = 0 satisfies every condition.
-    let apart = |&m: &u32| scratch.contacts[m as usize].gap_check >= 0.0;
-    if island.joints.is_empty() && island.contacts.iter().all(apart) {
+    if is_apart(scratch.contacts, island) {
         return true;
     }
     if let ([m], true) = (island.contacts, island.is_free()) {
@@ -198,7 +203,7 @@ pub fn solve_island(
             let s = single::problem(model, c, &z).solve();
             let nu = single::pack(c, &s);
             let shift = single::correction(model, c, &s);
-            scratch.shift[i] = shift;
+            scratch.corrections.set(c.a, shift);
             scratch.contacts[m as usize].nu = nu;
             report.add_position(&SolveReport::CLOSED_FORM);
             if scratch.keeper.wants(1) {
@@ -208,7 +213,7 @@ pub fn solve_island(
             return true;
         }
     }
-    if pile::fits(model, &scratch.contacts, island) {
+    if pile::fits(model, scratch.contacts, island) {
         let others = pile::may_fall_back(island);
         let accept = accept_unconverged && !others;
         if pile::solve_positions(model, state, scratch, island, span, report, accept) {
@@ -233,19 +238,19 @@ pub fn solve_island(
 fn solve_by_newton(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept_unconverged: bool,
 ) -> bool {
-    let Scratch {
+    let IslandScratch {
         contacts,
         solve,
         linear,
         angular,
         position,
-        shift,
+        corrections,
         history,
         keeper,
         trial,
@@ -416,7 +421,10 @@ fn solve_by_newton(
     }
     for (node, &body) in solve.bodies.iter().enumerate() {
         let v = &solve.u[NODE_DOF * node..NODE_DOF * (node + 1)];
-        shift[body as usize] = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])];
+        corrections.set(
+            body,
+            [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])],
+        );
     }
     for (slot, &m) in members.iter().enumerate() {
         let rc = &solve.system.contacts[slot];

@@ -4,7 +4,7 @@ use crate::contact::{Contact, Rows};
 use crate::model::Model;
 use crate::problem::Solve;
 use crate::report::Level;
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use crate::state::State;
 use carom_solve::rows::{RowSystem, WORLD};
 use carom_solve::single::{SingleContact, SingleSolution};
@@ -56,7 +56,12 @@ pub fn driven(c: &Contact, shape: DVec3, material: DVec3, rotation: DVec3) -> Mo
 
 /// Measures of a contact's wall at t_n and t_{n+1}; 0 where it does not move.
 #[inline]
-pub fn wall_motion(model: &Model, state: &State, scratch: &Scratch, c: &Contact) -> [Motion; 2] {
+pub fn wall_motion(
+    model: &Model,
+    state: &State,
+    scratch: &IslandScratch,
+    c: &Contact,
+) -> [Motion; 2] {
     if !scratch.walls.any_moves() {
         return [Motion::default(); 2];
     }
@@ -134,7 +139,7 @@ pub fn correction(model: &Model, c: &Contact, s: &SingleSolution) -> [DVec3; 2] 
 #[allow(clippy::too_many_arguments)] // what the two levels have in common, and no more
 pub fn keep(
     model: &Model,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     member: u32,
     (level, index): (Level, u32),
     z: &Motion,
@@ -165,7 +170,7 @@ pub fn keep(
     system.linear_measures(&correction, &mut measures);
     scratch.keeper.keep(&Solve {
         model,
-        contacts: &scratch.contacts,
+        contacts: scratch.contacts,
         members: &[member],
         spheres: &[c.a],
         system: &system,

@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::options::{Impact, Options};
 use crate::pile;
 use crate::report::{Level, StepReport};
-use crate::scratch::{ImpactRecord, Scratch};
+use crate::scratch::{ImpactRecord, IslandScratch};
 use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::WallTwist;
@@ -71,11 +71,11 @@ impl Speeds {
     }
 }
 
-/// Solves one island of closed contacts; writes `jump` of its bodies and `lambda` of its contacts.
+/// Solves one island of closed contacts; writes the corrections W of its bodies and `lambda` of its contacts.
 pub fn solve_island(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
@@ -99,7 +99,7 @@ pub fn solve_island(
             return true;
         }
     }
-    if pile::fits(model, &scratch.contacts, island) {
+    if pile::fits(model, scratch.contacts, island) {
         let others = pile::may_fall_back(island);
         let accept = accept_unconverged && !others;
         if pile::solve_velocities(model, state, scratch, island, span, report, accept) {
@@ -125,7 +125,7 @@ pub fn solve_island(
 fn solve_single<const MOVING: bool>(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     m: u32,
     report: &mut StepReport,
 ) {
@@ -232,7 +232,7 @@ fn solve_single<const MOVING: bool>(
     let kept = scratch.keeper.wants(1).then(|| measures(scale));
     report.add_velocity(&SolveReport::CLOSED_FORM);
     report.impact_problems = report.impact_problems.max(1);
-    scratch.jump[i] = jump;
+    scratch.corrections.set(c.a, jump);
     let packed = single::pack(c, &s);
     let status = if s.slip { Status::Slip } else { Status::Stick };
     if !resting && gamma_n < -tol {

@@ -1,5 +1,6 @@
 //! Problems of piles as data, on request (`carom_core::problem`).
 
+use super::group::Law;
 use super::record;
 use super::velocity::{Member, Memory};
 use super::Pile;
@@ -108,12 +109,16 @@ impl Pile {
         &mut self,
         model: &Model,
         contacts: &[Contact],
+        (law, scale): (Law, &[f64]),
         index: u32,
         progress: &Progress,
     ) {
         let sweeps = progress.sweeps as u32;
         if progress.converged && !self.keeper.wants(sweeps) {
             return;
+        }
+        if self.contacts.is_empty() {
+            self.write(model, law, scale);
         }
         let memory = &self.velocity;
         let solved = self.contacts.iter().zip(self.sweeps.impulses());

@@ -35,8 +35,13 @@ const PATIENCE: usize = 1_000;
 const ALONE: usize = 500;
 /// Tolerance of piles from which on every island without dense matrix is swept.
 const COARSE: f64 = 1e-5;
+/// Contacts of a pile from which on its worst one may be worse.
+const TYPICAL: f64 = 2_500.0;
 /// Share of the closing tolerance that solvers may leave.
 const LEFT: f64 = 0.5;
+
+/// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many.
+const HUGE: usize = 1_000_000;
 
 /// Memory of the pile solver.
 pub struct Pile {
@@ -82,9 +87,7 @@ impl Pile {
         self.spheres.clear();
         self.bodies.clear();
         self.places.clear();
-        let o = &model.options;
-        let worth = members.len() / o.contacts_per_thread as usize;
-        self.sweeps.threads = (o.threads as usize).min(worth).max(1);
+        self.sweeps.threads = threads(model, members.len());
         for &m in members {
             let c = &contacts[m as usize];
             for body in [c.a, c.b] {
@@ -101,6 +104,14 @@ impl Pile {
                 });
                 self.places.push(position[i].to_array());
             }
+        }
+    }
+
+    /// Gives the memory of a huge problem's statement back: the sweeps have it.
+    fn forget_contacts(&mut self) {
+        if self.contacts.len() >= HUGE {
+            self.contacts = Vec::new();
+            self.start = Vec::new();
         }
     }
 
@@ -133,6 +144,19 @@ pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
             let b = &contacts[m as usize].bounds;
             b.rolling == 0.0 && b.spinning == 0.0
         })
+}
+
+/// Threads that sweep an island of `contacts` contacts.
+pub fn threads(model: &Model, contacts: usize) -> usize {
+    let o = &model.options;
+    let worth = contacts / o.contacts_per_thread as usize;
+    (o.threads as usize).min(worth).max(1)
+}
+
+/// What the worst of so many contacts may be left with over what the worst of a small pile may: at the same residual the worst of
+/// very many is worse.
+fn worst(contacts: usize) -> f64 {
+    (contacts as f64 / TYPICAL).powf(0.75).clamp(1.0, 5.0)
 }
 
 /// Sweeps that one solve of `contacts` contacts may take.

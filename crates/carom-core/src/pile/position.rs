@@ -1,7 +1,7 @@
 //! Position sub-problem of a pile (eqs. 1c-e, 14, 21): linear problems of spheres, one after the other, each at the positions
 //! that the last one led to.
 
-use super::{budget, keep, node, told, warm::Cursor, Pile, PATIENCE};
+use super::{budget, keep, node, told, warm::Cursor, worst, Pile, PATIENCE};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
@@ -9,7 +9,7 @@ use crate::level::position_floor;
 use crate::level::velocity::MANY;
 use crate::model::Model;
 use crate::report::{Level, StepReport};
-use crate::scratch::Scratch;
+use crate::scratch::IslandScratch;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
@@ -22,26 +22,26 @@ use glam::DVec3;
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
 /// sideways.
 const SWEEPS_PER_LINEARISATION: usize = 64;
-/// Contacts of a pile from which on its overlaps may grow.
-const TYPICAL: f64 = 2_500.0;
+/// Overlap over the radius that no pile's size excuses.
+const MOST_OVERLAP: f64 = 4.5e-4;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
 const LINEAR_SHARE: f64 = 0.8;
 
-/// Solves one island; writes `shift` of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
+/// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
 pub fn solve_positions(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> bool {
-    let mut pile = std::mem::take(&mut scratch.pile);
+    let mut pile = std::mem::take(scratch.pile);
     let solved = solve(
         &mut pile, model, state, scratch, island, span, report, accept,
     );
-    scratch.pile = pile;
+    *scratch.pile = pile;
     solved
 }
 
@@ -50,18 +50,18 @@ fn solve(
     pile: &mut Pile,
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> bool {
-    let Scratch {
+    let IslandScratch {
         contacts,
         position,
         linear,
         angular,
-        shift,
+        corrections,
         solve,
         keeper,
         walls,
@@ -187,7 +187,10 @@ fn solve(
     report.add_position(&told(&last, round));
     report.unconverged += u32::from(!last.converged);
     for (&i, u) in pile.spheres.iter().zip(&velocities) {
-        shift[i as usize] = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
+        corrections.set(
+            i,
+            [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])],
+        );
     }
     for ((&m, r), z) in members.iter().zip(&impulses).zip(&pile.contacts) {
         let c = &mut contacts[m as usize];
@@ -197,12 +200,10 @@ fn solve(
     true
 }
 
-/// Overlap over the smallest radius that may be left. Islands of up to 100 contacts are asked for more. The worst of very many contacts
-/// is worse than the worst of many at the same residual.
+/// Overlap over the smallest radius that may be left. Islands of up to 100 contacts are asked for more.
 fn overlap(tolerance: f64, contacts: usize) -> f64 {
     if contacts > MANY {
-        let many = (contacts as f64 / TYPICAL).cbrt().clamp(1.0, 2.0);
-        0.9 * many * tolerance
+        (0.9 * worst(contacts) * tolerance).min(MOST_OVERLAP.max(1.8 * tolerance))
     } else {
         5e-3 * tolerance
     }

@@ -2,7 +2,7 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::group::Law;
-use super::{budget, node, record, warm::Cursor, Pile, LEFT, PATIENCE};
+use super::{budget, node, record, warm::Cursor, worst, Pile, LEFT, PATIENCE};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::islands::Island;
@@ -10,7 +10,7 @@ use crate::level::velocity::Speeds;
 use crate::model::Model;
 use crate::options::{Impact, Options};
 use crate::report::StepReport;
-use crate::scratch::{ImpactRecord, Scratch};
+use crate::scratch::{ImpactRecord, IslandScratch};
 use crate::state::{State, Warm};
 use crate::stepper::Span;
 use carom_solve::rows::WORLD;
@@ -183,22 +183,22 @@ impl Memory {
     }
 }
 
-/// Solves one island; writes `jump` of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.
+/// Solves one island; writes the corrections W of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.
 pub fn solve_velocities(
     model: &Model,
     state: &State,
-    scratch: &mut Scratch,
+    scratch: &mut IslandScratch,
     island: Island,
     span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> bool {
-    let mut pile = std::mem::take(&mut scratch.pile);
-    pile.keeper = std::mem::take(&mut scratch.keeper);
+    let mut pile = std::mem::take(scratch.pile);
+    pile.keeper = std::mem::take(scratch.keeper);
     pile.accept = accept;
     let solved = pile.impacts(model, state, scratch, island, span, report);
-    scratch.keeper = std::mem::take(&mut pile.keeper);
-    scratch.pile = pile;
+    *scratch.keeper = std::mem::take(&mut pile.keeper);
+    *scratch.pile = pile;
     solved
 }
 
@@ -207,7 +207,7 @@ impl Pile {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         island: Island,
         span: Span,
         report: &mut StepReport,
@@ -244,11 +244,11 @@ impl Pile {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &mut Scratch,
+        scratch: &mut IslandScratch,
         island: Island,
         span: Span,
     ) {
-        let Scratch {
+        let IslandScratch {
             contacts,
             position,
             linear,
@@ -333,7 +333,7 @@ impl Pile {
         &mut self,
         model: &Model,
         state: &State,
-        scratch: &Scratch,
+        scratch: &IslandScratch,
         island: Island,
         span: Span,
         report: &mut StepReport,
@@ -366,7 +366,7 @@ impl Pile {
                 warm.map_or([0.0; 3], |w| (ratio * w.impulse).to_array())
             }));
             debug_assert_eq!(island.contacts.len(), members.len());
-            self.solve_chosen(model, &scratch.contacts, Law::Plastic, 0, report)?;
+            self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
             let memory = &mut self.velocity;
             for &slot in &memory.chosen {
                 let member = &mut memory.members[slot as usize];
@@ -395,9 +395,9 @@ impl Pile {
                 .iter()
                 .map(|&slot| memory.members[slot as usize].load.to_array()),
         );
-        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
+        self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
         // Later problems, where something closes.
-        let (last, done) = self.cascade(model, &scratch.contacts, report);
+        let (last, done) = self.cascade(model, scratch.contacts, report);
         problems += last - 1;
         if done {
             return Some(problems);
@@ -406,7 +406,7 @@ impl Pile {
         self.velocity.choose(|_, _| true);
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
-        self.solve_chosen(model, &scratch.contacts, Law::Plastic, last + 1, report)?;
+        self.solve_chosen(model, scratch.contacts, Law::Plastic, last + 1, report)?;
         Some(problems + 1)
     }
 
@@ -414,13 +414,13 @@ impl Pile {
     fn one_shot(
         &mut self,
         model: &Model,
-        scratch: &Scratch,
+        scratch: &IslandScratch,
         report: &mut StepReport,
     ) -> Option<u32> {
         self.velocity.choose(|_, _| true);
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
-        self.solve_chosen(model, &scratch.contacts, Law::First, 1, report)?;
+        self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
         Some(1)
     }
 
@@ -460,20 +460,28 @@ impl Pile {
             .renew(&self.bodies, &self.contacts, places)
             .ok()?;
         self.sweeps.warm_start(&self.start);
+        let most = budget(self.contacts.len());
+        self.forget_contacts();
         let o = &model.options;
+        // What a sequence that was cut short leaves is no load: the next step has it as an impact.
+        let end = if problem > 1 {
+            worst(self.velocity.chosen.len())
+        } else {
+            1.0
+        };
         let goal = Goal {
             tolerance: o.tolerance.max(o.pile_tolerance),
             floor: self.velocity.floor,
             scale: self.velocity.terms,
-            closing: self.velocity.left(o),
+            closing: end * self.velocity.left(o),
             penalty_scale: o.penalty_scale,
             patience: PATIENCE,
-            most: budget(self.contacts.len()),
+            most,
             had: 0,
         };
         let mut progress = self.settle(&goal, report);
         if !progress.converged && !self.accept {
-            self.keep_velocity(model, contacts, problem, &progress);
+            self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
             return None;
         }
         let scale = if law == Law::First && o.energy_safeguard {
@@ -482,7 +490,7 @@ impl Pile {
             scale
         };
         report.unconverged += u32::from(!progress.converged);
-        self.keep_velocity(model, contacts, problem, &progress);
+        self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
         self.commit(problem, &scale);
         Some(())
     }
@@ -496,7 +504,7 @@ impl Pile {
     }
 
     /// The chosen contacts as spheres.
-    fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
+    pub(super) fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
         let memory = &self.velocity;
         self.contacts.clear();
         self.contacts
@@ -658,10 +666,14 @@ impl Pile {
     }
 
     /// Writes the island's result into the step's scratch.
-    fn close(&mut self, model: &Model, scratch: &mut Scratch, report: &mut StepReport) {
+    fn close(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
+        let huge = self.velocity.members.len() >= super::HUGE;
+        if huge {
+            self.sweeps = spheres::Sweeps::empty();
+        }
         let memory = &self.velocity;
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
-            scratch.jump[body as usize] = *jump;
+            scratch.corrections.set(body, *jump);
         }
         for m in &memory.members {
             let c: &mut Contact = &mut scratch.contacts[m.contact as usize];
@@ -706,6 +718,9 @@ impl Pile {
                 separation: memory.normal_speed(m),
                 restitution_scale: m.scale,
             });
+        }
+        if huge {
+            self.velocity = Memory::default();
         }
     }
 }

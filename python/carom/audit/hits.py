@@ -1,0 +1,88 @@
+"""Rows of the table of impacts, the contacts of the frames that they belong to, and the impulses that remained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.block import Block
+from carom.audit.vectors import EPS, norm
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Rows of the table of impacts in a block."""
+
+    k: I64
+    step: I64
+    problem: I64
+    a: I64
+    b: I64
+    normal: F64
+    impulse: F64
+    moment: F64
+    approach: F64
+    separation: F64
+    scale: F64
+
+    def __len__(self) -> int:
+        return len(self.k)
+
+    def of(self, chosen: Bool | I64) -> Hits:
+        """Some of them."""
+        return Hits(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
+
+    def contacts(self, block: Block) -> tuple[I64, Bool]:
+        """The row of `Block.rows` of each, and whether there is one."""
+        c, many = block.rows, len(block.run.names)
+        keys, own = (c.k * many + c.a) * many + c.b, (self.k * many + self.a) * many + self.b
+        if not len(keys):
+            return np.zeros(len(self), dtype=np.int64), np.zeros(len(self), dtype=bool)
+        order = np.argsort(keys, kind="stable")
+        contact = order[np.minimum(np.searchsorted(keys[order], own), len(keys) - 1)]
+        return contact, keys[contact] == own
+
+
+def of_block(block: Block) -> Hits:
+    """The rows of the steps of a block."""
+    table = block.run.result.impacts
+    step = np.asarray(table["step"]).astype(np.int64)
+    low, high = np.searchsorted(step, [block.s0[0] + 1, block.s1[-1] + 1])
+
+    def column(name: str) -> F64:
+        return np.asarray(table[name][low:high])
+
+    body = column("body").astype(np.int64).reshape(-1, 2)
+    k = np.searchsorted(block.s1, step[low:high])
+    numbers = (
+        column(n) for n in ("normal", "impulse", "moment", "approach", "separation", "restitution_scale")
+    )
+    return Hits(k, step[low:high], column("problem").astype(np.int64), body[:, 0], body[:, 1], *numbers)
+
+
+def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:
+    """Which impulses of problem 0 remained: an impact takes those of its contacts back and solves them anew. Told by the
+    contact's whole impulse of the step, which must be the sum with or without it; with the misfit of that sum, impulse
+    and moment over the radius, and the rounding of it, N s.
+    """
+    run, c = block.run, block.rows
+    contact, known = r.contacts(block)
+    many = len(run.names)
+    _, group = np.unique((r.k * many + r.a) * many + r.b, return_inverse=True)
+    over = 1.0 / run.radius[r.a][:, None]
+    own = np.hstack([r.impulse, r.moment * over])
+    whole = np.zeros((len(r), 6))
+    whole[known] = np.hstack([c.impulse[contact], c.moment[contact] * over])[known]
+    sums, loads = np.zeros((len(r), 6)), np.zeros((len(r), 6))
+    np.add.at(sums, group, np.where((r.problem > 0)[:, None], own, 0.0))
+    np.add.at(loads, group, np.where((r.problem == 0)[:, None], own, 0.0))
+    sums, loads = sums[group], loads[group]
+    without, within = norm(whole - sums), norm(whole - sums - loads)
+    bound = 32.0 * EPS * (norm(whole) + norm(sums) + norm(loads))
+    return np.asarray(within <= without), np.minimum(without, within), np.maximum(bound, 1e-300)

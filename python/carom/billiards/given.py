@@ -1,0 +1,29 @@
+"""What callers give: numbers and places that can be computed with, or a sentence that says which is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+from carom.errors import CaromError
+
+
+def number(call: str, name: str, value: Any) -> float:
+    """A finite number; `call` and `name` say in the message where it was given."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        raise CaromError(f"{call}: {name} must be a finite number in SI units, found {value!r}")
+    return float(value)
+
+
+def place(call: str, name: str, value: Any) -> tuple[float, float]:
+    """The x and y of a vector of two numbers, or of three, of which the last does not count."""
+    if (
+        isinstance(value, str)
+        or not (hasattr(value, "__len__") or isinstance(value, Sequence))
+        or len(value) not in (2, 3)
+    ):
+        raise CaromError(f"{call}: {name} must be (x, y), found {value!r}")
+    x, y = (number(call, name, c) for c in tuple(value)[:2])
+    return x, y

@@ -1,0 +1,20 @@
+"""A film of the run as GIF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from carom.export.frames import Selection
+from carom.export.whole import whole_file
+from carom.film import encode
+from carom.film.look import Look
+from carom.film.shoot import pictures
+
+
+def write(selection: Selection, directory: Path, look: Look) -> list[Path]:
+    """`film.gif`."""
+    path = directory / "film.gif"
+    encode.ffmpeg()  # that it is missing is told before anything is drawn
+    with whole_file(path) as temporary:
+        encode.gif(pictures(selection, look), look, temporary)
+    return [path]

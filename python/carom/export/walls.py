@@ -1,0 +1,69 @@
+"""The walls of a run for ParaView: triangles that go along with their motion, each with the number of its wall."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.export.extxyz import box
+from carom.export.frames import Selection
+from carom.surfaces import Surface, surfaces
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Triangles (F, 3) of all walls, arrays of them (F,) by name, and where their corners are."""
+
+    triangles: NDArray[Any]
+    cells: dict[str, NDArray[Any]]
+    """`id`, that of the wall as contacts have it (`body_b`), and `material`, a number."""
+    moves: bool
+    """Whether any wall moves."""
+    points: Callable[[int], F64]
+    """Corners (V, 3), m, at the k-th of the chosen frames."""
+
+
+def walls(selection: Selection) -> Walls | None:
+    """The walls of a run, those without end cut at the box of the balls in all chosen frames; None without walls."""
+    result = selection.result
+    if not result.walls:
+        return None
+    low, high = box(selection)
+    found = surfaces(list(result.walls.values()), low, high, -result.gravity)
+    if not found:
+        return None
+    times = selection.time[np.array(selection.frames)]
+    first = np.cumsum([0, *(len(surface.vertices) for surface in found)])
+    count = [len(surface.faces) for surface in found]
+    poses = [_poses(surface, times) for surface in found]
+
+    def points(k: int) -> F64:
+        placed = [
+            surface.placed(position[k], orientation[k])
+            for surface, (position, orientation) in zip(found, poses, strict=True)
+        ]
+        return np.concatenate(placed)
+
+    return Walls(
+        np.concatenate(
+            [surface.faces + start for surface, start in zip(found, first[:-1], strict=True)]
+        ).astype(np.int64),
+        {
+            "id": np.repeat([len(result.names) + surface.wall.index for surface in found], count),
+            "material": np.repeat([int(surface.wall.facts["material"]) for surface in found], count),
+        },
+        any(surface.wall.motion.moves for surface in found),
+        points,
+    )
+
+
+def _poses(surface: Surface, times: F64) -> tuple[F64, F64]:
+    """Where the wall's point is (T, 3), m, and how it has turned (T, 4) at some times, s."""
+    motion, point = surface.wall.motion, np.asarray(surface.wall.facts["point"], dtype=np.float64)
+    return motion.position(point, times), motion.orientation(times)

@@ -1,0 +1,28 @@
+"""What a finished run says of energy that came from nowhere."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+MOST_RISE = 1e-3
+"""Rise of a step, over the largest kinetic energy, that is no rounding and no error of a usable step any more."""
+
+
+def gained(result: Result) -> str | None:
+    """That a step of the run gained energy beyond the work done on it, with a cure; None if none did."""
+    energy = result.summary.get("energy") or {}
+    share = energy.get("max_rise_relative") or 0.0
+    if share <= MOST_RISE:
+        return None
+    run = tomllib.loads(result.scenario).get("run", {})
+    told = f"energy rose by up to {100 * share:.2g} % in a step"
+    if run.get("impact") == "sequence-paper" or run.get("energy_safeguard") is False:
+        return (
+            told
+            + ', of an impact law that can gain (Kane): impact = "sequence" with energy_safeguard = true cannot'
+        )
+    return told + ": shorten step" + (" or lower tolerance" if run.get("method") != "penalty" else "")
