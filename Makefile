@@ -46,6 +46,10 @@ test: preflight-test $(STAMPS)/test $(STAMPS)/extension ## quick tests, Rust and
 test-all: preflight-test $(STAMPS)/test-all $(STAMPS)/extension ## all tests, the long ones too
 	@tools/test.sh all $(ARGS)
 
+.PHONY: fuzz
+fuzz: preflight ## coverage-guided fuzzing of the crates, a minute a target: ARGS="600 scene"
+	@tools/fuzz.sh $(ARGS)
+
 .PHONY: check
 check: preflight-check $(STAMPS)/run $(STAMPS)/check ## formatting, lints, types
 	@tools/check.sh

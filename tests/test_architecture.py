@@ -12,7 +12,7 @@ DOCUMENTS = [
     *sorted((ROOT / "docs").glob("*.md")),
     ROOT / "benches" / "README.md",
 ]
-TOP = {"crates", "python", "docs", "tests", "tools", "benches", "scenarios", "viewer", ".ci"}
+TOP = {"crates", "python", "docs", "tests", "tools", "benches", "scenarios", "viewer", "fuzz", ".ci"}
 EQUATIONS = range(1, 68)  # the paper's
 PARTS = {1: "abcdefgh", 5: "ab", 6: "abc", 8: "abcd", 27: "ab"}
 

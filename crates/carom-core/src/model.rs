@@ -34,6 +34,9 @@ pub enum ModelError {
     },
     #[error("the model has no spheres")]
     Empty,
+    /// A saved state that is not one of this model.
+    #[error("state: {0}")]
+    State(String),
 }
 
 impl ModelError {

@@ -300,6 +300,11 @@ impl Options {
                 ));
             }
         }
+        // Its square and the inverse of that are numbers too.
+        if !(1e-100..=1e100).contains(&self.step) {
+            let text = format!("is {:e}; it must lie between 1e-100 and 1e100", self.step);
+            return Err(ModelError::option("step", text));
+        }
         if !(0.0..1.0).contains(&self.spectral_radius) {
             let text = format!("is {}; it must lie in [0, 1)", self.spectral_radius);
             return Err(ModelError::option("spectral_radius", text));

@@ -1,7 +1,7 @@
 //! What must be saved to continue bit for bit.
 
 use crate::level::smooth_newton::initial_accelerations;
-use crate::model::{InitialState, Model};
+use crate::model::{InitialState, Model, ModelError};
 use crate::penalty::Touch;
 use glam::{DQuat, DVec3};
 
@@ -80,6 +80,82 @@ impl State {
             }
         }
         state
+    }
+
+    /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
+    pub fn check(&self, model: &Model) -> Result<(), ModelError> {
+        let refuse = |text: String| Err(ModelError::State(text));
+        let (n, bodies) = (model.spheres(), model.spheres() + model.walls.len());
+        let lengths = [
+            ("position", self.position.len()),
+            ("orientation", self.orientation.len()),
+            ("velocity", self.velocity.len()),
+            ("angular_velocity", self.angular_velocity.len()),
+            ("pseudo", self.pseudo.len()),
+            ("acceleration", self.acceleration.len()),
+        ];
+        if let Some((name, found)) = lengths.into_iter().find(|l| l.1 != n) {
+            return refuse(format!("{name} is for {found} spheres, the model has {n}"));
+        }
+        if self.reaction.len() != model.joints.len() {
+            return refuse(format!(
+                "joint_reaction is for {} joints, the model has {}",
+                self.reaction.len(),
+                model.joints.len()
+            ));
+        }
+        let inflows = &model.flow.inflows;
+        let admitted = inflows.iter().zip(&self.entered);
+        if self.present.len() != n
+            || self.entered.len() != inflows.len()
+            || admitted.into_iter().any(|(flow, &k)| k > flow.count)
+        {
+            return refuse("present and entered are of another model".to_owned());
+        }
+        let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
+        let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();
+        for (name, keys) in [("warm_key", warm), ("touch_key", touches)] {
+            let known = |&(a, b): &ContactKey| a < b && (a as usize) < n && (b as usize) < bodies;
+            if !keys.iter().all(known) {
+                return refuse(format!("{name} names a body that the model has not"));
+            }
+            if !keys.windows(2).all(|k| k[0] < k[1]) {
+                return refuse(format!("{name} is not sorted"));
+            }
+        }
+        if !(self.warm_step > 0.0 && self.warm_step.is_finite()) {
+            return refuse("warm_step must be finite and above 0".to_owned());
+        }
+        // As at the start of a run; the rest is what rounding leaves.
+        let unit = |q: &&DQuat| (q.length() - 1.0).abs() <= 1e-6;
+        if let Some(q) = self.orientation.iter().find(|q| !unit(q)) {
+            return refuse(format!("orientation has norm {}, expected 1", q.length()));
+        }
+        let pairs = |v: &[[DVec3; 2]]| v.iter().flatten().all(|x| x.is_finite());
+        let touch = |t: &Touch| {
+            let numbers = t.approach.is_finite() && t.age.is_finite();
+            numbers && t.spring.is_finite() && t.impulse.is_finite() && t.moment.is_finite()
+        };
+        let warm =
+            |w: &Warm| w.impulse.is_finite() && w.moment.is_finite() && w.position.is_finite();
+        for (name, numbers) in [
+            ("position", self.position.iter().all(|x| x.is_finite())),
+            ("velocity", self.velocity.iter().all(|x| x.is_finite())),
+            (
+                "angular_velocity",
+                self.angular_velocity.iter().all(|x| x.is_finite()),
+            ),
+            ("pseudo", pairs(&self.pseudo)),
+            ("acceleration", pairs(&self.acceleration)),
+            ("joint_reaction", self.reaction.iter().all(|r| pairs(r))),
+            ("warm_value", self.warm.iter().all(warm)),
+            ("touch_value", self.touches.iter().all(touch)),
+        ] {
+            if !numbers {
+                return refuse(format!("{name} holds a number that is not finite"));
+            }
+        }
+        Ok(())
     }
 
     /// Takes a sphere away. It stands where it stood last.

@@ -14,8 +14,7 @@ use crate::rotation;
 use crate::scratch::{History, Scratch};
 use crate::share::{self, Task};
 use crate::state::State;
-use crate::stepper::Coefficients;
-use crate::stepper::Span;
+use crate::stepper::{Coefficients, Prediction, Span};
 use crate::timers::{Phase, Timers};
 use crate::travel;
 use crate::wall::Walls;
@@ -500,6 +499,13 @@ pub(crate) fn finish(
         }
         // Rates of the whole step: what the position level did counts too.
         let way = (scratch.position[i] - state.position[i]) / span.h;
+        // Accelerations are no velocities, but the next step begins with them.
+        let carried = [&scratch.linear[i], &scratch.angular[i]];
+        let goes_on =
+            |p: &&Prediction| p.acceleration.is_finite() && coefficients.finish(p).is_finite();
+        if !carried.iter().all(goes_on) {
+            return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, i as u32)));
+        }
         let numbers = kinetic.is_finite() && potential.is_finite();
         if !(numbers && blow_up::within_bounds(v, w) && blow_up::within_bounds(way, DVec3::ZERO)) {
             return Err(Failure::BlowUp(blow_up::locate(

@@ -148,3 +148,59 @@ fn names_that_the_core_does_not_know_are_refused() {
         assert!(options.set(name, &value).is_ok(), "{name}");
     }
 }
+
+#[test]
+fn steps_and_walls_whose_squares_are_no_numbers_are_refused() {
+    // Found by fuzzing: a step of 1e-323 s made accelerations that were no numbers, and nobody said so.
+    for step in [1e-323, 1e-150, 1e150] {
+        let options = Options {
+            step,
+            ..Options::default()
+        };
+        let error = compile(&on_floor([0.2, 0.5, 0.0, 0.0, 0.0]), options).expect_err("refused");
+        assert!(error.to_string().contains("option step is"), "{error}");
+    }
+    let text = refusal(|m| {
+        let centre = glam::DVec3::ZERO;
+        let (radius, inside) = (1e200, false);
+        let wall = carom_core::wall::Shape::Ball(carom_core::wall::Ball {
+            centre,
+            radius,
+            inside,
+        });
+        m.walls.push((wall, 1));
+    });
+    assert!(text.contains("radius of wall 0: is 1e200"), "{text}");
+}
+
+#[test]
+fn a_saved_state_of_another_model_or_without_numbers_is_refused() {
+    use carom_core::{Simulation, State};
+    use glam::{DQuat, DVec3};
+    let (model, initial) =
+        compile(&on_floor([0.2, 0.5, 0.0, 0.0, 0.0]), Options::default()).expect("valid");
+    let simulation = Simulation::new(model, initial);
+    type Damage = fn(&mut State);
+    let damages: [(&str, Damage); 7] = [
+        ("position is for 0 spheres", |s| s.position.clear()),
+        ("joint_reaction is for 1 joints", |s| {
+            s.reaction.push(Default::default())
+        }),
+        ("present and entered", |s| s.entered.push(1)),
+        ("velocity holds a number", |s| s.velocity[0] = DVec3::NAN),
+        ("orientation has norm 0", |s| {
+            s.orientation[0] = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0)
+        }),
+        ("orientation has norm NaN", |s| {
+            s.orientation[0].x = f64::NAN
+        }),
+        ("warm_step must be", |s| s.warm_step = 0.0),
+    ];
+    assert_eq!(simulation.state.check(&simulation.model), Ok(()));
+    for (said, damage) in damages {
+        let mut state = simulation.state.clone();
+        damage(&mut state);
+        let error = state.check(&simulation.model).expect_err(said).to_string();
+        assert!(error.starts_with(&format!("state: {said}")), "{error}");
+    }
+}

@@ -299,3 +299,37 @@ fn walls_that_move_do_not_cost_a_rebuild_each_step() {
     }
     assert!(list.rebuilds() < 5, "{}", list.rebuilds());
 }
+
+#[test]
+fn on_an_oblique_axis_the_normal_is_a_unit_vector_all_the_same() {
+    // Found by fuzzing: a distance from the axis that was nothing but rounding, along the axis itself, made the normal.
+    let axis = DVec3::ONE.normalize();
+    for k in 1..200 {
+        let x = DVec3::splat(-0.01 * f64::from(k));
+        for inside in [false, true] {
+            let cone = Shape::Cone(Cone {
+                point: DVec3::splat(-1.0),
+                axis: -axis,
+                radius: 0.1,
+                radius_end: 1.8,
+                length: 1.8,
+                inside,
+            });
+            let cylinder = Shape::Cylinder(Cylinder {
+                centre: DVec3::splat(0.3),
+                axis,
+                radius: 0.1,
+                half: f64::INFINITY,
+                inside,
+            });
+            for wall in [cone, cylinder] {
+                let p = meet(&wall, x, 0.01);
+                assert!(
+                    (p.normal.length() - 1.0).abs() < 1e-12,
+                    "{wall:?} {x} {p:?}"
+                );
+                assert!(p.curvature.abs() < 1e6, "{wall:?} {x} {p:?}");
+            }
+        }
+    }
+}

@@ -175,11 +175,3 @@ pub fn put<'py, T: numpy::Element>(
 pub fn flat<const K: usize>(values: impl Iterator<Item = [f64; K]>) -> Vec<f64> {
     values.flatten().collect()
 }
-
-/// Whether every entry of an array is finite.
-pub fn all_finite(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<bool> {
-    let array: PyReadonlyArrayDyn<f64> = item(dict, name)?
-        .extract()
-        .map_err(|_| bad(name, "float64"))?;
-    Ok(array.as_array().iter().all(|x| x.is_finite()))
-}

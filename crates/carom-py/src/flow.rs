@@ -2,7 +2,6 @@
 
 use crate::convert::{self, item, put};
 use crate::coupling::{list, refuse, vector};
-use crate::ModelError;
 use carom_core::flow::{Event, Inflow, Outlet, Region};
 use carom_core::{Model, State};
 use glam::DVec3;
@@ -118,17 +117,10 @@ pub fn read_state(dict: &Bound<'_, PyDict>, model: &Model, state: &mut State) ->
     }
     let present = convert::indices(dict, "present")?;
     let entered = convert::indices(dict, "entered")?;
-    let inflows = &model.flow.inflows;
-    let fits = inflows
-        .iter()
-        .zip(&entered)
-        .all(|(f, &k)| k <= u64::from(f.count));
-    if present.len() != model.spheres() || entered.len() != inflows.len() || !fits {
-        let text = "state: present and entered are of another model";
-        return Err(ModelError::new_err(text));
-    }
     state.present = present.iter().map(|&p| p != 0).collect();
-    state.entered = entered.iter().map(|&k| k as u32).collect();
+    // More balls than there are indices have not entered.
+    let number = |&k: &u64| u32::try_from(k).unwrap_or(u32::MAX);
+    state.entered = entered.iter().map(number).collect();
     Ok(())
 }
 

@@ -5,7 +5,7 @@ use crate::ModelError;
 use carom_core::penalty::Touch;
 use carom_core::record::ContactRecord;
 use carom_core::report::Spread;
-use carom_core::state::{State, Warm};
+use carom_core::state::{ContactKey, State, Warm};
 use glam::{DQuat, DVec3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -79,38 +79,33 @@ pub fn touch_values(t: &Touch) -> [f64; 11] {
     out
 }
 
-/// Closed contacts of method `penalty`; their keys name bodies of a model of `bodies` spheres and walls.
-pub fn read_touches(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<Touch>> {
-    let keys = convert::indices(state, "touch_key")?;
+/// Closed contacts of method `penalty`.
+fn read_touches(state: &Bound<'_, PyDict>) -> PyResult<Vec<Touch>> {
     let values = convert::rows::<11>(state, "touch_value")?;
-    if keys.len() != 2 * values.len() {
-        return Err(ModelError::new_err(
-            "state: touch_key and touch_value differ in length",
-        ));
-    }
-    if !convert::all_finite(state, "touch_value")? {
-        return Err(ModelError::new_err(
-            "state: touch_value holds a number that is not finite",
-        ));
-    }
-    check_keys("touch_key", &keys, bodies)?;
     let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
-    let touches: Vec<Touch> = values
-        .iter()
-        .enumerate()
-        .map(|(i, v)| Touch {
-            key: (keys[2 * i] as u32, keys[2 * i + 1] as u32),
-            approach: v[0],
-            age: v[1],
-            spring: vector(&v[2..]),
-            impulse: vector(&v[5..]),
-            moment: vector(&v[8..]),
-        })
-        .collect();
-    if !touches.windows(2).all(|t| t[0].key < t[1].key) {
-        return Err(ModelError::new_err("state: touch_key is not sorted"));
+    let touches = read_keys(state, "touch", values.len())?;
+    let touches = touches.into_iter().zip(&values).map(|(key, v)| Touch {
+        key,
+        approach: v[0],
+        age: v[1],
+        spring: vector(&v[2..]),
+        impulse: vector(&v[5..]),
+        moment: vector(&v[8..]),
+    });
+    Ok(touches.collect())
+}
+
+/// Keys of contacts, as many as there are values.
+fn read_keys(state: &Bound<'_, PyDict>, name: &str, count: usize) -> PyResult<Vec<ContactKey>> {
+    let keys = convert::indices(state, &format!("{name}_key"))?;
+    if keys.len() != 2 * count {
+        return Err(ModelError::new_err(format!(
+            "state: {name}_key and {name}_value differ in length"
+        )));
     }
-    Ok(touches)
+    // A number that is no index is none of a body either.
+    let index = |k: u64| u32::try_from(k).unwrap_or(u32::MAX);
+    Ok(keys.chunks(2).map(|k| (index(k[0]), index(k[1]))).collect())
 }
 
 /// Pairs of a sphere and a later body of a model of `bodies` spheres and walls.
@@ -162,61 +157,34 @@ pub fn read_pairs(state: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<[DVec3;
         .collect())
 }
 
-pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
+/// The arrays of a state, of whatever model: [`State::check`] says whether it is one of this.
+pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
     let vectors = |name: &str| -> PyResult<Vec<DVec3>> {
         Ok(convert::rows::<3>(state, name)?
             .into_iter()
             .map(DVec3::from)
             .collect())
     };
-    let one = |name: &str| -> PyResult<f64> {
-        convert::floats(state, name)?
-            .first()
-            .copied()
-            .ok_or_else(|| ModelError::new_err(format!("state: {name} is empty")))
-    };
-    let keys = convert::indices(state, "warm_key")?;
     let values = convert::rows::<9>(state, "warm_value")?;
-    if keys.len() != 2 * values.len() {
+    let keys = read_keys(state, "warm", values.len())?;
+    let warm = keys.into_iter().zip(&values).map(|(key, v)| Warm {
+        key,
+        impulse: DVec3::new(v[0], v[1], v[2]),
+        moment: DVec3::new(v[3], v[4], v[5]),
+        position: DVec3::new(v[6], v[7], v[8]),
+    });
+    let warm_step = convert::floats(state, "warm_step")?
+        .first()
+        .copied()
+        .ok_or_else(|| ModelError::new_err("state: warm_step is empty"))?;
+    let (last, pseudo) = (
+        read_pairs(state, "joint_reaction")?,
+        read_pairs(state, "joint_pseudo")?,
+    );
+    if last.len() != pseudo.len() {
         return Err(ModelError::new_err(
-            "state: warm_key and warm_value differ in length",
+            "state: joint_reaction and joint_pseudo differ in length",
         ));
-    }
-    check_keys("warm_key", &keys, bodies)?;
-    let warm = values
-        .iter()
-        .enumerate()
-        .map(|(i, v)| Warm {
-            key: (keys[2 * i] as u32, keys[2 * i + 1] as u32),
-            impulse: DVec3::new(v[0], v[1], v[2]),
-            moment: DVec3::new(v[3], v[4], v[5]),
-            position: DVec3::new(v[6], v[7], v[8]),
-        })
-        .collect();
-    let warm: Vec<Warm> = warm;
-    if !warm.windows(2).all(|w| w[0].key < w[1].key) {
-        return Err(ModelError::new_err("state: warm_key is not sorted"));
-    }
-    let warm_step = one("warm_step")?;
-    if !(warm_step > 0.0 && warm_step.is_finite()) {
-        return Err(ModelError::new_err(
-            "state: warm_step must be finite and above 0",
-        ));
-    }
-    for name in [
-        "position",
-        "orientation",
-        "velocity",
-        "angular_velocity",
-        "pseudo",
-        "acceleration",
-        "warm_value",
-    ] {
-        if !convert::all_finite(state, name)? {
-            return Err(ModelError::new_err(format!(
-                "state: {name} holds a number that is not finite"
-            )));
-        }
     }
     Ok(State {
         step: convert::indices(state, "step")?
@@ -232,17 +200,13 @@ pub fn read_state(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<State> {
         angular_velocity: vectors("angular_velocity")?,
         pseudo: read_pairs(state, "pseudo")?,
         acceleration: read_pairs(state, "acceleration")?,
-        reaction: read_pairs(state, "joint_reaction")?
-            .into_iter()
-            .zip(read_pairs(state, "joint_pseudo")?)
-            .map(|(last, pseudo)| [last, pseudo])
-            .collect(),
+        reaction: last.into_iter().zip(pseudo).map(|(l, p)| [l, p]).collect(),
         // Of models whose balls come and go, see `flow.rs`.
         present: Vec::new(),
         entered: Vec::new(),
-        warm,
+        warm: warm.collect(),
         warm_step,
-        touches: read_touches(state, bodies)?,
+        touches: read_touches(state)?,
     })
 }
 

@@ -286,3 +286,32 @@ fn scaling_keeps_cones_and_solutions() {
             .all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()));
     }
 }
+
+#[test]
+fn numbers_at_the_end_of_their_range_give_finite_forces() {
+    // Found by fuzzing: factors of the scaling whose inverse or product is infinite made all forces NaN.
+    let mu = [Bounds {
+        sliding: 0.5,
+        rolling: 0.1,
+        spinning: 0.1,
+    }];
+    for (w, q) in [
+        (1e308, -1.0),
+        (5e-324, -1.0),
+        (1e-300, 1e300),
+        (1e300, -1e300),
+    ] {
+        let mut matrix = vec![0.0; 36];
+        (0..6).for_each(|k| matrix[7 * k] = w);
+        let (ptr, col, values) = csr(&matrix, 6);
+        let (problem, _) =
+            Problem::from_csr(&ptr, &col, &values, &[q; 6], 6, &mu).expect("a problem");
+        for (name, _) in carom_solve::solver::SOLVERS {
+            let mut method = carom_solve::solver::by_name(name).expect("listed");
+            let mut r = vec![0.0; problem.rows()];
+            let settings = carom_solve::solver::Settings::default();
+            carom_solve::solver::solve(&problem, method.as_mut(), settings, &mut r);
+            assert!(r.iter().all(|v| v.is_finite()), "{name} {w:e} {q:e}: {r:?}");
+        }
+    }
+}

@@ -3,7 +3,7 @@
 pub mod generalized_alpha;
 pub mod moreau;
 
-pub use generalized_alpha::Coefficients;
+pub use generalized_alpha::{Coefficients, Prediction};
 
 /// A step in time: t_n, t_{n+1} and h itself, which their difference only rounds to.
 #[derive(Clone, Copy, Debug, Default)]

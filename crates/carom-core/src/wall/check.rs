@@ -66,9 +66,8 @@ pub fn checked(shape: &Shape) -> Result<Shape, Refusal> {
         Shape::Cone(w) => {
             positive("length", w.length)?;
             for (name, radius) in [("radius", w.radius), ("radius_end", w.radius_end)] {
-                if !(radius >= 0.0 && radius.is_finite()) {
-                    let text = format!("is {radius}; it must be finite and not negative");
-                    return Err((name, text));
+                if radius != 0.0 {
+                    positive(name, radius)?;
                 }
             }
             positive("radius", w.radius.max(w.radius_end))?;
@@ -81,23 +80,34 @@ pub fn checked(shape: &Shape) -> Result<Shape, Refusal> {
     })
 }
 
+/// Sizes between these have squares, and quotients of these, that are numbers.
+const SIZES: std::ops::RangeInclusive<f64> = 1e-75..=1e75;
+
 fn positive(name: &'static str, value: f64) -> Result<(), Refusal> {
-    if value > 0.0 && value.is_finite() {
+    if SIZES.contains(&value) {
         return Ok(());
     }
-    Err((name, format!("is {value}; it must be finite and above 0")))
+    let (least, most) = (SIZES.start(), SIZES.end());
+    let text = format!("is {value:e}; it must be above 0, between {least:e} m and {most:e} m");
+    Err((name, text))
 }
 
 fn finite(name: &'static str, v: DVec3) -> Result<DVec3, Refusal> {
-    if v.is_finite() {
+    if v.is_finite() && v.abs().max_element() <= *SIZES.end() {
         return Ok(v);
     }
-    Err((name, format!("is {v}; it must be finite")))
+    let most = SIZES.end();
+    Err((
+        name,
+        format!("is {v}; it must be finite, and not above {most:e} m"),
+    ))
 }
 
 /// Scaled before it is normalised: the square of a huge component is infinite.
 fn unit(name: &'static str, v: DVec3) -> Result<DVec3, Refusal> {
-    let v = finite(name, v)?;
+    if !v.is_finite() {
+        return Err((name, format!("is {v}; it must be finite")));
+    }
     let scaled = v / v.abs().max_element();
     let size = scaled.length();
     if !size.is_finite() {

@@ -11,6 +11,8 @@
 use super::Proximity;
 use glam::DVec3;
 
+/// A distance from the axis below this share of the height along it is rounding, without a direction: the centre is on the axis.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Below this share of the radius a centre counts as on the axis: it has no nearest point, any will do.
 const ON_AXIS: f64 = 1e-12;
 
@@ -29,12 +31,13 @@ impl Polar {
         let d = x - point;
         let height = axis.dot(d);
         let across = d - height * axis;
-        let distance = across.length();
-        let outward = if distance > 0.0 && distance.is_finite() {
+        let mut distance = across.length();
+        let outward = if distance > ROUNDING * height.abs() && distance.is_finite() {
             // Once more: the difference above leaves rounding of the size of the height.
             let unit = across / distance;
             (unit - axis * axis.dot(unit)).normalize()
         } else {
+            distance = if distance.is_finite() { 0.0 } else { distance };
             axis.any_orthonormal_vector()
         };
         Polar {

@@ -13,6 +13,10 @@ pub struct Scaled {
     pub size: f64,
 }
 
+/// Diagonals beyond these are taken for them: of the roots of others there are no quotients.
+const LEAST: f64 = 1e-200;
+const MOST: f64 = 1e200;
+
 impl Scaled {
     pub fn new(source: &Problem) -> Scaled {
         let mut problem = source.clone();
@@ -23,7 +27,7 @@ impl Scaled {
             let root = |rows: std::ops::Range<usize>| {
                 let mean = rows.clone().map(diagonal).sum::<f64>() / rows.len() as f64;
                 if mean > 0.0 {
-                    1.0 / mean.sqrt()
+                    1.0 / mean.clamp(LEAST, MOST).sqrt()
                 } else {
                     1.0
                 }
@@ -69,6 +73,8 @@ impl Scaled {
         if size == 0.0 {
             size = 1.0;
         }
+        // A q that is infinite when scaled has no solution here; what is given back is finite all the same.
+        size = size.min(f64::MAX);
         problem.q.iter_mut().for_each(|q| *q /= size);
         Scaled {
             problem,
