@@ -26,8 +26,11 @@ pub use solve::solve;
 pub use state::state;
 pub use walls::walls;
 
+/// A target: its name, and what it does with bytes.
+pub type Target = (&'static str, fn(&[u8]));
+
 /// Every target by its name, which is that of its corpus.
-pub const TARGETS: [(&str, fn(&[u8])); 6] = [
+pub const TARGETS: [Target; 6] = [
     ("scene", scene),
     ("state", state),
     ("solve", solve),
