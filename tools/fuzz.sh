@@ -28,8 +28,8 @@ bins=()
 for target in "${targets[@]}"; do bins+=(--bin "$target"); done
 cargo build --manifest-path fuzz/Cargo.toml --target-dir target/fuzz --release --locked --target "$host" "${bins[@]}" || exit 1
 
-# A step may take a million substeps: minutes in an instrumented build on a busy machine. Memory in MB.
-limits=(-timeout=120 -rss_limit_mb=2048 -max_len=1024 -len_control=0)
+# A step may take a million substeps, or every fallback: minutes in an instrumented build on a busy machine. Memory in MB.
+limits=(-timeout=400 -rss_limit_mb=2048 -max_len=1024 -len_control=0)
 failed=()
 for target in "${targets[@]}"; do
     program=target/fuzz/$host/release/$target work=.make/fuzz/$target found=.make/fuzz/findings/$target
