@@ -12,7 +12,8 @@ import carom
 import numpy as np
 import pytest
 from audit_faults import Fault
-from carom import audit
+from carom import _core, audit
+from carom.audit.block import pile_overlap
 from carom.audit.report import Place, Tally
 
 Maker = Callable[[str], Path]
@@ -238,3 +239,11 @@ def test_small_islands_of_a_large_scene_have_their_impacts_judged(tmp_path: Path
     assert report.ok, repr(report)
     assert report["impact"].judged
     assert not report["impact"].unjudged
+
+
+def test_the_overlap_admitted_in_piles_is_the_solver_s() -> None:
+    """The auditor has the formula in its own words; where they part, one of them is wrong."""
+    contacts = np.unique(np.geomspace(101, 1e6, 200).astype(int))
+    for tolerance in (1e-9, 1e-6, 1e-5, 1e-4, 2.4e-4, 2.6e-4, 1e-3, 1e-2):
+        theirs = [_core.pile_overlap(tolerance, int(n)) for n in contacts]
+        assert pile_overlap(tolerance, contacts) == pytest.approx(theirs, rel=1e-12), tolerance

@@ -80,3 +80,15 @@ def test_many_balls_want_the_tolerance_of_piles() -> None:
     [cure] = advice(500, pile_tolerance=1e-7)
     assert cure.startswith("pile_tolerance = 0.0001;")
     assert advice(500, pile_tolerance=1e-4) == advice(499, pile_tolerance=1e-7) == []
+
+
+def test_a_batch_starts_from_a_settled_pile_as_a_run_does(settled: carom.Result) -> None:
+    scene = tray(until=0.01)
+    scene.spheres_from(settled)
+    batch = carom.simulate_batch(scene, {"g1.velocity.z": [0.0, 0.1]})
+    assert batch.outcome.tolist() == ["done", "done"], batch.message
+    apart = tray(until=0.01)
+    for x in (0.005, 0.02):
+        apart.sphere(f"at {x}", radius=0.005, density=2500, at=(x, 0.015, 0.006), material="grain")
+    batch = carom.simulate_batch(apart, {"at 0.005.position.x": [0.005, 0.010001, 0.0101]})
+    assert batch.outcome.tolist() == ["done", "done", "overlap"]

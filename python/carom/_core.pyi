@@ -65,6 +65,9 @@ def tangential_increment(
 def choices() -> dict[str, list[str]]:
     """Admitted values of the options that are names: method, impact, solver and others."""
 
+def pile_overlap(tolerance: float, contacts: int) -> float:
+    """Overlap over the radius that the solver of piles may leave in an island of so many contacts, by `pile_tolerance`."""
+
 class Cancel:
     """Lets another thread end a solve: `cancel` of `solve_contact_problem`."""
 

@@ -14,6 +14,7 @@ from carom.batch import KINEMATICS, Batch
 from carom.cases import Overrides
 from carom.drive import Plan
 from carom.errors import CaromError
+from carom.scenario.wall_checks import touching
 
 if TYPE_CHECKING:
     from carom._core import Simulation
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
 #: Seconds of computing after which a case looks whether it should stop.
 LOOK_SECONDS = 0.2
-#: Balls may overlap by this share of a radius at the start: that is touching.
-TOUCHING = 1e-9
 #: Bytes of frames above which a batch is refused rather than left to the system's killer.
 MOST_BYTES = 8 * 1024**3
 
@@ -159,7 +158,7 @@ class Runner:
             simulation = _core.Simulation(model)
         except _core.ModelError as error:
             return self._note(case, "bad_model", str(error))
-        overlap = simulation.overlaps(TOUCHING, 1)
+        overlap = simulation.overlaps(touching(model["options"]["pile_tolerance"]), 1)
         if overlap:
             a, b, gap = overlap[0]
             names = self.bodies[0 if self.overrides is not None else case]

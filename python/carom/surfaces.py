@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from carom.rotations import rotated
+
 if TYPE_CHECKING:
     from carom.walls import Wall
 
@@ -43,10 +45,7 @@ class Surface:
 
     def placed(self, position: Floats, orientation: Floats) -> Floats:
         """The vertices (V, 3), m, where the wall's point is at `position` (3,) and it has turned by a quaternion (4,)."""
-        w, axis = orientation[0], orientation[1:]
-        twice = 2.0 * np.cross(axis, self.vertices)
-        placed: Floats = position + self.vertices + w * twice + np.cross(axis, twice)
-        return placed
+        return position + rotated(orientation, self.vertices)
 
 
 def surfaces(

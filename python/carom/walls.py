@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean, quoted
+from carom.rotations import rotated
 from carom.tables import UnknownName
 
 if TYPE_CHECKING:
@@ -58,11 +59,7 @@ class Poses:
         if self._rotation is None:
             return point + displacement
         centre = np.array(self._rotation[1])
-        q = self.orientation(time)
-        arm = point - centre
-        twice = 2.0 * np.cross(q[:, 1:], arm)
-        turned: F64 = arm + q[:, :1] * twice + np.cross(q[:, 1:], twice)
-        return centre + displacement + turned
+        return centre + displacement + rotated(self.orientation(time), point - centre)
 
 
 def _values(law: Sequence[Any], time: F64) -> F64:

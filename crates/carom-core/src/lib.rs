@@ -33,6 +33,7 @@ pub mod wall;
 
 pub use model::{InitialState, Model, ModelError, ModelInput};
 pub use options::{Options, Value};
+pub use pile::overlap as pile_overlap;
 pub use report::{Monitors, Outcome, StepReport};
 pub use simulation::{Recording, Simulation};
 pub use state::State;

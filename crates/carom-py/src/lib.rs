@@ -44,6 +44,12 @@ fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(out)
 }
 
+/// What the solver of piles may leave of overlaps (`_core.pyi`).
+#[pyfunction]
+fn pile_overlap(tolerance: f64, contacts: usize) -> f64 {
+    carom_core::pile_overlap(tolerance, contacts)
+}
+
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
@@ -51,6 +57,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("ExpressionError", m.py().get_type::<ExpressionError>())?;
     m.add_function(wrap_pyfunction!(defaults, m)?)?;
     m.add_function(wrap_pyfunction!(choices, m)?)?;
+    m.add_function(wrap_pyfunction!(pile_overlap, m)?)?;
     m.add_function(wrap_pyfunction!(contact_solver::solve_contact_problem, m)?)?;
     m.add_function(wrap_pyfunction!(contact_solver::contact_solvers, m)?)?;
     m.add_function(wrap_pyfunction!(contact_solver::auto_rule, m)?)?;

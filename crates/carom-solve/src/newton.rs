@@ -177,6 +177,8 @@ impl Newton {
             u.copy_from_slice(&self.start_u);
             self.linearise(system, problem, options, lambda, u, &mut total);
             total.rung = Rung::Path;
+            // In small islands closed gaps are a condition.
+            total.converged &= self.gaps_closed(system, options);
         }
         if linearised && total.rung == Rung::First {
             total.rung = Rung::Path; // what failed before is a fallback too

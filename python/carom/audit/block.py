@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from carom.audit.data import Run
 from carom.audit.report import Place
-from carom.scenario.wall_checks import pile_overlap
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -46,6 +45,14 @@ class Rows:
 
     def __len__(self) -> int:
         return len(self.k)
+
+
+def pile_overlap(tolerance: float, contacts: F64) -> F64:
+    """Overlap over the radius that the solver of piles may leave: 0.9 `tolerance`, growing with the 3/4th power of the
+    contacts above 2500 up to five times, but not beyond 4.5e-4 (or twice the 0.9, if that is more).
+    """
+    many = np.clip((np.asarray(contacts) / 2500.0) ** 0.75, 1.0, 5.0)
+    return np.asarray(np.minimum(0.9 * tolerance * many, max(4.5e-4, 1.8 * tolerance)))
 
 
 class Block:
@@ -205,11 +212,8 @@ class Block:
 
     @cached_property
     def pile_overlap(self) -> F64:
-        """(B,) overlap over the radius that the solver of piles may leave, growing with the 3/4th power of the
-        contacts above 2500 up to five times.
-        """
-        many = np.clip((self.over(self.run.steps["candidates"]) / 2500.0) ** 0.75, 1.0, 5.0)
-        return pile_overlap(self.run.loosest["pile_tolerance"], many)
+        """(B,) overlap over the radius that the solver of piles may leave."""
+        return pile_overlap(self.run.loosest["pile_tolerance"], self.over(self.run.steps["candidates"]))
 
     def left(self, size: F64) -> F64:
         """(B,) what a solver may leave of multipliers `size` (K,) of the contacts: tol_r times the sum of the norms of

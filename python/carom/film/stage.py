@@ -17,6 +17,7 @@ from carom.film.look import Look
 from carom.film.mesh import Colour, actor, colour, mesh
 from carom.film.playback import Moment, Playback
 from carom.film.window import off_screen, pixels, vtk
+from carom.rotations import rotated
 from carom.surfaces import Surface, surfaces
 from carom.view.links import links
 
@@ -306,10 +307,9 @@ class Stage:
             return np.asarray(arm, dtype=np.float64)
         if body not in row:
             return None
-        w, axis = moment.orientation[row[body], 0], moment.orientation[row[body], 1:]
-        twice = 2.0 * np.cross(axis, arm)
-        found: F64 = moment.position[row[body]] + np.asarray(arm) + w * twice + np.cross(axis, twice)
-        return found
+        k = row[body]
+        turned = rotated(moment.orientation[k], np.asarray(arm, dtype=np.float64))
+        return np.asarray(moment.position[k] + turned, dtype=np.float64)
 
     # Words.
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from carom.rotations import rotated_back
 from carom.scenario.bodies import F64, Bodies, Entries
 from carom.scenario.joints import Joint
 from carom.scenario.laws import LawValue, as_core
@@ -155,10 +156,8 @@ def _arm(body: int, point: F64, bodies: Bodies) -> list[float]:
     """`R^T (p - x)`; of the ground the fixed point itself."""
     if body == GROUND_INDEX:
         return [float(x) for x in point]
-    lever = point - bodies.position[body]
-    w, axis = bodies.orientation[body, 0], -bodies.orientation[body, 1:]
-    twice = 2.0 * np.cross(axis, lever)
-    return [float(x) for x in lever + w * twice + np.cross(axis, twice)]
+    arm = rotated_back(bodies.orientation[body], point - bodies.position[body])
+    return [float(x) for x in arm]
 
 
 def joints_for_core(

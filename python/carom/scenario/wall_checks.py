@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from carom import _core
 from carom.errors import quoted
 from carom.scenario.bodies import F64
 from carom.scenario.distances import gaps
@@ -29,6 +30,8 @@ TOUCHING = 1e-9
 """A gap above minus this fraction of the radius counts as touching; the step has the same tolerance."""
 COARSE = 1e-5
 """A `pile_tolerance` from which on a scene is one of piles, as in the core, which sweeps all but its smallest islands."""
+HUGE = 1_000_000
+"""Contacts of the largest piles."""
 MOST = 20
 """Balls in walls that are listed; more say nothing new."""
 PERIOD = 4.0
@@ -39,21 +42,19 @@ WALL_TRAVEL = 0.5
 """Travel of a wall per step, in the smallest radii, above which a ball may be deep in it before it is noticed."""
 
 
-def pile_overlap(tolerance: float, many: F64 | float = 5.0) -> F64:
-    """Overlap over the radius that the solver of piles may leave at this `pile_tolerance`: 0.9 of it, `many` times as much
-    in large piles (five times at most), but not beyond 4.5e-4 (or twice the 0.9, if that is more).
+def touching(pile_tolerance: float) -> float:
+    """Overlap over the radius up to which bodies count as touching at the start of a run.
+
+    In scenes of piles it is what a step may leave in the largest of them, so that a run can begin where another one has
+    ended.
     """
-    return np.asarray(np.minimum(0.9 * tolerance * many, max(4.5e-4, 1.8 * tolerance)))
+    return _core.pile_overlap(pile_tolerance, HUGE) if pile_tolerance >= COARSE else TOUCHING
 
 
 def start_overlap(parts: Parts) -> float:
-    """Overlap over the radius up to which bodies count as touching at the start.
-
-    In scenes of piles it is what a step may leave, so that a run can begin where another one has ended.
-    """
+    """`touching` of a scene."""
     options = parts.run.options() if parts.run is not None else {}
-    tolerance = float(options.get("pile_tolerance", 0.0))
-    return float(pile_overlap(tolerance)) if tolerance >= COARSE else TOUCHING
+    return touching(float(options.get("pile_tolerance", 0.0)))
 
 
 def check_walls(parts: Parts) -> Iterator[Finding]:
@@ -63,7 +64,7 @@ def check_walls(parts: Parts) -> Iterator[Finding]:
     centre, radius = bodies.position[there], bodies.radius[there]
     reported = 0
     strays: set[int] = set()
-    touching = start_overlap(parts)
+    overlap = start_overlap(parts)
     for _, box in parts.entries["box"]:
         assert isinstance(box, Box)
         if box.open:
@@ -82,7 +83,7 @@ def check_walls(parts: Parts) -> Iterator[Finding]:
             return
     for wall in parts.walls():
         gap = gaps(wall, centre, radius)
-        for k in np.flatnonzero(gap < -touching * radius):
+        for k in np.flatnonzero(gap < -overlap * radius):
             if int(k) in strays:
                 continue
             if reported >= MOST:

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from carom.rotations import rotated_back
+
 Floats = npt.NDArray[np.float64]
 
 SECTIONS = ("joint", "spring")
@@ -94,7 +96,5 @@ class _Start:
         """The point in the body's own axes, relative to its centre; of the ground as it is."""
         if body < 0:
             return [float(x) for x in point]
-        w, axis = self._orientation[body, 0], -self._orientation[body, 1:]
-        lever = point - self._position[body]
-        twice = 2.0 * np.cross(axis, lever)
-        return [float(x) for x in lever + w * twice + np.cross(axis, twice)]
+        arm = rotated_back(self._orientation[body], point - self._position[body])
+        return [float(x) for x in arm]

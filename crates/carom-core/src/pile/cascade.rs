@@ -321,7 +321,7 @@ fn solve_little(
                     + (w + jw).length_squared() / body.inv_inertia)
             })
             .sum();
-        done > GAIN_TOLERANCE.max(velocity::GAIN_SHARE * goal.tolerance) * kinetic
+        done > GAIN_TOLERANCE.max(super::solve::GAIN_SHARE * goal.tolerance) * kinetic
     };
     if o.energy_safeguard && gains(group, velocity) {
         let at = |group: &mut Group, scale: f64| {

@@ -10,10 +10,11 @@ mod group;
 mod keep;
 mod position;
 mod record;
+mod solve;
 mod velocity;
 mod warm;
 
-pub use position::solve_positions;
+pub use position::{overlap, solve_positions};
 pub use velocity::solve_velocities;
 
 use crate::contact::Contact;

@@ -200,8 +200,8 @@ fn solve(
     true
 }
 
-/// Overlap over the smallest radius that may be left. Islands of up to 100 contacts are asked for more.
-fn overlap(tolerance: f64, contacts: usize) -> f64 {
+/// Overlap over the smallest radius that may be left in an island of so many contacts. Islands of up to 100 are asked for more.
+pub fn overlap(tolerance: f64, contacts: usize) -> f64 {
     if contacts > MANY {
         (0.9 * worst(contacts) * tolerance).min(MOST_OVERLAP.max(1.8 * tolerance))
     } else {

@@ -2,9 +2,8 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::group::Law;
-use super::{budget, node, record, warm::Cursor, worst, Pile, LEFT, PATIENCE};
+use super::{node, record, warm::Cursor, Pile, LEFT};
 use crate::contact::Contact;
-use crate::impact::GAIN_TOLERANCE;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
 use crate::model::Model;
@@ -14,15 +13,9 @@ use crate::scratch::{ImpactRecord, IslandScratch};
 use crate::state::{State, Warm};
 use crate::stepper::Span;
 use carom_solve::rows::WORLD;
-use carom_solve::spheres::{self, Goal, Progress};
+use carom_solve::spheres;
 use carom_solve::Status;
 use glam::DVec3;
-
-/// Bisections of the restitution scale in problems of the whole pile, and in little ones.
-const BISECTIONS: u32 = 6;
-/// An impact problem gains energy if its work exceeds this share of the solver's tolerance, of the kinetic energy: an inexact
-/// solution does a little work.
-pub(super) const GAIN_SHARE: f64 = 1e-2;
 
 /// No moving wall.
 const FIXED: u32 = u32::MAX;
@@ -73,7 +66,8 @@ pub(super) struct Memory {
     /// Terms of eq. 44 of what is solved already in this step.
     pub terms: f64,
     pub cascade: super::cascade::Memory,
-    group: Vec<u32>,
+    /// Group of energy of each chosen contact.
+    pub group: Vec<u32>,
 }
 
 impl Memory {
@@ -150,7 +144,7 @@ impl Memory {
     }
 
     /// Terms of eq. 44 of all impulses so far.
-    fn total(&self, bodies: &[spheres::Body]) -> f64 {
+    pub fn total(&self, bodies: &[spheres::Body]) -> f64 {
         let impulses: f64 = self
             .members
             .iter()
@@ -227,14 +221,8 @@ impl Pile {
         let Some(problems) = problems else {
             return false;
         };
-        report.impact_problems = report.impact_problems.max(problems);
-        report.iterations_velocity = report.iterations_velocity.max(1);
-        report.residual_velocity = report.residual_velocity.max(own.residual_velocity);
-        report.sweeps_velocity = report.sweeps_velocity.max(own.sweeps_velocity);
-        report.restitution_scale = report.restitution_scale.min(own.restitution_scale);
-        report.truncated += own.truncated;
-        report.fallbacks += own.fallbacks;
-        report.unconverged += own.unconverged;
+        (own.impact_problems, own.iterations_velocity) = (problems, 1);
+        report.join(&own);
         self.close(model, scratch, report);
         true
     }
@@ -444,227 +432,6 @@ impl Pile {
         }
     }
 
-    /// Solves the chosen contacts from `start` with all present impulses fixed and adds the new ones.
-    fn solve_chosen(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        law: Law,
-        problem: u32,
-        report: &mut StepReport,
-    ) -> Option<()> {
-        let scale = vec![1.0; self.velocity.chosen.len()];
-        self.write(model, law, &scale);
-        let places = (self.places.len() >= super::SORTED).then_some(&self.places[..]);
-        self.sweeps
-            .renew(&self.bodies, &self.contacts, places)
-            .ok()?;
-        self.sweeps.warm_start(&self.start);
-        let most = budget(self.contacts.len());
-        self.forget_contacts();
-        let o = &model.options;
-        // What a sequence that was cut short leaves is no load: the next step has it as an impact.
-        let end = if problem > 1 {
-            worst(self.velocity.chosen.len())
-        } else {
-            1.0
-        };
-        let goal = Goal {
-            tolerance: o.tolerance.max(o.pile_tolerance),
-            floor: self.velocity.floor,
-            scale: self.velocity.terms,
-            closing: end * self.velocity.left(o),
-            penalty_scale: o.penalty_scale,
-            patience: PATIENCE,
-            most,
-            had: 0,
-        };
-        let mut progress = self.settle(&goal, report);
-        if !progress.converged && !self.accept {
-            self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
-            return None;
-        }
-        let scale = if law == Law::First && o.energy_safeguard {
-            self.safeguard(model, law, scale, &goal, &mut progress, report)?
-        } else {
-            scale
-        };
-        report.unconverged += u32::from(!progress.converged);
-        self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
-        self.commit(problem, &scale);
-        Some(())
-    }
-
-    fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Progress {
-        let progress = self.sweeps.settle(goal);
-        report.sweeps_velocity += progress.sweeps as u32;
-        report.residual_velocity = report.residual_velocity.max(progress.residual);
-        report.fallbacks += u32::from(progress.lenient);
-        progress
-    }
-
-    /// The chosen contacts as spheres.
-    pub(super) fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
-        let memory = &self.velocity;
-        self.contacts.clear();
-        self.contacts
-            .extend(memory.chosen.iter().zip(scale).map(|(&slot, &scale)| {
-                let m = &memory.members[slot as usize];
-                spheres::Contact {
-                    a: m.a,
-                    b: m.b,
-                    normal: m.normal.to_array(),
-                    slip: memory.measures(model, m, law, scale).to_array(),
-                    friction: m.friction,
-                }
-            }));
-    }
-
-    /// Rule R4: scales restitution in groups of contacts with impulse whose work is positive. All such groups are bisected at once,
-    /// each trial one solve from where the last one ended.
-    fn safeguard(
-        &mut self,
-        model: &Model,
-        law: Law,
-        scale: Vec<f64>,
-        goal: &Goal,
-        progress: &mut Progress,
-        report: &mut StepReport,
-    ) -> Option<Vec<f64>> {
-        let groups = self.gaining(goal);
-        if groups.is_empty() {
-            return Some(scale);
-        }
-        // Groups as they were found: what wakes between them joins none.
-        let member_of = self.velocity.group.clone();
-        let mut bounds: std::collections::BTreeMap<u32, [f64; 2]> =
-            groups.iter().map(|&g| (g, [0.0, 1.0])).collect();
-        let factor = |bounds: &std::collections::BTreeMap<u32, [f64; 2]>,
-                      at: fn(&[f64; 2]) -> f64| {
-            member_of
-                .iter()
-                .map(|g| bounds.get(g).map_or(1.0, at))
-                .collect::<Vec<f64>>()
-        };
-        for _ in 0..BISECTIONS {
-            let trial = factor(&bounds, |b| 0.5 * (b[0] + b[1]));
-            self.write(model, law, &trial);
-            self.sweeps.set_contacts(&self.contacts).ok()?;
-            // A trial is no part of the step: its counts are its own, and one that fails admits nothing.
-            let trial = self.settle(goal, &mut StepReport::default());
-            let gaining = self.gains_by(&member_of, goal);
-            for (group, [low, high]) in &mut bounds {
-                let middle = 0.5 * (*low + *high);
-                if !trial.converged || gaining.binary_search(group).is_ok() {
-                    *high = middle;
-                } else {
-                    *low = middle;
-                }
-            }
-        }
-        let found = factor(&bounds, |b| b[0]);
-        self.write(model, law, &found);
-        self.sweeps.set_contacts(&self.contacts).ok()?;
-        *progress = self.settle(goal, report);
-        if !progress.converged && !self.accept {
-            return None;
-        }
-        let least = found.iter().copied().fold(1.0, f64::min);
-        report.restitution_scale = report.restitution_scale.min(least);
-        Some(found)
-    }
-
-    /// Groups of chosen contacts joined by spheres and impulses, whose problem gains energy; ascending.
-    fn gaining(&mut self, goal: &Goal) -> Vec<u32> {
-        let impulses = self.sweeps.impulses();
-        let mut parent: Vec<u32> = (0..self.bodies.len() as u32).collect();
-        let root = |parent: &mut Vec<u32>, mut i: u32| {
-            while parent[i as usize] != i {
-                parent[i as usize] = parent[parent[i as usize] as usize];
-                i = parent[i as usize];
-            }
-            i
-        };
-        let memory = &mut self.velocity;
-        for (&slot, r) in memory.chosen.iter().zip(&impulses) {
-            let m = &memory.members[slot as usize];
-            if m.b != WORLD && *r != [0.0; 3] {
-                let (a, b) = (root(&mut parent, m.a), root(&mut parent, m.b));
-                parent[a.max(b) as usize] = a.min(b);
-            }
-        }
-        memory.group.clear();
-        for (&slot, r) in memory.chosen.iter().zip(&impulses) {
-            let m = &memory.members[slot as usize];
-            let group = if *r == [0.0; 3] {
-                u32::MAX
-            } else {
-                root(&mut parent, m.a)
-            };
-            memory.group.push(group);
-        }
-        let groups = memory.group.clone();
-        self.gains_by(&groups, goal)
-    }
-
-    /// Of the given groups those whose present solution does more work than rule R4 admits; ascending.
-    fn gains_by(&self, groups: &[u32], goal: &Goal) -> Vec<u32> {
-        let impulses = self.sweeps.impulses();
-        let u = self.sweeps.velocities();
-        let memory = &self.velocity;
-        let mut sums = vec![[0.0f64; 2]; self.bodies.len()];
-        let mut seen = vec![false; self.bodies.len()];
-        for ((&slot, r), &group) in memory.chosen.iter().zip(&impulses).zip(groups) {
-            if group == u32::MAX {
-                continue;
-            }
-            let m = &memory.members[slot as usize];
-            let before = memory.now(m);
-            let after = before + change(m, &u);
-            let [normal, across] = work(m, DVec3::from(*r), before, after);
-            sums[group as usize][0] += normal + across;
-            for node in [m.a, m.b] {
-                if node == WORLD || std::mem::replace(&mut seen[node as usize], true) {
-                    continue;
-                }
-                let body = &self.bodies[node as usize];
-                let ([v, w], [jv, jw]) = (memory.check[node as usize], memory.jump[node as usize]);
-                sums[group as usize][1] += 0.5
-                    * ((v + jv).length_squared() / body.inv_mass
-                        + (w + jw).length_squared() / body.inv_inertia);
-            }
-        }
-        let most = GAIN_TOLERANCE.max(GAIN_SHARE * goal.tolerance);
-        (0..sums.len() as u32)
-            .filter(|&g| {
-                let [work, kinetic] = sums[g as usize];
-                work > most * kinetic
-            })
-            .collect()
-    }
-
-    /// Adds the impulses of the solve at hand, and their work, to the totals.
-    fn commit(&mut self, problem: u32, scale: &[f64]) {
-        let impulses = self.sweeps.impulses();
-        let u = self.sweeps.velocities();
-        let memory = &mut self.velocity;
-        for ((&slot, r), &scale) in memory.chosen.iter().zip(&impulses).zip(scale) {
-            let r = DVec3::from(*r);
-            let m = memory.members[slot as usize];
-            let before = memory.now(&m);
-            let after = before + change(&m, &u);
-            let done = work(&m, r, before, after);
-            let member = &mut memory.members[slot as usize];
-            member.add(problem, r, before.dot(m.normal), done, scale, memory.tol);
-        }
-        for (jump, u) in memory.jump.iter_mut().zip(&u) {
-            jump[0] += DVec3::new(u[0], u[1], u[2]);
-            jump[1] += DVec3::new(u[3], u[4], u[5]);
-        }
-        // Stage 1 replaces part of stage 0: the larger of both is what later problems add to.
-        memory.terms = memory.terms.max(memory.total(&self.bodies));
-    }
-
     /// Writes the island's result into the step's scratch.
     fn close(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
         let huge = self.velocity.members.len() >= super::HUGE;
@@ -773,7 +540,7 @@ pub(super) fn work(m: &Member, r: DVec3, before: DVec3, after: DVec3) -> [f64; 2
 }
 
 /// Change of a contact's relative velocity by corrections of the nodes.
-fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
+pub(super) fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
     let part = |node: u32| {
         let u = &u[node as usize];
         (DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5]))
