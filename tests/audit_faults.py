@@ -276,3 +276,51 @@ def lose_impact(row: int) -> Fault:
         file["impacts/body"][row] = free
 
     return edit
+
+
+def of_pile(fault: Callable[[int], Fault], problem: int) -> Fault:
+    """A fault in the strongest row of a problem, in a step of one group of contacts alone, a pile, that was not cut."""
+
+    def edit(file: h5py.File) -> None:
+        steps, table = file["steps"], file["impacts"]
+        alone = (steps["islands"][:] == 1) & (steps["largest_island"][:] > 10) & (steps["truncated"][:] == 0)
+        mine = alone[table["step"][:].astype(np.int64) - 1] & (table["problem"][:] == problem)
+        strength = np.where(mine, (table["impulse"][:] ** 2).sum(axis=1), -1.0)
+        assert strength.max() > 0.0
+        fault(int(np.argmax(strength)))(file)
+
+    return edit
+
+
+def more_friction(row: int, factor: float) -> Fault:
+    """Friction of an impact and of its contact is so much larger."""
+
+    def edit(file: h5py.File) -> None:
+        normal, impulse = file["impacts/normal"][row], file["impacts/impulse"][row]
+        slide = impulse - (impulse @ normal) * normal
+        file["impacts/impulse"][row] = impulse + (factor - 1.0) * slide
+
+    return edit
+
+
+def bring_forward(row: int) -> Fault:
+    """Half of the impulse of an impact is told of an earlier problem of its pair: all sums remain."""
+
+    def edit(file: h5py.File) -> None:
+        step, body = file["impacts/step"][:], file["impacts/body"][:]
+        pair = np.flatnonzero((step == step[row]) & (body == body[row]).all(axis=1))
+        other = int(pair[pair != row][0])
+        half = 0.5 * file["impacts/impulse"][row]
+        file["impacts/impulse"][row] = half
+        file["impacts/impulse"][other] = file["impacts/impulse"][other] + half
+
+    return edit
+
+
+def scale(path: str, row: int, factor: float) -> Fault:
+    """A number, or a row of them, is so many times as large."""
+
+    def edit(file: h5py.File) -> None:
+        file[path][row] = factor * file[path][row]
+
+    return edit

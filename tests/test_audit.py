@@ -29,6 +29,8 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "pile-coarse": (scenes.pile, 0.25, {"every": 7}),
     "pile-moreau": (scenes.pile, 0.15, {"method": "moreau"}),
     "pile-penalty": (scenes.pile, 0.15, {"method": "penalty"}),
+    "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4}),
+    "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "impacts": "every"}),
     "pile-bare": (scenes.pile, 0.15, {"contacts": False, "impacts": False, "walls": True}),
     "shaken": (scenes.shaken, 0.3, {}),
     "shaken-moreau": (scenes.shaken, 0.3, {"method": "moreau"}),
@@ -173,6 +175,33 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "arrivals miscounted": ("flowing", fault.write("steps/entered", 10, 5), "counts"),
     "contacts miscounted": ("rolling", fault.write("steps/contacts", 50, 0), "counts"),
     "impact problems miscounted": ("break", fault.write("steps/impact_problems", slice(None), 0), "counts"),
+    **{
+        f"{what}, in a pile": ("pile-every", fault.of_pile(plant, problem), kind)
+        for what, plant, problem, kind in (
+            ("restitution too large", lambda row: fault.restitute(row, 1.1), 1, "impact"),
+            ("restitution too small", lambda row: fault.restitute(row, 0.9), 1, "impact"),
+            ("restitution too large later", lambda row: fault.restitute(row, 1.2), 3, "impact"),
+            ("energy from an impact", lambda row: fault.restitute(row, 3.0), 1, "passivity"),
+            ("a push in place of a later one", fault.bring_forward, 3, "impact"),
+            ("friction beyond its cone", lambda row: fault.more_friction(row, 3.0), 1, "friction cone"),
+            ("friction along the slip", lambda row: fault.more_friction(row, -1.0), 1, "slip"),
+            (
+                "impulse of one problem",
+                lambda row: fault.scale("impacts/impulse", row, 1.001),
+                2,
+                "impact sum",
+            ),
+            ("approach misstated", lambda row: fault.scale("impacts/approach", row, 1.1), 2, "impact speeds"),
+            ("factor misstated", lambda row: fault.write("impacts/restitution_scale", row, 0.5), 1, "impact"),
+            ("the loads misstated", lambda row: fault.scale("impacts/impulse", row, 1.1), 0, "impact"),
+            (
+                "taken for the end of a cut sequence",
+                lambda row: fault.write("impacts/problem", row, 51),
+                1,
+                "counts",
+            ),
+        )
+    },
     "position impulse of penalty": (
         "pile-penalty",
         fault.write("contacts/position_impulse", (5, 2), 1e30),
@@ -239,6 +268,31 @@ def test_small_islands_of_a_large_scene_have_their_impacts_judged(tmp_path: Path
     assert report.ok, repr(report)
     assert report["impact"].judged
     assert not report["impact"].unjudged
+
+
+@pytest.mark.parametrize("name", ["pile-summed", "pile-every"])
+def test_impacts_of_piles_are_judged_where_every_problem_is_recorded(run: Maker, name: str) -> None:
+    path = run(name)
+    result, report = carom.load(path), audit.check(path)
+    assert result.steps["largest_island"].max() > 10
+    every = name == "pile-every"
+    for kind in ("impact", "slip"):
+        assert any("piles" in u.why for u in report[kind].unjudged) is not every
+        assert every or all("every" in u.cure for u in report[kind].unjudged if "piles" in u.why)
+    assert not every or report["impact"].judged >= len(result.impacts)
+    # Sequences that were cut are said to be, and their last problem is judged as what it is.
+    assert result.steps["truncated"].any()
+    assert any("ended by one problem without restitution" in words for words in report.warnings)
+
+
+def test_recording_every_problem_leaves_the_motion_as_it_is(run: Maker) -> None:
+    one, other = (carom.load(run(name)) for name in ("pile-summed", "pile-every"))
+    for name in ("position", "orientation", "velocity", "angular_velocity"):
+        assert np.array_equal(getattr(one, name)[:], getattr(other, name)[:]), name
+    for table in ("contacts", "steps"):
+        mine, theirs = getattr(one, table), getattr(other, table)
+        assert all(np.array_equal(mine[name], theirs[name]) for name in mine.columns), table
+    assert len(other.impacts) > len(one.impacts)
 
 
 def test_the_overlap_admitted_in_piles_is_the_solver_s() -> None:

@@ -146,6 +146,11 @@ MISTAKES = {
         "is too large, found a whole number of about 400 digits",
     ),
     "boolean for a number": ("until = 1.0", "until = true", "run.until: expected a number, found true"),
+    "word for a flag": (
+        "format = 1\n",
+        'format = 1\nrecord.impacts = "all"\n',
+        'record.impacts: expected true, false or "every", found "all"',
+    ),
     "no mass": ("mass = 0.17\nposition = [0.0", "position = [0.0", 'sphere "cue": neither mass nor density'),
     "two masses": (
         "mass = 0.17\nposition = [0.0",

@@ -114,6 +114,8 @@ pub struct ModelInput {
     pub record_walls: bool,
     /// Leave out the table of impacts.
     pub drop_impacts: bool,
+    /// Piles too have a row of that table for each impact problem, not for each step alone.
+    pub every_impact: bool,
     /// Lengths of a periodic box, m, 0 for an axis that does not repeat, and its low corner.
     pub periodic: [f64; 3],
     pub periodic_origin: [f64; 3],
@@ -144,6 +146,7 @@ pub struct Model {
     /// Whether impulses on walls are summed up: some wall moves, or it was asked for.
     pub record_walls: bool,
     pub drop_impacts: bool,
+    pub every_impact: bool,
     /// Spheres meet by their nearest images; positions are never wrapped.
     pub periodic: Periodic,
     pub flow: Flow,
@@ -212,6 +215,7 @@ impl Model {
             inv_inertia: input.inertia.iter().map(|i| 1.0 / i).collect(),
             material: input.material.clone(),
             drop_impacts: input.drop_impacts,
+            every_impact: input.every_impact && !input.drop_impacts,
             record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
             walls,
             periodic,

@@ -145,6 +145,7 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         wall_motion: walls::motions(dict)?,
         record_walls: walls::wish(dict, "record_walls")?,
         drop_impacts: walls::wish(dict, "drop_impacts")?,
+        every_impact: walls::wish(dict, "every_impact")?,
         periodic: flow::lengths(dict, "periodic")?,
         periodic_origin: flow::lengths(dict, "periodic_origin")?,
         inflow: flow::inflows(dict)?,

@@ -79,7 +79,10 @@ def _warnings(run: Run) -> list[str]:
     for column, words in (
         ("unconverged", "steps were accepted without convergence"),
         ("missed_impacts", "impacts were missed: bodies overlapped while separating"),
-        ("truncated", "impact sequences were cut at their limit"),
+        (
+            "truncated",
+            "impact sequences were cut and ended by one problem without restitution, which is judged as such",
+        ),
     ):
         count = int((run.steps[column] > 0).sum())
         if count:

@@ -190,15 +190,22 @@ class Block:
         """(B,) intervals in which an island may have been solved as a pile at the position level, where all pairs that are
         looked at count.
         """
-        return np.asarray(self.over(self.run.steps["candidates"]) > self._least)
+        return np.asarray(self.over(self.run.steps["candidates"]) > self.least)
 
     @cached_property
     def cascaded(self) -> NDArray[np.bool_]:
         """(B,) the same at the velocity level, where the closed contacts count, which the steps record."""
-        return np.asarray(self.over(self.run.steps["largest_island"]) > self._least)
+        return np.asarray(self.over(self.run.steps["largest_island"]) > self.least)
 
     @property
-    def _least(self) -> float:
+    def summed(self) -> NDArray[np.bool_]:
+        """(B,) intervals in which rows of impacts may be sums over the problems of a step: those of piles, unless every
+        problem was recorded.
+        """
+        return self.cascaded & (self.run.record.impacts != "every")
+
+    @property
+    def least(self) -> float:
         """Contacts of an island up to which it is no pile (`docs/reference/scenario.md`, `pile_contacts`)."""
         o = self.run.options
         few = min(o["dense_contacts"], o["pile_contacts"])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from carom.audit import forces
 from carom.audit.block import Block
+from carom.audit.bounds import gain
 from carom.audit.near import stiffness
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
@@ -170,9 +171,9 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         int((single & odd).sum()),
     )
     # Later problems of a pile may change the impulse of a contact that has no row in the table.
-    quiet = ~block.cascaded | (block.over(run.steps["impact_problems"]) <= 1)
+    quiet = ~block.summed | (block.over(run.steps["impact_problems"]) <= 1)
     why = "piles do not record which contacts took part in later impact problems"
-    tally.skip("slip", why, "pile_contacts above the contacts", int((single & ~quiet[c.k]).sum()))
+    tally.skip("slip", why, 'impacts = "every" in [record]', int((single & ~quiet[c.k]).sum()))
     odd = odd | ~quiet[c.k]
     hit = struck(block)
     size = norm(c.impulse)
@@ -254,9 +255,8 @@ def passivity(block: Block, tally: Tally) -> None:
     work = np.bincount(c.k, columns.sum(axis=1), minlength=block.count)
     size = np.bincount(c.k, np.abs(columns).sum(axis=1), minlength=block.count)
     problems = block.total(run.steps["impact_problems"] + 1.0)
-    share = np.where(block.cascaded, np.maximum(1e-10, 0.01 * block.tolerance), 1e-10)
     top = block.over(run.steps["energy_kinetic"])
-    bound = problems * share * top + block.tolerance * size + 64.0 * EPS * (size + top)
+    bound = problems * gain(block) * top + block.tolerance * size + 64.0 * EPS * (size + top)
     gone = (np.bincount(c.k, minlength=block.count) == 0) | ~block.kept
     kept = np.flatnonzero(~gone)
     tally.measure("passivity", np.maximum(work, 0.0)[kept], bound[kept], lambda i: block.place(int(kept[i])))

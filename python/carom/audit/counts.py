@@ -2,6 +2,7 @@
 
     contacts            not below the rows of /contacts of the frame after one whole step (closed ones may push nothing)
     impact_problems     not below the number of any problem in /impacts          restitution_scale: the least of theirs
+    truncated           not 0 where /impacts has the problem that ends a sequence
     entered, removed    rows of /events of the step        energy_in: of those that enter, as the frame after it has them
     penetration         the deepest overlap of all pairs at the frame, and over the radius of the smaller body
 
@@ -55,13 +56,17 @@ def _impacts(run: Run, tally: Tally) -> None:
     table, s = run.result.impacts, run.steps
     step, problem = (np.asarray(table[name]).astype(np.int64) for name in ("step", "problem"))
     # The last resort of a sequence that was cut has a number of its own beyond the bound.
-    problem = np.where(problem > run.options["max_problems"], 0, problem)
+    ended = np.flatnonzero(problem > run.options["max_problems"])
+    problem[ended] = 0
     highest, least = np.zeros(len(s["step"]), dtype=np.int64), np.ones(len(s["step"]))
     np.maximum.at(highest, step - 1, problem)
     np.minimum.at(least, step - 1, np.asarray(table["restitution_scale"]))
     if run.method == "penalty":
         tally.measure("counts", (least != 1.0).sum(), 0.0, lambda i: run.frame_place(0))
         return
+    # It has no restitution: where no sequence was cut there is none.
+    uncut = s["truncated"][step[ended] - 1] == 0
+    tally.measure("counts", uncut, 0.0, lambda i: run.step_place(int(step[ended[i]])))
     beyond = np.maximum(0, highest - s["impact_problems"].astype(np.int64))
     tally.measure("counts", beyond, 0.0, lambda i: run.step_place(i + 1))
     # Parts of a step that are given up and made anew may have scaled more than those that count.

@@ -86,3 +86,29 @@ def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:
     without, within = norm(whole - sums), norm(whole - sums - loads)
     bound = 32.0 * EPS * (norm(whole) + norm(sums) + norm(loads))
     return np.asarray(within <= without), np.minimum(without, within), np.maximum(bound, 1e-300)
+
+
+def groups(block: Block, r: Hits) -> I64:
+    """(K,) a number of each group of rows of a step that balls join: others cannot have changed their speeds."""
+    many = block.run.bodies
+    first, ball = r.k * many + r.a, r.b < many
+    second = np.where(ball, r.k * many + np.where(ball, r.b, 0), first)
+    nodes, where = np.unique(np.concatenate([first, second]), return_inverse=True)
+    a, b = np.split(where, 2)
+    label = np.arange(len(nodes))
+    while True:
+        low = np.minimum(label[a], label[b])
+        new = label.copy()
+        np.minimum.at(new, a, low)
+        np.minimum.at(new, b, low)
+        new = new[new]  # a label names a node, which may have a lower one by now
+        if np.array_equal(new, label):
+            return np.asarray(np.unique(label[a], return_inverse=True)[1])
+        label = new
+
+
+def pairs(block: Block, r: Hits, group: I64) -> F64:
+    """(K,) how many pairs of bodies the group of each row has."""
+    many = len(block.run.names)
+    _, pair, count = np.unique((r.k * many + r.a) * many + r.b, return_inverse=True, return_counts=True)
+    return np.asarray(np.rint(np.bincount(group, 1.0 / count[pair]))[group])

@@ -12,13 +12,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces, hits
+from carom.audit import bounds, forces, hits, replay
 from carom.audit.block import Block
 from carom.audit.cones import struck
 from carom.audit.gaps import closing
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
-from carom.audit.replay import Replay
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm
 
@@ -48,9 +47,9 @@ def judge(block: Block, tally: Tally) -> None:
             len(rows),
         )
         return
-    piled = block.cascaded[rows.k]
-    why = "piles record one row per contact and step, over several problems"
-    tally.skip("impact", why, "pile_contacts above the contacts", int(piled.sum()))
+    piled = block.summed[rows.k]
+    why = "of piles one row per contact and step was recorded, over several problems"
+    tally.skip("impact", why, 'impacts = "every" in [record]', int(piled.sum()))
     # Joints and loads that depend on the motion answer impacts within their problem.
     coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
     whole = block.single[rows.k] & ~piled & run.has_contacts & (not coupled) & block.there.all(axis=1)[rows.k]
@@ -64,7 +63,7 @@ def judge(block: Block, tally: Tally) -> None:
         remained[summed], value, bound = hits.kept(block, one)
         tally.measure("impact sum", value, bound, _place(block, one))
     if whole.any():
-        Replay(block, tally, rows.of(whole), remained[whole]).run_all()
+        replay.judge(block, tally, rows.of(whole), remained[whole])
 
 
 def _place(block: Block, r: Hits) -> Callable[[int], Place]:
@@ -100,11 +99,15 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
 
 
 def _ends(block: Block, tally: Tally, r: Hits) -> None:
-    """After the last problem of a step the pair separates as the frame says; rows of piles are all of the step's end."""
+    """After the last problem of its group the pair separates as the frame says. Rows of piles that are sums over the step
+    are all of its end: surely those of groups of more contacts than islands have that are no piles.
+    """
     run = block.run
-    last = np.zeros(block.count, dtype=np.int64)
-    np.maximum.at(last, r.k, r.problem)
-    final = r.of((r.problem == last[r.k]) | block.cascaded[r.k])
+    group = hits.groups(block, r)
+    last = np.zeros(len(r), dtype=np.int64)
+    np.maximum.at(last, group, r.problem)
+    sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least)
+    final = r.of((r.problem == last[group]) | sums)
     own = compliance(run, final.a, final.b)[0]
     scale = (norm(block.v1) + run.radius * norm(block.w1) + norm(run.gravity) * run.h)[final.k, final.a]
     ball = np.minimum(final.b, run.bodies - 1)
@@ -127,7 +130,7 @@ def _missing(block: Block, tally: Tally) -> None:
         or not run.has_contacts
     ):
         return
-    judged = block.single & ~block.cascaded & block.there.all(axis=1) & block.kept
+    judged = block.single & ~block.summed & block.there.all(axis=1) & block.kept
     rows = np.flatnonzero(judged[c.k] & (dot(c.impulse, c.normal) > 0.0) & ~struck(block))
     if not rows.size:
         return
@@ -150,7 +153,7 @@ def _sign(block: Block, tally: Tally, r: Hits) -> None:
     def place(i: int) -> Place:
         return run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
 
-    loose = block.cascaded[r.k] | ~block.single[r.k]
+    loose = block.summed[r.k] | ~block.single[r.k]
     pulled = -dot(r.impulse, r.normal)
     # Rows of piles and of penalty add up impulses while the normal turns: a pull is what points away from it altogether.
     tally.measure("sign", np.maximum(pulled, 0.0), left + np.where(loose, 0.5 * size, 0.0), place)
@@ -191,7 +194,8 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
             then = block.t1[r.k[mine]]
             change = wall.velocity(then, point)[1] - wall.velocity(then - run.h, point)[1]
             load = load + float(norm(change).max(initial=0.0))
-    value = np.abs(r.separation - r.scale * np.where(slow, 0.0, e) * np.maximum(0.0, -r.approach))
+    z = r.separation - r.scale * np.where(slow, 0.0, e) * np.maximum(0.0, -r.approach)
+    value = bounds.misfit(z, dot(r.impulse, r.normal), compliance(run, r.a, r.b)[0])
     size = norm(r.impulse)
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
     left = 8.0 * block.tolerance[r.k] * whole * compliance(run, r.a, r.b)[0]

@@ -6,48 +6,79 @@ recorded approach, after it the recorded separation must be those of `V`; and wh
     gamma_N^+ = -s e_N min(0, G_N V^-),   V^- = v_n + (W - W_0)       (eqs. 16, 24, 27; algorithm, section 5)
 
 with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` the recorded factor of the energy safeguard.
-Friction is held against `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. Bound: `2 D_cc` times what the solver may leave of
-the impulses of the step.
+Friction is held against `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together
+(rule R4). Problems beyond `max_problems` end a sequence that was cut, without restitution. Bounds: `bounds`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces
+from carom.audit import bounds, forces
 from carom.audit.block import Block
 from carom.audit.cones import opposed
 from carom.audit.hits import Hits
 from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
-from carom.audit.report import Place, Tally
-from carom.audit.vectors import EPS, norm
+from carom.audit.report import Tally
+from carom.audit.vectors import EPS, dot, norm
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 
+class Told(NamedTuple):
+    """What a law says of some rows, or of the problem of one of them: how far off they are, and the bound of that."""
+
+    kind: str
+    rows: I64
+    value: F64
+    bound: F64
+
+
+def judge(block: Block, tally: Tally, r: Hits, kept: Bool) -> None:
+    """The impact problems of the whole steps of a block; `kept` are the rows of problem 0 whose impulses remained
+    (`hits.kept`). Where a step may have had a pile, rows may be of either frame (`forces`): both readings are admitted.
+    """
+    piled = block.cascaded[r.k]
+    for rows, ends in ((np.flatnonzero(~piled), (False,)), (np.flatnonzero(piled), (False, True))):
+        if not rows.size:
+            continue
+        readings = [Replay(block, r.of(rows), kept[rows], end=end).run_all() for end in ends]
+        for same in zip(*readings, strict=True):
+            ratio = [told.value / np.maximum(told.bound, 1e-300) for told in same]
+            best = np.argmin(ratio, axis=0), np.arange(len(same[0].rows))
+            value, bound = (np.stack([getattr(told, of) for told in same])[best] for of in ("value", "bound"))
+            at = rows[same[0].rows]
+            tally.measure(same[0].kind, value, bound, lambda i, at=at: _place(block, r, int(at[i])))  # type: ignore[misc]
+
+
+def _place(block: Block, r: Hits, row: int) -> object:
+    return block.run.step_place(int(r.step[row]), int(r.a[row]), int(r.b[row]))
+
+
 class Replay:
     """The impact problems of all whole steps of a block, problem after problem: islands of a step share no bodies.
 
-    `kept` are the rows of problem 0 whose impulses remained (`hits.kept`).
+    `end`: tangential rows in the frame of `t_{n+1}`, as those of piles, and not in that of `t_n`.
     """
 
-    def __init__(self, block: Block, tally: Tally, r: Hits, kept: Bool) -> None:
-        self.block, self.tally, self.r, self.kept = block, tally, r, kept
+    def __init__(self, block: Block, r: Hits, kept: Bool, *, end: bool) -> None:
+        self.block, self.r, self.kept = block, r, kept
+        self.told: list[Told] = []
         run = block.run
         loads = of_loads(block)
-        scale = np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1)
-        self.inverse = 1.0 / scale
+        self.inertia = np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1)
         self.old = np.concatenate([block.v0, block.w0], axis=-1)
-        self.check = self.old + loads.impulse * self.inverse
+        self.check = self.old + loads.impulse / self.inertia
         self.check[..., :3] += run.gravity * block.dt[:, None, None]
-        size = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
-        self.left = (8.0 * block.tolerance * np.sqrt(size))[r.k]
+        reach = np.abs(np.nan_to_num(self.check))
+        #: (B,) largest speed of a body, at the start or after any problem.
+        self.top = (norm(reach[..., :3]) + run.radius * norm(reach[..., 3:])).max(axis=1, initial=0.0)
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         other = np.minimum(r.b, run.bodies - 1)
         start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])[1]
@@ -56,73 +87,77 @@ class Replay:
         motion = (block.v0[r.k, r.a], block.w0[r.k, r.a], block.v0[r.k, other], block.w0[r.k, other])
         slip = norm(rates(run, pairs, motion, start, start).slip)
         self.mu = run.friction(run.law_index(r.a, r.b), slip)
-        self.lever = r.normal if run.method == "moreau" else start
-        part = forces.split(r.impulse, r.normal, self.lever)[0 if run.method == "moreau" else 1]
+        end = end or run.method == "moreau"
+        self.lever = r.normal if end else start
+        part = forces.split(r.impulse, r.normal, self.lever)[0 if end else 1]
         self.push, self.slide = part.normal, part.sliding
+        self.wrench = self._wrenches()
+        self.left = bounds.left(block, r, kept, self.wrench, self.top)
 
-    def run_all(self) -> None:
-        """Problem 0, then 1, 2, ..."""
+    def run_all(self) -> list[Told]:
+        """Problem 0, then 1, 2, ...; what the laws say of each."""
         r = self.r
-        loads = r.problem == 0
-        offset, jump = self._jump(loads), self._jump(loads & self.kept)
-        self._problem(np.flatnonzero(loads), self.check, self.old)
-        for problem in np.unique(r.problem[~loads]):
-            now = np.flatnonzero(r.problem == problem)
-            # Before the first problem V^- is v_n itself, also where it took impulses of the loads back.
-            minus = self.old + (jump - offset) if problem > 1 else self.old
-            self._problem(now, self.check + jump, minus)
-            jump = jump + self._jump(r.problem == problem)
+        loads = np.flatnonzero(r.problem == 0)
+        offset, self.jump, self.own = (np.zeros_like(self.old) for _ in range(3))
+        self._add(offset, loads)
+        self._problem(loads, (self.old,))
+        self._add(self.jump, loads[self.kept[loads]])
+        order = np.argsort(r.problem, kind="stable")
+        numbers, first = np.unique(r.problem[order], return_index=True)
+        for problem, now in zip(numbers, np.split(order, first[1:]), strict=True):
+            if problem > 0:
+                # Before the first problem V^- is v_n itself, also where it took impulses of the loads back.
+                self._problem(now, (self.old, self.jump, -offset) if problem > 1 else (self.old,))
+                self._add(self.jump, now)
+        return self.told
 
-    def _place(self, rows: I64) -> Callable[[int], Place]:
-        r, run = self.r, self.block.run
-        return lambda i: run.step_place(int(r.step[rows[i]]), int(r.a[rows[i]]), int(r.b[rows[i]]))
-
-    def _jump(self, chosen: Bool) -> F64:
-        """Velocity jumps (B, N, 6) by some impulses."""
+    def _wrenches(self) -> tuple[F64, F64]:
+        """What each row gives its two bodies, impulse and moment, (K, 6); nothing at walls."""
         run, r = self.block.run, self.r
-        out = np.zeros((self.block.count, run.bodies, 6))
         reach = np.append(run.radius, 0.0)
         arm = np.cross(self.lever, self.slide)
-        np.add.at(
-            out,
-            (r.k[chosen], r.a[chosen]),
-            np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])[chosen],
-        )
-        ball = chosen & (r.b < run.bodies)
-        back = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
-        np.add.at(out, (r.k[ball], r.b[ball]), back[ball])
-        return out * self.inverse
+        ball = (r.b < run.bodies)[:, None]
+        of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
+        of_b = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
+        return of_a, np.where(ball, of_b, 0.0)
 
-    def _rates(self, rows: I64, motion: F64, *, old: bool = False, printed: bool = False) -> Rates:
-        """At some rows for the motion (B, N, 6); `old`: walls as at t_n; `printed`: the normal of t_n."""
+    def _add(self, motion: F64, rows: I64) -> None:
+        """Add the velocity jumps by the impulses of some rows to a motion (B, N, 6)."""
+        r = self.r
+        for body, wrench in ((r.a, self.wrench[0]), (np.minimum(r.b, len(self.inertia) - 1), self.wrench[1])):
+            at = body[rows]
+            np.add.at(motion, (r.k[rows], at), wrench[rows] / self.inertia[at])
+
+    def _rates(
+        self, rows: I64, motions: tuple[F64, ...], *, old: bool = False, printed: bool = False
+    ) -> Rates:
+        """At some rows for the sum of motions (B, N, 6); `old`: walls as at t_n; `printed`: the normal of t_n."""
         run, block, r = self.block.run, self.block, self.r.of(rows)
         ball = np.minimum(r.b, run.bodies - 1)
         time, x = (block.t0, block.x0) if old else (block.t1, block.centres)
-        of_a, of_b = motion[r.k, r.a], motion[r.k, ball]
+        of_a, of_b = (sum(m[r.k, body] for m in motions) for body in (r.a, ball))
         foot = self.lever[rows] if old else r.normal
         pairs = Pairs(r.a, r.b, time[r.k], x[r.k, r.a], foot)
-        parts = (of_a[:, :3], of_a[:, 3:], of_b[:, :3], of_b[:, 3:])
+        parts = (of_a[:, :3], of_a[:, 3:], of_b[:, :3], of_b[:, 3:])  # type: ignore[index]
         return rates(run, pairs, parts, self.lever[rows] if printed else r.normal, self.lever[rows])
 
-    def _problem(self, rows: I64, start: F64, before_impact: F64) -> None:
-        """One problem of every step: `start` the velocities before it, `before_impact` V^-, (B, N, 6)."""
+    def _problem(self, rows: I64, before_impact: tuple[F64, ...]) -> None:
+        """One problem of every step; `before_impact` are motions that sum up to V^-."""
         if not rows.size:
             return
-        run, r, tally = self.block.run, self.r.of(rows), self.tally
-        left, place = self.left[rows], self._place(rows)
-        chosen = np.zeros(len(self.r), dtype=bool)
-        chosen[rows] = True
-        before, after = self._rates(rows, start), self._rates(rows, start + self._jump(chosen))
+        run, r, left = self.block.run, self.r.of(rows), self.left[rows]
+        before = self._rates(rows, (self.check, self.jump))
+        self._add(self.own, rows)
+        after = self._rates(rows, (self.check, self.jump, self.own))
+        energy, problem = self._pass(rows)
         minus = self._rates(rows, before_impact, old=True)
         own = compliance(run, r.a, r.b)
         weight = norm(run.gravity) * run.h
-        scale = np.nan_to_num(np.abs(start[..., :3]) + run.radius[:, None] * np.abs(start[..., 3:])).max(
-            axis=(1, 2)
-        )[r.k]
+        scale = self.top[r.k]
         # Speeds follow from recorded impulses without any solver, to rounding of both.
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
         told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))
-        tally.measure("impact speeds", told, 10.0 * noise + 2.0 * own[0] * left, place)
+        self._tell("impact speeds", rows, told, 10.0 * noise + 2.0 * own[0] * left)
         o, index = run.options, run.law_index(r.a, r.b)
         acts = (r.problem > 0) & (r.problem <= o["max_problems"])
         e_n = np.where(acts, run.coefficient("restitution", index), 0.0)
@@ -136,12 +171,70 @@ class Replay:
             clear = towards < -(weight + 1e-6 * scale)
             e_t = np.where(clear | (e_t == 0.0), e_t, np.where(towards >= 0.0, 0.0, np.nan))
             towards = np.minimum(towards, 0.0)
-        value = np.abs(after.normal + r.scale * e_n * towards)
-        tally.measure("impact", value, 2.0 * own[0] * left + noise, place)
+        value = bounds.misfit(after.normal + r.scale * e_n * towards, self.push[rows], own[0])
+        self._tell("impact", rows, value, 2.0 * own[0] * left + noise)
         mu = self.mu[rows]
         z = after.slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
         most = mu * np.maximum(self.push[rows], 0.0)
         defect = opposed(self.slide[rows], z, most, left, 2.0 * own[1] * left + noise)
         sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0))
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
-        tally.measure("slip", defect[sure], limit, self._place(rows[sure]))
+        self._tell("slip", rows[sure], defect[sure], limit)
+        self._energy(rows, before, after, energy, problem)
+
+    def _tell(self, kind: str, rows: I64, value: F64, bound: F64) -> None:
+        self.told.append(Told(kind, rows, value, bound))
+
+    def _pass(self, rows: I64) -> tuple[F64, Bool]:
+        """Kinetic energy of the bodies of a problem before it, (B,), and of which steps there is one; its jump is taken off
+        again, for only what remained is in the next ones.
+        """
+        r, bodies = self.r.of(rows), len(self.inertia)
+        many = np.concatenate([r.k * bodies + r.a, (r.k * bodies + r.b)[r.b < bodies]])
+        k, body = np.divmod(np.unique(many), bodies)
+        now = self.check[k, body] + self.jump[k, body]
+        each = 0.5 * (self.inertia[body] * now * now).sum(axis=1)
+        reach = np.abs(now) + np.abs(self.own[k, body])
+        radius = self.block.run.radius[body]
+        np.maximum.at(self.top, k, norm(reach[:, :3]) + radius * norm(reach[:, 3:]))
+        self.own[k, body] = 0.0
+        found = np.bincount(k, each, minlength=self.block.count)
+        return found, np.isin(np.arange(self.block.count), k)
+
+    def _energy(self, rows: I64, before: Rates, after: Rates, kinetic: F64, there: Bool) -> None:
+        """Rule R4 in each problem: works of impulses by the mean of the velocities before and after them."""
+        run, r = self.block.run, self.r.of(rows)
+        if not run.options["energy_safeguard"] or run.options["impact"] == "sequence-paper":
+            return
+        mean = [
+            0.5 * (x + y)
+            for x, y in zip(
+                (before.normal, before.slip, before.turning),
+                (after.normal, after.slip, after.turning),
+                strict=True,
+            )
+        ]
+        work = self.push[rows] * mean[0] + dot(self.slide[rows], mean[1]) + dot(r.moment, mean[2])
+        driven = np.zeros(len(r))
+        for w, wall in enumerate(run.walls):
+            if wall.moves:
+                # What a wall moves with is at most what the ball has against it and by itself.
+                mine = r.b == run.bodies + w
+                own = norm(self.check[r.k, r.a, :3] + self.jump[r.k, r.a, :3])
+                size = before.normal**2 + norm(before.slip) ** 2 + own**2
+                driven = np.where(mine, run.mass[r.a] * size, driven)
+
+        def total(values: F64) -> F64:
+            return np.bincount(r.k, values, minlength=self.block.count)
+
+        kinetic = kinetic + total(driven)
+        left = np.zeros(self.block.count)
+        np.maximum.at(left, r.k, self.left[rows])
+        own = compliance(run, r.a, r.b)[1]
+        after_size = np.sqrt(total(after.normal**2 + norm(after.slip) ** 2))
+        inexact = left * (after_size + 2.0 * np.sqrt(total((own * norm(r.impulse)) ** 2)))
+        bound = bounds.gain(self.block) * kinetic + inexact + 64.0 * EPS * (kinetic + total(np.abs(work)))
+        heads = np.flatnonzero(there)
+        largest = rows[np.lexsort((work, r.k))]
+        last = np.flatnonzero(np.append(np.diff(self.r.k[largest]), 1))
+        self._tell("passivity", largest[last], np.maximum(total(work), 0.0)[heads], bound[heads])

@@ -198,6 +198,24 @@ class Flag(Checked):
 
 
 @dataclass(frozen=True)
+class FlagOr(Checked):
+    """true, false, or a word that says more than true."""
+
+    word: str
+
+    def check(self, value: Any) -> bool | str:
+        if isinstance(value, bool) or value == self.word:
+            return value
+        raise refuse(
+            f'expected true, false or "{self.word}", found {quoted(value)}',
+            f'write true or false, without quotes, or "{self.word}"',
+        )
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"enum": [True, False, self.word]}
+
+
+@dataclass(frozen=True)
 class Choice(Checked):
     """One of the `values`."""
 

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from carom.scenario.balls import Lattice, Rack, Sphere
-from carom.scenario.fields import NOT_NEGATIVE, POSITIVE, Bounds, Flag, Integer, Pair, Quantity, Text, Version
+from carom.scenario.fields import NOT_NEGATIVE, POSITIVE, Bounds, Flag, FlagOr, Integer, Pair, Quantity, Text, Version
 from carom.scenario.flow import Inflow, Outlet, Region
 from carom.scenario.joints import Joint
 from carom.scenario.laws import Law, LawValue
@@ -39,8 +39,11 @@ class Record(Table):
     contacts: Annotated[bool, Flag()] = Field(
         True, description="keep the impulses of each contact, accumulated since the last frame"
     )
-    impacts: Annotated[bool, Flag()] = Field(
-        True, description="keep the table of impacts; piles of thousands fill gigabytes with it"
+    impacts: Annotated[bool | str, FlagOr("every")] = Field(
+        True,
+        description="keep the table of impacts; piles of thousands fill gigabytes with it;"
+        ' "every": in piles too a row for each impact problem, not for each step alone',
+        examples=["every"],
     )
     walls: Annotated[bool, Flag()] | None = Field(
         None,

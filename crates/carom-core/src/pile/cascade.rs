@@ -342,10 +342,13 @@ fn solve_little(
         let m = velocity.members[slot as usize];
         let before = velocity.now(&m);
         let r = group.impulse(k);
-        let done = velocity::work(&m, r, before, before + group.change(k));
+        let after = before + group.change(k);
+        let done = velocity::work(&m, r, before, after);
         pushed |= r != DVec3::ZERO;
+        let speed = [before.dot(m.normal), after.dot(m.normal)];
+        velocity.every.push(slot, problem, r, speed, scale);
         let tol = velocity.tol;
-        velocity.members[slot as usize].add(problem, r, before.dot(m.normal), done, scale, tol);
+        velocity.members[slot as usize].add(problem, r, speed[0], done, scale, tol);
     }
     for (local, &node) in nodes.iter().enumerate() {
         let [v, w] = group.correction(local as u32);

@@ -6,6 +6,7 @@
 //! islands, and is counted.
 
 mod cascade;
+mod every;
 mod group;
 mod keep;
 mod position;

@@ -228,8 +228,10 @@ impl Pile {
             let before = memory.now(&m);
             let after = before + change(&m, &u);
             let done = work(&m, r, before, after);
+            let speed = [before.dot(m.normal), after.dot(m.normal)];
+            memory.every.push(slot, problem, r, speed, scale);
             let member = &mut memory.members[slot as usize];
-            member.add(problem, r, before.dot(m.normal), done, scale, memory.tol);
+            member.add(problem, r, speed[0], done, scale, memory.tol);
         }
         for (jump, u) in memory.jump.iter_mut().zip(&u) {
             jump[0] += DVec3::new(u[0], u[1], u[2]);

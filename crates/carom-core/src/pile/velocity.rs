@@ -14,7 +14,6 @@ use crate::state::{State, Warm};
 use crate::stepper::Span;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres;
-use carom_solve::Status;
 use glam::DVec3;
 
 /// No moving wall.
@@ -66,6 +65,8 @@ pub(super) struct Memory {
     /// Terms of eq. 44 of what is solved already in this step.
     pub terms: f64,
     pub cascade: super::cascade::Memory,
+    /// Rows of the table of impacts, where every problem has its own.
+    pub every: super::every::Rows,
     /// Group of energy of each chosen contact.
     pub group: Vec<u32>,
 }
@@ -253,6 +254,7 @@ impl Pile {
             position,
         );
         let memory = &mut self.velocity;
+        memory.every.begin(model.every_impact);
         let mut speeds = Speeds::default();
         let driven = &mut memory.driven;
         driven.clear();
@@ -395,6 +397,8 @@ impl Pile {
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
         self.solve_chosen(model, scratch.contacts, Law::Plastic, last + 1, report)?;
+        let bound = model.options.max_problems;
+        self.velocity.every.renumber(last + 1, bound + 1);
         Some(problems + 1)
     }
 
@@ -409,6 +413,12 @@ impl Pile {
         self.start.clear();
         self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
         self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
+        // Without stage 0 rest is solved as an impact.
+        let memory = &mut self.velocity;
+        let resting = |m: &Member| memory.before(m).dot(m.normal) >= -memory.tol;
+        if memory.members.iter().all(resting) {
+            memory.every.forget();
+        }
         Some(1)
     }
 
@@ -447,16 +457,7 @@ impl Pile {
             record::turn_frame(c, m.normal);
             c.lambda = record::packed(c, m.normal, m.impulse);
             c.work = [m.work[0], m.work[1], 0.0, 0.0];
-            let normal = m.impulse.dot(m.normal);
-            c.status = if normal <= 0.0 {
-                Status::Gap
-            } else if m.impulse.reject_from_normalized(m.normal).length()
-                >= m.friction * normal * (1.0 - 1e-9)
-            {
-                Status::Slip
-            } else {
-                Status::Stick
-            };
+            c.status = m.status(m.impulse);
             if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
                 scratch.warm.push(Warm {
                     key: (c.a, c.b),
@@ -470,7 +471,7 @@ impl Pile {
             if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > memory.tol && !touching {
                 report.missed_impacts += 1;
             }
-            if m.problem == 0 {
+            if m.problem == 0 || memory.every.wanted {
                 continue;
             }
             scratch.impacts.push(ImpactRecord {
@@ -486,6 +487,9 @@ impl Pile {
                 restitution_scale: m.scale,
             });
         }
+        memory
+            .every
+            .hand_over(&memory.members, scratch.contacts, scratch.impacts);
         if huge {
             self.velocity = Memory::default();
         }

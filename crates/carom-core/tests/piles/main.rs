@@ -4,6 +4,7 @@ mod agree;
 #[path = "../common/mod.rs"]
 mod common;
 mod conserve;
+mod every;
 mod loads;
 mod scenes;
 mod threads;
