@@ -1,4 +1,4 @@
-"""The tables of what stands or moves as prescribed: `[[plane]]`, `[[cylinder]]`, `[[ball_wall]]`, `[[cone]]`, `[[box]]`."""
+"""The tables of what stands or moves as prescribed: `[[plane]]`, `[[box]]` and the others of `WALLS`."""
 
 from __future__ import annotations
 
