@@ -6,8 +6,8 @@ import json
 import math
 from typing import Any
 
-import jsonschema
 import carom
+import jsonschema
 import numpy as np
 import pytest
 from carom.errors import ScenarioError

@@ -35,7 +35,7 @@ HUGE = 1_000_000
 MOST = 20
 """Balls in walls that are listed; more say nothing new."""
 PERIOD = 4.1
-"""A period is at least so many of the largest radii: with less, two balls could touch twice. The core asks for 4.08, which is
+"""A period is at least so many of the largest radii: with less, two balls could touch twice. The core asks for 4.08:
 four and the margin of its lists of pairs (`crates/carom-core/src/periodic.rs`).
 """
 SAMPLES = 200
