@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.granular.region import Region, ball_volume, images
+from carom.rotations import upward
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -144,9 +145,7 @@ class Snapshot:
     @cached_property
     def up(self) -> F64:
         """Unit vector against gravity, (3,); z where there is none."""
-        if self.gravity is None or not self.gravity.any():
-            return np.array([0.0, 0.0, 1.0])
-        return np.asarray(-self.gravity / np.linalg.norm(self.gravity))
+        return upward(np.zeros(3) if self.gravity is None else self.gravity)
 
 
 def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None = None) -> Snapshot:
