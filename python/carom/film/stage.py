@@ -253,6 +253,9 @@ class Stage:
         self._scale_of: tuple[F64, float] | None = None
         if self._look.shading not in ("speed", "spin"):
             return
+        from carom.plot import require_matplotlib
+
+        require_matplotlib()
         from matplotlib import colormaps
 
         table = np.asarray(colormaps["viridis"](np.linspace(0, 1, 256)))[:, :3]

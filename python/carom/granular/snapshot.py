@@ -155,12 +155,17 @@ def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None =
     """
     if isinstance(source, Snapshot):
         return source
+    if not hasattr(source, "time"):
+        raise CaromError(f"a measure takes a Result or a Snapshot first, found {type(source).__name__}")
     times = np.asarray(source.time)
     if not len(times):
         raise CaromError("the result has no frames yet; wait until the run has written some")
     if time is not None:
+        slack = 1e-9 * float(times[-1])
+        if not times[0] - slack <= time <= times[-1] + slack:
+            raise CaromError(f"{time:g} s is outside of the run, {times[0]:g} to {times[-1]:g} s")
         frame = int(np.abs(times - time).argmin())
-    if not -len(times) <= frame < len(times):
+    if not isinstance(frame, int | np.integer) or not -len(times) <= frame < len(times):
         raise CaromError(f"there is no frame {frame}; give one of -{len(times)} to {len(times) - 1}")
     frame %= len(times)
     contacts, missing = None, ""
