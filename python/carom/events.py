@@ -57,6 +57,8 @@ def detect(result: Result, *, speed: float = SPEED) -> list[Event]:
 
 def first_contact(result: Result, body: str, other: str) -> Event | None:
     """The first time that these two, balls or walls, met; None if they never did."""
+    if body == other:
+        raise CaromError(f"first_contact: {body!r} is given twice; a contact is of two")
     known = [*result.names, *result.wall_names]
     pair = {_index(name, known) for name in (body, other)}
     return next((event for event in _first(result, pair)), None)
@@ -77,6 +79,7 @@ def phases(result: Result, body: str, surface: str, *, speed: float = SPEED) -> 
     It slides where the material point at the contact moves along the plane faster than `speed`, m/s; it rests where its
     centre is slower than that as well (a ball that spins in its place rests).
     """
+    _bound(speed)
     index = _index(body, result.names)
     return _phases(result, _motion(result, index), (index, 0), _plane(result, surface), speed)[0]
 
@@ -89,6 +92,7 @@ def slip_to_roll(
     Slip falls linearly under dry friction, so the time is found by its slope in the two frames before, within the frames
     around it. Without `body` of all balls, without `surface` on all planes that stand.
     """
+    _bound(speed)
     names = result.names
     bodies = range(len(names)) if body is None else [_index(body, names)]
     motion = _motion(result, None if body is None else bodies[0])
@@ -113,6 +117,7 @@ def rest(result: Result, body: str | None = None, *, speed: float = SPEED) -> li
 
     Balls that move at the end, or left, have no such event.
     """
+    _bound(speed)
     time, radius = np.asarray(result.time), np.asarray(result.bodies["radius"])
     names = result.names
     bodies = range(len(names)) if body is None else [_index(body, names)]
@@ -175,6 +180,11 @@ class AtRest:
         if self._since is None or self._since > view.time:  # later than now: of another run
             self._since = view.time
         return view.time - self._since >= self.hold * (1 - 1e-9)
+
+
+def _bound(speed: float) -> None:
+    if not speed >= 0:
+        raise CaromError(f"speed = {speed:g} m/s is no bound of a speed; give one from 0, as {SPEED:g}")
 
 
 def _first(result: Result, pair: set[int] | None) -> list[Event]:
