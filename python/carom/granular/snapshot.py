@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.granular.region import Region, ball_volume, images
+from carom.packing.neighbours import folded
 from carom.rotations import upward
 
 if TYPE_CHECKING:
@@ -102,12 +103,7 @@ class Snapshot:
     @cached_property
     def folded(self) -> F64:
         """Centres (N, 3), m, within one period from the origin on: balls of a periodic world may be many periods away."""
-        if self.period is None:
-            return self.position
-        length = np.where(self.period > 0, self.period, np.inf)
-        return np.asarray(
-            self.position - np.where(self.period > 0, self.period, 0.0) * np.floor(self.position / length)
-        )
+        return folded(self.position, self.period)
 
     def within(self, region: Region) -> F64:
         """Volume of each ball that lies in a region, of all its images, (N,), m^3; 0 for balls that are absent."""
