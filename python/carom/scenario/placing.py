@@ -38,8 +38,10 @@ def placed_walls(entries: Mapping[str, Sequence[tuple[int, Table]]]) -> list[Pla
     for section in WALLS:
         for i, table in entries.get(section, ()):
             assert isinstance(table, Wall)
-            where = {"section": section, "index": i, "material": table.material}
-            found += [Placed(**vars(piece), **where) for piece in table.pieces()]
+            found += [
+                Placed(**vars(piece), section=section, index=i, material=table.material)
+                for piece in table.pieces()
+            ]
     return sorted(found, key=lambda wall: wall.kind != PLANE)  # stable
 
 
