@@ -155,8 +155,8 @@ class Simulation:
     `(low, high, inside)`.
 
     Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`. With
-    `"drop_impacts": True` the table of impacts stays empty, with `"every_impact": True` piles have a row in it for each impact
-    problem and contact, not for each step and contact alone.
+    `"drop_impacts": True` the table of impacts stays empty, with `"every_impact": True` piles have a row in it for each
+    impact problem and contact, not for each step and contact alone.
     """
 
     def __init__(self, model: dict[str, Any]) -> None: ...

@@ -12,6 +12,8 @@ Friction is held against `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The co
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +25,7 @@ from carom.audit.cones import opposed
 from carom.audit.hits import Hits
 from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
-from carom.audit.report import Tally
+from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm
 
 F64 = NDArray[np.float64]
@@ -32,7 +34,7 @@ Bool = NDArray[np.bool_]
 
 
 class Told(NamedTuple):
-    """What a law says of some rows, or of the problem of one of them: how far off they are, and the bound of that."""
+    """What a law says of some rows, ascending, or of the problem of one of them: how far off they are, and the bound."""
 
     kind: str
     rows: I64
@@ -50,15 +52,18 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool) -> None:
             continue
         readings = [Replay(block, r.of(rows), kept[rows], end=end).run_all() for end in ends]
         for same in zip(*readings, strict=True):
-            ratio = [told.value / np.maximum(told.bound, 1e-300) for told in same]
-            best = np.argmin(ratio, axis=0), np.arange(len(same[0].rows))
-            value, bound = (np.stack([getattr(told, of) for told in same])[best] for of in ("value", "bound"))
-            at = rows[same[0].rows]
-            tally.measure(same[0].kind, value, bound, lambda i, at=at: _place(block, r, int(at[i])))  # type: ignore[misc]
+            # Whether a slow contact restores slip may be sure in one reading alone.
+            both = reduce(np.intersect1d, [told.rows for told in same])
+            found = [
+                (told.value[at], told.bound[at]) for told in same for at in [np.searchsorted(told.rows, both)]
+            ]
+            value, bound = (np.stack(parts) for parts in zip(*found, strict=True))
+            best = np.argmin(value / np.maximum(bound, 1e-300), axis=0), np.arange(len(both))
+            tally.measure(same[0].kind, value[best], bound[best], _place(block, r.of(rows[both])))
 
 
-def _place(block: Block, r: Hits, row: int) -> object:
-    return block.run.step_place(int(r.step[row]), int(r.a[row]), int(r.b[row]))
+def _place(block: Block, r: Hits) -> Callable[[int], Place]:
+    return lambda i: block.run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
 
 
 class Replay:
@@ -149,7 +154,6 @@ class Replay:
         before = self._rates(rows, (self.check, self.jump))
         self._add(self.own, rows)
         after = self._rates(rows, (self.check, self.jump, self.own))
-        energy, problem = self._pass(rows)
         minus = self._rates(rows, before_impact, old=True)
         own = compliance(run, r.a, r.b)
         weight = norm(run.gravity) * run.h
@@ -180,61 +184,65 @@ class Replay:
         sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0))
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
         self._tell("slip", rows[sure], defect[sure], limit)
-        self._energy(rows, before, after, energy, problem)
+        self._energy(rows, before, after)
+        self._forget(rows)
 
     def _tell(self, kind: str, rows: I64, value: F64, bound: F64) -> None:
         self.told.append(Told(kind, rows, value, bound))
 
-    def _pass(self, rows: I64) -> tuple[F64, Bool]:
-        """Kinetic energy of the bodies of a problem before it, (B,), and of which steps there is one; its jump is taken off
-        again, for only what remained is in the next ones.
-        """
-        r, bodies = self.r.of(rows), len(self.inertia)
-        many = np.concatenate([r.k * bodies + r.a, (r.k * bodies + r.b)[r.b < bodies]])
-        k, body = np.divmod(np.unique(many), bodies)
+    def _kinetic(self, rows: I64) -> F64:
+        """(B,) kinetic energy, before a problem, of the bodies that it moves, J."""
+        k, body = self._moved(rows)
         now = self.check[k, body] + self.jump[k, body]
         each = 0.5 * (self.inertia[body] * now * now).sum(axis=1)
-        reach = np.abs(now) + np.abs(self.own[k, body])
-        radius = self.block.run.radius[body]
-        np.maximum.at(self.top, k, norm(reach[:, :3]) + radius * norm(reach[:, 3:]))
-        self.own[k, body] = 0.0
-        found = np.bincount(k, each, minlength=self.block.count)
-        return found, np.isin(np.arange(self.block.count), k)
+        return np.bincount(k, each, minlength=self.block.count).astype(np.float64)
 
-    def _energy(self, rows: I64, before: Rates, after: Rates, kinetic: F64, there: Bool) -> None:
-        """Rule R4 in each problem: works of impulses by the mean of the velocities before and after them."""
-        run, r = self.block.run, self.r.of(rows)
+    def _forget(self, rows: I64) -> None:
+        """Take the jump of a problem off again: `run_all` adds what remained. The largest speeds are kept."""
+        k, body = self._moved(rows)
+        now = np.abs(self.check[k, body] + self.jump[k, body]) + np.abs(self.own[k, body])
+        speed = norm(now[:, :3]) + self.block.run.radius[body] * norm(now[:, 3:])
+        np.maximum.at(self.top, k, speed)
+        self.own[k, body] = 0.0
+
+    def _moved(self, rows: I64) -> tuple[I64, I64]:
+        """The bodies of some rows, each once: intervals and bodies."""
+        r, bodies = self.r.of(rows), len(self.inertia)
+        k, body = np.divmod(
+            np.unique(np.concatenate([r.k * bodies + r.a, (r.k * bodies + r.b)[r.b < bodies]])), bodies
+        )
+        return k, body
+
+    def _energy(self, rows: I64, before: Rates, after: Rates) -> None:
+        """Rule R4 in each problem: works of impulses by the mean of the velocities before and after them.
+
+        Bound: `bounds.gain` of the kinetic energy; and what a residual `rho` (`bounds`) can do, which is at most `rho` times
+        the velocities after the problem and those of `2 D_cc` times the impulses.
+        """
+        run, r, count = self.block.run, self.r.of(rows), self.block.count
         if not run.options["energy_safeguard"] or run.options["impact"] == "sequence-paper":
             return
-        mean = [
-            0.5 * (x + y)
-            for x, y in zip(
-                (before.normal, before.slip, before.turning),
-                (after.normal, after.slip, after.turning),
-                strict=True,
-            )
-        ]
-        work = self.push[rows] * mean[0] + dot(self.slide[rows], mean[1]) + dot(r.moment, mean[2])
-        driven = np.zeros(len(r))
-        for w, wall in enumerate(run.walls):
-            if wall.moves:
-                # What a wall moves with is at most what the ball has against it and by itself.
-                mine = r.b == run.bodies + w
-                own = norm(self.check[r.k, r.a, :3] + self.jump[r.k, r.a, :3])
-                size = before.normal**2 + norm(before.slip) ** 2 + own**2
-                driven = np.where(mine, run.mass[r.a] * size, driven)
 
         def total(values: F64) -> F64:
-            return np.bincount(r.k, values, minlength=self.block.count)
+            return np.bincount(r.k, values, minlength=count).astype(np.float64)
 
-        kinetic = kinetic + total(driven)
-        left = np.zeros(self.block.count)
-        np.maximum.at(left, r.k, self.left[rows])
-        own = compliance(run, r.a, r.b)[1]
-        after_size = np.sqrt(total(after.normal**2 + norm(after.slip) ** 2))
-        inexact = left * (after_size + 2.0 * np.sqrt(total((own * norm(r.impulse)) ** 2)))
-        bound = bounds.gain(self.block) * kinetic + inexact + 64.0 * EPS * (kinetic + total(np.abs(work)))
-        heads = np.flatnonzero(there)
-        largest = rows[np.lexsort((work, r.k))]
-        last = np.flatnonzero(np.append(np.diff(self.r.k[largest]), 1))
-        self._tell("passivity", largest[last], np.maximum(total(work), 0.0)[heads], bound[heads])
+        pushed = 0.5 * self.push[rows] * (before.normal + after.normal)
+        slid = 0.5 * dot(self.slide[rows], before.slip + after.slip)
+        work = pushed + slid + 0.5 * dot(r.moment, before.turning + after.turning)
+        # A wall moves at most with what the ball has against it and by itself.
+        moving = np.isin(r.b, [run.bodies + w for w, wall in enumerate(run.walls) if wall.moves])
+        own = norm(self.check[r.k, r.a, :3] + self.jump[r.k, r.a, :3])
+        driven = run.mass[r.a] * (before.normal**2 + norm(before.slip) ** 2 + own**2)
+        kinetic = self._kinetic(rows) + total(np.where(moving, driven, 0.0))
+        rho = np.zeros(count)
+        np.maximum.at(rho, r.k, self.left[rows])
+        given = 2.0 * compliance(run, r.a, r.b)[1] * norm(r.impulse)
+        fast = np.sqrt(total(after.normal**2 + norm(after.slip) ** 2)) + np.sqrt(total(given**2))
+        bound = bounds.gain(self.block) * kinetic + rho * fast
+        bound = bound + 64.0 * EPS * (kinetic + total(np.abs(work)))
+        # Told of the row with the largest impulse.
+        largest = rows[np.lexsort((norm(r.impulse), r.k))]
+        largest = largest[np.flatnonzero(np.append(np.diff(self.r.k[largest]), 1))]
+        k = self.r.k[largest]
+        order = np.argsort(largest)
+        self._tell("passivity", largest[order], np.maximum(total(work), 0.0)[k][order], bound[k][order])

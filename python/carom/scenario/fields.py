@@ -204,8 +204,10 @@ class FlagOr(Checked):
     word: str
 
     def check(self, value: Any) -> bool | str:
-        if isinstance(value, bool) or value == self.word:
+        if isinstance(value, bool):
             return value
+        if value == self.word:
+            return self.word
         raise refuse(
             f'expected true, false or "{self.word}", found {quoted(value)}',
             f'write true or false, without quotes, or "{self.word}"',

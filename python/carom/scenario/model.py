@@ -12,7 +12,18 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from carom.scenario.balls import Lattice, Rack, Sphere
-from carom.scenario.fields import NOT_NEGATIVE, POSITIVE, Bounds, Flag, FlagOr, Integer, Pair, Quantity, Text, Version
+from carom.scenario.fields import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Flag,
+    FlagOr,
+    Integer,
+    Pair,
+    Quantity,
+    Text,
+    Version,
+)
 from carom.scenario.flow import Inflow, Outlet, Region
 from carom.scenario.joints import Joint
 from carom.scenario.laws import Law, LawValue
