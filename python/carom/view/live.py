@@ -191,7 +191,7 @@ class Live:
         camera.position, camera.look_at, camera.up = middle + 0.9 * reach * sight, middle, up
 
     def _bodies(self, frame: int) -> tuple[Floats, Floats]:
-        """Centres (N, 3), scaled to the page, within the period of a world that has one, and attitudes (N, 4) of the balls shown.
+        """Centres (N, 3), scaled to the page, within the period where there is one, and attitudes (N, 4) of the balls shown.
 
         Absent ones are somewhere, and are drawn without size.
         """
