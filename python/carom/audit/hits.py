@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.block import Block
+from carom.audit.report import Place
 from carom.audit.vectors import EPS, norm
 
 F64 = NDArray[np.float64]
@@ -86,6 +88,11 @@ def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:
     without, within = norm(whole - sums), norm(whole - sums - loads)
     bound = 32.0 * EPS * (norm(whole) + norm(sums) + norm(loads))
     return np.asarray(within <= without), np.minimum(without, within), np.maximum(bound, 1e-300)
+
+
+def place(block: Block, r: Hits) -> Callable[[int], Place]:
+    """The place of a row by its number."""
+    return lambda i: block.run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
 
 
 def groups(block: Block, r: Hits) -> I64:

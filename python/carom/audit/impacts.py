@@ -7,8 +7,6 @@ carry at most the whole weight.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,27 +59,23 @@ def judge(block: Block, tally: Tally) -> None:
         summed = np.flatnonzero(seen & ~piled & block.kept[rows.k])
         one = rows.of(summed)
         remained[summed], value, bound = hits.kept(block, one)
-        tally.measure("impact sum", value, bound, _place(block, one))
+        tally.measure("impact sum", value, bound, hits.place(block, one))
     if whole.any():
         replay.judge(block, tally, rows.of(whole), remained[whole])
-
-
-def _place(block: Block, r: Hits) -> Callable[[int], Place]:
-    return lambda i: block.run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
 
 
 def _unit(block: Block, tally: Tally, r: Hits) -> None:
     """Normals are unit vectors; after one whole step of nsga those of the places; factors on restitution are shares."""
     run = block.run
-    tally.measure("normal", np.abs(norm(r.normal) - 1.0), 16.0 * EPS, _place(block, r))
-    tally.measure("counts", ~((r.scale >= 0.0) & (r.scale <= 1.0)), 0.0, _place(block, r))
+    tally.measure("normal", np.abs(norm(r.normal) - 1.0), 16.0 * EPS, hits.place(block, r))
+    tally.measure("counts", ~((r.scale >= 0.0) & (r.scale <= 1.0)), 0.0, hits.place(block, r))
     if run.method == "nsga":
         one = r.of(block.single[r.k])
         other = np.minimum(one.b, run.bodies - 1)
         _, normal = run.meet(block.t1[one.k], one.a, one.b, block.x1[one.k, one.a], block.x1[one.k, other])
         extent = np.abs(block.x1[one.k, one.a]).max(axis=1) + run.radius[one.a]
         bound = 16.0 * EPS * (1.0 + extent / run.radius[one.a])
-        tally.measure("normal", norm(one.normal - normal), bound, _place(block, one))
+        tally.measure("normal", norm(one.normal - normal), bound, hits.place(block, one))
 
 
 def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
@@ -116,7 +110,7 @@ def _ends(block: Block, tally: Tally, r: Hits) -> None:
     squares = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
     left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
     off = np.abs(final.separation - _motion(block, final).normal)
-    tally.measure("impact speeds", off, 640.0 * EPS * scale + left, _place(block, final))
+    tally.measure("impact speeds", off, 640.0 * EPS * scale + left, hits.place(block, final))
 
 
 def _missing(block: Block, tally: Tally) -> None:
@@ -140,7 +134,7 @@ def _missing(block: Block, tally: Tally) -> None:
     speed = np.nan_to_num(norm(block.v0) + run.radius * norm(block.w0)).max(axis=1, initial=0.0)
     bound = closing(block)[k] + 64.0 * EPS * speed[k]
     tally.measure(
-        "impact", np.maximum(0.0, -_motion(block, one, start=True).normal), bound, _place(block, one)
+        "impact", np.maximum(0.0, -_motion(block, one, start=True).normal), bound, hits.place(block, one)
     )
 
 

@@ -12,7 +12,6 @@ Friction is held against `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The co
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import reduce
 from typing import NamedTuple
 
@@ -22,10 +21,10 @@ from numpy.typing import NDArray
 from carom.audit import bounds, forces
 from carom.audit.block import Block
 from carom.audit.cones import opposed
-from carom.audit.hits import Hits
+from carom.audit.hits import Hits, place
 from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
-from carom.audit.report import Place, Tally
+from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot, norm
 
 F64 = NDArray[np.float64]
@@ -59,11 +58,7 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool) -> None:
             ]
             value, bound = (np.stack(parts) for parts in zip(*found, strict=True))
             best = np.argmin(value / np.maximum(bound, 1e-300), axis=0), np.arange(len(both))
-            tally.measure(same[0].kind, value[best], bound[best], _place(block, r.of(rows[both])))
-
-
-def _place(block: Block, r: Hits) -> Callable[[int], Place]:
-    return lambda i: block.run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
+            tally.measure(same[0].kind, value[best], bound[best], place(block, r.of(rows[both])))
 
 
 class Replay:
