@@ -73,9 +73,14 @@ fn solve(
     let o = &model.options;
     let ratio = (span.h / state.warm_step).powi(2);
     let mut cursor = Cursor::new(&state.warm);
+    // Solved before in this step, but for contacts that have joined: only these are new.
+    let again = members.iter().any(|&m| contacts[m as usize].nu[0] > 0.0);
     pile.start.clear();
     pile.start.extend(members.iter().map(|&m| {
         let c = &contacts[m as usize];
+        if again {
+            return (c.nu[0] * c.n1 + c.nu[1] * c.t1 + c.nu[2] * c.t2).to_array();
+        }
         let warm = cursor.find((c.a, c.b));
         warm.map_or([0.0; 3], |w| (ratio * w.position).to_array())
     }));
