@@ -203,7 +203,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("packing", PACKING + "diameter = 0.01\nmean = 0.1\nlow = [3,3,3]\nhigh = [4,4,4]\n")
     ],
     "... needs ...": [("packing", PACKING + "diameter = 0.01\nlow = [3,3,3]\n")],
-    "a period of ... m along ... is below four radii of the largest ball": [
+    "a period of ... m along ... is below ... radii of the largest ball": [
         (
             "world.periodic",
             "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.1, 0.0, 0.0]",

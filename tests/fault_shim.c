@@ -2,9 +2,10 @@
  *
  *   FAULT_DIR    only calls on files below this directory count: write, pwrite, ftruncate, fsync, rename, unlink, mkdir
  *   FAULT_AT     the call (from 1) at which it happens; 0 or absent: never
- *   FAULT_KIND   kill: SIGKILL before the call. torn: SIGKILL in the middle of it, between two pages of 4096 bytes as the
- *                kernel would be interrupted, or before it. Otherwise an error number, as 28 for a full disk: from then on
+ *   FAULT_KIND   kill: SIGKILL before the call. torn: SIGKILL in the middle of it, between two pages of 4096 bytes of the
+ *                file as the kernel would be interrupted, or before it. Otherwise an error number, as 28 for a full disk: from then on
  *                every call that writes fails with it; if the first of them makes its file longer, it still writes half.
+ *   FAULT_SPLIT  file that gets a line for each write into more than one page: its file, offset and length
  *   FAULT_COUNT  file that gets the number of calls at the end of the process
  *   FAULT_CLOCK  if set, the real-time clock jumps by up to a year back and forth at every look; the monotonic one does not
  */
@@ -66,20 +67,43 @@ static int due(void) {
     return now == at ? 1 : 2;
 }
 
-static size_t pages(size_t n) { return n / 2 / 4096 * 4096; }
+#define PAGE 4096
+
+/* How much of a write there is before the boundary of two pages that is nearest to its middle, from below or at all. */
+static size_t pages(size_t n, off64_t offset) {
+    off64_t middle = (offset + (off64_t)n / 2) / PAGE * PAGE, next = offset / PAGE * PAGE + PAGE;
+    off64_t cut = middle > offset ? middle : next;
+    return cut < offset + (off64_t)n ? (size_t)(cut - offset) : 0;
+}
+
+/* Notes a write that lies in more than one page, and so could be torn: file, offset, length. */
+static void note(int fd, size_t n, off64_t offset) {
+    const char *list = getenv("FAULT_SPLIT");
+    char link[64], path[PATH_MAX];
+    if (!list || !n || offset / PAGE == (offset + (off64_t)n - 1) / PAGE) return;
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t length = readlink(link, path, sizeof path - 1);
+    if (length < 0) return;
+    path[length] = 0;
+    FILE *file = fopen(list, "a");
+    if (!file) return;
+    fprintf(file, "%s %lld %zu\n", path, (long long)offset, n);
+    fclose(file);
+}
 
 /* How many bytes of a write still succeed; sets `stop` if the process ends after it. */
 static ssize_t allowed(int fd, size_t n, off64_t offset, int *stop) {
     struct stat64 file;
     *stop = 0;
-    int state = ours(fd) ? due() : 0;
+    int counted = ours(fd), state = counted ? due() : 0;
+    if (counted) note(fd, n, offset);
     if (!state || (!error_number && state == 2)) return (ssize_t)n;
     if (error_number) {
         int grows = fstat64(fd, &file) == 0 && offset >= file.st_size;
         return state == 1 && grows && n > 1 ? (ssize_t)(n / 2) : -1;
     }
     *stop = 1;
-    return (ssize_t)pages(n);
+    return (ssize_t)pages(n, offset);
 }
 
 #define WRITE(offset, call_real)                         \

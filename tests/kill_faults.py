@@ -26,7 +26,7 @@ def built(folder: Path) -> Path:
 
 
 def environment(shim: Path, run: Path, **values: str | int) -> dict[str, str]:
-    """The environment in which the shim acts on the files of `run`: `at`, `kind`, `count`, `clock`."""
+    """The environment in which the shim acts on the files of `run`: `at`, `kind`, `count`, `split`, `clock`."""
     given = {f"FAULT_{key.upper()}": str(value) for key, value in values.items()}
     return {"LD_PRELOAD": str(shim), "FAULT_DIR": str(run), **given}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -112,6 +113,71 @@ def test_the_files_need_no_package_beyond_the_base(column: carom.Result, tmp_pat
         assert np.array_equal(root["PointData/radius"], column.bodies["radius"])
 
 
+@pytest.mark.parametrize("format", ["vtkhdf", "csv"])
+def test_frames_are_written_many_at_a_time(
+    format: str, flow: carom.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To read contacts frame by frame took most of 50 s for 3001 frames."""
+    from carom.export import frames, glyphs
+    from carom.tables import Table
+
+    reads: list[str] = []
+    read = Table.__getitem__
+    monkeypatch.setattr(Table, "__getitem__", lambda self, name: reads.append(name) or read(self, name))
+    whole = [path.name for path in flow.export(tmp_path / "whole", format, every=2)]
+    assert reads.count("normal") < 6  # of 21 frames, with the impacts of the tables
+    # The same however small the parts are, and if unwanted rows between frames are skipped rather than read.
+    monkeypatch.setattr(glyphs, "ROWS", 2)
+    monkeypatch.setattr(glyphs, "GAP", 0)
+    monkeypatch.setattr(frames, "BLOCK_BYTES", 3 * 4 * 8 * len(flow.names))
+    flow.export(tmp_path / "parts", format, every=2)
+    for name in whole:
+        if format == "csv":
+            assert (tmp_path / "whole" / name).read_text() == (tmp_path / "parts" / name).read_text()
+            continue
+        with h5py.File(tmp_path / "whole" / name) as one, h5py.File(tmp_path / "parts" / name) as other:
+            held = [f"{group}/{key}" for group in ("PointData", "Steps") for key in one["VTKHDF"][group]]
+            for key in ("Points", *(key for key in held if not key.endswith("Offsets"))):
+                assert np.array_equal(one["VTKHDF"][key][()], other["VTKHDF"][key][()]), key
+            assert np.array_equal(one["VTKHDF/Steps/PointOffsets"], other["VTKHDF/Steps/PointOffsets"])
+
+
+@pytest.mark.parametrize("format", ["vtkhdf", "vtp", "csv", "parquet", "extxyz"])
+def test_what_the_run_has_none_of_does_not_stay_from_an_earlier_export(
+    format: str, column: carom.Result, tmp_path: Path
+) -> None:
+    """Walls of an older run once stood in ParaView around the balls of the new one."""
+    if format == "parquet":
+        pytest.importorskip("pyarrow", reason="the extra [export] is not installed")
+    scene = carom.Scene("alone", run={"until": 2e-3, "step": 1e-3})
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.sphere("a", radius=R, mass=1.0, material="m", at=(0, 0, 0))
+    alone = carom.simulate(scene)
+    alone.export(tmp_path / "new", format)
+    column.export(tmp_path / "both", format)
+    assert len(list((tmp_path / "both").rglob("*"))) > len(list((tmp_path / "new").rglob("*")))
+    alone.export(tmp_path / "both", format)
+
+    def names(directory: Path) -> set[str]:
+        return {path.relative_to(directory).as_posix() for path in directory.rglob("*")}
+
+    assert names(tmp_path / "both") == names(tmp_path / "new")
+
+
+def test_a_table_of_the_users_own_is_not_taken_for_an_old_one(column: carom.Result, tmp_path: Path) -> None:
+    (tmp_path / "events.csv").write_text("day,what\n")
+    (tmp_path / "walls").mkdir()
+    (tmp_path / "walls" / "thesis.tex").write_text("")
+    assert not len(column.events)
+    column.export(tmp_path, "csv")
+    assert (tmp_path / "events.csv").read_text() == "day,what\n"
+    scene = carom.Scene("alone", run={"until": 2e-3, "step": 1e-3})
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.sphere("a", radius=R, mass=1.0, material="m", at=(0, 0, 0))
+    carom.simulate(scene).export(tmp_path, "vtp")
+    assert (tmp_path / "walls" / "thesis.tex").exists()
+
+
 def test_a_part_of_the_run_by_time(column: carom.Result, tmp_path: Path) -> None:
     column.export(tmp_path, "csv", start=0.02, stop=0.04)
     rows = read_csv(tmp_path / "frames.csv")
@@ -172,7 +238,7 @@ def test_parquet_holds_the_same_with_units(flow: carom.Result, tmp_path: Path) -
 
 
 def test_extxyz_is_what_its_first_lines_announce(flow: carom.Result, tmp_path: Path) -> None:
-    [path] = flow.export(tmp_path, "extxyz", every=3)
+    path, _ = flow.export(tmp_path, "extxyz", every=3)
     lines = path.read_text().splitlines()
     for k in range(0, len(flow.time), 3):
         count, comment = int(lines.pop(0)), lines.pop(0)
@@ -189,6 +255,61 @@ def test_extxyz_is_what_its_first_lines_announce(flow: carom.Result, tmp_path: P
             assert np.array_equal(values[9:12], flow.angular_velocity[k][body])
             assert np.array_equal(np.roll(values[12:16], 1), flow.orientation[k][body])
     assert not lines
+
+
+def test_contacts_for_ovito_are_points_with_their_forces(column: carom.Result, tmp_path: Path) -> None:
+    """OVITO takes the column `force` for its vector property Force; it was read so with its package, version 3.17."""
+    _, path = column.export(tmp_path, "extxyz")
+    assert path.name == "contacts.extxyz"
+    lines = path.read_text().splitlines()
+    weight = float(column.bodies["mass"][0]) * G
+    for k in range(len(column.time)):
+        rows = int(lines.pop(0))
+        names = [
+            part.split(":") for part in re.findall(r"(?:^|:)([a-z_]+:[SRI]:[0-9]+)", lines[0].split()[0][11:])
+        ]
+        assert lines.pop(0).endswith(f" Time={float(column.time[k])!r} Step={int(column.step[k])}")
+        assert rows == (3 if k else 0)
+        width = [int(number) for _, _, number in names]
+        begin = dict(zip((name for name, _, _ in names), np.cumsum([0, *width]), strict=False))
+        for row in sorted((lines.pop(0).split() for _ in range(rows)), key=lambda row: float(row[3])):
+            height = float(row[begin["pos"] + 2])
+            above = N - round(height / (2 * R))
+            assert row[begin["type"]] == "stick"
+            assert float(row[begin["normal_force"]]) == pytest.approx(above * weight, rel=1e-9)
+            force = np.array(row[begin["force"] : begin["force"] + 3], dtype=float)
+            assert np.linalg.norm(force) == pytest.approx(above * weight, rel=1e-9)
+            assert len(row) == sum(width)
+    assert not lines
+
+
+def test_contacts_of_balls_are_bonds_of_gsd(column: carom.Result, tmp_path: Path) -> None:
+    hoomd = pytest.importorskip("gsd.hoomd", reason="the extra [export] is not installed")
+    with hoomd.open(str(column.export(tmp_path, "gsd")[0])) as file:
+        assert file[0].bonds.N == 0
+        frame = file[-1]
+        assert np.sort(frame.bonds.group, axis=1).tolist() == [[0, 1], [1, 2]]  # the floor is no particle
+        weight = float(column.bodies["mass"][0]) * G
+        assert frame.log["bonds/normal_force"] == pytest.approx([2 * weight, weight], rel=1e-9)
+        assert np.abs(frame.log["bonds/force"][:, 2]) == pytest.approx([2 * weight, weight], rel=1e-9)
+    with hoomd.open(str(column.export(tmp_path, "gsd", contacts=False)[0])) as file:
+        assert file[-1].bonds.N == 0
+
+
+def test_bonds_of_gsd_are_of_places_in_the_frame_and_not_of_numbers_of_balls(tmp_path: Path) -> None:
+    hoomd = pytest.importorskip("gsd.hoomd", reason="the extra [export] is not installed")
+    scene = carom.Scene("leaver", run={"until": 0.05, "step": 1e-3}, record={"every": 10})
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    scene.sphere("leaver", radius=R, density=2500, material="m", at=(0.5, 0, R), velocity=(2.0, 0, 0))
+    for k in range(2):
+        scene.sphere(f"b{k}", radius=R, density=2500, material="m", at=(0, 0, R + 2 * R * k))
+    scene.outlet(low=(0.53, -1, -1), high=(9, 1, 1))
+    result = carom.simulate(scene)
+    with hoomd.open(str(result.export(tmp_path, "gsd")[0])) as file:
+        assert (file[1].particles.N, file[-1].particles.N) == (3, 2)
+        assert np.sort(file[1].bonds.group, axis=1).tolist() == [[1, 2]]
+        assert np.sort(file[-1].bonds.group, axis=1).tolist() == [[0, 1]]
 
 
 def test_gsd_reads_back(flow: carom.Result, column: carom.Result, tmp_path: Path) -> None:
@@ -265,7 +386,7 @@ def test_places_are_folded_into_the_box_to_the_nearest_period() -> None:
 
 def test_ase_reads_the_balls_and_their_numbers(flow: carom.Result, tmp_path: Path) -> None:
     """Its column `species` takes chemical elements only: there must be none."""
-    [path] = flow.export(tmp_path, "extxyz")
+    path, _ = flow.export(tmp_path, "extxyz")
     assert "Properties=type:S:1:pos:R:3:" in path.read_text()
     io = pytest.importorskip("ase.io", reason="the package ase is not installed")
     frames = io.read(path, index=":")

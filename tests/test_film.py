@@ -234,6 +234,22 @@ def blue(picture: Any) -> Any:
     return np.argwhere((picture[..., 2] > picture[..., 0] + 50) & (picture[..., 2] > picture[..., 1] + 25))
 
 
+def test_from_above_the_long_axis_runs_to_the_right_whichever_is_up() -> None:
+    """As in the viewer; where y is up and z long, z once ran to the left."""
+    from carom.film.camera import whole
+
+    for up, low, high in (
+        ("y", (0, 0, 0), (1, 0.1, 3)),
+        ("y", (0, 0, 0), (3, 0.1, 1)),
+        ("z", (0, 0, 0), (1, 3, 0.1)),
+        ("x", (0, 0, 0), (0.1, 1, 3)),
+    ):
+        eye = whole("top", np.array(low, float), np.array(high, float), np.eye(3)["xyz".index(up)], 1.5)
+        right = np.cross(eye.target - eye.position, eye.up)
+        assert right[np.argmax(high)] == pytest.approx(np.linalg.norm(right), rel=1e-5)
+        assert eye.position["xyz".index(up)] > 1
+
+
 @pytest.mark.usefixtures("drawing")
 class TestPictures:
     def test_a_ball_is_drawn_where_and_as_large_as_it_is(self, flight: carom.Result) -> None:

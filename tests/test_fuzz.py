@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 from carom.errors import CaromError
 from carom.record import Segments
+
 from fuzz import campaign, material
 from fuzz.pool import Pool
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -130,7 +131,7 @@ def lattice(kind: str, n: int = 5, diameter: float = 0.01) -> tuple[Snapshot, Bo
     edges = np.array(cell) * diameter
     corners = np.stack(np.meshgrid(*[range(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 1, 3)
     x = ((corners + np.array(places)) * edges).reshape(-1, 3)
-    inner = Box(tuple((1.25 * edges).tolist()), tuple(((n - 1.75) * edges).tolist()))
+    inner = Box(tuple((1.25 * edges).tolist()), tuple((max(n - 1.75, 1.5) * edges).tolist()))
     return Snapshot(x, np.full(len(x), diameter / 2)), inner
 
 
@@ -195,10 +196,24 @@ def test_radial_distribution_of_a_gas_is_one(periodic: tuple[bool, bool, bool]) 
     x = RANDOM.uniform(0, 1, (6000, 3))
     box = Box((0, 0, 0), (1, 1, 1), periodic)
     rdf = granular.radial_distribution(Snapshot(x, np.full(6000, 1e-3)), box, reach=0.1, bins=10)
-    # each pair is seen from both ends; where shells must not leave the box, the density around the origins fluctuates too
+    # where shells must not leave the box, the density around the origins fluctuates too
     local = 0.0 if all(periodic) else 1 / math.sqrt(rdf.origins)
-    assert (np.abs(rdf.g - 1)[2:] < 4 * np.hypot(math.sqrt(2) * rdf.error, local)[2:]).all()
+    assert (np.abs(rdf.g - 1)[2:] < 4 * np.hypot(rdf.error, local)[2:]).all()
     assert rdf.g[5:].mean() == pytest.approx(1, abs=4 * math.hypot(0.003, local))
+
+
+def test_the_error_of_the_radial_distribution_is_the_scatter_between_gases() -> None:
+    """It was that of twice as many pairs, each having been counted from both ends."""
+    box = Box((0, 0, 0), (1, 1, 1), (True,) * 3)
+    gases = [
+        granular.radial_distribution(
+            Snapshot(RANDOM.uniform(0, 1, (400, 3)), np.full(400, 1e-3)), box, reach=0.2, bins=4
+        )
+        for _ in range(200)
+    ]
+    scatter = np.std([gas.g for gas in gases], axis=0, ddof=1)
+    told = np.mean([gas.error for gas in gases], axis=0)
+    np.testing.assert_allclose(scatter[1:] / told[1:], 1.0, atol=0.2)  # 200 gases tell it to 5 %
 
 
 def test_radial_distribution_needs_room() -> None:
@@ -453,3 +468,25 @@ def test_what_is_not_known_is_said() -> None:
         layers(Cylinder((0, 0, 0), (0, 0, 1), 1.0, 2.0), "x", 3)
     with pytest.raises(CaromError, match="only a Box or a Cylinder can be cut in layers"):
         layers(Ball((0, 0, 0), 1.0), "x", 3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (lambda: Box((0, 0, 1), (1, 1, 0)), r"along z low = 1 m is not below high = 0 m"),
+        (lambda: Cylinder((0, 0, 0), (0, 0, 0), 1.0, 1.0), r"the axis a direction"),
+        (lambda: Ball((0, 0, 0), -1.0), r"radius = -1 m"),
+        (
+            lambda: Snapshot([[0.0, 0.0]], [1.0]),
+            r"position has shape \(1, 2\); with 1 radii it must be \(1, 3\)",
+        ),  # type: ignore[arg-type]
+        (lambda: granular.coordination(lattice("sc", n=2)[0], gap=-1.0), r"gap = -1 m"),
+    ],
+)
+def test_what_cannot_be_measured_is_told(wrong: Callable[[], object], told: str) -> None:
+    with pytest.raises(CaromError, match=told):
+        wrong()
+
+
+def test_arrays_of_other_programs_may_be_lists() -> None:
+    assert granular.packing_fraction(Snapshot([[0.5, 0.5, 0.5]], [0.5]), CUBE) == pytest.approx(math.pi / 6)  # type: ignore[arg-type]

@@ -261,4 +261,53 @@ def test_of_a_crowd_the_balls_at_the_end_are_drawn_from_the_lowest_up(
     [axes] = table.trajectories(carom.simulate(scene)).figure.axes
     [heap] = axes.collections
     assert not axes.lines
-    assert [round(path.get_extents().x0 + 0.01, 6) for path in heap.get_paths()] == [0.1, 0.2, 0.0]
+    # Where y is up, z points right and x up on the sheet.
+    assert heap.get_offsets()[:, 1].tolist() == pytest.approx([0.1, 0.2, 0.0])
+
+
+@pytest.mark.parametrize(
+    "gravity", [(0, 0, -9.8), (0, 0, 9.8), (0, -9.8, 0), (0, 9.8, 0), (-9.8, 0, 0), (9.8, 0, 0)]
+)
+def test_what_turns_left_seen_from_above_turns_left_on_the_sheet(gravity: tuple[float, ...]) -> None:
+    """With y up, or with gravity along z, figures had been mirror images: seen from below."""
+    up = -np.array(gravity) / 9.8
+    along = np.roll(up, 1)
+    left = np.cross(up, along)
+    scene = carom.Scene("two", gravity=gravity, run={"until": 0.01, "step": 1e-3})
+    scene.contact("m", "m", friction=0.1, restitution=0.0)
+    for name, place in (("first", along), ("second", left)):
+        scene.sphere(name, radius=0.01, density=1000, at=place.tolist(), material="m")
+    data = carom.simulate(scene).plot.chart("trajectories").data
+    columns = [values for name, values in data.items() if name != "time (s)"]
+    (ax, ay), (bx, by) = ((columns[k][0], columns[k + 1][0]) for k in (0, 2))
+    assert ax * by - ay * bx == pytest.approx(1.0)
+
+
+def test_of_many_bodies_the_spread_is_the_same_however_few_frames_fit_the_memory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Runs of very many bodies are read in blocks; all frames at once did not fit."""
+    from carom.plot import motion
+
+    scene = carom.Scene("many", run={"until": 0.05, "step": 1e-3})
+    scene.contact("m", "m", friction=0.1, restitution=0.0)
+    for k in range(12):
+        scene.sphere(
+            f"b{k}", radius=0.01, density=1000, at=(0.1 * k, 0, 0), velocity=(0, 0, 0.1 * k), material="m"
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = carom.simulate(scene)
+    whole = {kind: result.plot.chart(kind).data for kind in ("velocities", "heights")}
+    assert whole["velocities"]["greatest v_z (m/s)"] == pytest.approx(
+        1.1 - 9.8 * np.asarray(result.time), abs=1e-9
+    )
+    assert whole["heights"]["median height (mm)"][0] == 0.0
+    monkeypatch.setattr(motion, "BLOCK", 100)  # two frames
+    monkeypatch.setattr(motion, "MOST_FRAMES", 20)
+    for kind, columns in whole.items():
+        thin = result.plot.chart(kind).data
+        assert len(thin["time (s)"]) == 18
+        assert thin["time (s)"][-1] == result.time[-1]  # the last frame is always in
+        for name, values in columns.items():
+            np.testing.assert_array_equal(thin[name], values[[*range(0, 51, 3), 50]], name)

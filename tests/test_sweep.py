@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -279,6 +280,58 @@ class TestInThisProcess:
         assert np.array_equal(larger["cue.position.x"][:16], first["cue.position.x"])
         assert larger["case"].tolist() == list(range(24))
 
+    def test_rows_say_who_computed_them_and_a_study_of_two_versions_says_so(
+        self, files: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from carom.sweeps import origin
+
+        def study(count: int) -> Path:
+            (files / "study.toml").write_text(STUDY.replace("count = 16", f"count = {count}"))
+            return files / "study.toml"
+
+        here = origin.here()
+        assert here.carom == carom.__version__
+        first = carom.sweep(study(4), files / "out", workers=0)
+        assert first["carom"].tolist() == [carom.__version__] * 4
+        assert first["build"].tolist() == [here.build] * 4
+        with warnings.catch_warnings():  # of one and the same nothing is said
+            warnings.simplefilter("error")
+            carom.sweep(study(8), files / "out", workers=0)
+        monkeypatch.setattr(origin, "here", lambda: origin.Origin("99.0.0", "ab" * 20))
+        with pytest.warns(
+            carom.run.CaromWarning, match=r"8 cases by Carom .*; this is Carom 99.0.0 .*other versions"
+        ):
+            mixed = carom.sweep(study(10), files / "out", workers=0)
+        assert mixed["carom"].tolist() == [carom.__version__] * 8 + ["99.0.0"] * 2
+        assert dict(mixed.origins) == {here: 8, origin.Origin("99.0.0", "ab" * 20): 2}
+        noted = json.loads((files / "out" / "sweep.json").read_text())["computed_by"]
+        assert {row["carom"]: row["cases"] for row in noted} == {carom.__version__: 8, "99.0.0": 2}
+        monkeypatch.setattr(origin, "here", lambda: origin.Origin("99.0.0", "cd" * 20))
+        done = CliRunner().invoke(
+            app, ["sweep", str(study(12)), "-o", str(files / "out"), "--workers", "0", "--no-plots"]
+        )
+        assert "carom: warning: there already: 8 cases by Carom" in done.stderr
+        assert "2 cases by Carom 99.0.0 (build cdcdcdcd)" in done.stdout
+        with warnings.catch_warnings():  # nothing is computed, so nothing is mixed by this call
+            warnings.simplefilter("error")
+            carom.sweep(study(12), files / "out", workers=0)
+
+    def test_parts_that_do_not_say_who_wrote_them_are_read(self, files: Path) -> None:
+        """Parts of older versions have no such columns; they were once taken for damaged by a draft of this."""
+        from pyarrow import parquet
+
+        first = carom.sweep(files / "study.toml", files / "out", workers=0)
+        for part in (files / "out" / "parts").glob("*.parquet"):
+            parquet.write_table(parquet.read_table(part).drop_columns(["carom", "build"]), part)
+        again = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert again.progress.new == 0
+        assert sum(again.origins.values()) == 16
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 20"))
+        with pytest.warns(carom.run.CaromWarning, match="16 cases by a Carom that did not say its version"):
+            more = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert more.progress.new == 4
+        assert np.array_equal(more["cue.position.x"][:16], first["cue.position.x"])
+
     def test_failures_are_rows_with_their_reason_and_stop_nothing(self, files: Path) -> None:
         # The second ball is put inside the first, or given a mass that none can have.
         study = carom.Study.of(files / "slide.toml", {"post.position.x": [0.5, 0.01, 0.4]})
@@ -308,7 +361,10 @@ class TestInThisProcess:
         assert np.array_equal(found["travelled"], found["cue.position.x"])
         runs = [files / "out" / "runs" / name for name in study.ids]
         assert [carom.load(run).outcome.kind for run in runs] == ["done", "done"]
-        # The rows are lost, the runs are there: they are loaded, not computed again.
+        # The rows are lost, the runs are there: they are loaded, not computed again, and stay those of who computed them.
+        about = json.loads((runs[1] / "run.json").read_text())
+        about["versions"] |= {"core": "0.0.9", "build": "ef" * 20}
+        (runs[1] / "run.json").write_text(json.dumps(about))
         for part in (files / "out" / "parts").glob("*.parquet"):
             part.unlink()
         before = [(run / "results.h5").stat().st_mtime_ns for run in runs]
@@ -316,6 +372,8 @@ class TestInThisProcess:
         assert again.progress.new == 2
         assert [(run / "results.h5").stat().st_mtime_ns for run in runs] == before
         assert np.array_equal(again["travelled"], found["travelled"])
+        assert again["carom"].tolist() == [carom.__version__, "0.0.9"]
+        assert again["build"].tolist() == [found["build"][0], "ef" * 20]
 
     @pytest.mark.parametrize("name", ["v", "outcome", "time", "cue.position.x"])
     def test_a_measure_may_not_take_the_place_of_another_column(self, name: str, files: Path) -> None:

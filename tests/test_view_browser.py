@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from carom.view import write_html
 from carom.view.browser import Browser, find_browser
-from view_scenes import RADIUS, STEP, billiard, drum
+from view_scenes import RADIUS, STEP, billiard, drum, struck
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="needs a Chromium (apt-get install chromium, or name one in CAROM_BROWSER)"
@@ -290,3 +290,42 @@ def test_a_periodic_world_is_drawn_within_one_period(tmp_path: Path) -> None:
         low, high = browser.evaluate("carom.state().drawn")
         assert low[0] >= 0.1
         assert high[0] <= 0.6
+
+
+@pytest.mark.parametrize(("up", "long"), ["yx", "yz", "zx", "zy"])
+def test_from_above_the_long_axis_runs_to_the_right_whichever_is_up(
+    up: str, long: str, tmp_path: Path
+) -> None:
+    """Where y is up and z long, z once ran to the left, and the picture seemed a mirror image."""
+    axis = ["xyz".index(long), 3 - "xyz".index(long) - "xyz".index(up), "xyz".index(up)]
+    run, turned = billiard(5), {}
+    for name, values in (("position", run.position), ("velocity", run.velocity)):
+        turned[name] = np.empty_like(values)
+        turned[name][..., axis] = values
+    run.position, run.velocity = turned["position"], turned["velocity"]
+    run.gravity = -9.8 * np.eye(3)["xyz".index(up)]
+    run.planes = {
+        name: values if name == "name" else np.asarray(values)[:, np.argsort(axis)].tolist()
+        for name, values in run.planes.items()
+    }
+    with Browser(size=(700, 500)) as browser:
+        browser.open(write_html(run, tmp_path / "view.html").path)
+        browser.evaluate("carom.view('top')")
+        time.sleep(0.6)
+        screen = np.array(state(browser)["screen"])
+    along, level = run.position[0][:, axis[0]], run.position[0][:, axis[1]]
+    scale = (screen[1] - screen[0]) @ [1, 0] / (along[1] - along[0])
+    assert scale > 0
+    # A view from above and no mirror image: along, level and up are right-handed, or left-handed, on the screen as in space.
+    hand = np.linalg.det(np.eye(3)[axis])
+    assert -(screen[3] - screen[2]) @ [0, 1] / (level[3] - level[2]) == pytest.approx(hand * scale, rel=0.05)
+
+
+def test_no_headings_of_impacts_before_the_first(tmp_path: Path) -> None:
+    with Browser(size=(700, 500)) as browser:
+        browser.open(write_html(struck(FRAMES), tmp_path / "view.html").path)
+        for at, told, headings in ((0.0, "No impact yet", "none"), (0.2, "Impacts at 0.1 s", "table")):
+            browser.evaluate(f"carom.setTime({at})")
+            assert told in browser.evaluate("document.querySelector('#sequence').innerText")
+            shown = browser.evaluate("getComputedStyle(document.querySelector('#sequence table')).display")
+            assert shown == headings

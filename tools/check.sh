@@ -18,7 +18,7 @@ step() {
 export PYO3_PYTHON="$PWD/$python"
 step "rustfmt" cargo fmt --all --check
 step "clippy" cargo clippy --workspace --all-targets $locked --quiet -- -D warnings
-step "ruff check" "$python" -m ruff check
+step "ruff check" "$python" -m ruff check --no-cache
 step "ruff format" "$python" -m ruff format --check
 step "mypy" "$python" -m mypy
 step "audit" tools/audit.sh

@@ -1,9 +1,9 @@
-"""Rotation of vectors by unit quaternions `(w, x, y, z)` (section 1 of docs/theory/algorithm.md)."""
+"""Rotation of vectors by unit quaternions `(w, x, y, z)` (section 1 of docs/theory/algorithm.md), and which way is up."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 F64 = NDArray[np.float64]
 
@@ -19,3 +19,10 @@ def rotated(orientation: F64, vector: F64) -> F64:
 def rotated_back(orientation: F64, vector: F64) -> F64:
     """`R^T v`: from the fixed axes to the body's."""
     return rotated(orientation * np.array([1.0, -1.0, -1.0, -1.0]), vector)
+
+
+def upward(gravity: ArrayLike) -> F64:
+    """Unit vector against gravity (3,), m/s^2; along z where there is none."""
+    down = np.asarray(gravity, dtype=np.float64)
+    size = float(np.linalg.norm(down))
+    return np.asarray(-down / size) if size > 0 else np.array([0.0, 0.0, 1.0])

@@ -238,7 +238,7 @@ def launch(
             directory.write_scenario(text)
             directory.write(about)
             start = _Start(simulation, model, plan, about)
-            writer = _writer(scene, directory.next_segment(), start)
+            writer = _writer(scene, directory, start)
         except BaseException:
             directory.remove()
             raise
@@ -309,7 +309,7 @@ def relaunch(
         if options:
             directory.write_scenario(scene.to_toml(resolved=True))
         start = _Start(simulation, model, plan, about, saved.rows if saved else Rows())
-        writer = _writer(scene, directory.next_segment(), start)
+        writer = _writer(scene, directory, start)
         _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=True, watch=watch)
     return load(directory.path)
 
@@ -400,13 +400,15 @@ def _execute(
             watch=watch,
         )
         writer.close()
+        if len(writer.paths) > 1:
+            segment["files"] = [path.name for path in writer.paths]
         _finish(scene, directory, start, segment, ending)
     except BaseException as error:
         _note_failure(directory, writer, about, error)
         raise
 
 
-def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
+def _writer(scene: Scene, directory: RunDir, start: _Start) -> Writer:
     model, plan = start.model, start.plan
     bodies = {"name": list(scene.names), **{k: model[k] for k in ("radius", "mass", "inertia", "material")}}
     frames = plan.steps // plan.every + 2
@@ -422,7 +424,7 @@ def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
     expected = Rows(frames, 2 * len(bodies["name"]) * frames, plan.steps, 256, plan.steps, 4 * plan.steps)
     surfaces = tables(list(scene.wall_names), model)
     return Writer(
-        path,
+        directory.next_segment(),
         bodies=bodies,
         planes=surfaces["planes"],
         walls=surfaces.get("walls"),
@@ -430,6 +432,7 @@ def _writer(scene: Scene, path: Path, start: _Start) -> Writer:
         first=start.first,
         expected=expected,
         leave_out=[("frames", "walls")] if scene.record.walls is False else [],
+        further=directory.next_segment,
     )
 
 

@@ -142,7 +142,8 @@ class RunDir:
     def segments(self) -> list[Path]:
         """`results.h5`, `results-0002.h5`, ... in the order of the run."""
         first = self.path / "results.h5"
-        return [first] * first.exists() + sorted(self.path.glob("results-*.h5"))
+        others = sorted(self.path.glob("results-*.h5"), key=lambda path: (len(path.name), path.name))
+        return [first] * first.exists() + others
 
     def next_segment(self) -> Path:
         """Where a new segment goes."""

@@ -20,15 +20,17 @@ LISTED_BODIES = 100
 
 
 def versions() -> dict[str, Any]:
-    """What computed the run, without naming the machine: versions and kind of processor."""
+    """What computed the run, without naming the machine: versions, build of the core if it is known, kind of processor."""
     import h5py
 
     import carom
-    from carom import _core
+    from carom import _core, checkpoint
 
+    build = checkpoint.build()
     return {
         "carom": carom.__version__,
         "core": _core.__version__,
+        **({"build": build} if build else {}),
         "python": platform.python_version(),
         "numpy": np.__version__,
         "h5py": h5py.__version__,

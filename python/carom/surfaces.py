@@ -44,7 +44,9 @@ class Surface:
     lines: Faces
 
     def placed(self, position: Floats, orientation: Floats) -> Floats:
-        """The vertices (V, 3), m, where the wall's point is at `position` (3,) and it has turned by a quaternion (4,)."""
+        """The vertices (V, 3), m, where the wall's point is at `position` (3,) and it has turned by a quaternion (4,); of
+        many, (K, 1, 3) and (K, 1, 4), all of them (K, V, 3).
+        """
         return position + rotated(orientation, self.vertices)
 
 

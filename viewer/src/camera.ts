@@ -162,8 +162,9 @@ export class Eye {
     const tanY = Math.tan((this.camera.fov * Math.PI) / 360);
     const tanX = tanY * this.camera.aspect;
     const rim = this.world.table ? 6 * this.world.size : 1.5 * this.world.size;
-    const low = add(box[0], [rim, rim, 0], -1);
-    const high = add(box[1], [rim, rim, 0]);
+    const margin = up.map((u) => rim * (1 - Math.abs(u))) as Vec; // level, whichever axis is up
+    const low = add(box[0], margin, -1);
+    const high = add(box[1], margin);
     const points = corners(low, high);
     let target = scale(add(low, high), 0.5);
     let distance = 0;

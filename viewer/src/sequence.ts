@@ -31,6 +31,7 @@ export class Sequence {
     const [from, to] = impacts.latest(this.run.now);
     if (this.shown === to) return;
     this.shown = to;
+    this.rows.closest("table")!.hidden = to === 0; // no headings of nothing
     if (to === 0) {
       this.title.textContent = "No impact yet";
       this.rows.replaceChildren();

@@ -102,11 +102,13 @@ function widen(box: [Vec, Vec], wall: Wall, point: Vec, low: Vec, high: Vec, ext
   }
 }
 
-/** The longest level direction of the box: it should lie across the screen. */
+/** The longest level direction of the box: it should lie across the screen, with its axis to the right as on paper. */
 function acrossScreen(box: [Vec, Vec], up: Vec): Vec {
   const [u, v] = basis(up);
   const reach = (d: Vec) => [0, 1, 2].reduce((sum, k) => sum + Math.abs(d[k]) * (box[1][k] - box[0][k]), 0);
-  return reach(v) > 1.15 * reach(u) ? v : u;
+  const long = reach(v) > 1.15 * reach(u) ? v : u;
+  const main = long.reduce((a, b) => (Math.abs(b) > Math.abs(a) ? b : a));
+  return main < 0 ? scale(long, -1) : long; // where y is up, v is -z
 }
 
 export function corners(low: Vec, high: Vec): Vec[] {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -77,9 +78,16 @@ def sweep(
     folder = out or Path("sweeps") / study.stem
     bar = _Bar() if not (quiet or as_json) else None
     try:
-        found = compute(
-            described, folder, workers=workers, scheduler=scheduler, retry_failed=retry_failed, progress=bar
-        )
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
+            found = compute(
+                described,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                retry_failed=retry_failed,
+                progress=bar,
+            )
     except KeyboardInterrupt:
         note(f"interrupted; what was computed is in {folder}, and the same command goes on from there")
         raise
@@ -106,6 +114,7 @@ def _figures(found: Sweep, wanted: bool | None, columns: list[str]) -> list[Path
 
 def _print(found: Sweep, files: list[Path]) -> None:
     from carom.errors import counted
+    from carom.sweeps.origin import listed
 
     facts = found.summary
     text = f"{counted(facts['done'], 'case')} done, {facts['failed']} failed"
@@ -114,6 +123,8 @@ def _print(found: Sweep, files: list[Path]) -> None:
     else:
         text += "; nothing was missing"
     print(text)
+    if len(found.origins) > 1:
+        print(f"  {listed(found.origins)}")
     for row in found.failures[:SHOWN]:
         values = ", ".join(f"{name} = {row[name]:.6g}" for name in found.parameters)
         print(f"  case {row['case']} ({values}): {row['outcome']}: {row['message']}")

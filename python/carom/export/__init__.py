@@ -28,8 +28,14 @@ FORMATS = {
     "vtp": ("carom.export.vtp", "any ParaView: a file per frame with a .pvd that lists them"),
     "csv": ("carom.export.csv_tables", "frames, impacts, contacts, steps as text, units in the headings"),
     "parquet": ("carom.export.parquet", "the same for data frames (extra [export])"),
-    "extxyz": ("carom.export.extxyz", "OVITO, ASE and others: one text file of all frames"),
-    "gsd": ("carom.export.gsd", "OVITO, HOOMD, freud: one binary file of all frames (extra [export])"),
+    "extxyz": (
+        "carom.export.extxyz",
+        "OVITO, ASE and others: balls and contacts, a text file of all frames each",
+    ),
+    "gsd": (
+        "carom.export.gsd",
+        "OVITO, HOOMD, freud: one binary file of all frames, contacts as bonds (extra [export])",
+    ),
     "mp4": ("carom.export.mp4", "a film, H.264 (extra [video])"),
     "gif": ("carom.export.gif", "a film for pages that play no other (extra [video])"),
     "png": ("carom.export.png", "a still, or numbered pictures of a film (extra [video])"),
@@ -52,7 +58,8 @@ def export(
 
     Of the recorded frames every so many (`every`) from `start` to `stop` (s, both included) are written; tables of
     impacts and steps have the rows of that time. Without `contacts` no contacts are written. Files of an earlier export
-    of the same format are replaced. Returns the files to open, the first of them the balls.
+    of the same format are replaced, and removed where this run has nothing for them. Returns the files to open, the first
+    of them the balls.
 
     Films and pictures have further options: `width`, `height` (pixels), `fps`, `speed` (simulated s per s), `camera`,
     `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (s: one still), `progress`; see

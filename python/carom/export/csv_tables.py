@@ -15,12 +15,24 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     files = []
     for sheet in sheets(selection):
         path = directory / f"{sheet.name}.csv"
+        headings = [name if unit in ("1", "") else f"{name} ({unit})" for name, unit in sheet.units.items()]
+        if sheet.empty:
+            if _headings(path) == headings:  # of an earlier export, and no file of the user's own
+                path.unlink()
+            continue
         with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(
-                name if unit in ("1", "") else f"{name} ({unit})" for name, unit in sheet.units.items()
-            )
+            writer.writerow(headings)
             for piece in sheet.pieces():
                 writer.writerows(zip(*(piece[name].tolist() for name in sheet.units), strict=True))
         files.append(path)
     return sorted(files, key=lambda path: path.stem != "frames")
+
+
+def _headings(path: Path) -> list[str] | None:
+    """The first line of a table, if it can be read."""
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            return next(csv.reader(file), None)
+    except (OSError, ValueError, csv.Error):
+        return None

@@ -3,33 +3,79 @@
 Columns whose names OVITO knows become its own properties: type (the material), id, pos, velo, radius, mass. The column
 `species` of ASE takes chemical elements only, so there is none; ASE has balls of the element X and the rest as arrays.
 Orientations are quaternions with the scalar part last, as OVITO has them. Numbers are the shortest text that reads
-back as the same bits.
+back as the same bits. Contacts are points of a file of their own, with their forces as vectors.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.export.frames import Frame, Selection
-from carom.export.whole import whole_file
+from carom.export.glyphs import contact_glyphs
+from carom.export.whole import whole_file, without
+
+F64 = NDArray[np.float64]
 
 PROPERTIES = "type:S:1:pos:R:3:id:I:1:radius:R:1:mass:R:1:velo:R:3:angular_velocity:R:3:orientation:R:4"
 
 
+#: Columns of contacts beside type, place and radius: the quantities of `GLYPHS` that have these names. OVITO draws `force`.
+CARRIED = {
+    "force": 3,
+    "normal_force": 1,
+    "friction_force": 1,
+    "normal": 3,
+    "branch": 3,
+    "impulse": 3,
+    "moment": 3,
+    "gap": 1,
+    "body_a": 1,
+    "body_b": 1,
+}
+#: Types of contacts, by their status.
+STATES = ("open", "stick", "slip")
+#: Radius of the point of a contact over that of ball A: small enough to lie within the balls, and larger than nothing.
+POINT = 0.1
+
+
 def write(selection: Selection, directory: Path) -> list[Path]:
-    """`balls.extxyz`."""
-    path = directory / "balls.extxyz"
+    """`balls.extxyz`, and `contacts.extxyz` if the run has some."""
+    files = [directory / "balls.extxyz"]
     cell = _cell(selection)
-    with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+    with whole_file(files[0]) as temporary, open(temporary, "w", encoding="utf-8") as file:
         for frame in selection:
-            file.write(
-                f"{len(frame.body)}\n{cell}Properties={PROPERTIES} Time={frame.time!r} Step={frame.step}\n"
-            )
+            file.write(_head(len(frame.body), cell, PROPERTIES, frame.time, frame.step))
             file.writelines(_lines(frame))
-    return [path]
+    if selection.with_contacts:
+        files.append(directory / "contacts.extxyz")
+        kinds = {"body_a": "I", "body_b": "I"}
+        columns = ":".join(f"{name}:{kinds.get(name, 'R')}:{width}" for name, width in CARRIED.items())
+        radius, step = np.asarray(selection.result.bodies["radius"]), np.asarray(selection.result.step)
+        with whole_file(files[1]) as temporary, open(temporary, "w", encoding="utf-8") as file:
+            for part in contact_glyphs(selection):
+                for index, time, (points, data) in zip(part.frames, part.time.tolist(), part, strict=True):
+                    properties = f"type:S:1:pos:R:3:radius:R:1:{columns}"
+                    file.write(_head(len(points), cell, properties, time, int(step[index])))
+                    file.writelines(_contact_lines(points, POINT * radius[data["body_a"]], data))
+    without(directory, {"contacts.extxyz"} - {path.name for path in files})
+    return files
+
+
+def _head(count: int, cell: str, properties: str, time: float, step: int) -> str:
+    """The two lines that stand before those of a frame."""
+    return f"{count}\n{cell}Properties={properties} Time={time!r} Step={step}\n"
+
+
+def _contact_lines(points: F64, radius: F64, data: Mapping[str, NDArray[Any]]) -> Iterator[str]:
+    columns = [points, radius, *(data[name] for name in CARRIED)]
+    parts = [values[:, None].tolist() if values.ndim == 1 else values.tolist() for values in columns]
+    for state, *rows in zip(data["status"].tolist(), *parts, strict=True):
+        yield f"{STATES[state]} {' '.join(repr(value) for row in rows for value in row)}\n"
 
 
 def _lines(frame: Frame) -> list[str]:
@@ -68,11 +114,12 @@ def _cell(selection: Selection) -> str:
 def box(selection: Selection) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lowest and highest corner, (3,) each, m, of what the balls take up in all frames."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for frame in selection:
-        if len(frame.body):
-            radius = frame.quantities["radius"][:, None]
-            low = np.minimum(low, (frame.position - radius).min(axis=0))
-            high = np.maximum(high, (frame.position + radius).max(axis=0))
+    for block in selection.blocks():
+        stack = block.stack()
+        if len(stack.body):
+            position, radius = stack.quantities["position"], stack.quantities["radius"][:, None]
+            low = np.minimum(low, (position - radius).min(axis=0))
+            high = np.maximum(high, (position + radius).max(axis=0))
     if not np.isfinite(low).all():
         return np.zeros(3), np.ones(3)
     return low, high

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +37,21 @@ class Frame:
     def position(self) -> F64:
         """Centres, (n, 3), m."""
         return self.quantities["position"]
+
+
+@dataclass(frozen=True)
+class Stack:
+    """The balls of some consecutive chosen frames end to end: of frame k `count[k]`, in the order of `body` (n,).
+
+    `frames` (F,) are indices of recorded frames; `quantities` by name, (n,) or (n, k), SI.
+    """
+
+    frames: I64
+    time: F64
+    step: I64
+    count: I64
+    body: I64
+    quantities: Mapping[str, NDArray[Any]]
 
 
 #: Quantities of a ball that change, with their components and unit.
@@ -90,7 +106,7 @@ class Selection:
         end = np.asarray(result._segments.column("frames", "contact_end")).astype(np.int64)
         return cls(result, frames, contacts and len(result.contacts) > 0, time, end)
 
-    @property
+    @cached_property
     def changes(self) -> bool:
         """Whether balls enter or leave, so that frames differ in their number."""
         return "present" in self.result._segments.columns("frames")
@@ -112,9 +128,10 @@ class Selection:
         for block in self.blocks():
             yield from block
 
-    def contact_rows(self, frame: int) -> slice:
-        """Rows of the table of contacts that belong to a recorded frame."""
-        return slice(int(self.contact_end[frame - 1]) if frame else 0, int(self.contact_end[frame]))
+    def contact_rows(self, frames: I64) -> tuple[I64, I64]:
+        """First row of the table of contacts of recorded frames (F,), and the row after the last."""
+        begin = np.where(frames > 0, self.contact_end[frames - 1], 0)
+        return begin, self.contact_end[frames]
 
     def rows_between(self, table: Any) -> NDArray[np.bool_]:
         """Which rows of a table with times lie in the time of the selection; the time before a frame belongs to it."""
@@ -141,6 +158,18 @@ class Block:
         self.quantities: dict[str, F64] = {name: np.asarray(column[key]) for name, column in columns.items()}
         self.present = np.asarray(result.present[key]) if selection.changes else None
         self._fixed = selection.fixed()
+
+    def stack(self) -> Stack:
+        """All frames at once."""
+        frames, bodies = np.array(self.frames, dtype=np.int64), len(self._result.names)
+        if self.present is None:
+            count, body = np.full(len(frames), bodies), np.tile(np.arange(bodies), len(frames))
+            quantities = {name: values.reshape(len(body), -1) for name, values in self.quantities.items()}
+        else:
+            count, body = self.present.sum(axis=1), np.nonzero(self.present)[1]
+            quantities = {name: values[self.present] for name, values in self.quantities.items()}
+        quantities |= {name: values[body] for name, values in self._fixed.items()}
+        return Stack(frames, self.time, self.step, count, body, quantities)
 
     def __iter__(self) -> Iterator[Frame]:
         everybody = np.arange(len(self._result.names))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.export.frames import Frame, Selection
+from carom.export.frames import Block, Selection
 
 #: What `contact_glyphs` gives beside the points, in this order, with units.
 GLYPHS = {
@@ -25,32 +27,77 @@ GLYPHS = {
 }
 
 
-def contact_glyphs(selection: Selection, frame: Frame) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
-    """Points (C, 3), m, of the contacts of a frame, and their quantities.
+#: Columns of the table of contacts that are needed.
+OF_TABLE = ("normal", "impulse", "moment", "gap", "status")
+#: Contacts that are computed at a time, unless a frame has more.
+ROWS = 65536
+#: Unwanted rows between those of two frames that are rather read than skipped: a read of its own costs as much.
+GAP = 4096
 
-    A contact of two balls lies in the middle of their gap, one with a wall on the wall. `normal` points from B to A;
-    `branch` from the centre of B (of a wall: from the contact) to that of A, m; `impulse` on A and `moment` since the
-    recorded frame before, N s and N m s; `force` their mean over that time, N, with its part `normal_force` along the
-    normal and the size `friction_force` of the rest; `gap`, m; `status` 0 open, 1 stick, 2 slip; `body_a` and `body_b`
-    indices, of walls counted after the balls.
+
+@dataclass(frozen=True)
+class Glyphs:
+    """The contacts of some consecutive chosen frames end to end: of frame k `count[k]`.
+
+    `frames` (F,) are indices of recorded frames, `time` (F,) s, `points` (C, 3) m, and `data` by the names of `GLYPHS`,
+    (C,) or (C, 3): `normal` points from B to A; `branch` from the centre of B (of a wall: from the contact) to that of A;
+    `impulse` on A and `moment` since the recorded frame before; `force` their mean over that time, with its part
+    `normal_force` along the normal and the size `friction_force` of the rest; `status` 0 open, 1 stick, 2 slip; `body_a`
+    and `body_b` indices, of walls counted after the balls.
     """
-    table, rows = selection.result.contacts, selection.contact_rows(frame.index)
-    body = np.asarray(table["body"][rows]).astype(np.int64)
-    column = {
-        name: np.asarray(table[name][rows]) for name in ("normal", "impulse", "moment", "gap", "status")
-    }
+
+    frames: NDArray[np.int64]
+    time: NDArray[np.float64]
+    count: NDArray[np.int64]
+    points: NDArray[np.float64]
+    data: dict[str, NDArray[Any]]
+
+    def __iter__(self) -> Iterator[tuple[NDArray[np.float64], dict[str, NDArray[Any]]]]:
+        """Points and data of each frame."""
+        end = np.cumsum(self.count)
+        for first, last in zip(end - self.count, end, strict=True):
+            yield self.points[first:last], {name: values[first:last] for name, values in self.data.items()}
+
+
+def contact_glyphs(selection: Selection) -> Iterator[Glyphs]:
+    """The contacts of all chosen frames, some megabytes at a time.
+
+    A contact of two balls lies in the middle of their gap, one with a wall on the wall.
+    """
+    for block in selection.blocks():
+        frames = np.array(block.frames, dtype=np.int64)
+        begin, end = selection.contact_rows(frames)
+        first = 0
+        while first < len(frames):
+            fits = int(np.searchsorted(np.cumsum(end[first:] - begin[first:]), ROWS, side="right"))
+            part = slice(first, first + max(1, fits))
+            yield _glyphs(selection, block, frames, part, begin[part], end[part])
+            first = part.stop
+
+
+def _glyphs(
+    selection: Selection,
+    block: Block,
+    frames: NDArray[np.int64],
+    part: slice,
+    begin: NDArray[np.int64],
+    end: NDArray[np.int64],
+) -> Glyphs:
+    """Those of a part of the `frames` of a block, whose rows are `begin` to `end`, (F,) each."""
+    column = _rows(selection.result.contacts, begin, end)
+    own = np.repeat(np.arange(len(begin)), end - begin)  # the frame of each contact, counted within the part
     radius = selection.result.bodies["radius"]
     count = len(radius)
-    place = np.full((count, 3), np.nan)
-    place[frame.body] = frame.position
+    body = column.pop("body").astype(np.int64)
     a, b = body[:, 0], body[:, 1]
     gap = column["gap"][:, None]
     reach = radius[a][:, None] + np.where((b < count)[:, None], 0.5 * gap, gap)
-    points = place[a] - reach * column["normal"]
+    points = block.quantities["position"][part][own, a] - reach * column["normal"]
     other = np.where(b < count, radius[np.minimum(b, count - 1)], 0.0)[:, None]
     branch = (radius[a][:, None] + gap + other) * column["normal"]
-    elapsed = selection.time[frame.index] - selection.time[frame.index - 1] if frame.index else np.inf
-    force = column["impulse"] / elapsed
+    index = frames[part]
+    elapsed = np.where(index > 0, selection.time[index] - selection.time[index - 1], np.inf)
+    force = column["impulse"] / elapsed[own][:, None]
     along = np.sum(force * column["normal"], axis=1)
     found = {
         **column,
@@ -62,5 +109,31 @@ def contact_glyphs(selection: Selection, frame: Frame) -> tuple[NDArray[Any], di
         "body_a": a,
         "body_b": b,
     }
-    there = np.isfinite(points).all(axis=1)  # the ball may have left since the contact
-    return points[there], {name: found[name][there] for name in GLYPHS}
+    there = np.isfinite(points).all(axis=1)
+    if block.present is not None:  # the ball may have left since the contact
+        there &= block.present[part][own, a]
+    return Glyphs(
+        index,
+        selection.time[index],
+        np.bincount(own[there], minlength=len(index)),
+        points[there],
+        {name: found[name][there] for name in GLYPHS},
+    )
+
+
+def _rows(table: Any, begin: NDArray[np.int64], end: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    """The columns of a table in the rows `begin` to `end`, (F,) each and rising, end to end."""
+    count = end - begin
+    wanted = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
+    runs = np.split(np.arange(len(begin)), np.flatnonzero(begin[1:] - end[:-1] > GAP) + 1)
+    found: dict[str, NDArray[Any]] = {}
+    for name in ("body", *OF_TABLE):
+        column = table[name]
+        pieces = []
+        for run in runs:
+            low, high = int(begin[run[0]]), int(end[run[-1]])
+            own = wanted[int(count[: run[0]].sum()) : int(count[: run[-1] + 1].sum())]
+            piece = np.asarray(column[low:high])
+            pieces.append(piece if len(piece) == len(own) else piece[own - low])
+        found[name] = np.concatenate(pieces)
+    return found

@@ -1,13 +1,18 @@
 """GSD in HOOMD's schema, written by its own package; OVITO, HOOMD and freud read it.
 
 The schema keeps single precision. The exact positions, velocities and angular velocities are in the file too, as
-`log/particles/position` and so on. A file of this kind has a box about the origin: of a periodic scene its own, to whose
-centre all positions are shifted (`log/configuration/origin`) and into which they are folded (`image` counts the periods);
-of others one that holds all balls in all frames, without a shift.
+`log/particles/position` and so on. Contacts of two balls are bonds, which change from frame to frame, with what they
+carry in `log/bonds`; those with walls have no second particle and are left to the other formats.
+
+A file of this kind has a box about the origin: of a periodic scene its own, to whose centre all positions are shifted
+(`log/configuration/origin`) and into which they are folded (`image` counts the periods); of others one that holds all
+balls in all frames, without a shift.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +21,17 @@ import numpy as np
 from carom.errors import CaromError
 from carom.export.extxyz import box
 from carom.export.frames import Selection
+from carom.export.glyphs import contact_glyphs
 from carom.export.whole import whole_file
+
+#: What a bond has of its contact, in the file as `log/bonds/NAME`, with the shape of one; meaning and units: `GLYPHS`.
+CARRIED: dict[str, tuple[int, ...]] = {
+    "force": (3,),
+    "normal_force": (),
+    "friction_force": (),
+    "gap": (),
+    "status": (),
+}
 
 
 def write(selection: Selection, directory: Path) -> list[Path]:
@@ -34,8 +49,9 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     materials = int(np.max(selection.fixed()["material"], initial=0)) + 1
     inertia = np.asarray(result.bodies["inertia"])
     path = directory / "balls.gsd"
+    contacts = _contacts(selection)
     with whole_file(path) as temporary, hoomd.open(name=str(temporary), mode="w") as file:
-        for frame in selection:
+        for frame, (pairs, carried) in zip(selection, contacts, strict=True):
             found = frame.quantities
             snapshot = hoomd.Frame()
             snapshot.configuration.step = frame.step
@@ -55,14 +71,35 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             particles.angmom = _angular_momentum(
                 found["orientation"], inertia[frame.body][:, None] * found["angular_velocity"]
             )
+            bonds = snapshot.bonds
+            bonds.N, bonds.types = len(pairs), ["contact"]
+            bonds.typeid = np.zeros(len(pairs), dtype=np.uint32)
+            bonds.group = np.searchsorted(
+                frame.body, pairs
+            )  # places in the frame, from which balls may be absent
             snapshot.log = {
                 "configuration/time": np.array([frame.time]),
                 "configuration/origin": origin,
                 "particles/id": frame.body,
                 **{f"particles/{k}": found[k] for k in ("position", "velocity", "angular_velocity")},
+                **{f"bonds/{k}": carried[k] for k in CARRIED},
             }
             file.append(snapshot)
     return [path]
+
+
+def _contacts(selection: Selection) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """Of each chosen frame the pairs (C, 2) of balls that touch, and what their contacts carry."""
+    if not selection.with_contacts:
+        none = np.zeros((0, 2), dtype=np.int64), {k: np.zeros((0, *shape)) for k, shape in CARRIED.items()}
+        yield from repeat(none, len(selection.frames))
+        return
+    count = len(selection.result.names)
+    for glyphs in contact_glyphs(selection):
+        for _, data in glyphs:
+            pairs = np.stack([data["body_a"], data["body_b"]], axis=1)
+            of_balls = pairs[:, 1] < count
+            yield pairs[of_balls], {k: data[k][of_balls] for k in CARRIED}
 
 
 def _image(position: Any, period: Any) -> Any:

@@ -23,6 +23,10 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     files = []
     for sheet in sheets(selection):
         path = directory / f"{sheet.name}.parquet"
+        if sheet.empty:
+            if _columns(path) == list(sheet.units):  # of an earlier export, and no file of the user's own
+                path.unlink()
+            continue
         _write(sheet, path)
         files.append(path)
     return sorted(files, key=lambda path: path.stem != "frames")
@@ -56,6 +60,17 @@ def _write(sheet: Sheet, path: Path) -> None:
         finally:
             if writer is not None:
                 writer.close()
+
+
+def _columns(path: Path) -> list[str] | None:
+    """The columns of a table, if it can be read."""
+    import pyarrow as arrow
+    from pyarrow import parquet
+
+    try:
+        return list(parquet.read_schema(path).names)
+    except (OSError, arrow.ArrowException):
+        return None
 
 
 def as_arrow(columns: Columns, units: Mapping[str, str]) -> Any:

@@ -23,23 +23,24 @@ LETTERS = {3: "xyz", 4: "wxyz"}
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table: its name, the units of its columns, and its rows in pieces. The columns are those of `units`."""
+    """A table: its name, the units of its columns, and its rows in pieces. The columns are those of `units`. One that is
+    `empty` is not written.
+    """
 
     name: str
     units: Mapping[str, str]
     pieces: Callable[[], Iterator[Columns]]
+    empty: bool = False
 
 
 def sheets(selection: Selection) -> Iterator[Sheet]:
-    """All tables of a run that have rows."""
+    """All tables of a run."""
     yield _bodies(selection)
     yield _frames(selection)
-    if selection.with_contacts:
-        yield _contacts(selection)
+    yield _contacts(selection)
     result = selection.result
     for name, table in (("impacts", result.impacts), ("events", result.events), ("steps", result.steps)):
-        if len(table):
-            yield _rows(selection, name, table)
+        yield _rows(selection, name, table)
 
 
 def _bodies(selection: Selection) -> Sheet:
@@ -64,17 +65,17 @@ def _frames(selection: Selection) -> Sheet:
     names = np.array(selection.result.names, dtype=object)
 
     def pieces() -> Iterator[Columns]:
-        for frame in selection:
-            count = len(frame.body)
+        for block in selection.blocks():
+            stack = block.stack()
             piece: dict[str, NDArray[Any]] = {
-                "frame": np.full(count, frame.index),
-                "step": np.full(count, frame.step),
-                "time": np.full(count, frame.time),
-                "body": frame.body,
-                "name": names[frame.body],
+                "frame": np.repeat(stack.frames, stack.count),
+                "step": np.repeat(stack.step, stack.count),
+                "time": np.repeat(stack.time, stack.count),
+                "body": stack.body,
+                "name": names[stack.body],
             }
             for quantity, (letters, _) in MOVING.items():
-                values = frame.quantities[quantity]
+                values = stack.quantities[quantity]
                 piece |= {f"{quantity}_{letter}": values[:, i] for i, letter in enumerate(letters)}
             yield piece
 
@@ -87,19 +88,18 @@ def _contacts(selection: Selection) -> Sheet:
     names = np.array([*selection.result.names, *selection.result.wall_names], dtype=object)
 
     def pieces() -> Iterator[Columns]:
-        for frame in selection:
-            points, data = contact_glyphs(selection, frame)
+        for glyphs in contact_glyphs(selection):
             piece = {
-                "frame": np.full(len(points), frame.index),
-                "time": np.full(len(points), frame.time),
-                "a": names[data["body_a"]],
-                "b": names[data["body_b"]],
+                "frame": np.repeat(glyphs.frames, glyphs.count),
+                "time": np.repeat(glyphs.time, glyphs.count),
+                "a": names[glyphs.data["body_a"]],
+                "b": names[glyphs.data["body_b"]],
             }
-            for name, values in {"point": points, **data}.items():
+            for name, values in {"point": glyphs.points, **glyphs.data}.items():
                 piece |= _flat(name, values)
             yield piece
 
-    return Sheet("contacts", units, pieces)
+    return Sheet("contacts", units, pieces, empty=not selection.with_contacts)
 
 
 def _flat_units(units: Mapping[str, str]) -> dict[str, str]:
@@ -130,7 +130,7 @@ def _rows(selection: Selection, name: str, table: Any) -> Sheet:
             local = rows - rows[0]
             yield _piece({column: np.asarray(table[column][span])[local] for column in own}, names)
 
-    return Sheet(name, units, pieces)
+    return Sheet(name, units, pieces, empty=not len(table))
 
 
 def _piece(columns: Columns, names: NDArray[Any]) -> dict[str, NDArray[Any]]:

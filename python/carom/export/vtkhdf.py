@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from carom.export.frames import FIXED, MOVING, Selection
 from carom.export.glyphs import contact_glyphs
 from carom.export.walls import walls
-from carom.export.whole import whole_file
+from carom.export.whole import whole_file, without
 
 VERSION = (2, 0)
 CELLS = ("Vertices", "Lines", "Polygons", "Strips")
 #: Rows of a chunk.
 CHUNK = 8192
-#: Bytes that are kept before they are written: to write each step by itself took most of the time.
+#: Bytes that are kept before they are written.
 KEPT = 8 * 1024 * 1024
 
 
@@ -32,16 +32,17 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     files = [directory / "balls.vtkhdf"]
     fixed = {} if selection.changes else {**selection.fixed(), "id": np.arange(len(selection.result.names))}
     with whole_file(files[0]) as path, Temporal(path, fixed) as file:
-        for frame in selection:
-            data = {name: frame.quantities[name] for name in MOVING if name != "position"}
+        for block in selection.blocks():
+            stack = block.stack()
+            data = {name: stack.quantities[name] for name in MOVING if name != "position"}
             if selection.changes:
-                data |= {name: frame.quantities[name] for name in FIXED} | {"id": frame.body}
-            file.append(frame.time, frame.position, data)
+                data |= {name: stack.quantities[name] for name in FIXED} | {"id": stack.body}
+            file.append(stack.time, stack.count, stack.quantities["position"], data)
     if selection.with_contacts:
         files.append(directory / "contacts.vtkhdf")
         with whole_file(files[1]) as path, Temporal(path) as file:
-            for frame in selection:
-                file.append(frame.time, *contact_glyphs(selection, frame))
+            for glyphs in contact_glyphs(selection):
+                file.append(glyphs.time, glyphs.count, glyphs.points, glyphs.data)
     found = walls(selection)
     if found is not None:
         files.append(directory / "walls.vtkhdf")
@@ -49,16 +50,18 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             whole_file(files[-1]) as path,
             Temporal(path, triangles=found.triangles, cells=found.cells) as file,
         ):
-            for k, frame_index in enumerate(selection.frames):
-                # Walls at rest are stored once.
-                file.append(
-                    float(selection.time[frame_index]), found.points(k) if found.moves or k == 0 else None, {}
-                )
+            times = selection.time[np.array(selection.frames)]
+            for part in found.parts():
+                points = found.points(part)
+                file.append(times[part], np.full(len(points), points.shape[1]), points.reshape(-1, 3), {})
+            file.repeat(times[part.stop :])
+    without(directory, {"contacts.vtkhdf", "walls.vtkhdf"} - {file.name for file in files})
     return files
 
 
 class Temporal:
-    """A VTKHDF file written step by step: points, each a vertex cell, or with `triangles` (F, 3), the same in every step.
+    """A VTKHDF file written some steps at a time: points, each a vertex cell, or with `triangles` (F, 3) those corners of
+    them, the same in every step.
 
     `fixed` are arrays (n,) or (n, k) of the points, `cells` (F,) or (F, k) of the triangles, that belong to every step; with
     them and with triangles all steps have the same number of points.
@@ -92,20 +95,25 @@ class Temporal:
         self._begins: list[int] = []
         self._varying: list[str] = []
 
-    def append(self, time: float, points: NDArray[Any] | None, data: Mapping[str, NDArray[Any]]) -> None:
-        """Add a step at `time` (s) with points (n, 3) and arrays (n,) or (n, k), the same in every step; without points
-        those of the step before.
+    def append(
+        self, time: NDArray[Any], count: NDArray[Any], points: NDArray[Any], data: Mapping[str, NDArray[Any]]
+    ) -> None:
+        """Add steps at `time` (F,) s of `count` (F,) points each, with all their points (n, 3) and arrays (n,) or (n, k) end
+        to end; the names of these are the same in every call.
         """
         self._varying = list(data)
-        self._times.append(time)
-        if points is None:
-            self._begins.append(self._begins[-1])
-            self._counts.append(self._counts[-1])
-            return
-        self._begins.append(self._append("Points", points))
+        begin = self._append("Points", points)
         for name, values in data.items():
             self._append(f"PointData/{name}", values)
-        self._counts.append(len(points))
+        self._times.extend(time.tolist())
+        self._counts.extend(count.tolist())
+        self._begins.extend((begin + np.cumsum(count) - count).tolist())
+
+    def repeat(self, time: NDArray[Any]) -> None:
+        """Add steps at `time` (F,) s with the points of the step before."""
+        self._times.extend(time.tolist())
+        self._counts.extend(self._counts[-1:] * len(time))
+        self._begins.extend(self._begins[-1:] * len(time))
 
     def close(self) -> None:
         """Write what the steps share, and where each begins."""

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from carom.export.frames import FIXED, MOVING, Frame, Selection
 from carom.export.glyphs import contact_glyphs
 from carom.export.walls import walls
-from carom.export.whole import whole_file, whole_folder
+from carom.export.whole import whole_file, whole_folder, without
 
+#: What the files in the folders of a series are called.
+OWN = "*.vtp"
 ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
 
 
@@ -26,16 +28,19 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     """`balls.pvd`, and `contacts.pvd` and `walls.pvd` if the run has some; the frames are in folders of these names."""
     files = [_series(selection, directory, "balls", (polydata(*_balls(frame)) for frame in selection))]
     if selection.with_contacts:
-        glyphs = (polydata(*contact_glyphs(selection, frame)) for frame in selection)
+        glyphs = (polydata(*frame) for part in contact_glyphs(selection) for frame in part)
         files.append(_series(selection, directory, "contacts", glyphs))
     found = walls(selection)
     if found is not None:
         placed = (
             # Walls at rest have one file for all times.
-            polydata(found.points(k), {}, found.triangles, found.cells) if found.moves or k == 0 else None
+            polydata(found.points(slice(k, k + 1))[0], {}, found.triangles, found.cells)
+            if found.moves or k == 0
+            else None
             for k in range(len(selection.frames))
         )
         files.append(_series(selection, directory, "walls", placed))
+    without(directory, {"contacts.pvd", "walls.pvd"} - {file.name for file in files}, own=OWN)
     return files
 
 
@@ -43,7 +48,7 @@ def _series(selection: Selection, directory: Path, what: str, steps: Iterable[by
     """The file of each chosen frame, and their list; a frame without one shares that of the frame before."""
     digits = len(str(selection.frames[-1]))
     listed: list[tuple[float, str]] = []
-    with whole_folder(directory / what, own="*.vtp") as folder:
+    with whole_folder(directory / what, own=OWN) as folder:
         for index, content in zip(selection.frames, steps, strict=True):
             name = f"{index:0{digits}d}.vtp"
             if content is not None:

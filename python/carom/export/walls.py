@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,9 @@ from carom.surfaces import Surface, surfaces
 
 F64 = NDArray[np.float64]
 
+#: Bytes of corners that are computed at a time.
+PART_BYTES = 4 * 1024 * 1024
+
 
 @dataclass(frozen=True)
 class Walls:
@@ -25,8 +28,20 @@ class Walls:
     """`id`, that of the wall as contacts have it (`body_b`), and `material`, a number."""
     moves: bool
     """Whether any wall moves."""
-    points: Callable[[int], F64]
-    """Corners (V, 3), m, at the k-th of the chosen frames."""
+    points: Callable[[slice], F64]
+    """Corners (K, V, 3), m, at some of the chosen frames."""
+    count: int
+    """How many frames are chosen."""
+
+    def parts(self) -> Iterator[slice]:
+        """The chosen frames some megabytes at a time; of walls at rest the first, which stands for all."""
+        if not self.moves:
+            yield slice(0, 1)
+            return
+        corners = int(self.triangles.max()) + 1
+        size = max(1, PART_BYTES // (24 * corners))
+        for first in range(0, self.count, size):
+            yield slice(first, min(first + size, self.count))
 
 
 def walls(selection: Selection) -> Walls | None:
@@ -43,12 +58,12 @@ def walls(selection: Selection) -> Walls | None:
     count = [len(surface.faces) for surface in found]
     poses = [_poses(surface, times) for surface in found]
 
-    def points(k: int) -> F64:
+    def points(part: slice) -> F64:
         placed = [
-            surface.placed(position[k], orientation[k])
+            surface.placed(position[part, None], orientation[part, None])
             for surface, (position, orientation) in zip(found, poses, strict=True)
         ]
-        return np.concatenate(placed)
+        return np.concatenate(placed, axis=1)
 
     return Walls(
         np.concatenate(
@@ -60,6 +75,7 @@ def walls(selection: Selection) -> Walls | None:
         },
         any(surface.wall.motion.moves for surface in found),
         points,
+        len(times),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -54,6 +54,20 @@ def whole_folder(path: Path, own: str) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def without(directory: Path, names: Iterable[str], own: str | None = None) -> None:
+    """Remove files of an earlier export, of what this one has none of; with `own` the files that match it in folders of
+    these names, too, and folders that are empty then.
+    """
+    for name in names:
+        (directory / name).unlink(missing_ok=True)
+        folder = directory / Path(name).stem
+        for file in folder.glob(own) if own else ():
+            file.unlink()
+        if own:
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def _beside(path: Path) -> Path:

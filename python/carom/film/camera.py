@@ -62,10 +62,11 @@ def beside(eye: Eye, centre: F64, radius: float) -> Eye:
 
 
 def _across(low: F64, high: F64, up: F64) -> F64:
-    """The longer level direction of the box."""
+    """The longer level direction of the box, with its axis to the right."""
     k = int(np.argmin(np.abs(up)))
     u = np.eye(3)[k] - up[k] * up
     u /= np.linalg.norm(u)
     v = np.cross(up, u)
     size = high - low
-    return v if np.abs(v) @ size > 1.15 * (np.abs(u) @ size) else u
+    long = v if np.abs(v) @ size > 1.15 * (np.abs(u) @ size) else u
+    return -long if long[np.argmax(np.abs(long))] < 0 else long  # where y is up, v is -z

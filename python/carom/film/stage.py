@@ -17,7 +17,7 @@ from carom.film.look import Look
 from carom.film.mesh import Colour, actor, colour, mesh
 from carom.film.playback import Moment, Playback
 from carom.film.window import off_screen, pixels, vtk
-from carom.rotations import rotated
+from carom.rotations import rotated, upward
 from carom.surfaces import Surface, surfaces
 from carom.view.links import links
 
@@ -42,8 +42,7 @@ class Stage:
 
     def __init__(self, result: Result, playback: Playback, look: Look) -> None:
         self._playback, self._look = playback, look
-        gravity = np.asarray(result.gravity)
-        self._up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
+        self._up = upward(result.gravity)
         low, high = playback.low, playback.high
         self._periods = np.zeros(3) if result.periodic is None else result.periodic
         self._origin = result.periodic_origin

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import CaromError
-from carom.granular.region import Region, holds
+from carom.granular.region import Region, inside
 from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
 from carom.packing.neighbours import pairs
@@ -63,6 +63,8 @@ def coordination(
     """
     s = snapshot(source, frame)
     n = len(s.radius)
+    if gap is not None and not gap >= 0:
+        raise CaromError(f"coordination: gap = {gap:g} m; surfaces are near each other from 0 m on")
     if gap is None:
         c = s.touching
         real = c.closed & (c.push > 0)
@@ -79,7 +81,10 @@ def coordination(
         kept &= inner >= least
         real = kept[first] & ((second >= n) | kept[np.minimum(second, n - 1)])
         inner = _count(first[real], second[real], n)
-    counted = present if region is None else present & holds(region, s.position)
+    counted = present
+    if region is not None:
+        counted = np.zeros(n, dtype=bool)
+        counted[s.present[inside(region, s.position[s.present], s.period)[0]]] = True
     return Coordination(per_ball, np.where(kept, inner, 0), present & ~kept, counted)
 
 
@@ -94,7 +99,7 @@ def _count(first: I64, second: I64, n: int) -> I64:
 def _near(s: Snapshot, gap: float) -> tuple[I64, I64]:
     """Pairs of balls, and of balls and half-spaces, whose surfaces are nearer than `gap`."""
     n, there = len(s.radius), s.present
-    a, b = pairs(s.position[there], s.radius[there] + 0.5 * gap)
+    a, b = pairs(s.position[there], s.radius[there] + 0.5 * gap, s.period)
     first, second = [there[a]], [there[b]]
     for k, (point, normal) in enumerate(zip(*s.planes, strict=True) if s.planes is not None else ()):
         near = there[(s.position[there] - point) @ normal - s.radius[there] <= gap]
@@ -282,5 +287,7 @@ def _pushing(s: Snapshot, region: Region | None, walls: bool) -> tuple[F64, F64]
     kept = (c.push > 0) & (walls | (c.second < n))
     if region is not None:
         point = s.position[c.first] - c.normal * s.radius[c.first][:, None]
-        kept &= holds(region, point)
+        here = np.zeros(len(point), dtype=bool)
+        here[inside(region, point, s.period)[0]] = True
+        kept &= here
     return c.normal[kept], c.push[kept]

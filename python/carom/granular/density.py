@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import CaromError
-from carom.granular.region import Region, ball_volume, holds
+from carom.granular.region import Region, inside
 from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, snapshot
 from carom.packing.neighbours import pairs, separation
@@ -23,17 +23,10 @@ def packing_fraction(source: Result | Snapshot, region: Region, frame: int = -1)
     """Volume of the balls within a region over its volume; of balls that stick out, what is inside.
 
     Exact in boxes, in spheres and at the ends of cylinders; balls cut by the curved wall of a cylinder are integrated to
-    about 1e-8. Along its periodic axes a box has no faces that could cut.
+    about 1e-8. Along its periodic axes a box has no faces that could cut. In a periodic world all images of a ball count
+    that reach the region.
     """
-    s = snapshot(source, frame)
-    there = s.present
-    if isinstance(region, Box) and any(region.periodic):
-        wide = float(np.abs(s.position[there]).max(initial=1.0) + 2.0 * s.radius.max(initial=1.0))
-        wide = 4.0 * max(wide, *np.abs(region.low), *np.abs(region.high))
-        open_ = np.array(region.periodic)
-        low, high = np.where(open_, -wide, region.low).tolist(), np.where(open_, wide, region.high).tolist()
-        return float(ball_volume(Box(low, high), s.position[there], s.radius[there]).sum()) / region.volume
-    return float(ball_volume(region, s.position[there], s.radius[there]).sum()) / region.volume
+    return float(snapshot(source, frame).within(region).sum()) / region.volume
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,7 +38,9 @@ class RadialDistribution(Measure):
     g: F64
     """Mean over each bin, (B,)."""
     pairs: F64
-    """Neighbours found in each bin, (B,)."""
+    """Neighbours found in each bin, (B,): a pair counts from each end that is an origin."""
+    error: F64
+    """Standard error of `g` from the number of different pairs found, (B,)."""
     origins: int
     """Balls around which was looked."""
 
@@ -53,11 +48,6 @@ class RadialDistribution(Measure):
     def r(self) -> F64:
         """Middle of the bins, (B,), m."""
         return 0.5 * (self.edges[1:] + self.edges[:-1])
-
-    @property
-    def error(self) -> F64:
-        """Standard error from the number of neighbours found, (B,)."""
-        return np.asarray(self.g / np.sqrt(np.maximum(self.pairs, 1)))
 
 
 def radial_distribution(
@@ -72,15 +62,12 @@ def radial_distribution(
     period = box.period
     free = ~np.array(box.periodic)
     low, high = np.array(box.low), np.array(box.high)
+    if not reach > 0 or bins < 1:
+        raise CaromError(f"radial_distribution: reach = {reach:g} m and {bins} bins; both must be above 0")
     if (2.0 * reach >= (high - low)).any():
         most = 0.5 * float((high - low).min())
         raise CaromError(f"reach = {reach:g} m is too far for the box; it must be below {most:.4g} m")
-    centres = s.position[s.present]
-    around = Box(
-        tuple(np.where(free, low, -np.inf).tolist()),
-        tuple(np.where(free, high, np.inf).tolist()),
-    )
-    x = centres[holds(around, centres)]
+    _, x = inside(box, s.position[s.present], s.period)
     origin = ((x >= low + reach) & (x < high - reach) | ~free).all(axis=1)
     if not origin.any():
         raise CaromError(
@@ -91,6 +78,9 @@ def radial_distribution(
     distance = np.sqrt((delta * delta).sum(axis=1))
     weight = origin[a].astype(np.float64) + origin[b]
     counts, edges = np.histogram(distance, bins, (0.0, reach), weights=weight)
+    # One pair seen from both ends is one event: a variance of 4, not 2.
+    variance, _ = np.histogram(distance, bins, (0.0, reach), weights=weight * weight)
     shells = 4.0 / 3.0 * np.pi * np.diff(edges**3)
     expected = int(origin.sum()) * (len(x) - 1) / box.volume * shells
-    return RadialDistribution(edges, counts / expected, counts, int(origin.sum()))
+    error = np.sqrt(np.maximum(variance, 1.0)) / expected
+    return RadialDistribution(edges, counts / expected, counts, error, int(origin.sum()))

@@ -96,6 +96,10 @@ def over_frames(
         over_frames(result, stress, box, start=1.0).mean("tensor")
     """
     times = np.asarray(result.time)
+    if not len(times):
+        raise CaromError("the result has no frames yet; wait until the run has written some")
+    if every < 1:
+        raise CaromError(f"over_frames: every = {every}; 1 takes every recorded frame")
     chosen = [k for k in range(1, len(times)) if start <= times[k] <= stop][::every]
     if not chosen:
         raise CaromError(f"no frames from {start:g} s to {stop:g} s; the result ends at {times[-1]:g} s")

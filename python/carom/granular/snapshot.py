@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.granular.region import Region, ball_volume, images
+from carom.rotations import upward
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -66,8 +68,26 @@ class Snapshot:
     """s."""
     gravity: F64 | None = None
     """(3,), m/s^2."""
+    period: F64 | None = None
+    """After which the world repeats itself along x, y and z, (3,), m, 0 along axes where it does not; None: nowhere."""
     missing: str = "give the Snapshot its contacts"
     """What to do where there are no contacts."""
+
+    def __post_init__(self) -> None:
+        # Lists of other programs are welcome; what does not fit together is told here and not in the midst of a measure.
+        n = len(self.radius)
+        shapes = {"position": (n, 3), "radius": (n,), "mass": (n,), "velocity": (n, 3), "inertia": (n,),
+                  "angular_velocity": (n, 3), "gravity": (3,), "period": (3,)}  # fmt: skip
+        for name, shape in shapes.items():
+            given = getattr(self, name)
+            if given is None:
+                continue
+            array = np.asarray(given, dtype=np.float64)
+            if array.shape != shape:
+                raise CaromError(
+                    f"Snapshot: {name} has shape {array.shape}; with {n} radii it must be {shape}"
+                )
+            object.__setattr__(self, name, array)
 
     @cached_property
     def present(self) -> I64:
@@ -78,6 +98,24 @@ class Snapshot:
     def volume(self) -> F64:
         """Volumes of the balls, (N,), m^3."""
         return np.asarray(4.0 / 3.0 * np.pi * self.radius**3)
+
+    @cached_property
+    def folded(self) -> F64:
+        """Centres (N, 3), m, within one period from the origin on: balls of a periodic world may be many periods away."""
+        if self.period is None:
+            return self.position
+        length = np.where(self.period > 0, self.period, np.inf)
+        return np.asarray(
+            self.position - np.where(self.period > 0, self.period, 0.0) * np.floor(self.position / length)
+        )
+
+    def within(self, region: Region) -> F64:
+        """Volume of each ball that lies in a region, of all its images, (N,), m^3; 0 for balls that are absent."""
+        there = self.present
+        rows, moved = images(region, self.position[there], self.radius[there], self.period)
+        rows = there[rows]
+        volume = ball_volume(region, moved, self.radius[rows])
+        return np.asarray(np.bincount(rows, volume, minlength=len(self.radius)), dtype=np.float64)
 
     @property
     def touching(self) -> Contacts:
@@ -107,9 +145,7 @@ class Snapshot:
     @cached_property
     def up(self) -> F64:
         """Unit vector against gravity, (3,); z where there is none."""
-        if self.gravity is None or not self.gravity.any():
-            return np.array([0.0, 0.0, 1.0])
-        return np.asarray(-self.gravity / np.linalg.norm(self.gravity))
+        return upward(np.zeros(3) if self.gravity is None else self.gravity)
 
 
 def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None = None) -> Snapshot:
@@ -146,6 +182,7 @@ def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None =
         planes=(np.asarray(planes["point"]), np.asarray(planes["normal"])),
         time=float(times[frame]),
         gravity=source.gravity,
+        period=source.periodic,
         missing=missing,
     )
 

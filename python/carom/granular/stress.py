@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import CaromError
-from carom.granular.region import Region, ball_volume, holds, line_share
+from carom.granular.region import Region, images, inside, line_share
 from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, Snapshot, snapshot
 
@@ -77,10 +77,11 @@ def stress(source: Result | Snapshot, region: Region, frame: int = -1) -> Stress
     s = snapshot(source, frame)
     c = s.touching
     end = s.position[c.first]
-    share = line_share(region, end - s.branch, end)
+    rows, moved = images(region, end, np.linalg.norm(s.branch, axis=1), s.period)
+    share = np.bincount(rows, line_share(region, moved - s.branch[rows], moved), minlength=len(end))
     contact = np.einsum("c,ci,cj->ij", share, s.branch, c.force) / region.volume
     there = s.present
-    part = ball_volume(region, s.position[there], s.radius[there]) / s.volume[there]
+    part = (s.within(region) / s.volume)[there]
     mass, velocity = s.known("mass")[there] * part, s.known("velocity")[there]
     kinetic = np.zeros((3, 3))
     if mass.sum() > 0:
@@ -135,7 +136,10 @@ def granular_temperature(
     if mean not in fitted:
         raise CaromError(f"unknown mean field {mean!r}; known: {', '.join(fitted)}")
     s = snapshot(source, frame)
-    there = s.present if region is None else s.present[holds(region, s.position[s.present])]
+    there, place = s.present, s.folded[s.present]
+    if region is not None:
+        rows, place = inside(region, s.position[there], s.period)
+        there = there[rows]
     n = len(there)
     nothing = np.full((3, 3), np.nan)
     if n <= fitted[mean]:
@@ -149,7 +153,7 @@ def granular_temperature(
     if mean != "none":
         field, around = np.broadcast_to(average, v.shape), np.broadcast_to(turning, spin.shape)
     if mean == "affine":
-        x = s.position[there] - mass @ s.position[there] / total
+        x = place - mass @ place / total
         root = np.sqrt(mass)[:, None]
         gradient = np.asarray(np.linalg.lstsq(root * x, root * (v - average), rcond=None)[0].T)
         field = average + x @ gradient.T

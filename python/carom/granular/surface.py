@@ -101,8 +101,8 @@ def heap_angle(
 def _deposit(s: Snapshot, loose: float) -> tuple[Snapshot, int]:
     """The largest group of balls whose neighbours are nearer than `loose` mean diameters, and how many others there are."""
     there = s.present
-    x, radius = s.position[there], s.radius[there]
-    a, b = pairs(x, radius + loose * float(radius.mean())) if len(there) else (there, there)
+    x, radius = s.folded[there], s.radius[there]
+    a, b = pairs(x, radius + loose * float(radius.mean()), s.period) if len(there) else (there, there)
     label = components(len(there), a, b)
     main = label == np.bincount(label, minlength=1).argmax()
     return Snapshot(x[main], radius[main], gravity=s.gravity), int((~main).sum())
@@ -222,11 +222,11 @@ def run_out(
     )
     if centre is None:
         mass = before.volume[before.present]
-        centre = (mass @ before.position[before.present] / mass.sum()).tolist()
+        centre = (mass @ before.folded[before.present] / mass.sum()).tolist()
     deposit, strays = _deposit(after, loose)
     views = []
     for s in (before, deposit):
-        at = s.position[s.present]
+        at = s.folded[s.present]
         distance, sector, _ = _seen_from_above(s, at, shape, centre, direction, sectors)
         views.append((distance, sector, s.radius[s.present], at @ s.up))
     rear = 0.0

@@ -6,12 +6,13 @@ Balls are placed and moved in this frame; `to_world` turns and shifts them at th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import inf, pi
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.errors import CaromError
 from carom.scenario.quantities import Vec3
 from carom.scenario.vectors import cross, scaled
 
@@ -48,6 +49,12 @@ class Region(Protocol):
         """Positions in fixed axes."""
 
 
+def _positive(region: str, **lengths: float) -> None:
+    for name, value in lengths.items():
+        if not 0.0 < value < inf:
+            raise CaromError(f"{region}: {name} = {value:g} m; give a length above 0")
+
+
 @dataclass(frozen=True)
 class Box:
     """A box along the fixed axes; `periodic` says which of them have no walls."""
@@ -55,6 +62,13 @@ class Box:
     low: Vec3
     high: Vec3
     periodic: tuple[bool, bool, bool] = (False, False, False)
+
+    def __post_init__(self) -> None:
+        if len(self.low) != 3 or len(self.high) != 3 or len(self.periodic) != 3:
+            raise CaromError("Box: low, high and periodic have three entries each, of x, y and z")
+        for axis, low, high in zip("xyz", self.low, self.high, strict=True):
+            if not -inf < low < high < inf:
+                raise CaromError(f"Box: along {axis} low = {low:g} m is not below high = {high:g} m")
 
     @property
     def volume(self) -> float:
@@ -95,6 +109,11 @@ class Cylinder:
     axis: Vec3
     radius: float
     length: float
+
+    def __post_init__(self) -> None:
+        _positive("Cylinder", radius=self.radius, length=self.length)
+        if len(self.point) != 3 or len(self.axis) != 3 or not any(self.axis):
+            raise CaromError("Cylinder: point and axis have three entries each, and the axis a direction")
 
     @property
     def volume(self) -> float:
@@ -138,6 +157,11 @@ class Ball:
 
     point: Vec3
     radius: float
+
+    def __post_init__(self) -> None:
+        _positive("Ball", radius=self.radius)
+        if len(self.point) != 3:
+            raise CaromError("Ball: point has three entries, x, y and z")
 
     @property
     def volume(self) -> float:

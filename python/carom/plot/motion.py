@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.plot.style import COLOURS, DASHES, GREY, Chart, legend, panels, styled
+from carom.rotations import upward
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,11 +18,14 @@ if TYPE_CHECKING:
     from carom.result import Result
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 #: Up to this many bodies each has a line and a name; of more, the middle and the spread are shown.
 MOST_LINES = len(COLOURS)
-#: Frames drawn at most; more cannot be seen, and would fill the memory for large runs.
+#: Frames drawn at most; more cannot be seen.
 MOST_FRAMES = 6000
+#: Numbers of a quantity that are read at a time: a run of a million balls does not fit the memory.
+BLOCK = 6_000_000
 
 
 def velocities(result: Result, bodies: Sequence[str] | None = None) -> Chart:
@@ -37,21 +41,23 @@ def angular_velocities(result: Result, bodies: Sequence[str] | None = None) -> C
 def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
     """Height of the lowest point of each body above the plane on which things rest, where that is at the time; of its centre
     without one."""
-    names, columns, frames = selection(result, bodies)
-    up = upward(result)
-    centre = of_present(result, "position", frames, columns) @ up
+    names, columns = selection(result, bodies)
+    frames = shown_frames(result)
+    up = upward(result.gravity)
     floor = _floor(result, up)
-    if floor is None:
-        values, label = centre, "height of the centre"
-    else:
-        level = result.walls[floor].position[frames] @ up
-        values = centre - level[:, np.newaxis] - np.asarray(result.bodies["radius"])[columns]
-        label = f"height above {floor}"
+    level = np.zeros(len(result.time)) if floor is None else result.walls[floor].position @ up
+    radius = np.zeros(1) if floor is None else np.asarray(result.bodies["radius"])[columns]
+    label = "height of the centre" if floor is None else f"height above {floor}"
+
+    def height(position: F64, rows: I64) -> F64:
+        return np.asarray(position @ up - level[rows, np.newaxis] - radius)[:, :, np.newaxis]
+
+    values = _read(result, "position", names, columns, frames, height)[:, :, 0]
     # A ball that hops is seen in millimetres.
     scale, unit = (1e3, "mm") if np.nanmax(np.abs(values), initial=0.0) < 0.5 else (1.0, "m")
     with styled():
         figure, (axes,) = panels(1, 2.8, result.title)
-        time = np.asarray(result.time[frames])
+        time = np.asarray(result.time)[frames]
         data = _draw(axes, time, values * scale, names)
         axes.set_ylabel(f"{label} ({unit})")
         axes.set_xlabel("time (s)")
@@ -62,9 +68,10 @@ def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
 
 
 def _components(result: Result, bodies: Sequence[str] | None, quantity: str, symbol: str, unit: str) -> Chart:
-    names, columns, frames = selection(result, bodies)
-    values = of_present(result, quantity, frames, columns)
-    time = np.asarray(result.time[frames])
+    names, columns = selection(result, bodies)
+    frames = shown_frames(result)
+    values = _read(result, quantity, names, columns, frames, lambda vectors, _: vectors)
+    time = np.asarray(result.time)[frames]
     plain = symbol.replace("\\", "")
     numbers: dict[str, NDArray[Any]] = {"time (s)": time}
     with styled():
@@ -79,8 +86,26 @@ def _components(result: Result, bodies: Sequence[str] | None, quantity: str, sym
     return Chart(figure, numbers)
 
 
+def _read(
+    result: Result, quantity: str, names: list[str], columns: Any, frames: I64, of: Callable[[F64, I64], F64]
+) -> F64:
+    """`of(vectors, rows)` of a quantity (T, n, 3) at the frames: (T, n, k) of a few bodies, of many the spread (T, 5, k)."""
+    parts = [of(values, rows) for rows, values in blocks(result, quantity, columns, frames)]
+    if len(names) > MOST_LINES:
+        parts = [_spread(part) for part in parts]
+    return np.concatenate(parts)
+
+
+def _spread(values: F64) -> F64:
+    """Least, 5 %, median, 95 % and greatest over the bodies, (T, 5, k) of (T, n, k)."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of frames without any body: nothing is drawn
+        found = np.nanquantile(values, [0.0, 0.05, 0.5, 0.95, 1.0], axis=1)
+    return np.asarray(np.moveaxis(found, 0, 1))
+
+
 def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64]:
-    """Draw `values` (frames, bodies); returns the numbers drawn by name."""
+    """Draw `values` (frames, bodies), of many bodies their spread (frames, 5); returns the numbers drawn by name."""
     axes.margins(x=0.01)
     if _flat(values):
         # Rounding would fill the panel: show that there is nothing.
@@ -89,9 +114,7 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
         for i, name in enumerate(names):
             axes.plot(time, values[:, i], color=COLOURS[i], linestyle=DASHES[i % 2], label=name)
         return {name: values[:, i] for i, name in enumerate(names)}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of frames without any body: nothing is drawn
-        least, low, middle, high, most = np.nanquantile(values, [0.0, 0.05, 0.5, 0.95, 1.0], axis=1)
+    least, low, middle, high, most = values.T
     axes.fill_between(
         time, low, high, color=COLOURS[5], alpha=0.35, linewidth=0, label="5 to 95 % of the bodies"
     )
@@ -107,25 +130,40 @@ def _flat(values: F64) -> bool:
     return bool(np.nanmax(np.abs(values), initial=0.0) < 1e-9)
 
 
-def selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], Any, Any]:
-    """Names, their columns and the frames to draw."""
-    names = list(bodies) if bodies else result.names
-    columns: Any = [result[name].index for name in names] if bodies else slice(None)
-    stride = max(1, -(-len(result.time) // MOST_FRAMES))
-    return names, columns, slice(None, None, stride)
+def selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], Any]:
+    """Names of the bodies to draw, and their columns."""
+    if isinstance(bodies, str):
+        bodies = [bodies]
+    if not bodies:
+        return result.names, slice(None)
+    return list(bodies), [result[name].index for name in bodies]
 
 
-def of_present(result: Result, quantity: str, frames: Any, columns: Any) -> F64:
-    """A quantity (T, n, 3) of the chosen bodies, not a number where they are absent: before they enter, after they left."""
-    there = np.asarray(result.present[frames])[:, columns]
-    values = np.asarray(getattr(result, quantity)[frames])[:, columns]
-    return np.where(there[:, :, np.newaxis], values, np.nan)
+def shown_frames(result: Result) -> I64:
+    """Numbers of the frames to draw: all or one in several, the last in any case."""
+    count = len(result.time)
+    frames = np.arange(0, count, max(1, -(-count // MOST_FRAMES)))
+    return np.append(frames, count - 1) if len(frames) and frames[-1] != count - 1 else frames
 
 
-def upward(result: Result) -> F64:
-    gravity = result.gravity
-    size = float(np.linalg.norm(gravity))
-    return -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
+def blocks(result: Result, quantity: str, columns: Any, frames: I64) -> Iterator[tuple[I64, F64]]:
+    """Rising or falling frames in blocks, with a quantity (B, n, 3) of the chosen bodies; not a number where absent."""
+    apart = int(np.abs(np.diff(frames)).max(initial=1))
+    size = max(1, BLOCK // (3 * max(1, len(result.names)) * apart))  # all between two frames is read
+    for first in range(0, max(1, len(frames)), size):
+        rows = frames[first : first + size]
+        low, high = (int(rows.min()), int(rows.max()) + 1) if len(rows) else (0, 0)
+        here = rows - low
+        there = np.asarray(result.present[low:high])[here][:, columns]
+        values = np.asarray(getattr(result, quantity)[low:high])[here][:, columns]
+        yield rows, np.where(there[:, :, np.newaxis], values, np.nan)
+
+
+def level_axes(up: F64) -> tuple[int, int]:
+    """The axes of the world that are most nearly level, as they point right and up on a sheet that is seen from above."""
+    k = int(np.argmax(np.abs(up)))
+    first, second = (k + 1) % 3, (k + 2) % 3
+    return (first, second) if up[k] > 0 else (second, first)
 
 
 def _floor(result: Result, up: F64) -> str | None:

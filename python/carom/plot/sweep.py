@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
+from carom.plot.motion import level_axes
 from carom.plot.style import COLOURS, GREY, Chart, styled, width
+from carom.rotations import upward
 from carom.sweeps.study import RESERVED
 
 if TYPE_CHECKING:
@@ -105,7 +107,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
         raise CaromError("the study kept no positions; name balls in keep.bodies")
     by = _telling(sweep, [f"{name}.position.{x}" for name in names for x in "xyz"]) if by is None else by
     colour = np.asarray(sweep[by], float)
-    letters = "xyz".replace("xyz"[_upright(sweep)], "")
+    letters = ["xyz"[k] for k in level_axes(upward(sweep.study.targeting.base.gravity))]
     rows = np.flatnonzero(sweep.ok)[:: max(1, -(-int(sweep.ok.sum()) // MOST_PLACES))]
     numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], sweep.label(by): colour[rows]}
     columns = 1 if len(names) == 1 else 2
@@ -148,12 +150,6 @@ def _telling(sweep: Sweep, columns: Sequence[str]) -> str:
                 found.append(np.var(mean[band]) / np.var(y))
         share[name] = float(np.mean(found)) if found else 0.0
     return max(share, key=lambda name: share[name])
-
-
-def _upright(sweep: Sweep) -> int:
-    """The axis of the world along which gravity is strongest; z without gravity."""
-    gravity = np.abs(np.asarray(sweep.study.targeting.base.gravity))
-    return int(np.argmax(gravity)) if gravity.any() else 2
 
 
 def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.plot.motion import MOST_LINES, of_present, selection, upward
+from carom.errors import CaromError
+from carom.plot.motion import MOST_LINES, blocks, level_axes, selection, shown_frames
 from carom.plot.style import COLOURS, DASHES, GREY, Chart, fitted, legend, styled, width
+from carom.rotations import upward
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from carom.result import Result
 
@@ -29,17 +32,40 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
 
     Of more than 200 balls no paths: the balls at the end, the highest on top.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Circle
-
-    names, columns, frames = selection(result, bodies)
-    across, along, letters = _plane(result)
-    centre = of_present(result, "position", frames, columns)
-    x, y = centre @ across, centre @ along
+    names, columns = selection(result, bodies)
+    if not names or not len(result.time):
+        raise CaromError("the run holds no balls or no frames: there are no paths to draw")
+    axis = level_axes(upward(result.gravity))
     radius = np.asarray(result.bodies["radius"])[columns]
+    if len(names) > CROWD:
+        return _crowd(result, names, columns, axis, radius)
+    frames = shown_frames(result)
+    parts = [part[:, :, axis] for _, part in blocks(result, "position", columns, frames)]
+    place = np.concatenate(parts)
     few = len(names) <= MOST_LINES
-    low = np.array([np.nanmin(x - radius, initial=np.inf), np.nanmin(y - radius, initial=np.inf)])
-    high = np.array([np.nanmax(x + radius, initial=-np.inf), np.nanmax(y + radius, initial=-np.inf)])
+    figure, axes = _sheet(result, place, radius, axis)
+    with styled():
+        for i, name in enumerate(names):
+            colour = COLOURS[i] if few else COLOURS[0]
+            look: dict[str, Any] = {"label": name, "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
+            axes.plot(*place[:, i].T, color=colour, linewidth=1.0 if few else 0.4, zorder=3, **look)
+            _ends(axes, place[:, i], float(radius[i]), colour)
+        if few:
+            legend(figure, axes)
+    numbers: dict[str, NDArray[Any]] = {"time (s)": np.asarray(result.time)[frames]}
+    for i, name in enumerate(names):
+        numbers |= {f"{name} {'xyz'[k]} (m)": place[:, i, j] for j, k in enumerate(axis)}
+    return Chart(figure, numbers)
+
+
+def _sheet(result: Result, place: F64, radius: F64, axis: tuple[int, int]) -> tuple[Figure, Axes]:
+    """An empty sheet for balls of some radii (n,) that were at `place` (T, n, 2), m, with the walls near them."""
+    from matplotlib.figure import Figure
+
+    rim = radius[:, np.newaxis]
+    low = np.nanmin(place - rim, axis=(0, 1), initial=np.inf)
+    high = np.nanmax(place + rim, axis=(0, 1), initial=-np.inf)
+    across, along = np.eye(3)[list(axis)]
     lines = [line for line in _walls(result, across, along) if _near(line, low, high)]
     middle = 0.5 * (low + high)
     for point, direction in lines:  # its place nearest to the paths comes into the view
@@ -54,62 +80,59 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
         axes.set_aspect("equal")
         for point, direction in lines:
             axes.axline(tuple(point), tuple(point + direction), color=GREY, linewidth=1.6, zorder=1)
-        if len(names) > CROWD:
-            _heap(axes, x, y, centre @ upward(result), radius)
-        for i, name in enumerate(names if len(names) <= CROWD else ()):
-            colour = COLOURS[i] if few else COLOURS[0]
-            look: dict[str, Any] = {"label": name, "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
-            axes.plot(x[:, i], y[:, i], color=colour, linewidth=1.0 if few else 0.4, zorder=3, **look)
-            there = np.flatnonzero(np.isfinite(x[:, i]))
-            if len(there):
-                first, last = there[0], there[-1]
-                axes.add_patch(
-                    Circle(
-                        (x[first, i], y[first, i]),
-                        radius[i],
-                        fill=False,
-                        color=colour,
-                        linewidth=0.8,
-                        zorder=2,
-                    )
-                )
-                axes.add_patch(
-                    Circle(
-                        (x[last, i], y[last, i]), radius[i], color=colour, alpha=0.45, linewidth=0, zorder=2
-                    )
-                )
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
-        axes.set_xlabel(f"${letters[0]}$ (m)")
-        axes.set_ylabel(f"${letters[1]}$ (m)")
-        if few:
-            legend(figure, axes)
-    numbers: dict[str, NDArray[Any]] = {"time (s)": np.asarray(result.time[frames])}
-    for i, name in enumerate(names):
-        numbers |= {f"{name} {letters[0]} (m)": x[:, i], f"{name} {letters[1]} (m)": y[:, i]}
-    return Chart(figure, numbers)
+        axes.set_xlabel(f"${'xyz'[axis[0]]}$ (m)")
+        axes.set_ylabel(f"${'xyz'[axis[1]]}$ (m)")
+    return figure, axes
 
 
-def _heap(axes: Axes, x: F64, y: F64, height: F64, radius: F64) -> None:
-    """The balls (B,) where each was last, of `x`, `y`, `height` (T, B), seen from above."""
-    from matplotlib.collections import PatchCollection
+def _ends(axes: Axes, path: F64, radius: float, colour: str) -> None:
+    """A ball where its path (T, 2) begins, outlined, and where it ends, filled."""
     from matplotlib.patches import Circle
 
-    there = np.isfinite(x)
-    last = len(x) - 1 - there[::-1].argmax(axis=0)
-    seen = np.flatnonzero(there.any(axis=0))
-    order = seen[np.argsort(height[last[seen], seen], kind="stable")]
-    balls = [Circle((x[last[i], i], y[last[i], i]), radius[i]) for i in order]
-    axes.add_collection(
-        PatchCollection(balls, facecolor=COLOURS[0], edgecolor="white", linewidth=0.4, zorder=2)
+    there = np.flatnonzero(np.isfinite(path[:, 0]))
+    if not len(there):
+        return
+    first, last = path[there[0]], path[there[-1]]
+    axes.add_patch(Circle(tuple(first), radius, fill=False, color=colour, linewidth=0.8, zorder=2))
+    axes.add_patch(Circle(tuple(last), radius, color=colour, alpha=0.45, linewidth=0, zorder=2))
+
+
+def _crowd(result: Result, names: list[str], columns: Any, axis: tuple[int, int], radius: F64) -> Chart:
+    """The balls where each was last, seen from above; those that never came are not there."""
+    from matplotlib.collections import EllipseCollection
+
+    last = np.full((len(names), 3), np.nan)
+    for _, part in blocks(result, "position", columns, np.arange(len(result.time))[::-1]):
+        for frame in part:
+            if np.isfinite(last).all():
+                break
+            last = np.where(np.isfinite(last), last, frame)
+    seen = np.flatnonzero(np.isfinite(last).all(axis=1))
+    order = seen[np.argsort(last[seen] @ upward(result.gravity), kind="stable")]
+    place = last[order][:, axis]
+    figure, axes = _sheet(result, place[np.newaxis], radius[order], axis)
+    with styled():
+        balls = EllipseCollection(
+            *(2.0 * radius[order], 2.0 * radius[order], np.zeros(len(order))),
+            units="xy",
+            offsets=place,
+            offset_transform=axes.transData,
+            facecolor=COLOURS[0],
+            edgecolor="white",
+            linewidth=0.4,
+            zorder=2,
+        )
+        axes.add_collection(balls)
+    return Chart(
+        figure,
+        {
+            "ball": np.array([names[i] for i in order]),
+            **{f"{'xyz'[k]} (m)": place[:, j] for j, k in enumerate(axis)},
+            "radius (m)": radius[order],
+        },
     )
-
-
-def _plane(result: Result) -> tuple[F64, F64, str]:
-    """The two axes of the world that are most nearly level, and their names."""
-    up = int(np.argmax(np.abs(upward(result))))
-    first, second = ((1, 2), (0, 2), (0, 1))[up]
-    return np.eye(3)[first], np.eye(3)[second], "xyz"[first] + "xyz"[second]
 
 
 def _walls(result: Result, across: F64, along: F64) -> list[tuple[F64, F64]]:

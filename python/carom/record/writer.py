@@ -1,10 +1,10 @@
-"""Writes one segment of a run (`results.h5`) so that a reader can open it at any moment, even after `kill
+"""Writes the results of a run (`results.h5`) so that a reader can open them at any moment, even after `kill
 -9`.
 
 The order is the whole idea: every dataset exists before single-writer-multiple-readers mode begins; rows go
 in by batches; when they are out of our hands a row of `/commit` states how many of each table are whole.
 Readers trust nothing else. No compression: it buys 10-16 % of the size for ten times the work
-(docs/reference/results.md).
+(docs/reference/results.md). No metadata are written that a kill could tear (`carom.record.blank`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ClassVar
@@ -23,26 +23,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.files import RecordError, unwritable
-from carom.record.layout import ENDS, FORMAT, MEANINGS, TEXTS, VALUES, Meaning, Rows, tables
+from carom.record import blank
+from carom.record.layout import ENDS, FORMAT, Rows, tables
 
 Table = Mapping[str, Any]
 
-#: A chunk of a dataset is as many whole rows as fit in this, at most MAX_CHUNK_ROWS; a frame of many bodies
-#: is one chunk.
-CHUNK_BYTES = 128 * 1024
-MAX_CHUNK_ROWS = 4096
 #: Rows wait in memory until there are this many bytes of them, or the oldest is this many seconds old.
 BATCH_BYTES = 16 * 1024 * 1024
 BATCH_SECONDS = 1.0
 
 
 class Writer:
-    """The writer of one segment. Blocks are appended; `commit` makes what was appended durable for readers.
+    """The writer of a segment, and of those `further` ones that a long run needs. Blocks are appended; `commit` makes what
+    was appended durable for readers.
 
     `bodies`, `planes` and, if there are others, `walls` are the static tables (name, radius, ...). `first` counts the rows
     of the whole run before this segment: what earlier segments hold beyond it was written after the
     checkpoint from which this one starts, and no longer counts. `expected` is a guess of the row counts, used
-    only to avoid large chunks in small files. Columns in `leave_out` (table, name) are not written.
+    only to avoid large chunks in small files. Columns in `leave_out` (table, name) are not written. `further` names the file
+    in which to go on when this one is full; without it the file grows on, and a kill may then cost a column.
     """
 
     #: Files that could not even be abandoned (a limit on the size of files holds for anonymous ones too). HDF5 crashes
@@ -61,16 +60,20 @@ class Writer:
         first: Rows | None = None,
         expected: Rows | None = None,
         leave_out: Collection[tuple[str, str]] = (),
+        further: Callable[[], Path] | None = None,
     ) -> None:
         self.path = path
+        self.paths = [path]  # all that were begun
         self.first = first or Rows()
         self.rows = Rows()  # of this segment, appended, committed or not
         self.committed = Rows()
         self.last_frame: int | None = None  # step of the newest frame of this segment
-        self._attributes = dict(attributes, format=FORMAT, first_rows=np.array(self.first, dtype=np.uint64))
+        self._attributes = dict(attributes, format=FORMAT)
         self._static = {"bodies": bodies, "planes": planes, **({} if walls is None else {"walls": walls})}
         self._expected = expected or Rows()
         self._leave_out = frozenset(leave_out)
+        self._further = further
+        self._unsynced: list[Path] = []  # those that were full
         self._file: Any = None
         self._handle = -1
         self._commit: h5py.Dataset = None
@@ -113,13 +116,13 @@ class Writer:
         """Write all that was appended, then say so in `/commit`. Returns the committed row counts."""
         self._wait()
         if self._file is not None and self.rows != self.committed:
-            self._write(*self._batch())
+            self._write(*self._next_batch())
         return self.committed
 
     def _write_meanwhile(self) -> None:
         """Write while the core computes: it needs no interpreter, and the copying costs a tenth of a fast run."""
         self._wait()
-        batch = self._batch()
+        batch = self._next_batch()
 
         def work() -> None:
             try:
@@ -137,9 +140,42 @@ class Writer:
         if self._failure is not None:
             raise self._failure
 
-    def _batch(self) -> tuple[list[dict[str, dict[str, Any]]], Rows]:
+    def _next_batch(self) -> tuple[list[dict[str, dict[str, Any]]], Rows]:
+        """What is to be written, and the rows that the segment will then have; nothing is being written meanwhile."""
         batch, self._pending, self._pending_bytes = self._pending, [], 0
+        if self._further is not None and batch and not self._room(batch):
+            try:
+                with _explained(self.path):
+                    self._turn_over(batch[0])
+            except BaseException as error:
+                self._failure = error
+                raise
         return batch, self.rows
+
+    def _room(self, batch: list[dict[str, dict[str, Any]]]) -> bool:
+        return blank.fits(self._commit, 1) and all(
+            blank.fits(dataset, sum(len(block[table][name]) for block in batch))
+            for table, columns in self._columns.items()
+            for name, dataset in columns.items()
+        )
+
+    def _turn_over(self, block: Mapping[str, Any]) -> None:
+        """Go on in a further segment, which is made after the columns of `block`; all that was written is committed."""
+        assert self._further is not None
+        steps = self._columns["steps"]["step"]
+        if self.committed.steps:
+            self._attributes["start_step"] = int(steps[self.committed.steps - 1])
+        # It will be as long as this one at least, and takes what is waiting.
+        self._expected = Rows(*map(max, self._expected, self.rows))
+        self._file.close()
+        self._file = None
+        self._unsynced.append(self.path)
+        self.path = self._further()
+        self.paths.append(self.path)
+        self.first = self.first + self.committed
+        self.rows = Rows(*(all_ - done for all_, done in zip(self.rows, self.committed, strict=True)))
+        self.committed = Rows()
+        self._create(block)
 
     def _write(self, batch: list[dict[str, dict[str, Any]]], rows: Rows) -> None:
         try:
@@ -172,6 +208,13 @@ class Writer:
         self._wait()
         if self._file is not None:
             with _explained(self.path):
+                for path in self._unsynced:
+                    handle = os.open(path, os.O_RDONLY)
+                    try:
+                        os.fsync(handle)
+                    finally:
+                        os.close(handle)
+                self._unsynced.clear()
                 os.fsync(self._handle)
 
     def close(self) -> None:
@@ -208,13 +251,14 @@ class Writer:
         # Until it is in SWMR mode nobody can read the file, nor could anybody ever if we were killed before: it gets
         # its name when it can be read.
         unborn = self.path.with_name(f".{self.path.name}.{os.getpid()}.tmp")
-        # HDF5 does not survive to run out of room while it sets up a file: it does so in memory. There too it tells files
-        # by their names, and runs of one process are set up at the same time.
-        memory = f"{unborn}.memory"
-        with h5py.File(memory, "w", driver="core", backing_store=False, libver="latest") as empty:
-            self._set_up(empty, block)
-            empty.flush()
-            image = empty.id.get_file_image()
+        image = blank.image(
+            f"{unborn}.memory",
+            block,
+            attributes={**self._attributes, "first_rows": np.array(self.first, dtype=np.uint64)},
+            static=self._static,
+            expected=self._expected,
+            leave_out=self._leave_out,
+        )
         try:
             unborn.write_bytes(image)
         except OSError:
@@ -231,34 +275,6 @@ class Writer:
         self._commit = file["commit"]
         file.swmr_mode = True
         os.rename(unborn, self.path)
-
-    def _set_up(self, file: h5py.File, block: Mapping[str, Any]) -> None:
-        """Everything that a segment has before its first row."""
-        for key, value in self._attributes.items():
-            file.attrs[key] = value
-        for table, columns in self._static.items():
-            group = file.create_group(table)
-            for name, values in columns.items():
-                text = name in TEXTS
-                data = np.array(values, dtype=h5py.string_dtype()) if text else np.asarray(values)
-                _describe(group.create_dataset(name, data=data), f"{table}/{name}")
-        for table in tables(block):
-            group = file.create_group(table)
-            guess = getattr(self._expected, table)
-            written = []
-            for name, values in block[table].items():
-                if (table, name) in self._leave_out:
-                    continue
-                rows = self._expected.values if (table, name) == VALUES else guess
-                _new_column(group, table, name, np.asarray(values), rows)
-                written.append(name)
-            group.attrs["columns"] = written
-        width = len(Rows._fields)
-        commit = file.create_dataset(
-            "commit", (0, width), np.uint64, maxshape=(None, width), chunks=(128, width)
-        )
-        commit.attrs["columns"] = list(Rows._fields)
-        commit.attrs["description"] = "rows of each table that are whole; the last row counts"
 
 
 def _divert(handle: int) -> None:
@@ -288,25 +304,6 @@ def _no_limit_on_files() -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], guess: int) -> None:
-    dtype = np.uint64 if (table, name) in ENDS else values.dtype
-    shape = values.shape[1:]
-    row_bytes = max(1, int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
-    rows = min(max(1, CHUNK_BYTES // row_bytes), MAX_CHUNK_ROWS)
-    if guess:
-        rows = min(rows, max(64, guess))
-    dataset = group.create_dataset(
-        name, (0, *shape), dtype, maxshape=(None, *shape), chunks=(rows, *(max(1, n) for n in shape))
-    )
-    _describe(dataset, f"{table}/{name}")
-
-
-def _describe(dataset: h5py.Dataset, key: str) -> None:
-    meaning = MEANINGS.get(key, Meaning("", ""))
-    dataset.attrs["unit"] = meaning.unit
-    dataset.attrs["description"] = meaning.text
 
 
 def _extend(dataset: h5py.Dataset, rows: NDArray[Any]) -> None:

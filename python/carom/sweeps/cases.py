@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError, ScenarioError
 from carom.summary import LISTED_BODIES
+from carom.sweeps import origin
 from carom.sweeps.folder import Folder
 from carom.sweeps.study import RESERVED, Study
 
@@ -72,6 +73,7 @@ def rows(study: Study, cases: Sequence[int], folder: Folder, ids: Sequence[str])
     """The rows of some cases: their names, parameters, outcome, totals and final state."""
     found: Columns = {"id": np.array(ids, dtype=object)}
     found |= {name: values[list(cases)] for name, values in study.columns.items()}
+    found |= by(origin.here(), len(cases))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the driver has warned of the first case
         if study.keep_runs or study.measure is not None:
@@ -81,6 +83,11 @@ def rows(study: Study, cases: Sequence[int], folder: Folder, ids: Sequence[str])
         else:
             parts = [_one(study, case) for case in cases]
     return {**found, **joined(parts)}
+
+
+def by(who: origin.Origin, rows: int) -> Columns:
+    """The columns that say who computed some rows."""
+    return {name: np.full(rows, value, dtype=object) for name, value in zip(origin.COLUMNS, who, strict=True)}
 
 
 def _together(cases: Sequence[int]) -> bool:
@@ -120,11 +127,12 @@ def _one_run(study: Study, case: int, folder: Folder, name: str) -> Columns:
         except RunFailed as error:
             result = error.result
         with result:
-            columns = _of_result(result)
+            # A run that was there may be of another Carom.
+            columns = _of_result(result) | by(origin.of(result.versions), 1)
             if study.measure is not None and result.outcome.ok:
                 columns |= _measured(study, result, {*study.columns, *RESERVED, *columns})
     except CaromError as error:
-        return _refused(error)
+        return _refused(error) | by(origin.here(), 1)
     return _chosen(study, columns)
 
 

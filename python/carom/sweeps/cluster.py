@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from carom.errors import CaromError
-from carom.sweeps.cases import Job, compute
+from carom.sweeps import origin
+from carom.sweeps.cases import Job, by, compute
 from carom.sweeps.design import Design
 from carom.sweeps.folder import Folder
 
@@ -138,7 +139,7 @@ def _after(job: Job, error: BaseException, done: Done) -> list[Job]:
     message = "several workers died while they computed it, perhaps for lack of memory"
     columns = {"id": job.ids, "outcome": ["worker_died"], "message": [message]}
     row = {name: np.array(value, dtype=object) for name, value in columns.items()}
-    Folder(Path(job.folder)).write_part(job.key, [{**row, **job.study.columns}])
+    Folder(Path(job.folder)).write_part(job.key, [{**row, **job.study.columns, **by(origin.here(), 1)}])
     done(1, 1)
     return []
 

@@ -13,7 +13,8 @@ import json
 import os
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.export.parquet import require_pyarrow
 from carom.files import RecordError, unwritable, write_whole
+from carom.sweeps import origin
 
 if TYPE_CHECKING:
     from carom.sweeps.study import Study
@@ -108,8 +110,23 @@ class Folder:
                     found[name] = outcome
         return found
 
+    def origins(self, names: Iterable[str]) -> Counter[origin.Origin]:
+        """How many of the cases of these names were computed by whom."""
+        wanted = set(names)
+        found: dict[str, tuple[str | None, ...]] = {}
+        for _, part in self._read("*", ["id", *origin.COLUMNS]):
+            blank = [None] * part.num_rows  # of parts from before the columns were written
+            columns = [
+                part[name].to_pylist() if name in part.column_names else blank for name in origin.COLUMNS
+            ]
+            found |= {row[0]: row[1:] for row in zip(part["id"].to_pylist(), *columns, strict=True)}
+        rows = [row for name, row in found.items() if name in wanted]
+        return origin.tally([row[0] for row in rows], [row[1] for row in rows])
+
     def _read(self, pattern: str, columns: list[str] | None = None) -> Iterator[tuple[Path, Any]]:
-        """Whole parts, oldest first; one that a crash of the machine left damaged is as if it were not there."""
+        """Whole parts, or those of the columns that they have, oldest first; one that a crash of the machine left damaged
+        is as if it were not there.
+        """
         arrow = require_pyarrow("a study", "cluster")
         from pyarrow import parquet
 
@@ -118,7 +135,10 @@ class Folder:
         )
         for path in files:
             try:
-                yield path, parquet.read_table(path, columns=columns)
+                with parquet.ParquetFile(path) as file:
+                    there = file.schema_arrow.names
+                    table = file.read([name for name in columns or there if name in there])
+                yield path, table
             except (arrow.ArrowInvalid, OSError):
                 continue
 

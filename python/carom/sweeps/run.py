@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from carom.errors import CaromError
-from carom.sweeps import cluster
+from carom.run import CaromWarning
+from carom.sweeps import cluster, origin
 from carom.sweeps.cases import Job
 from carom.sweeps.folder import Folder
 from carom.sweeps.study import Measure, Study
@@ -88,6 +90,8 @@ def _compute(
     done = [name for name in study.ids if name in before and (before[name] == "done" or not retry_failed)]
     there = set(done)
     missing = [k for k, name in enumerate(study.ids) if name not in there]
+    if missing and (told := origin.remark(folder.origins(done), origin.here())):
+        warnings.warn(told, CaromWarning, stacklevel=3)
     state = Progress(len(done), sum(before[name] != "done" for name in done), study.cases, 0, 0.0)
     start = time.perf_counter()
 

@@ -19,6 +19,7 @@ from carom.batch import KINEMATICS
 from carom.batching import ENERGIES, MONITORS
 from carom.errors import CaromError, did_you_mean
 from carom.sweeps.design import Axis, Design, number, read_table
+from carom.sweeps.origin import COLUMNS as ORIGIN
 from carom.sweeps.targets import Targets
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ RESERVED = (
     "message",
     "time",
     "seconds",
+    *ORIGIN,
     *MONITORS,
     *(f"energy_{name}" for name in ENERGIES),
 )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import carom
 from carom.errors import CaromError, counted, did_you_mean
 from carom.files import write_whole
+from carom.sweeps.origin import COLUMNS, Origin, tally
 
 if TYPE_CHECKING:
     import pandas
@@ -62,6 +63,12 @@ class Sweep:
         """Which rows reached their end."""
         return np.asarray(self["outcome"] == "done") if len(self) else np.zeros(0, dtype=bool)
 
+    @cached_property
+    def origins(self) -> Mapping[Origin, int]:
+        """How many rows were computed by which Carom: version of the core and identity of its build, if they are known."""
+        blank = [None] * len(self)  # of tables from before the columns were written
+        return tally(*(self.table[name].to_pylist() if name in self.columns else blank for name in COLUMNS))
+
     @property
     def parameters(self) -> list[str]:
         """Columns of what varies."""
@@ -97,6 +104,7 @@ class Sweep:
             "design": self.study.design.kind,
             "failures": self.failures,
             "carom": carom.__version__,
+            "computed_by": [{**who._asdict(), "cases": cases} for who, cases in self.origins.items()],
         }
 
     def scene(self, case: int) -> Any:

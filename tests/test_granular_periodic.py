@@ -1,0 +1,151 @@
+"""Measures of a world that repeats itself: where the balls are written and where the borders lie must not matter.
+
+Balls of such worlds keep their coordinates when they pass a border, so after a flow they are many periods away; measures
+found none of them in the box then, and forces across the border were lost.
+"""
+
+from __future__ import annotations
+
+import carom
+import numpy as np
+import pytest
+from carom import granular
+from carom.errors import CaromError
+from carom.granular import Ball, Box, Contacts, Cylinder, Snapshot
+from carom.packing.neighbours import pairs, separation
+
+PERIOD = np.array([1.0, 1.2, 0.0])
+WORLD = Box((0, 0, 0), (1.0, 1.2, 0.9))
+
+
+@pytest.fixture(scope="module")
+def bed() -> Snapshot:
+    """200 balls at random in a world periodic along x and y, with a force between all that overlap, seen from afar."""
+    random = np.random.default_rng(5)
+    x = random.uniform(0, 1, (200, 3)) * np.array([1.0, 1.2, 0.9])
+    r = random.uniform(0.04, 0.07, 200)
+    a, b = pairs(x, r, PERIOD)
+    delta = separation(x[a] - x[b], PERIOD)
+    distance = np.linalg.norm(delta, axis=1)
+    force = random.normal(size=(len(a), 3)) + 3.0 * delta / distance[:, None]
+    contacts = Contacts(a, b, delta / distance[:, None], force, distance - r[a] - r[b], np.ones(len(a), bool))
+    one, velocity = np.ones(200), random.normal(size=(200, 3))
+    far = x + PERIOD * random.integers(-5, 6, (200, 3))
+    return Snapshot(
+        far, r, one, velocity, one, velocity, contacts, gravity=np.array([0, 0, -9.8]), period=PERIOD
+    )
+
+
+def moved(s: Snapshot, shift: np.ndarray) -> Snapshot:
+    return Snapshot(
+        s.position + shift, s.radius, s.mass, s.velocity, s.inertia, s.angular_velocity, s.contacts,
+        gravity=s.gravity, period=s.period,
+    )  # fmt: skip
+
+
+def test_stress_of_a_whole_period_is_the_sum_over_all_contacts(bed: Snapshot) -> None:
+    tall = Box((0, 0, -1), (1.0, 1.2, 2.0))
+    c = bed.touching
+    expected = np.einsum("ci,cj->ij", bed.branch, c.force) / tall.volume
+    np.testing.assert_allclose(granular.stress(bed, tall).contact, expected, rtol=1e-10, atol=1e-9)
+    flagged = Box(tall.low, tall.high, (True, True, False))
+    np.testing.assert_allclose(
+        granular.stress(bed, flagged).tensor, granular.stress(bed, tall).tensor, rtol=1e-10
+    )
+    assert granular.packing_fraction(bed, tall) == pytest.approx(bed.volume.sum() / tall.volume, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "region",
+    [
+        Box((0.7, 0.2, 0.1), (1.3, 0.9, 0.8)),
+        Cylinder((0.1, 0, 0.4), (1, 1, 0), 0.3, 0.8),
+        Ball((0, 0, 0.5), 0.4),
+    ],
+)
+def test_regions_across_a_border_see_what_those_within_see(
+    bed: Snapshot, region: Box | Cylinder | Ball
+) -> None:
+    """All is shifted, balls and region, by a part of a period: nothing changes."""
+    shift = np.array([0.37, 0.61, 0.0])
+    if isinstance(region, Box):
+        there = Box(tuple(np.add(region.low, shift)), tuple(np.add(region.high, shift)))
+    elif isinstance(region, Cylinder):
+        there = Cylinder(tuple(np.add(region.point, shift)), region.axis, region.radius, region.length)
+    else:
+        there = Ball(tuple(np.add(region.point, shift)), region.radius)
+    other = moved(bed, shift)
+    assert granular.packing_fraction(bed, region) > 0.1
+    assert granular.packing_fraction(other, there) == pytest.approx(
+        granular.packing_fraction(bed, region), rel=1e-9
+    )
+    for measure, name in (
+        (granular.stress, "tensor"),
+        (granular.fabric, "tensor"),
+        (granular.granular_temperature, "tensor"),
+    ):
+        found, same = (getattr(measure(s, region=r), name) for s, r in ((bed, region), (other, there)))
+        assert np.isfinite(found).all()
+        np.testing.assert_allclose(same, found, rtol=1e-9, atol=1e-9 * np.abs(found).max())
+    counted = granular.coordination(bed, region=region).counted
+    assert counted.sum() > 5
+    np.testing.assert_array_equal(granular.coordination(other, region=there).counted, counted)
+
+
+def test_a_region_of_two_periods_holds_every_ball_twice(bed: Snapshot) -> None:
+    one, two = Box((0, 0, 0), (1.0, 1.2, 0.9)), Box((0, 0, 0), (2.0, 1.2, 0.9))
+    assert granular.packing_fraction(bed, two) == pytest.approx(
+        granular.packing_fraction(bed, one), rel=1e-12
+    )
+    np.testing.assert_allclose(granular.stress(bed, two).tensor, granular.stress(bed, one).tensor, rtol=1e-9)
+    with pytest.raises(CaromError, match="periods long along x"):
+        granular.packing_fraction(bed, Box((-1e3, 0, 0), (1e3, 1, 1)))
+
+
+def test_contacts_by_gap_are_those_across_the_border_too(bed: Snapshot) -> None:
+    assert granular.coordination(bed, gap=0.0).mean == pytest.approx(2 * len(bed.touching.first) / 200)
+
+
+def test_a_periodic_box_has_the_length_of_the_world(bed: Snapshot) -> None:
+    with pytest.raises(CaromError, match=r"periodic along y over 1 m, the world over 1\.2 m"):
+        granular.packing_fraction(bed, Box((0, 0, 0), (1, 1, 1), (True, True, False)))
+
+
+def test_layers_of_a_periodic_box_stay_periodic(bed: Snapshot) -> None:
+    layers = granular.layers(Box(WORLD.low, WORLD.high, (True, True, False)), "z", 3)
+    assert [layer.periodic for layer in layers] == [(True, True, False)] * 3
+    np.testing.assert_allclose(
+        granular.over_regions(bed, granular.packing_fraction, layers).values,
+        granular.over_regions(bed, granular.packing_fraction, granular.layers(WORLD, "z", 3)).values,
+    )
+    assert granular.layers(Box(WORLD.low, WORLD.high, (True, True, False)), "x", 2)[0].periodic == (
+        False,
+        True,
+        False,
+    )
+
+
+def test_radial_distribution_finds_balls_that_flowed_away(bed: Snapshot) -> None:
+    box = Box((0.1, 0.1, 0.1), (0.9, 1.1, 0.9))
+    here = moved(Snapshot(bed.folded, bed.radius), np.zeros(3))
+    one, same = (granular.radial_distribution(s, box, reach=0.25, bins=5) for s in (bed, here))
+    np.testing.assert_array_equal(one.pairs, same.pairs)
+    assert one.pairs.sum() > 50
+
+
+def test_a_row_of_balls_between_weights_of_a_run() -> None:
+    """Eight balls that touch all round a periodic world, each under gravity on the floor: a layer carries all."""
+    radius, many = 0.01, 8
+    length = 2 * radius * many + 0.001
+    scene = carom.Scene(
+        "a row", periodic=(length, 5 * radius, 0), run={"until": 0.03, "step": 1e-3}, record={"every": 5}
+    )
+    scene.contact("glass", "glass", friction=0.0, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="glass")
+    for k in range(many):
+        place = ((2 * radius + 0.001 / many) * k - 3 * length, 0, radius)
+        scene.sphere(f"b{k}", radius=radius, mass=0.1, position=place, velocity=(0.1, 0, 0), material="glass")
+    s = granular.snapshot(carom.simulate(scene))
+    layer = Box((0, 0, 0.2 * radius), (length, 5 * radius, 0.6 * radius))
+    weight = many * 0.1 * 9.8 / (length * 5 * radius)
+    assert granular.stress(s, layer).contact[2, 2] == pytest.approx(weight, rel=1e-8)
