@@ -241,6 +241,23 @@ def test_small_islands_of_a_large_scene_have_their_impacts_judged(tmp_path: Path
     assert not report["impact"].unjudged
 
 
+def test_a_spring_at_the_ground_is_judged_where_the_first_ball_has_left(tmp_path: Path) -> None:
+    """The ground took its velocity, 0, from the first ball times 0, which is no number once that ball is gone."""
+    scene = carom.Scene(run={"step": 1e-3})
+    scene.contact("m", "m", friction=0.1, restitution=0.0)
+    scene.sphere("leaver", radius=0.01, mass=0.01, material="m", at=(1, 0, 0), velocity=(1, 0, 0))
+    scene.sphere("hung", radius=0.01, mass=0.01, material="m", at=(0, 0, 0))
+    scene.spring(
+        "hung", "ground", stiffness=10.0, damping=0.01, rest_length=0.05, points=((0, 0, 0), (0, 0, 0.1))
+    )
+    scene.outlet(low=(1.02, -1, -9), high=(9, 1, 9))
+    path = scenes.run(scene, tmp_path / "hung", 0.05)
+    assert not carom.load(path).present[-1][0]
+    report = audit.check(path)
+    assert report.ok, repr(report)
+    assert report["momentum"].judged
+
+
 def test_the_overlap_admitted_in_piles_is_the_solver_s() -> None:
     """The auditor has the formula in its own words; where they part, one of them is wrong."""
     contacts = np.unique(np.geomspace(101, 1e6, 200).astype(int))

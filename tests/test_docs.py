@@ -1,9 +1,8 @@
-"""The documentation runs: every notebook page and its figures; examples can be read; the patch of the guide applies."""
+"""The documentation runs: every notebook page and its figures; examples can be read."""
 
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -77,30 +76,6 @@ def test_what_the_reference_calls_a_module_of_carom_is_one() -> None:
     for name in re.findall(r"`carom\.([a-z]+)`", page):
         done = subprocess.run([sys.executable, "-c", f"import carom; carom.{name}"], check=False, timeout=60)
         assert done.returncode == 0, name
-
-
-@pytest.mark.parametrize("patch", sorted((DOCS / "guides").glob("*.patch")), ids=lambda patch: patch.stem)
-def test_the_guide_to_extensions_fits_this_version(patch: Path, tmp_path: Path) -> None:
-    """Each patch of docs/guides/extend.md applies, and touches the files that the page shows of it."""
-    files = re.findall(r"^\+\+\+ b/(.*)$", patch.read_text("utf-8"), re.M)
-    page = (DOCS / "guides" / "extend.md").read_text("utf-8")
-    shown = re.findall(rf"{{literalinclude}} {patch.name}\n(?::.*\n)*?.*\+\+\+ b/([^\"]*)\"", page)
-    assert shown
-    assert set(shown) <= set(files)
-    if shutil.which("patch") is None:
-        pytest.skip("the program patch is not installed")
-    for name in files:
-        if (ROOT / name).exists():
-            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, tmp_path / name)
-    done = subprocess.run(
-        ["patch", "-p1", "--batch", "-i", str(patch)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout
 
 
 def test_the_scenario_of_the_reference_runs(tmp_path: Path) -> None:

@@ -156,3 +156,15 @@ def test_wrong_names_and_moving_planes_are_told() -> None:
     with pytest.raises(CaromError, match="'belt' moves"):
         events.slip_to_roll(moving, "cue", "belt")
     assert {e.other for e in events.slip_to_roll(moving)} <= {"bed"}
+
+
+def test_events_are_the_same_however_few_frames_fit_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames are read in windows: an event may lie across the border of two, in any place."""
+    result = carom.simulate(shot(speed=0.3, rho=2e-3), every=7)
+    whole = events.rest(result), events.slip_to_roll(result)
+    assert [len(found) for found in whole] == [2, 1]
+    frames = len(result.time)
+    for numbers in range(3, frames + 2):
+        monkeypatch.setattr(events, "BLOCK", 6 * numbers)  # of two balls with three components
+        assert (events.rest(result), events.slip_to_roll(result)) == whole, numbers
+    assert events.rest(result, "cue") == [event for event in whole[0] if event.body == "cue"]

@@ -149,3 +149,15 @@ def test_a_row_of_balls_between_weights_of_a_run() -> None:
     layer = Box((0, 0, 0.2 * radius), (length, 5 * radius, 0.6 * radius))
     weight = many * 0.1 * 9.8 / (length * 5 * radius)
     assert granular.stress(s, layer).contact[2, 2] == pytest.approx(weight, rel=1e-8)
+
+
+def test_the_live_view_shows_balls_of_a_periodic_world_within_it() -> None:
+    """They had rolled out of the picture; films and pages bring them back."""
+    from carom.view.live import Live
+
+    scene = carom.Scene("away", periodic=(0.1, 0, 0), origin=(-0.05, 0, 0), run={"until": 0.01, "step": 1e-3})
+    scene.sphere("b", radius=0.01, mass=0.1, position=(7.23, 3.0, 1.0), velocity=(0.1, 0, 0), material="m")
+    scene.contact("m", "m", friction=0.0, restitution=0.0)
+    live = object.__new__(Live)  # without its server
+    live._result, live._every, live._scale = carom.simulate(scene), 1, 2.0
+    assert live._bodies(0)[0][0] == pytest.approx([2.0 * 0.03, 6.0, 2.0])

@@ -28,6 +28,18 @@ def test_one_version_everywhere() -> None:
     assert metadata.version("carom") == VERSION
 
 
+def test_the_file_to_cite_by_names_the_works_that_the_command_names() -> None:
+    from carom.citing import SOURCES
+
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    named = re.findall(
+        r'^  - type: article\n    title: "(.*)"$', citation.partition("\nreferences:\n")[2], re.M
+    )
+    assert len(named) == 2
+    assert named[0] == SOURCES["method"].partition(" (")[0]
+    assert named[1] in SOURCES["newton"]
+
+
 def test_every_crate_takes_the_version_of_the_workspace() -> None:
     for manifest in (ROOT / "crates").glob("*/Cargo.toml"):
         package = tomllib.loads(manifest.read_text(encoding="utf-8"))["package"]

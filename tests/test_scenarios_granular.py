@@ -269,7 +269,8 @@ def heap(seed: int, rolling: float = 0.0) -> granular.HeapAngle:
     """Angle of a heap that came to rest, and ran over the rim: no steeper column that was never in motion."""
     result = simulated("heap", values={"seed": seed, "rolling": rolling})
     assert result.summary["removed"] > (50 if rolling else 100)
-    assert np.nanmax(np.abs(result.velocity[-1])) < 0.01  # m/s
+    heaped = result.position[-1, :, 2] > 0  # not what has just left over the edge
+    assert np.abs(result.velocity[-1, heaped]).max() < 0.01  # m/s
     # The slope is some five diameters long: cells of the usual width leave too few points on it.
     return granular.heap_angle(result, centre=(0.0, 0.0, 0.0), cell=1.5)
 

@@ -18,9 +18,13 @@ folder = solve_cases.folder
 
 # --- Ctrl-C -----------------------------------------------------------------------------------------------------------
 
-SLOW = """
+#: Programs that a shell starts in the background ignore Ctrl-C, and so do theirs.
+HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+
+SLOW = f"""
+{HEARS}
 import sys, time, pytest
-sys.path.insert(0, {tests!r})
+sys.path.insert(0, {{tests!r}})
 from carom.problem.matrix import Csr
 from hypothesis import given, settings
 from solver_double import install, sweeps
@@ -88,9 +92,10 @@ except KeyboardInterrupt:
     assert (out, err) == ("interrupted True True\n", "")
 
 
-ENDLESS = """
+ENDLESS = f"""
+{HEARS}
 import sys, threading, time
-sys.path.insert(0, {tests!r})
+sys.path.insert(0, {str(Path(__file__).parent)!r})
 import numpy as np
 from carom import _core
 from solve_cases import chain
@@ -99,7 +104,7 @@ zero = np.zeros(local.contacts)
 def endless(cancel):
     return _core.solve_contact_problem(local.W.indptr, local.W.indices, local.W.data, local.q, 3, local.mu, zero, zero,
         None, "gauss-seidel", 1e-300, 0, float("inf"), 2, cancel)
-""".replace("{tests!r}", repr(str(Path(__file__).parent)))
+"""
 
 
 def test_the_core_ends_when_it_is_told_to() -> None:

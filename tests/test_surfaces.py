@@ -7,6 +7,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from carom.record.walls import PARAMETERS
 from carom.surfaces import Surface, surfaces, wall_mesh
 
 LOW, HIGH = np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0])
@@ -26,16 +27,20 @@ def walls_of(fill: Any, *, until: float = 0.002) -> list[Any]:
     return list(carom.simulate(scene).walls.values())
 
 
-@pytest.mark.parametrize(
-    ("shape", "facts", "area"),
-    [
-        ("rectangle", {"axis": [0, 0, 1], "side": [1, 0, 0], "size": [2.0, 3.0]}, 6.0),
-        ("disc", {"axis": [0, 1, 0], "radius": 2.0, "hole": 1.0}, 3 * np.pi),
-        ("cylinder", {"axis": [0, 0, 1], "radius": 0.5, "length": 2.0}, 2 * np.pi),
-        ("cone", {"axis": [0, 0, 1], "radius": 3.0, "radius_end": 0.0, "length": 4.0}, 15 * np.pi),
-        ("sphere", {"radius": 1.0}, 4 * np.pi),
-    ],
-)
+AREAS: list[tuple[str, dict[str, Any], float]] = [
+    ("rectangle", {"axis": [0, 0, 1], "side": [1, 0, 0], "size": [2.0, 3.0]}, 6.0),
+    ("disc", {"axis": [0, 1, 0], "radius": 2.0, "hole": 1.0}, 3 * np.pi),
+    ("cylinder", {"axis": [0, 0, 1], "radius": 0.5, "length": 2.0}, 2 * np.pi),
+    ("cone", {"axis": [0, 0, 1], "radius": 3.0, "radius_end": 0.0, "length": 4.0}, 15 * np.pi),
+    ("sphere", {"radius": 1.0}, 4 * np.pi),
+]
+
+
+def test_every_shape_is_drawn() -> None:
+    assert {shape for shape, _, _ in AREAS} == set(PARAMETERS)
+
+
+@pytest.mark.parametrize(("shape", "facts", "area"), AREAS)
 def test_walls_have_the_area_of_their_shape(shape: str, facts: dict[str, Any], area: float) -> None:
     vertices, faces = wall_mesh(shape, {"point": [0.2, 0.0, 0.0], **facts}, LOW, HIGH)
     found = np.linalg.norm(area_vectors(vertices, faces), axis=1).sum()

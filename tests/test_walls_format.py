@@ -10,13 +10,16 @@ import carom
 import jsonschema
 import numpy as np
 import pytest
+from carom.audit.surfaces import Surface
 from carom.errors import ScenarioError
+from carom.record.walls import PARAMETERS
+from carom.scenario.arrays import walls
 from carom.scenario.bodies import expand
 from carom.scenario.distances import gaps
 from carom.scenario.overlap import overlaps
 from carom.scenario.placing import placed_walls
 from carom.scenario.schema import json_schema
-from carom.scenario.walls import WALLS
+from carom.scenario.walls import PLANE, WALLS
 from carom.scene import Scene
 
 R = 0.01
@@ -194,6 +197,22 @@ def gap(scene: Scene, position: Any, radius: float = R) -> float:
     """Of one ball to the only wall of a scene."""
     (wall,) = placed_walls({name: list(enumerate(getattr(scene._tree, name))) for name in WALLS})
     return float(gaps(wall, np.array([position], dtype=float), np.array([radius]))[0])
+
+
+class TestEveryShape:
+    """What a new shape must not forget."""
+
+    def test_the_scene_of_these_tests_has_it(self) -> None:
+        assert {wall.kind for wall in walls(everything()._tree)} == {PLANE, *PARAMETERS}
+
+    def test_checks_and_auditor_measure_the_same_gap(self) -> None:
+        """They share no code; places are near the wall on all its sides, and far from it."""
+        rng = np.random.default_rng(1)
+        for wall in walls(everything()._tree):
+            place = wall.point + rng.uniform(-1.5, 1.5, (400, 3)) * rng.uniform(0, 1, (400, 1))
+            radius = np.full(400, R)
+            seen = Surface(wall.shape, wall.point, 0, None).meet(np.zeros(400), place, radius)[0]
+            assert gaps(wall, place, radius) == pytest.approx(seen, abs=1e-12), wall.name
 
 
 class TestGaps:

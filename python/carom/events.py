@@ -7,7 +7,7 @@ of their step, so they happened up to one step earlier; what is read off the fra
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
 from carom.tables import UnknownName
+from carom.touching import TOUCHING
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -25,10 +26,11 @@ F64 = NDArray[np.float64]
 
 #: Slip or speed below which a ball counts as rolling or at rest, m/s, unless the caller says otherwise.
 SPEED = 1e-3
-#: Gap over radius up to which a ball counts as touching a plane; one that overlaps it touches.
-TOUCHING = 1e-6
 #: How long all must be quiet for the stop condition `AtRest`, s.
 HOLD = 0.05
+
+#: Numbers of a quantity that are read at a time: runs of many balls and frames do not fit the memory.
+BLOCK = 6_000_000
 
 AWAY, SLIDING, ROLLING, RESTING = range(4)
 """What a ball does on a plane, as `phases` has it."""
@@ -57,6 +59,8 @@ def detect(result: Result, *, speed: float = SPEED) -> list[Event]:
 
 def first_contact(result: Result, body: str, other: str) -> Event | None:
     """The first time that these two, balls or walls, met; None if they never did."""
+    if body == other:
+        raise CaromError(f"first_contact: {body!r} is given twice; a contact is of two")
     known = [*result.names, *result.wall_names]
     pair = {_index(name, known) for name in (body, other)}
     return next((event for event in _first(result, pair)), None)
@@ -77,8 +81,9 @@ def phases(result: Result, body: str, surface: str, *, speed: float = SPEED) -> 
     It slides where the material point at the contact moves along the plane faster than `speed`, m/s; it rests where its
     centre is slower than that as well (a ball that spins in its place rests).
     """
+    _bound(speed)
     index = _index(body, result.names)
-    return _phases(result, _motion(result, index), (index, 0), _plane(result, surface), speed)[0]
+    return _phases(result, _motion(result, [index]), [index], _plane(result, surface), speed)[0][:, 0]
 
 
 def slip_to_roll(
@@ -89,22 +94,25 @@ def slip_to_roll(
     Slip falls linearly under dry friction, so the time is found by its slope in the two frames before, within the frames
     around it. Without `body` of all balls, without `surface` on all planes that stand.
     """
+    _bound(speed)
     names = result.names
-    bodies = range(len(names)) if body is None else [_index(body, names)]
-    motion = _motion(result, None if body is None else bodies[0])
+    bodies = list(range(len(names))) if body is None else [_index(body, names)]
     known = result.plane_names
     surfaces = [n for n in known if not _moves(result, n)] if surface is None else [surface]
-    time = np.asarray(result.time)
+    planes = [_plane(result, name) for name in surfaces]
+    times = np.asarray(result.time)
     found = []
-    for name in surfaces:
-        plane = _plane(result, name)
-        for place, index in enumerate(bodies):
-            state, slip, fast = _phases(result, motion, (index, place), plane, speed)
-            ends = np.flatnonzero((state[:-1] == SLIDING) & (state[1:] >= ROLLING))
-            for k in ends.tolist():
-                at = _end_of_slip(time, slip, state, k, speed)
+    for low, high in _windows(len(times), len(names)):
+        before = max(0, low - 2)  # the slope of slip is that of the two frames before
+        motion, time = _motion(result, bodies, rows=slice(before, high)), times[before:high]
+        for name, plane in zip(surfaces, planes, strict=True):
+            state, slip, fast = _phases(result, motion, bodies, plane, speed)
+            ends = (state[:-1] == SLIDING) & (state[1:] >= ROLLING)
+            ends[: max(0, low - before - 1)] = False  # those of the window before
+            for k, place in np.argwhere(ends).tolist():
+                at = _end_of_slip(time, slip[:, place], state[:, place], k, speed)
                 within = float(time[k + 1] - time[k])
-                found.append(Event("roll", at, within, names[index], name, float(fast[k + 1])))
+                found.append(Event("roll", at, within, names[bodies[place]], name, float(fast[k + 1, place])))
     return _sorted(found)
 
 
@@ -113,22 +121,32 @@ def rest(result: Result, body: str | None = None, *, speed: float = SPEED) -> li
 
     Balls that move at the end, or left, have no such event.
     """
-    time, radius = np.asarray(result.time), np.asarray(result.bodies["radius"])
-    names = result.names
-    bodies = range(len(names)) if body is None else [_index(body, names)]
-    velocity, spin, there = _motion(result, None if body is None else bodies[0], MOTION[1:])
-    found = []
-    for place, index in enumerate(bodies):
-        v = np.linalg.norm(velocity[:, place], axis=1)
-        w = radius[index] * np.linalg.norm(spin[:, place], axis=1)
-        quiet = (v <= speed) & (w <= speed) & there[:, place]
-        if not len(time) or not quiet[-1]:
-            continue
-        loud = np.flatnonzero(~quiet)
-        first = int(loud[-1]) + 1 if len(loud) else 0
-        before = float(time[first] - time[first - 1]) if first else 0.0
-        found.append(Event("rest", float(time[first]), before, names[index], "", float(v[first])))
-    return _sorted(found)
+    _bound(speed)
+    names, time = result.names, np.asarray(result.time)
+    bodies = list(range(len(names))) if body is None else [_index(body, names)]
+    radius = np.asarray(result.bodies["radius"])[bodies]
+    frames = len(time)
+    # From the end back: the frame after the last one in which a ball moved, and its speed there.
+    first, slowly = np.full(len(bodies), -1), np.zeros(len(bodies))
+    after = np.zeros(len(bodies))
+    for low, high in reversed(list(_windows(frames, len(names)))):
+        velocity, spin, there = _motion(result, bodies, MOTION[1:], slice(low, high))
+        v, w = np.linalg.norm(velocity, axis=2), radius * np.linalg.norm(spin, axis=2)
+        loud = ~((v <= speed) & (w <= speed) & there)
+        last = len(loud) - 1 - loud[::-1].argmax(axis=0)
+        ended = np.flatnonzero((first < 0) & loud.any(axis=0))
+        first[ended] = low + last[ended] + 1
+        slowly[ended] = np.vstack([v, after])[last[ended] + 1, ended]
+        after = v[0]
+        if (first >= 0).all():
+            break
+    always = first < 0
+    first[always], slowly[always] = 0, after[always]
+    return _sorted(
+        Event("rest", float(time[k]), float(time[k] - time[k - 1]) if k else 0.0, names[i], "", float(v))
+        for i, k, v in zip(bodies, first.tolist(), slowly.tolist(), strict=True)
+        if k < frames
+    )
 
 
 def departures(result: Result) -> list[Event]:
@@ -177,6 +195,11 @@ class AtRest:
         return view.time - self._since >= self.hold * (1 - 1e-9)
 
 
+def _bound(speed: float) -> None:
+    if not speed >= 0:
+        raise CaromError(f"speed = {speed:g} m/s is no bound of a speed; give one from 0, as {SPEED:g}")
+
+
 def _first(result: Result, pair: set[int] | None) -> list[Event]:
     names = [*result.names, *result.wall_names]
     earliest: dict[tuple[int, int], Event] = {}
@@ -195,7 +218,8 @@ def _first(result: Result, pair: set[int] | None) -> list[Event]:
             chosen = np.flatnonzero((body.min(axis=1) == low) & (body.max(axis=1) == high))
             body, time = body[chosen], time[chosen]
             closing = None if closing is None else np.asarray(closing)[chosen]
-        _, first = np.unique(body, axis=0, return_index=True)  # rows are in the order of time
+        # Rows are in the order of time. One number for each pair: rows as such are sorted ten times more slowly.
+        _, first = np.unique(body[:, 0] * len(names) + body[:, 1], return_index=True)
         for row in first.tolist():
             a, b = (int(i) for i in body[row])
             speed = float("nan") if closing is None else max(0.0, -float(np.asarray(closing)[row]))
@@ -209,31 +233,37 @@ def _first(result: Result, pair: set[int] | None) -> list[Event]:
 MOTION = ("position", "velocity", "angular_velocity", "present")
 
 
+def _windows(frames: int, bodies: int) -> Iterator[tuple[int, int]]:
+    """Frames in windows of so many numbers that they fit the memory, one after the other."""
+    size = max(3, BLOCK // (3 * max(1, bodies)))
+    for low in range(0, frames, size):
+        yield low, min(frames, low + size)
+
+
 def _motion(
-    result: Result, index: int | None = None, columns: Sequence[str] = MOTION
+    result: Result, bodies: list[int], columns: Sequence[str] = MOTION, rows: slice = slice(None)
 ) -> tuple[NDArray[Any], ...]:
-    """Columns of the frames, (T, N, ...), read once for all balls, or (T, 1, ...) of one."""
-    chosen = slice(None) if index is None else slice(index, index + 1)
-    return tuple(np.asarray(getattr(result, name)[:, chosen]) for name in columns)
+    """Columns of some frames, (T, n, ...), of some balls."""
+    if len(bodies) == 1:
+        chosen = slice(bodies[0], bodies[0] + 1)
+        return tuple(np.asarray(getattr(result, name)[rows, chosen]) for name in columns)
+    return tuple(np.asarray(getattr(result, name)[rows])[:, bodies] for name in columns)
 
 
 def _phases(
-    result: Result, motion: tuple[NDArray[Any], ...], ball: tuple[int, int], plane: int, speed: float
+    result: Result, motion: tuple[NDArray[Any], ...], bodies: list[int], plane: int, speed: float
 ) -> tuple[NDArray[np.int8], F64, F64]:
-    """Phases (T,), slip (T,) and speed of the centre (T,), m/s, of a ball on a plane; `ball`: its number, and its place in
-    `motion`.
-    """
+    """Phases, slip and speed of the centre, m/s, (T, n) each, of balls on a plane, whose `motion` is given."""
     normal = np.asarray(result.planes["normal"][plane])
     point = np.asarray(result.planes["point"][plane])
-    number, index = ball
-    radius = float(result.bodies["radius"][number])
-    x, v, w, there = (column[:, index] for column in motion)
+    radius = np.asarray(result.bodies["radius"])[bodies]
+    x, v, w, there = motion
     with np.errstate(invalid="ignore"):  # absent balls are nowhere
         touches = (x - point) @ normal - radius <= TOUCHING * radius
     touches &= there
-    at_contact = v - radius * np.cross(w, normal)
-    slip = np.linalg.norm(at_contact - np.outer(at_contact @ normal, normal), axis=1)
-    fast = np.linalg.norm(v, axis=1)
+    at_contact = v - radius[:, np.newaxis] * np.cross(w, normal)
+    slip = np.linalg.norm(at_contact - (at_contact @ normal)[:, :, np.newaxis] * normal, axis=2)
+    fast = np.linalg.norm(v, axis=2)
     state = np.where(slip > speed, SLIDING, np.where(fast > speed, ROLLING, RESTING))
     return np.where(touches, state, AWAY).astype(np.int8), slip, fast
 

@@ -27,11 +27,10 @@ from carom.scenario.mechanics import MECHANICS
 from carom.scenario.model import FORMAT, Record, Scenario, World
 from carom.scenario.options import Run
 from carom.scenario.packing import Packing, Places, faults
-from carom.scenario.placing import PLANE
 from carom.scenario.problems import Finding, Source
 from carom.scenario.taking import Taker
 from carom.scenario.walling import Waller
-from carom.scenario.walls import WALLS, Plane
+from carom.scenario.walls import PLANE, WALLS, Plane
 
 
 class Scene(Waller, Attacher, Taker):

@@ -24,6 +24,8 @@ use glam::DVec3;
 
 /// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
 pub(crate) const CANDIDATE_MARGIN: f64 = 1e-2;
+/// In scenes of many contacts: gap over r_c up to which pairs join where others have come to overlap.
+const RELIST_MARGIN: f64 = 5e-2;
 /// Rounds of listing new overlaps after the position solve.
 pub(crate) const MAX_RELIST: u32 = 20;
 
@@ -318,7 +320,9 @@ fn correct_positions(
     accept: bool,
 ) -> Result<(), Failure> {
     for round in 0..=MAX_RELIST {
+        let earlier = std::mem::take(&mut report.sweeps_position);
         solve_positions(model, state, scratch, span, report, accept)?;
+        report.sweeps_position += earlier;
         place(model, state, scratch);
         if !relist(model, state, scratch)? {
             break;
@@ -401,13 +405,22 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
         walls,
         ..
     } = scratch;
+    let known = contacts.len();
+    // In a pile what is pushed pushes on: pairs that come near join with those that overlap, or every round would take the
+    // front of a wave one ball further.
+    let margin = if known > model.options.pile_contacts as usize {
+        RELIST_MARGIN
+    } else {
+        0.0
+    };
     for i in 0..model.spheres() {
         let way = linear[i].displacement + shift[i][0];
-        need[i] = state.need(model, i, way.length() + CANDIDATE_MARGIN * model.radius[i]);
+        let near = margin.max(CANDIDATE_MARGIN) * model.radius[i];
+        need[i] = state.need(model, i, way.length() + near);
     }
     neighbours.refresh(&state.position, &model.radius, &walls.now, need);
     complete(neighbours)?;
-    let known = contacts.len();
+    let mut overlaps = false;
     let mut new = known;
     let mut next = 0;
     for &(a, b) in neighbours.pairs() {
@@ -418,12 +431,14 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
         if next < known && (contacts[next].a, contacts[next].b) == (a, b) {
             continue;
         }
-        if push_candidate(model, state, walls, position, (a, b), 0.0, contacts)? {
+        if push_candidate(model, state, walls, position, (a, b), margin, contacts)? {
             let c = &mut contacts[new];
-            if c.gap_check >= -model.options.gap_tolerance * c.length {
+            let overlapping = c.gap_check < -model.options.gap_tolerance * c.length;
+            if !overlapping && margin == 0.0 {
                 contacts.pop();
                 continue;
             }
+            overlaps |= overlapping;
             let smooth = |body: u32| match linear.get(body as usize) {
                 Some(p) => state.position[body as usize] + p.displacement,
                 None => DVec3::ZERO,
@@ -432,13 +447,12 @@ fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, F
             new += 1;
         }
     }
-    if contacts.len() == known {
+    if !overlaps {
+        contacts.truncate(known);
         return Ok(false);
     }
     contacts.sort_unstable_by_key(|c| (c.a, c.b));
-    for c in contacts.iter_mut() {
-        c.nu = [0.0; 6];
-    }
+    // Multipliers stay: piles are swept on from them.
     for i in 0..model.spheres() {
         shift[i] = [DVec3::ZERO; 2];
         position[i] = state.position[i] + linear[i].displacement;

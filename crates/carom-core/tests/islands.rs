@@ -212,7 +212,7 @@ fn steps_that_fail_fail_in_the_same_way() {
     let mut free = scene();
     free.joints.clear();
     free.loads.clear();
-    let s = fail(&free, OnNonconvergence::Stop, 1e-17, 4);
+    let s = fail(&free, OnNonconvergence::Stop, 8e-18, 4);
     assert!(s.state.step == 10 && s.monitors.halvings > 0);
     let s = fail(&free, OnNonconvergence::Warn, 1e-18, 1);
     let (halvings, unconverged) = (s.monitors.halvings, s.monitors.unconverged);

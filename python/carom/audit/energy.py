@@ -96,7 +96,7 @@ def _record(block: Block, tally: Tally, motion: F64, potential: F64 | None) -> N
     size = bound + 16.0 * EPS * np.abs(potential)
     if run.method == "penalty":
         # An indentation is known to a rounding of the coordinates, its energy to that over the indentation.
-        size = size + 1e-9 * np.abs(potential + 0.0) + 1e-9 * motion
+        size = size + 1e-9 * np.abs(potential) + 1e-9 * motion
     tally.measure("energy record", np.abs(_last(block, "energy_potential") - potential), size, block.place)
 
 
@@ -169,9 +169,7 @@ def _at_start(run: Run) -> tuple[float, float]:
 
 
 def _walls(block: Block) -> F64:
-    """(B,) half of the change of a moving wall's velocity over the interval times its impulses, and the second order of its
-    way, J.
-    """
+    """(B,) change of a moving wall's velocity over the interval times its impulses, J: twice what works may differ by."""
     run, c = block.run, block.rows
     found = np.zeros(block.count)
     for w, wall in enumerate(run.walls):
@@ -186,8 +184,7 @@ def _walls(block: Block) -> F64:
             ends.append((shape, material, spin))
         change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
         size = norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a]
-        moved = norm(c.position_impulse[mine]) * norm(ends[1][0]) / run.h
-        np.add.at(found, k, change * size + 0.0 * moved)
+        np.add.at(found, k, change * size)
     return found
 
 

@@ -131,9 +131,8 @@ def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
     for side in "ab":
         body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)
         if body < 0:
-            points.append(
-                (body, np.zeros((block.count, 3)), np.broadcast_to(arm, (block.count, 3)), 0.0 * x[:, 0])
-            )
+            still = np.zeros((block.count, 3))
+            points.append((body, still, np.broadcast_to(arm, (block.count, 3)), still))
             continue
         lever = rotated(q[:, body], np.broadcast_to(arm, (block.count, 3)))
         points.append((body, lever, x[:, body] + lever, v[:, body] + np.cross(w[:, body], lever)))

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.kinds import KINDS, Kind
+from carom.errors import did_you_mean
+from carom.tables import UnknownName
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,8 @@ class Report:
         return sorted(found, key=lambda f: -f.ratio)
 
     def __getitem__(self, kind: str) -> Verdict:
+        if kind not in self.verdicts:
+            raise UnknownName(f"no law is called {kind!r}; {did_you_mean(str(kind), list(self.verdicts))}")
         return self.verdicts[kind]
 
     def __repr__(self) -> str:

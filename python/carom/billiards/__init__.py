@@ -14,13 +14,14 @@ Nothing here is physics of its own: a cushion is a wall, a pocket an outlet, a s
 """
 
 from carom.billiards.cue import Strike, cue_impulse, strike
-from carom.billiards.data import LAWS, TABLES, Laws, Spec, Value
+from carom.billiards.data import LAWS, TABLES, TIPS, Laws, Spec, Value
 from carom.billiards.racks import rack_places
 from carom.billiards.table import Pocketed, Table, table
 
 __all__ = [
     "LAWS",
     "TABLES",
+    "TIPS",
     "Laws",
     "Pocketed",
     "Spec",

@@ -1,13 +1,31 @@
 """The strike of a cue: from tip offset, elevation and speed to the velocities of the ball.
 
-The tip gives the ball one impulse J along the cue at the point where it touches (no slip of the tip, no squirt). With the
-cue of mass M moving at V along the unit vector d, the point p from the centre of the ball and the moment of inertia I,
+The tip does not slip on the ball. With the cue moving at V along the unit vector d, the point p from the centre of the ball
+where it touches and the moment of inertia I, an impulse J changes the velocity of that point of the ball by C J,
 
-    J = (1 + e) V / (1/M + 1/m + |p x d|^2/I),   v = J d/m,   w = J p x d/I,
+    C = (1/m) 1 + (|p|^2 1 - p p^T)/I,
 
-which for e = 1 is the result of W. Leckie and M. Greenspan, An event-based pool physics simulator (2006), eqs. for v and w,
-and of D. Alciatore, TP A.30. A cue that points down gives a downward velocity: the bed answers to it in the first step of
-the run, with its own restitution and friction, and a jump or a masse shot follows from that.
+and that of the tip by -J/M along d, M the mass of the cue, and by -J/m_e across it: sideways only the front end of the
+shaft, of mass m_e, goes along within the millisecond of the contact. Afterwards ball and tip part along d with e V, e the
+restitution of the tip (1: no energy is lost; 0: they go on together), and do not move across each other:
+
+    (C + d d^T/M + (1 - d d^T)/m_e) J = (1 + e) V d,   v = J/m,   w = p x J/I.
+
+Without m_e, in the limit m_e -> 0, J is along the cue,
+
+    J = (1 + e) V/(1/M + 1/m + |p x d|^2/I),
+
+which for e = 1 is the result of W. Leckie and M. Greenspan, An event-based pool physics simulator (2006), eqs. for v and
+w, and of D. Alciatore, TP A.30. With it the ball starts off the cue's line, away from the side on which it is struck: at
+an offset of s radii across the cue by the angle
+
+    tan a = 5/2 s sqrt(1 - s^2)/(1 + m/m_e + 5/2 (1 - s^2)),
+
+for an offset to the side Alciatore's squirt (TP A.31, eq. 13). Of the energy of cue, end mass and ball (1 - e) V J/2 is
+lost.
+
+A cue that points down gives a downward velocity: the bed answers to it in the first step of the run, with its own
+restitution and friction, and a jump or a masse shot follows from that.
 """
 
 from __future__ import annotations
@@ -22,8 +40,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.billiards.data import TIPS
 from carom.billiards.given import number, place
-from carom.errors import CaromError
+from carom.errors import CaromError, did_you_mean
 from carom.units import UnitError, parse
 
 if TYPE_CHECKING:
@@ -34,7 +53,7 @@ F64 = NDArray[np.float64]
 CUE_MASS = 19 * 0.028349523125
 """A cue of 19 oz, kg."""
 MISCUE = 0.5
-"""Offset over radius beyond which leather tips slip, by rule of thumb."""
+"""Offset over radius beyond which tips slip: sin(atan(mu)) with the mu = 0.6 of a chalked tip (`data.ALCIATORE`) is 0.51."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +65,13 @@ class Strike:
     angular_velocity: F64
     """(3,) rad/s."""
     impulse: float
-    """J, N s."""
+    """J along the cue, N s."""
     cue_speed: float
     """Of the cue before, m/s."""
     cue_speed_after: float
     """Of the cue along its axis afterwards, m/s."""
     squirt: float
-    """Angle by which the ball starts off the direction of the cue, to the left if above 0, rad."""
+    """Angle by which the ball starts off the direction of the cue, seen from above, to the left if above 0, rad."""
 
 
 def cue_impulse(
@@ -74,13 +93,10 @@ def cue_impulse(
 
     `speed` is that of the cue, or `ball_speed` |v| of the ball after the strike, m/s. The tip touches `side` radii to the
     right of the cue's line through the centre and `height` radii above it, both across the cue as the player sees it.
-    `elevation` is that of the butt; `restitution` 1 is the textbook's, leather tips have 0.71 to 0.75 (`data.ALCIATORE`).
-    With `end_mass`, the mass of the cue's front end that takes part (kg), the ball squirts away from the side on which it
-    is struck:
-
-        tan a = 5/2 s sqrt(1 - s^2)/(1 + m/m_e + 5/2 (1 - s^2)),   s = side
-
-    (Alciatore, TP A.31); else it does not. Spin is that of the cue's line in either case.
+    `elevation` is that of the butt; `cue_mass` the mass that moves along the cue, that of the stick and of what of the hand
+    holds it firmly (kg); `restitution` that of the tip: 1 is the textbook's, which loses no energy, real tips have less
+    (`data.TIPS`). With `end_mass`, the mass of the shaft's front end (kg), the ball squirts: it starts off the line of the
+    cue, away from the side on which it is struck, also upwards if struck low; without it, along the cue.
     """
     if (speed is None) == (ball_speed is None):
         raise CaromError("strike: give speed (of the cue) or ball_speed, one of them, in m/s")
@@ -115,30 +131,30 @@ def cue_impulse(
     right = np.array([math.sin(direction), -math.cos(direction), 0.0])
     above = np.cross(right, along)
     depth = math.sqrt(1.0 - offset * offset)
-    lever = np.cross(radius * (side * right + height * above - depth * along), along)
+    point = radius * (side * right + height * above - depth * along)
+    # The impulse is along `line`, of which the part along the cue is 1; the compliance is that along the cue.
+    line = along
+    lever = np.cross(point, along)
     compliance = 1.0 / cue_mass + 1.0 / mass + float(lever @ lever) / inertia
+    if end_mass is not None:
+        ball = np.eye(3) / mass + ((point @ point) * np.eye(3) - np.outer(point, point)) / inertia
+        across = np.eye(3) - np.outer(along, along)
+        unit = np.linalg.solve(ball + np.outer(along, along) / cue_mass + across / end_mass, along)
+        compliance = 1.0 / float(unit @ along)
+        line = compliance * unit
+        lever = np.cross(point, line)
     if speed is None:
         assert ball_speed is not None
-        speed = mass * ball_speed * compliance / (1.0 + restitution)
+        speed = mass * ball_speed * compliance / ((1.0 + restitution) * float(np.linalg.norm(line)))
     impulse = (1.0 + restitution) * speed / compliance
-    squirt = 0.0
-    if end_mass is not None:
-        share = 1.0 - side * side
-        squirt = math.atan2(2.5 * side * math.sqrt(share), 1.0 + mass / end_mass + 2.5 * share)
-    turn = np.array(
-        [
-            [math.cos(squirt), -math.sin(squirt), 0.0],
-            [math.sin(squirt), math.cos(squirt), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    flat = np.array([math.cos(direction), math.sin(direction), 0.0])
     return Strike(
-        velocity=turn @ (impulse / mass * along),
+        velocity=impulse / mass * line,
         angular_velocity=impulse / inertia * lever,
         impulse=impulse,
         cue_speed=speed,
         cue_speed_after=speed - impulse / cue_mass,
-        squirt=squirt,
+        squirt=math.atan2(-float(line @ right), float(line @ flat)),
     )
 
 
@@ -152,13 +168,14 @@ def strike(
     height: float = 0.0,
     elevation: float | str = 0.0,
     cue_mass: float | str = CUE_MASS,
-    restitution: float = 1.0,
+    restitution: float | str = 1.0,
     end_mass: float | str | None = None,
 ) -> Strike:
     """Strike a ball of a scene that lies still: sets its velocity and angular velocity, and returns what it set.
 
-    `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table. The
-    other arguments are those of `cue_impulse`, numbers in SI or texts with a unit.
+    `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table.
+    `restitution` may be the name of a tip of `data.TIPS`, "leather" or "phenolic". The other arguments are those of
+    `cue_impulse`, numbers in SI or texts with a unit.
     """
     if any(ball.velocity) or any(ball.angular_velocity):
         raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
@@ -182,12 +199,23 @@ def strike(
         height=number("strike", "height (in radii)", height),
         elevation=_si(elevation, "angle", "elevation"),
         cue_mass=_si(cue_mass, "mass", "cue_mass"),
-        restitution=number("strike", "restitution", restitution),
+        restitution=_tip(restitution),
         end_mass=None if end_mass is None else _si(end_mass, "mass", "end_mass"),
     )
     ball.velocity = tuple(found.velocity.tolist())
     ball.angular_velocity = tuple(found.angular_velocity.tolist())
     return found
+
+
+def _tip(given: float | str) -> float:
+    """A restitution, or that of a tip by its name."""
+    if not isinstance(given, str):
+        return number("strike", "restitution", given)
+    if given not in TIPS:
+        raise CaromError(
+            f"strike: restitution: no tip is called {given!r}; {did_you_mean(given, list(TIPS))}"
+        )
+    return TIPS[given].value
 
 
 def _si(value: float | str, quantity: str, name: str) -> float:

@@ -11,7 +11,7 @@ WPA = "WPA tournament table & equipment specifications (2001)"
 WPBSA = "WPBSA official rules of snooker, section 1"
 UMB = "UMB rules of carom billiards, chapter on equipment"
 POOLTOOL = "default of pooltool (E. Kiefl)"
-ALCIATORE = "D. Alciatore's list of physical properties (billiards.colostate.edu), by copies of it"
+ALCIATORE = "D. Alciatore's list of physical properties (billiards.colostate.edu/threads/physics.html)"
 MARLOW = "fit of D. Alciatore, TP A.14, to W. C. Marlow, The Physics of Pocket Billiards (1995); eq. 51 of the paper"
 MATHAVAN_CUSHION = (
     "S. Mathavan, M. R. Jackson, R. M. Parkin, Proc. IMechE C 224 (2010) 1863: snooker, v < 2.5 m/s"
@@ -27,6 +27,13 @@ class Value:
     source: str
     low: float | None = None
     high: float | None = None
+
+
+TIPS: dict[str, Value] = {
+    "leather": Value(0.73, "1", f"middle of {ALCIATORE}: playing cues, tips of medium hardness", 0.71, 0.75),
+    "phenolic": Value(0.84, "1", f"middle of {ALCIATORE}: jump and break cues", 0.81, 0.87),
+}
+"""Restitution of cue tips against a ball, by what they are made of."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,12 @@ def _pool(name: str, length: float, width: float, source: str) -> Spec:
 
 
 TABLES: dict[str, Spec] = {
-    "7ft": _pool("7ft", 78 * INCH, 39 * INCH, f"area: {POOLTOOL}; all else as of the larger tables, {WPA}"),
+    "7ft": _pool(
+        "7ft",
+        78 * INCH,
+        39 * INCH,
+        f"area: as coin-operated tables are sold, and {POOLTOOL}; all else as of the larger tables, {WPA}",
+    ),
     "8ft": _pool("8ft", 92 * INCH, 46 * INCH, WPA),
     "9ft": _pool("9ft", 100 * INCH, 50 * INCH, WPA),
     "snooker": Spec(
@@ -101,7 +113,7 @@ class Laws:
     ball_friction: str | float = "9.951e-3 + 0.108*exp(-1.088*v)"
     """mu of the slip speed v, m/s: 0.11 at 0.07, 0.06 at 0.7, 0.01 at 7 m/s; see `MARLOW`."""
     cloth_friction: Value = Value(0.2, "1", POOLTOOL, 0.15, 0.4)
-    cloth_restitution: Value = Value(0.5, "1", f"{ALCIATORE}; upper end from memory", 0.5, 0.7)
+    cloth_restitution: Value = Value(0.5, "1", ALCIATORE)
     rolling_deceleration: Value = Value(0.01, "g", POOLTOOL, 0.005, 0.015)
     """Of a rolling ball, over g."""
     spin_deceleration: Value = Value(10.0, "rad/s^2", f"middle of {ALCIATORE}", 5.0, 15.0)

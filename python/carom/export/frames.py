@@ -91,8 +91,11 @@ class Selection:
         time = np.asarray(result.time)
         if not len(time):
             raise CaromError(f"{result.path} holds no frames yet; there is nothing to export")
-        if every < 1:
-            raise CaromError(f"every: {every} is below 1; 1 takes every recorded frame")
+        if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
+            raise CaromError(f"every: {every!r} is no whole number from 1; 1 takes every recorded frame")
+        for name, value in (("start", start), ("stop", stop)):
+            if value is not None and not isinstance(value, int | float | np.number):
+                raise CaromError(f"{name}: {value!r} is no time in s")
         # Times are products of the step: what was meant as a frame's time is it up to rounding.
         slack = 1e-9 * max(1e-30, float(time[-1]))
         first = 0 if start is None else int(np.searchsorted(time, start - slack))

@@ -74,9 +74,8 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             bonds = snapshot.bonds
             bonds.N, bonds.types = len(pairs), ["contact"]
             bonds.typeid = np.zeros(len(pairs), dtype=np.uint32)
-            bonds.group = np.searchsorted(
-                frame.body, pairs
-            )  # places in the frame, from which balls may be absent
+            # Places in the frame, from which balls may be absent.
+            bonds.group = np.searchsorted(frame.body, pairs)
             snapshot.log = {
                 "configuration/time": np.array([frame.time]),
                 "configuration/origin": origin,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -60,21 +59,23 @@ class Look:
         return look
 
     def _check(self, format: str) -> None:
+        for name in ("width", "height", "fps", "speed", "at"):
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, int | float):
+                raise CaromError(f"{name}: {value!r} is no number")
         for name in ("width", "height"):
             value = getattr(self, name)
             if not SIDES[0] <= value <= SIDES[1] or value != int(value):
                 raise CaromError(f"{name}: {value} is no whole number from {SIDES[0]} to {SIDES[1]} (pixels)")
             if format == "mp4" and value % 2:
                 raise CaromError(f"{name}: {value} is odd, which H.264 cannot hold; take {value + 1}")
-        for name, most in (("fps", 240.0), ("speed", math.inf)):
+        for name, most in (("fps", 240.0), ("speed", 1e9)):
             value = getattr(self, name)
             if value is not None and not 0.0 < value <= most:
-                raise CaromError(
-                    f"{name}: {value} is not above 0" + (" and at most 240" if name == "fps" else "")
-                )
+                raise CaromError(f"{name}: {value} is not above 0 and at most {most:g}")
         for name, choices in (("camera", CAMERAS), ("shading", SHADINGS)):
             value = getattr(self, name)
             if value not in choices:
-                raise CaromError(f"{name}: there is no {value!r}; {did_you_mean(value, list(choices))}")
+                raise CaromError(f"{name}: there is no {value!r}; {did_you_mean(str(value), list(choices))}")
         if self.at is not None and format != "png":
             raise CaromError(f"at: a still is a picture, and {format} a film; take the format png")

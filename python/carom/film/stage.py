@@ -17,6 +17,7 @@ from carom.film.look import Look
 from carom.film.mesh import Colour, actor, colour, mesh
 from carom.film.playback import Moment, Playback
 from carom.film.window import off_screen, pixels, vtk
+from carom.packing.neighbours import folded
 from carom.rotations import rotated, upward
 from carom.surfaces import Surface, surfaces
 from carom.view.links import links
@@ -131,8 +132,7 @@ class Stage:
 
     def _folded(self, position: F64) -> F64:
         """Centres in the scene; of a periodic world within one period."""
-        turns = np.floor((position - self._origin) / np.where(self._periods > 0, self._periods, np.inf))
-        return self._scaled(position - self._periods * turns)
+        return self._scaled(folded(position, self._periods, self._origin))
 
     # Walls.
 
@@ -253,6 +253,9 @@ class Stage:
         self._scale_of: tuple[F64, float] | None = None
         if self._look.shading not in ("speed", "spin"):
             return
+        from carom.plot import require_matplotlib
+
+        require_matplotlib()
         from matplotlib import colormaps
 
         table = np.asarray(colormaps["viridis"](np.linspace(0, 1, 256)))[:, :3]

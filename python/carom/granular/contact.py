@@ -185,6 +185,8 @@ def normal_forces(
     most: float = 6.0,
 ) -> NormalForces:
     """The distribution of the normal forces of all contacts that push, in `bins` up to `most` times the mean."""
+    if bins < 1 or not most > 0:
+        raise CaromError(f"normal_forces: {bins} bins up to {most:g}; both must be above 0")
     s = snapshot(source, frame)
     _, push = _pushing(s, region, walls)
     if not len(push):

@@ -76,6 +76,8 @@ def images(region: Region, points: F64, reach: F64, period: F64 | None) -> tuple
     """Numbers (M,) of the points (N, 3), m, that have an image within `reach` (N,), m, of the box around the region, and the
     places (M, 3) of these images. Without a `period` the points themselves, all of them.
     """
+    if not isinstance(region, Region):
+        raise CaromError(f"a region is a Box, a Cylinder or a Ball, found {type(region).__name__}")
     if period is None or not (period > 0).any():
         return np.arange(len(points)), points
     low, high = _around(region)
@@ -183,6 +185,8 @@ def _discs(region: Cylinder, k: int, count: int) -> list[Cylinder]:
 
 def cells(box: Box, counts: tuple[int, int, int]) -> list[Box]:
     """A box in equal parts: `counts` along x, y and z, x fastest. Axes that are not cut stay periodic."""
+    if not all(isinstance(count, int | np.integer) and count >= 1 for count in counts):
+        raise CaromError(f"cannot cut a box in {counts} cells; give three whole numbers from 1")
     edges = [np.linspace(box.low[k], box.high[k], counts[k] + 1).tolist() for k in range(3)]
     x, y, z = edges
     uncut = [open_ and count == 1 for open_, count in zip(box.periodic, counts, strict=True)]

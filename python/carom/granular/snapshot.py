@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.granular.region import Region, ball_volume, images
+from carom.packing.neighbours import folded
 from carom.rotations import upward
+from carom.touching import closed
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -35,9 +37,9 @@ class Contacts:
     force: F64
     """Mean force on the first body since the frame before, (C, 3), N: the impulse over the time."""
     gap: F64
-    """Distance of the surfaces at the frame, (C,), m."""
+    """Distance of the surfaces, (C,), m, at the last step in which the contact was closed, as the normal."""
     closed: Bool
-    """Whether the contact is closed at the frame; others only pushed since the frame before."""
+    """Whether the bodies touch at the frame; others only did since the frame before."""
 
     @cached_property
     def push(self) -> F64:
@@ -102,12 +104,7 @@ class Snapshot:
     @cached_property
     def folded(self) -> F64:
         """Centres (N, 3), m, within one period from the origin on: balls of a periodic world may be many periods away."""
-        if self.period is None:
-            return self.position
-        length = np.where(self.period > 0, self.period, np.inf)
-        return np.asarray(
-            self.position - np.where(self.period > 0, self.period, 0.0) * np.floor(self.position / length)
-        )
+        return folded(self.position, self.period)
 
     def within(self, region: Region) -> F64:
         """Volume of each ball that lies in a region, of all its images, (N,), m^3; 0 for balls that are absent."""
@@ -155,12 +152,17 @@ def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None =
     """
     if isinstance(source, Snapshot):
         return source
+    if not hasattr(source, "time"):
+        raise CaromError(f"a measure takes a Result or a Snapshot first, found {type(source).__name__}")
     times = np.asarray(source.time)
     if not len(times):
         raise CaromError("the result has no frames yet; wait until the run has written some")
     if time is not None:
+        slack = 1e-9 * float(times[-1])
+        if not times[0] - slack <= time <= times[-1] + slack:
+            raise CaromError(f"{time:g} s is outside of the run, {times[0]:g} to {times[-1]:g} s")
         frame = int(np.abs(times - time).argmin())
-    if not -len(times) <= frame < len(times):
+    if not isinstance(frame, int | np.integer) or not -len(times) <= frame < len(times):
         raise CaromError(f"there is no frame {frame}; give one of -{len(times)} to {len(times) - 1}")
     frame %= len(times)
     contacts, missing = None, ""
@@ -196,11 +198,13 @@ def _unrecorded(result: Result) -> bool:
 def _contacts(result: Result, frame: int, interval: float) -> Contacts:
     rows = result.contacts.at(frame)
     body = np.asarray(rows["body"]).astype(np.int64).reshape(-1, 2)
+    gap, position = np.asarray(rows["gap"]), np.asarray(result.position[frame])
+    place = position[body[:, 0]], position[np.minimum(body[:, 1], len(position) - 1)]
     return Contacts(
         first=body[:, 0],
         second=body[:, 1],
         normal=np.asarray(rows["normal"]).reshape(-1, 3),
         force=np.asarray(rows["impulse"]).reshape(-1, 3) / interval,
-        gap=np.asarray(rows["gap"]),
-        closed=np.asarray(rows["status"]) != 0,
+        gap=gap,
+        closed=closed(result, body, gap, place, np.full(len(body), float(result.time[frame]))),
     )

@@ -115,6 +115,8 @@ def _seen_from_above(
     turn, or m from the first strip.
     """
     up = s.up
+    if sectors < 1:
+        raise CaromError(f"sectors = {sectors}; give a number from 1")
     if shape not in ("radial", "planar"):
         raise CaromError(f"unknown shape {shape!r}; known: radial, planar")
     if shape == "planar":

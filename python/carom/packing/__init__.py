@@ -41,13 +41,22 @@ def draw(
     """Radii (N,), m: `count` of them, or as many as fill `fraction` of the region."""
     if (count is None) == (fraction is None):
         raise PackingError("count and fraction say the same thing in two ways", "give exactly one of them")
+    if count is not None and not 1 <= count <= MOST_BALLS:
+        raise PackingError(f"count = {count}", f"give a number of balls from 1 to {MOST_BALLS}")
+    if fraction is not None and not fraction > 0:
+        raise PackingError(f"fraction = {fraction:g}", "give a part of the region above 0")
     try:
         if count is not None:
-            return 0.5 * sizes.draw(count, stream)
-        assert fraction is not None
-        found = 0.5 * fill(sizes, fraction * region.volume, stream, MOST_BALLS)
+            found = 0.5 * sizes.draw(count, stream)
+        else:
+            assert fraction is not None
+            found = 0.5 * fill(sizes, fraction * region.volume, stream, MOST_BALLS)
     except Rare as error:
         raise PackingError(str(error), "widen the limits, or give another mean") from None
+    if not (found > 0).all():
+        raise PackingError(
+            f"the law of sizes gives a diameter of {2 * found.min():g} m", "give sizes above 0"
+        )
     if len(found) > MOST_BALLS:
         cause = f"a fraction of {fraction:g} would take more than {MOST_BALLS} balls"
         raise PackingError(cause, "give a smaller region or larger balls")
@@ -68,6 +77,8 @@ def pack(
     `gap` m at least is kept free between any two balls, half of it at walls. Raises `PackingError` where the balls have no
     room or jam.
     """
+    if not gap >= 0:
+        raise PackingError(f"gap = {gap:g} m", "balls do not overlap: give 0 or more")
     stream = Stream(seed)
     radius = draw(region, sizes, stream, count, fraction)
     return grow(region, radius, stream, gap)

@@ -46,6 +46,16 @@ def separation(delta: F64, period: F64 | None) -> F64:
     return nearest
 
 
+def folded(position: F64, period: F64 | None, origin: F64 | None = None) -> F64:
+    """Places (..., 3), m, within the period that begins at `origin` (3,), m; along axes whose `period` is 0 as they are."""
+    if period is None or not (period > 0).any():
+        return position
+    low = np.zeros(3) if origin is None else origin
+    turns = np.floor((position - low) / np.where(period > 0, period, np.inf))
+    moved: F64 = position - np.where(period > 0, period, 0.0) * turns
+    return moved
+
+
 def _with_images(position: F64, reach: float, period: F64) -> tuple[F64, I64]:
     """The balls, brought into the box from its lowest position on, then the images that may touch them."""
     inside = np.array(position)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.errors import CaromError
+
 F64 = NDArray[np.float64]
 
 _LN2_HIGH, _LN2_LOW = (
@@ -22,6 +24,8 @@ class Stream:
     """Random numbers of one seed, one after the other."""
 
     def __init__(self, seed: int) -> None:
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+            raise CaromError(f"seed = {seed!r}; give a whole number from 0")
         self._bits = np.random.PCG64(seed)
 
     def uniform(self, *shape: int) -> F64:

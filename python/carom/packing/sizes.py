@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.errors import CaromError
 from carom.packing.numbers import Stream, exp, log, total
 
 F64 = NDArray[np.float64]
@@ -87,6 +88,12 @@ class Table:
     diameters: tuple[float, ...]
     shares: tuple[float, ...]
     by_mass: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.diameters) != len(self.shares) or not self.diameters:
+            raise CaromError("Table: give as many shares as diameters, one at least")
+        if not (min(self.diameters) > 0 and min(self.shares) > 0):
+            raise CaromError("Table: diameters and shares must be above 0; leave out empty classes")
 
     def draw(self, count: int, stream: Stream) -> F64:
         diameters, weights = np.array(self.diameters), np.array(self.shares)

@@ -134,7 +134,9 @@ MEANINGS: dict[str, Meaning] = {
     "steps/line_search_position": Meaning("1", "line-search trials of the position sub-problem"),
     "steps/line_search_velocity": Meaning("1", "line-search trials of the velocity sub-problem"),
     "steps/impact_problems": Meaning("1", "problems of the impact sequence"),
-    "steps/sweeps_position": Meaning("1", "Gauss-Seidel sweeps of the pile that needed most, position level"),
+    "steps/sweeps_position": Meaning(
+        "1", "Gauss-Seidel sweeps of the pile that needed most, position level, over all listings of pairs"
+    ),
     "steps/sweeps_velocity": Meaning(
         "1", "the same at the velocity level, over the problems of the whole pile"
     ),

@@ -16,10 +16,11 @@ from carom.scenario.gain_advice import advise_gain
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
 from carom.scenario.model import World
-from carom.scenario.placing import FLAT, PLANE, Placed
+from carom.scenario.placing import FLAT, Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot
 from carom.scenario.wall_checks import COARSE, advise_walls
+from carom.scenario.walls import PLANE
 
 WARN_TRAVEL = 0.05
 """Travel per step, in radii, above which hits are inaccurate (rule R6)."""

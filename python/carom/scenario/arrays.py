@@ -14,8 +14,8 @@ from carom.scenario.laws import LawValue, as_core
 from carom.scenario.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
 from carom.scenario.model import Scenario
 from carom.scenario.packing import Packing
-from carom.scenario.placing import PLANE, Placed, motion_for_core, placed_walls
-from carom.scenario.walls import WALLS
+from carom.scenario.placing import Placed, motion_for_core, placed_walls
+from carom.scenario.walls import PLANE, WALLS
 
 EXPANDED = 10_000
 """A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond it."""

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from carom.scenario.bodies import F64
-from carom.scenario.placing import PLANE, Placed
+from carom.scenario.placing import Placed
+from carom.scenario.walls import PLANE
 
 FREE = math.inf
 """Gap of a ball that is on the far side of a piece of a surface, which has one face."""

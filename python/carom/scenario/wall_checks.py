@@ -18,10 +18,10 @@ from carom.scenario.laws import fault_at, value_at
 from carom.scenario.loads import ALL
 from carom.scenario.mechanics import references
 from carom.scenario.model import World
-from carom.scenario.placing import PLANE, Placed
+from carom.scenario.placing import Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import cross, norm, scaled
-from carom.scenario.walls import PARALLEL, Box
+from carom.scenario.walls import PARALLEL, PLANE, Box
 
 if TYPE_CHECKING:
     from carom.scenario.checks import Parts
@@ -115,8 +115,8 @@ def _called(wall: Placed) -> str:
 
 def _other_side(wall: Placed, depth: float, radius: float) -> str:
     """What else may have been meant where a ball is on the wrong side of a curved wall."""
-    if wall.kind in ("cylinder", "sphere", "cone") and depth > 2 * radius:
-        inside = bool(wall.shape[-1])
+    inside = wall.shape[-1]
+    if isinstance(inside, bool) and depth > 2 * radius:
         return f", or write inside = {str(not inside).lower()}: spheres live {'outside' if inside else 'inside'} then"
     return ""
 

@@ -1,7 +1,9 @@
-"""The tables of what stands or moves as prescribed: `[[plane]]`, `[[cylinder]]`, `[[ball_wall]]`, `[[cone]]`, `[[box]]`."""
+"""The tables of what stands or moves as prescribed: `[[plane]]`, `[[box]]` and the others of `WALLS`."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
 
@@ -13,12 +15,32 @@ from carom.scenario.lists import Direction, Lengths, as_list, each
 from carom.scenario.motion import Motion
 from carom.scenario.quantities import Distance, Length, Name, Position, Vec3, unit
 from carom.scenario.table import Table
-from carom.scenario.vectors import cross, norm
+from carom.scenario.vectors import cross, dot, norm, scaled
 
 SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
 """The sides of a box, in the order in which they become walls."""
 PARALLEL = 1e-6
 """Sine of the angle below which two directions count as parallel."""
+PLANE = "plane"
+"""Kind of the half-spaces, which the core keeps apart from the other shapes."""
+X, Y, Z = AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+Shape = tuple[Any, ...]
+"""Kind and parameters: `("rectangle", normal, side, [a, b])` and so on, see `_core.pyi`. The last parameter is a truth
+value, whether spheres live inside, of shapes that have an inside and an outside, and of no others.
+"""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One surface that a table stands for, where it is at the start."""
+
+    name: str
+    shape: Shape
+    point: Vec3
+    motion: Motion | None
+    pivot: Vec3
+    """Point of the axis of rotation where the motion does not name one, m."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +76,13 @@ class Wall(Table):
     name: Name = Field(description="name, unique among spheres and walls", examples=["bed"])
     material: Name = Field(description="name of its material", examples=["cloth"])
 
+    def pieces(self) -> list[Piece]:
+        """The surfaces that the table stands for."""
+        raise NotImplementedError
+
     def wall_names(self) -> list[str]:
-        """Names of the walls that the table stands for."""
-        return [self.name]
+        """Their names."""
+        return [piece.name for piece in self.pieces()]
 
 
 class Plane(Wall):
@@ -111,6 +137,15 @@ class Plane(Wall):
                 raise refuse("is parallel to the normal", "give a direction within the plane", ("side",))
         return self
 
+    def pieces(self) -> list[Piece]:
+        normal = direction_of(self.normal)
+        shape: Shape = (PLANE, normal)
+        if self.size is not None:
+            shape = ("rectangle", normal, _in_plane(self.side, normal), list(self.size))
+        elif self.radius is not None:
+            shape = ("disc", normal, self.radius, self.hole or 0.0)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+
 
 class Cylinder(Wall):
     """A circular tube, with open ends; its covers are discs."""
@@ -133,6 +168,11 @@ class Cylinder(Wall):
     inside: Annotated[bool, Flag()] = _INSIDE
     motion: Motion | None = _MOTION
 
+    def pieces(self) -> list[Piece]:
+        length = math.inf if self.length is None else self.length
+        shape = ("cylinder", direction_of(self.axis), self.radius, length, self.inside)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+
 
 class BallWall(Wall):
     """A sphere as a wall: a bowl that holds all, or a ball that stands or moves as prescribed."""
@@ -143,6 +183,10 @@ class BallWall(Wall):
     radius: Length = Field(description="radius", examples=[0.1], json_schema_extra=unit("m"))
     inside: Annotated[bool, Flag()] = _INSIDE
     motion: Motion | None = _MOTION
+
+    def pieces(self) -> list[Piece]:
+        shape = ("sphere", self.radius, self.inside)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
 
 
 class Cone(Wall):
@@ -175,6 +219,10 @@ class Cone(Wall):
             raise refuse("radius and radius_end are equal: this is a cylinder", cure, ("radius_end",))
         return self
 
+    def pieces(self) -> list[Piece]:
+        shape = ("cone", direction_of(self.axis), self.radius, self.radius_end, self.length, self.inside)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+
 
 class Box(Wall):
     """Up to six planes around a room; they move together. They are called `name.low_x`, `name.high_x` ..."""
@@ -205,28 +253,44 @@ class Box(Wall):
             raise refuse("all six sides are open", "leave a side out of open, or remove the box", ("open",))
         return self
 
-    def sides(self) -> list[str]:
-        """The sides that have a wall."""
-        return [side for side in SIDES if side not in self.open]
+    def pieces(self) -> list[Piece]:
+        return [self._side(side) for side in SIDES if side not in self.open]
 
-    def side_name(self, side: str) -> str:
-        """The name of the wall on a side."""
-        return f"{self.name}.{side}"
-
-    def wall_names(self) -> list[str]:
-        return [self.side_name(side) for side in self.sides()]
-
-    def centre(self) -> Vec3:
-        """About which the box turns unless its motion says otherwise, m."""
+    def _side(self, side: str) -> Piece:
+        """The wall on one side, a rectangle if it is finite. The box turns about its centre."""
+        end, _, letter = side.partition("_")
+        k = "xyz".index(letter)
         x, y, z = (0.5 * (a + b) for a, b in zip(self.low, self.high, strict=True))
-        return x, y, z
+        middle = [x, y, z]
+        sign, middle[k] = (1.0, self.low[k]) if end == "low" else (-1.0, self.high[k])
+        normal = [sign * c + 0.0 for c in AXES[k]]
+        shape: Shape = (PLANE, normal)
+        if self.finite:
+            first, second = (j for j in range(3) if j != k)
+            size = [self.high[j] - self.low[j] for j in (first, second)]
+            shape = ("rectangle", normal, list(AXES[first]), size)
+        return Piece(f"{self.name}.{side}", shape, (middle[0], middle[1], middle[2]), self.motion, (x, y, z))
+
+
+def _in_plane(side: Vec3 | None, normal: list[float]) -> list[float]:
+    """The direction of the first side of a rectangle: `side`, or x (y), made perpendicular to the normal."""
+    n = scaled(normal)
+    along = scaled(side) if side is not None else X
+    if side is None and math.hypot(*cross(X, n)) < PARALLEL:
+        along = Y
+    return direction_of([a - dot(along, n) * c for a, c in zip(along, n, strict=True)])
+
+
+def direction_of(direction: Sequence[float]) -> list[float]:
+    """The unit vector along a direction."""
+    return [c + 0.0 for c in scaled(direction)]  # no negative zeros
 
 
 WALLS: dict[str, type[Wall]] = {
     "plane": Plane,
+    "box": Box,
     "cylinder": Cylinder,
     "ball_wall": BallWall,
     "cone": Cone,
-    "box": Box,
 }
-"""Tables of walls by section."""
+"""Tables of walls by section, in the order in which results and messages count walls."""

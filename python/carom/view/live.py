@@ -16,9 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from carom.errors import CaromError
+from carom.packing.neighbours import folded
+from carom.rotations import upward
 from carom.surfaces import surfaces
 from carom.view.live_shapes import ball_halves
-from carom.view.scenery import bounds, held
+from carom.view.scenery import bounds, held, period
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -127,11 +129,11 @@ class Live:
         if self._every > 1:
             self.notes = (f"Shows {-(-count // self._every)} of {count} bodies (one in {self._every}).",)
         self._radius = np.asarray(result.bodies["radius"], dtype=np.float64)[:: self._every]
-        up = -np.asarray(result.gravity, dtype=np.float64)
-        scene.set_up_direction(tuple(up / np.linalg.norm(up)) if up.any() else "+z")
+        up = upward(result.gravity)
+        scene.set_up_direction(tuple(up))
         self._scale = 1.0
         position, orientation = self._bodies(0)
-        low, high = bounds(position[np.newaxis], None, None)
+        low, high = bounds(position[np.newaxis], None, period(result))
         low, high = low - self._radius.max(), high + self._radius.max()
         # Lights and depth of the page are made for scenes of some metres.
         self._scale = SIZE / float(np.linalg.norm(high - low))
@@ -155,11 +157,7 @@ class Live:
         for surface in surfaces(list(result.walls.values()), low, high, up):
             wall = surface.wall
             # What stands between us and the balls is not drawn; of planes without end only what carries them.
-            if (
-                wall.shape == "plane"
-                and not wall.motion.moves
-                and wall.facts["normal"] @ up < 0.5 * np.linalg.norm(up)
-            ):
+            if wall.shape == "plane" and not wall.motion.moves and wall.facts["normal"] @ up < 0.5:
                 continue
             handle = scene.add_mesh_simple(
                 f"/walls/{wall.index}",
@@ -186,20 +184,20 @@ class Live:
 
     def _camera(self, low: Floats, high: Floats, up: Floats) -> None:
         middle, reach = 0.5 * (low + high), float(np.linalg.norm(high - low))
-        above = up / np.linalg.norm(up) if up.any() else np.array([0.0, 0.0, 1.0])
-        aside = np.cross([0.0, 1.0, 0.0] if abs(above[1]) < 0.9 else [0.0, 0.0, 1.0], above)
+        aside = np.cross([0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [0.0, 0.0, 1.0], up)
         aside /= np.linalg.norm(aside)
-        sight = np.cross(aside, above) - 0.25 * aside + 0.7 * above
+        sight = np.cross(aside, up) - 0.25 * aside + 0.7 * up
         camera = self._server.initial_camera
-        camera.position, camera.look_at, camera.up = middle + 0.9 * reach * sight, middle, above
+        camera.position, camera.look_at, camera.up = middle + 0.9 * reach * sight, middle, up
 
     def _bodies(self, frame: int) -> tuple[Floats, Floats]:
-        """Centres (N, 3), scaled to the page, and attitudes (N, 4) of the balls shown.
+        """Centres (N, 3), scaled to the page, within the period where there is one, and attitudes (N, 4) of the balls shown.
 
         Absent ones are somewhere, and are drawn without size.
         """
         result, bodies = self._result, slice(None, None, self._every)
-        position = self._scale * np.asarray(result.position[frame], dtype=np.float64)[bodies]
+        position = np.asarray(result.position[frame], dtype=np.float64)[bodies]
+        position = self._scale * folded(position, result.periodic, result.periodic_origin)
         orientation = np.asarray(result.orientation[frame], dtype=np.float64)[bodies]
         there = np.isfinite(position[:, 0]).reshape(1, -1)
         if there.all():

@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from carom.record.walls import PARAMETERS, WIDTHS
+
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-NUMBERS = {"radius": "radius", "hole": "hole", "radius_end": "end", "length": "length"}
-"""Columns of a wall that are numbers, and what the page calls them."""
+NUMBERS = [name for name, width in WIDTHS.items() if width == 1]
+"""Columns of a wall that are numbers."""
+SHORT = {"radius_end": "end"}
+"""What the page calls some of them."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +83,11 @@ def _wall(wall: Any) -> dict[str, Any]:
         found["axis"] = _unit(axis)
     if wall.shape == "rectangle":
         found |= {"side": _vector(row["side"]), "size": _vector(row["size"])}
-    for key, short in NUMBERS.items():
+    for key in NUMBERS:
         value = float(row.get(key, math.nan))
         if math.isfinite(value):
-            found[short] = value
-    if wall.shape in ("cylinder", "sphere", "cone"):
+            found[SHORT.get(key, key)] = value
+    if "inside" in PARAMETERS.get(wall.shape, ()):
         found["inside"] = bool(row["inside"])
     return found
 

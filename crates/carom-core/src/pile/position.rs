@@ -2,7 +2,7 @@
 //! that the last one led to.
 
 use super::roll::{self, Turning};
-use super::{budget, keep, node, told, warm::Cursor, worst, Pile, PATIENCE};
+use super::{budget, keep, node, record, told, warm::Cursor, worst, Pile, PATIENCE};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
@@ -73,17 +73,24 @@ fn solve(
     let o = &model.options;
     let ratio = (span.h / state.warm_step).powi(2);
     let mut cursor = Cursor::new(&state.warm);
+    // Solved before in this step, but for contacts that have joined: only these are new.
+    let again = members.iter().any(|&m| contacts[m as usize].nu[0] > 0.0);
     pile.start.clear();
     pile.start_moments.clear();
     let rolls = members.iter().any(|&m| roll::rolls(&contacts[m as usize]));
     for &m in members {
         let c = &contacts[m as usize];
-        let warm = cursor.find((c.a, c.b));
-        let start = warm.map_or([0.0; 3], |w| (ratio * w.position).to_array());
-        pile.start.push(start);
+        let start = if again {
+            record::position(c, c.n1)
+        } else {
+            let warm = cursor.find((c.a, c.b));
+            warm.map_or([DVec3::ZERO; 2], |w| {
+                [ratio * w.position, ratio * w.position_moment]
+            })
+        };
+        pile.start.push(start[0].to_array());
         if rolls {
-            let start = warm.map_or([0.0; 3], |w| (ratio * w.position_moment).to_array());
-            pile.start_moments.push(start);
+            pile.start_moments.push(start[1].to_array());
         }
     }
     // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
@@ -219,8 +226,8 @@ fn solve(
     for (slot, ((&m, r), z)) in solved.enumerate() {
         let c = &mut contacts[m as usize];
         let normal = DVec3::from(z.normal);
-        super::record::set_frame(c, normal);
-        c.nu = super::record::packed(c, normal, DVec3::from(*r), moment_of(slot));
+        record::set_frame(c, normal);
+        c.nu = record::packed(c, normal, DVec3::from(*r), moment_of(slot));
     }
     true
 }

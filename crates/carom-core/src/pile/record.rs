@@ -24,6 +24,16 @@ pub fn packed(c: &Contact, normal: DVec3, impulse: DVec3, moment: DVec3) -> [f64
     rows
 }
 
+/// Position multipliers of a contact as vectors of the world: of forces, and of moments.
+pub fn position(c: &Contact, normal: DVec3) -> [DVec3; 2] {
+    let force = if c.bounds.sliding > 0.0 {
+        c.nu[0] * normal + c.nu[1] * c.t1 + c.nu[2] * c.t2
+    } else {
+        c.nu[0] * normal
+    };
+    [force, c.to_world(normal, &c.nu).moment]
+}
+
 /// Turns the frame of a contact to `normal`: its position multipliers keep their components along the normal and across.
 pub fn turn_frame(c: &mut Contact, normal: DVec3) {
     let (t1, t2) = (c.t1, c.t2);

@@ -495,14 +495,13 @@ impl Pile {
                 Status::Stick
             };
             if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
-                let slides = f64::from(u8::from(c.bounds.sliding > 0.0));
-                let slide = [c.nu[1], c.nu[2]].map(|nu| slides * nu);
+                let [position, position_moment] = record::position(c, m.normal);
                 scratch.warm.push(Warm {
                     key: (c.a, c.b),
                     impulse: m.load,
                     moment: turning.load,
-                    position: c.nu[0] * m.normal + slide[0] * c.t1 + slide[1] * c.t2,
-                    position_moment: c.to_world(m.normal, &c.nu).moment,
+                    position,
+                    position_moment,
                 });
             }
             let free = memory.free(m).dot(m.normal);

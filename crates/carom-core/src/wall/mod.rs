@@ -71,7 +71,8 @@ impl Wall {
             Shape::Ball(w) => sign(w.inside) / w.radius,
             Shape::Cylinder(w) => 0.5 * sign(w.inside) / w.radius,
             Shape::Cone(w) => sign(w.inside) / (w.radius + w.radius_end),
-            _ => 0.0,
+            Shape::HalfSpace { .. } | Shape::Rectangle(_) | Shape::Disc(_) => 0.0,
+            Shape::Sphere { .. } => 0.0, // no wall
         }
     }
 

@@ -1,0 +1,107 @@
+"""The extensions of docs/guides/extend.md: each patch applies to this version; the long tier builds and proves each."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from carom import _core
+from docs_pages import DOCS, ROOT
+
+PAGE = DOCS / "guides" / "extend.md"
+PATCHES = sorted((DOCS / "guides").glob("*.patch"))
+#: Always the same place: cargo compiles what Carom is built on once, and later only the copy.
+PLACE = ROOT / "target" / "extensions"
+PYTHON = ".venv/bin/python"
+
+
+def section(patch: Path) -> str:
+    """What the page says of a patch."""
+    (found,) = (part for part in PAGE.read_text("utf-8").split("\n## ") if f"guides/{patch.name}`" in part)
+    return found
+
+
+def commands(patch: Path) -> list[list[str]]:
+    """The tests that the page names as its proof."""
+    lines = re.findall(rf"^    ((?:cargo test|{re.escape(PYTHON)} -m pytest) .*)$", section(patch), re.M)
+    return [shlex.split(line) for line in lines]
+
+
+def apply(patch: Path, tree: Path) -> None:
+    if shutil.which("patch") is None:
+        pytest.skip("the program patch is not installed")
+    # With --batch a patch that is in already would be taken back, in silence.
+    command = ["patch", "-p1", "--force", "-i", str(patch)]
+    done = subprocess.run(command, cwd=tree, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("patch", PATCHES, ids=lambda patch: patch.stem)
+def test_a_patch_fits_this_version(patch: Path, tmp_path: Path) -> None:
+    """It applies, touches the files that the page shows of it, brings a test, and the page says how to run it."""
+    files = re.findall(r"^\+\+\+ b/(.*)$", patch.read_text("utf-8"), re.M)
+    shown = re.findall(rf"{{literalinclude}} {patch.name}\n(?::.*\n)*?.*\+\+\+ b/([^\"]*)\"", section(patch))
+    assert shown
+    assert set(shown) <= set(files)
+    assert [name for name in files if "tests/" in name]
+    assert commands(patch)
+    for name in files:
+        if (ROOT / name).exists():
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tmp_path / name)
+    apply(patch, tmp_path)
+
+
+def copy_of_the_tree(tree: Path) -> None:
+    """What is or would be in the repository, without what was built."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+    )
+    if listed.returncode != 0:
+        pytest.skip("not a working copy of git")
+    shutil.rmtree(tree, ignore_errors=True)
+    for name in filter(None, listed.stdout.decode().split("\0")):
+        source, target = ROOT / name, tree / name
+        if source.is_symlink() or source.is_file():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, target, follow_symlinks=False)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("patch", PATCHES, ids=lambda patch: patch.stem)
+def test_an_extension_is_what_the_page_says(patch: Path) -> None:
+    """Applied to a copy and built, it passes the tests that the page names."""
+    tree = PLACE / "tree"
+    copy_of_the_tree(tree)
+    apply(patch, tree)
+    environment = {
+        **os.environ,
+        "CARGO_TARGET_DIR": str(PLACE / "build"),
+        "PYTHONPATH": str(tree / "python"),
+    }
+
+    def run(command: list[str]) -> None:
+        done = subprocess.run(
+            command, cwd=tree, env=environment, capture_output=True, text=True, timeout=3600, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+
+    extension = Path(_core.__file__)
+    if "+++ b/crates/" in patch.read_text("utf-8"):
+        if shutil.which("cargo") is None:
+            pytest.skip("no Rust compiler")
+        run(["cargo", "build", "--release", "-p", "carom-py"])
+        shutil.copy(PLACE / "build" / "release" / "lib_core.so", tree / "python" / "carom" / extension.name)
+    else:
+        shutil.copy(extension, tree / "python" / "carom" / extension.name)
+    for program, *arguments in commands(patch):
+        run([sys.executable if program == PYTHON else program, *arguments])

@@ -1,0 +1,80 @@
+"""What a person may get wrong in Python with a finished run, and with packings: told in words, never by a traceback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import carom
+import pytest
+from carom import events, granular, packing
+from carom.errors import CaromError
+from carom.film.look import Look
+
+BOX = granular.Box((0, 0, 0), (1, 1, 1))
+
+
+@pytest.fixture(scope="module")
+def result() -> carom.Result:
+    """A ball that slides to a stop at another."""
+    scene = carom.Scene("wrong use", run={"until": 0.05, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for name, x, v in (("a", 0.0, 0.3), ("b", 0.1, 0.0)):
+        scene.sphere(name, radius=0.01, mass=0.01, material="m", at=(x, 0, 0.01), velocity=(v, 0, 0))
+    return carom.simulate(scene)
+
+
+def pack(law: Any = None, **options: Any) -> object:
+    return packing.pack(BOX, law or packing.Equal(0.1), **{"seed": 1, "count": 3, **options})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (lambda r: events.rest(r, speed=-1.0), "speed = -1 m/s"),
+        (lambda r: events.slip_to_roll(r, speed=float("nan")), "speed = nan m/s"),
+        (lambda r: events.phases(r, "a", "floor", speed=-1.0), "speed = -1 m/s"),
+        (lambda r: events.first_contact(r, "a", "a"), "'a' is given twice"),
+        (lambda r: granular.snapshot(r, 1.0), "no frame 1.0"),
+        (lambda r: granular.snapshot(r, time=9.0), "9 s is outside of the run, 0 to 0.05 s"),
+        (lambda r: granular.packing_fraction(BOX, r), "takes a Result or a Snapshot first, found Box"),
+        (
+            lambda r: granular.packing_fraction(r, ((0, 0, 0), (1, 1, 1))),
+            "a Box, a Cylinder or a Ball, found tuple",
+        ),
+        (lambda r: granular.stress(r, None), "a Box, a Cylinder or a Ball, found NoneType"),
+        (lambda r: granular.normal_forces(r, bins=0), "0 bins up to 6"),
+        (lambda r: granular.run_out(r, sectors=0), "sectors = 0"),
+        (lambda r: granular.layers(BOX, "x", 2.5), "three whole numbers from 1"),
+        (lambda r: granular.cells(BOX, (0, 1, 1)), "three whole numbers from 1"),
+        (lambda r: granular.over_frames(r, granular.stress, BOX, every=0), "every = 0"),
+        (lambda r: r.export("nowhere", "csv", every=1.5), "every: 1.5 is no whole number"),
+        (lambda r: r.export("nowhere", "csv", start="0.1"), "start: '0.1' is no time"),
+        (lambda r: Look.of("png", {"width": "big"}), "width: 'big' is no number"),
+        (lambda r: Look.of("mp4", {"speed": float("inf")}), "speed: inf is not above 0 and at most"),
+        (lambda r: Look.of("png", {"camera": 3}), "camera: there is no 3"),
+        (lambda r: carom.audit.check(r)["momentun"], "did you mean momentum"),
+        (lambda r: pack(count=0), "count = 0"),
+        (lambda r: pack(count=None, fraction=-0.1), "fraction = -0.1"),
+        (lambda r: pack(packing.Equal(-0.1)), "a diameter of -0.1 m"),
+        (lambda r: pack(packing.Normal(0.0, 0.1, -1.0, 1.0), count=20), "a diameter of -0"),
+        (lambda r: pack(gap=-1.0), "gap = -1 m"),
+        (lambda r: pack(seed=-1), "seed = -1"),
+        (lambda r: pack(seed=1.5), "seed = 1.5"),
+        (lambda r: packing.Table((0.1,), (0.0,)), "above 0"),
+        (lambda r: packing.Table((0.1,), (0.5, 0.5)), "as many shares as diameters"),
+    ],
+)
+def test_what_is_wrong_is_said(
+    result: carom.Result, wrong: Callable[[carom.Result], object], told: str
+) -> None:
+    with pytest.raises(CaromError) as caught:
+        wrong(result)
+    assert told in str(caught.value)
+
+
+def test_one_name_is_as_good_as_a_list_of_one(result: carom.Result) -> None:
+    """The letters of the name were taken for bodies."""
+    pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
+    assert list(result.plot.chart("velocities", bodies="a").data)[1] == "a v_x (m/s)"
