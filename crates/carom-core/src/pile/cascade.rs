@@ -156,6 +156,8 @@ struct Before {
     jump: Vec<[DVec3; 2]>,
     impulse: Vec<DVec3>,
     slip: Vec<DVec3>,
+    /// Relative angular velocities and moments, where something rolls.
+    turn: Vec<[DVec3; 2]>,
 }
 
 impl Velocity {
@@ -168,6 +170,10 @@ impl Velocity {
             impulse: members().map(|m| m.impulse).collect(),
             slip: members()
                 .map(|m| self.measures(model, m, Law::Later, 1.0))
+                .collect(),
+            turn: chosen
+                .iter()
+                .filter_map(|&slot| self.turning_now(slot))
                 .collect(),
         }
     }
@@ -188,9 +194,16 @@ impl Pile {
         let stated: Vec<keep::Stated> = chosen
             .iter()
             .zip(before.slip.iter().zip(&before.impulse))
-            .map(|(&slot, (&slip, &impulse))| {
+            .enumerate()
+            .map(|(k, (&slot, (&slip, &impulse)))| {
                 let m = &velocity.members[slot as usize];
-                keep::Stated::of(m, slip, m.impulse - impulse)
+                let turning = before
+                    .turn
+                    .get(k)
+                    .map_or([DVec3::ZERO; 2], |[turn, moment]| {
+                        [*turn, velocity.turning[slot as usize].moment - *moment]
+                    });
+                keep::Stated::of(m, slip, m.impulse - impulse, turning)
             })
             .collect();
         let correction: Vec<[f64; 6]> = velocity
@@ -295,6 +308,9 @@ fn solve_little(
         };
         let slip = velocity.measures(model, m, Law::Later, 1.0);
         group.push_contact(m, (local(m.a), local(m.b)), slip);
+        if let Some(turning) = velocity.turning.get(slot as usize) {
+            group.push_roll(turning, velocity.turn(slot));
+        }
     }
     let (_, residual, solved) = group.solve(&goal);
     if !solved {
@@ -310,6 +326,11 @@ fn solve_little(
             let before = velocity.now(m);
             let [n, t] = velocity::work(m, group.impulse(k), before, before + group.change(k));
             done += n + t;
+            if group.rolls() {
+                let (moment, change) = (group.moment(k), group.turn_change(k));
+                let [r, s] = velocity.turning_work(slot, moment, change);
+                done += r + s;
+            }
         }
         let kinetic: f64 = nodes
             .iter()
@@ -346,9 +367,22 @@ fn solve_little(
         let done = velocity::work(&m, r, before, after);
         pushed |= r != DVec3::ZERO;
         let speed = [before.dot(m.normal), after.dot(m.normal)];
-        velocity.every.push(slot, problem, r, speed, scale);
+        let moment = if group.rolls() {
+            group.moment(k)
+        } else {
+            DVec3::ZERO
+        };
+        velocity
+            .every
+            .push(slot, problem, [r, moment], speed, scale);
         let tol = velocity.tol;
-        velocity.members[slot as usize].add(problem, r, speed[0], done, scale, tol);
+        let member = &mut velocity.members[slot as usize];
+        let hits = member.add(problem, r, speed[0], done, scale, tol);
+        if group.rolls() {
+            let change = group.turn_change(k);
+            let done = velocity.turning_work(slot, moment, change);
+            velocity.turning[slot as usize].add(moment, done, hits);
+        }
     }
     for (local, &node) in nodes.iter().enumerate() {
         let [v, w] = group.correction(local as u32);

@@ -14,7 +14,8 @@ use glam::DVec3;
 struct Row {
     slot: u32,
     problem: u32,
-    impulse: DVec3,
+    /// Impulse and moment on A, N s and N m s.
+    given: [DVec3; 2],
     /// Normal velocity before and after the problem, m/s.
     approach: f64,
     separation: f64,
@@ -34,17 +35,24 @@ impl Rows {
         self.rows.clear();
     }
 
-    /// Keeps what a problem gave a contact; `speed` along the normal before and after it.
+    /// Keeps the impulse and moment that a problem gave a contact; `speed` along the normal before and after it.
     #[inline]
-    pub fn push(&mut self, slot: u32, problem: u32, impulse: DVec3, speed: [f64; 2], scale: f64) {
-        if !self.wanted || impulse == DVec3::ZERO {
+    pub fn push(
+        &mut self,
+        slot: u32,
+        problem: u32,
+        given: [DVec3; 2],
+        speed: [f64; 2],
+        scale: f64,
+    ) {
+        if !self.wanted || given[0] == DVec3::ZERO {
             return;
         }
         let [approach, separation] = speed;
         self.rows.push(Row {
             slot,
             problem,
-            impulse,
+            given,
             approach,
             separation,
             scale,
@@ -80,10 +88,10 @@ impl Rows {
                 problem: row.problem,
                 a: c.a,
                 b: c.b,
-                status: m.status(row.impulse) as u8,
+                status: m.status(row.given[0]) as u8,
                 normal: m.normal,
-                impulse: row.impulse,
-                moment: DVec3::ZERO,
+                impulse: row.given[0],
+                moment: row.given[1],
                 approach: row.approach,
                 separation: row.separation,
                 restitution_scale: row.scale,

@@ -6,6 +6,7 @@ mod common;
 mod conserve;
 mod every;
 mod loads;
+mod rolling;
 mod scenes;
 mod threads;
 
