@@ -12,6 +12,7 @@ import tomllib
 from pathlib import Path
 
 from docutils import nodes
+from nbclient import NotebookClient
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 
@@ -45,6 +46,8 @@ os.environ["PATH"] = f"{ROOT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
 os.environ["NO_COLOR"] = "1"
 
 logging.getLogger("traitlets").setLevel(logging.WARNING)  # one line for each page that runs
+# Each kernel would warn that others on this machine could listen to it. The list is the default of every client.
+NotebookClient.extra_arguments.default_args = (["--log-level=ERROR"],)
 
 # The API reference comes from docstrings. They are plain prose with `code` in single back quotes.
 default_role = "code"

@@ -258,6 +258,25 @@ def test_a_spring_at_the_ground_is_judged_where_the_first_ball_has_left(tmp_path
     assert report["momentum"].judged
 
 
+@pytest.mark.parametrize(("drag", "friction"), [(0.05, 0.1), (0.005, 0.1), (0.5, 0.1), (0.05, 0.0)])
+def test_a_ball_that_slides_and_rolls_with_drag_is_clean(
+    drag: float, friction: float, tmp_path: Path
+) -> None:
+    """The scheme takes the drag of the velocity without contacts too, as if the ball fell; this had counted as a fault."""
+    scene = carom.Scene(run={"step": 1e-3})
+    scene.contact("m", "m", friction=friction, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    scene.sphere("a", radius=0.01, mass=0.01, material="m", at=(1, 0, 0.01), velocity=(1, 0, 0))
+    scene.drag("a", translation=drag, rotation=1e-6)
+    path = scenes.run(scene, tmp_path / "drag", 0.2)
+    report = audit.check(path)
+    assert report.ok, repr(report)
+    assert report["position"].judged == report["momentum"].judged == 200
+    # The bound is of second order in the step: it still finds a drag that is a fifth too strong.
+    assert report["momentum"].worst is not None
+    assert report["momentum"].worst.bound < 0.2 * drag * 1e-3
+
+
 def test_the_overlap_admitted_in_piles_is_the_solver_s() -> None:
     """The auditor has the formula in its own words; where they part, one of them is wrong."""
     contacts = np.unique(np.geomspace(101, 1e6, 200).astype(int))

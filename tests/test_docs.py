@@ -59,7 +59,7 @@ def test_examples_in_toml_and_python_can_be_read(page: Path) -> None:
 
 
 #: Public names that the reference leaves out: constants, and names for types alone.
-UNLISTED = {"TABLES", "__version__", "Region", "Sizes", "MOST_BALLS"}
+UNLISTED = {"TABLES", "TIPS", "__version__", "Region", "Sizes", "MOST_BALLS"}
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import carom
+import joint_scenes
 import numpy as np
 import pytest
+from carom import _core
 from carom.cli import main
 from carom.run import CaromWarning
 from carom.scene import Scene
@@ -224,6 +226,21 @@ class TestBoundedWork:
             most = max(np.asarray(steps[f"iterations_{level}"]).max() for level in ("position", "velocity"))
             # Rungs of the chain, linearisations, sweeps and their polish: all of one solve.
             assert most <= 20 * self.ITERATIONS
+
+    def test_of_a_step_without_a_solution(self) -> None:
+        """A ball between planes that leave it no room, accepted all the same: where a smallest part was not solved, no
+        larger one is tried again. All 31 parts were, and each swept on in vain: absurd joints took 5 s a step."""
+        room = [((0, 0, 0), (0, 0, 1)), ((0, 0, 0.15), (0, 0, -1))]
+        law = {"friction": 0.3}
+        model = joint_scenes.scene([[0, 0, 0.075]], planes=room, law=law, on_nonconvergence="warn")
+        simulation = _core.Simulation(model)
+        simulation.keep_problems([(1, 1, 1)], 0)
+        steps = simulation.advance(1, 1, True, 1e9)["steps"]
+        smallest = 2**self.HALVINGS
+        assert steps["unconverged"].tolist() == [smallest]
+        assert steps["halvings"].tolist() == [smallest - 1]
+        # Counted from 0: larger parts down to the first of the smallest, then these alone.
+        assert max(kept["part"] for kept in simulation.take_problems(False)) == self.HALVINGS + smallest - 1
 
     def test_of_a_step_far_too_long(self) -> None:
         begin = time.monotonic()

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from carom.errors import CaromError
 from carom.view import codec, write_html
+from carom.view import page as view_page
 from carom.view.page import MIN_FRAMES
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -286,3 +287,17 @@ def test_a_position_that_is_lost_is_still_an_error(tmp_path: Path) -> None:
     run.position[15, 3] = np.nan
     with pytest.raises(CaromError, match="position of grain3 is not a number"):
         write(run, tmp_path)
+
+
+def test_a_page_is_the_same_however_few_frames_are_read_at_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All frames of a million balls did not fit the memory before balls were left out."""
+    result = billiard(203)
+    monkeypatch.setattr(view_page, "MAX_BODY_FRAMES", 300)  # every third frame, and the last
+    info = write_html(result, tmp_path / "whole.html")
+    assert 60 < info.frames < 203
+    for numbers in (1, 40, 1000):
+        monkeypatch.setattr(view_page, "READ_NUMBERS", numbers)
+        write_html(result, tmp_path / "parts.html")
+        assert (tmp_path / "parts.html").read_bytes() == (tmp_path / "whole.html").read_bytes(), numbers

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
 from carom.tables import UnknownName
+from carom.touching import TOUCHING
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -25,8 +26,6 @@ F64 = NDArray[np.float64]
 
 #: Slip or speed below which a ball counts as rolling or at rest, m/s, unless the caller says otherwise.
 SPEED = 1e-3
-#: Gap over radius up to which a ball counts as touching a plane; one that overlaps it touches.
-TOUCHING = 1e-6
 #: How long all must be quiet for the stop condition `AtRest`, s.
 HOLD = 0.05
 

@@ -8,13 +8,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean, quoted
-from carom.rotations import rotated
+from carom.record.walls import PARAMETERS
+from carom.rotations import rotated, rotated_back
 from carom.tables import UnknownName
 
 if TYPE_CHECKING:
@@ -99,6 +101,27 @@ class Wall:
     def orientation(self) -> F64:
         """Rotation since the start as unit quaternions, scalar part first, (T, 4)."""
         return self.motion.orientation(np.asarray(self.time))
+
+    def gap(self, centre: F64, radius: F64, time: F64) -> F64:
+        """Distance (K,), m, of balls with centres (K, 3) and radii (K,), m, from the wall as it is at the times (K,), s."""
+        from carom.scenario.distances import gaps
+
+        point = np.asarray(self.facts["point"], dtype=np.float64)
+        if self.motion.moves:
+            away = centre - self.motion.position(point, time)
+            centre = point + rotated_back(self.motion.orientation(time), away)
+        at_start: Any = SimpleNamespace(shape=self._shape(), point=point)
+        return gaps(at_start, centre, radius)
+
+    def _shape(self) -> tuple[Any, ...]:
+        """Name and parameters, as the core has them."""
+        if self.shape == "plane":
+            return ("plane", self.facts["normal"])
+        blank = {"length": np.inf, "hole": 0.0}  # a tube without end, a disc without hole
+        values = ((name, self.facts[name]) for name in PARAMETERS[self.shape])
+        return self.shape, *(
+            blank[name] if name in blank and np.isnan(value) else value for name, value in values
+        )
 
     @property
     def impulse(self) -> F64:

@@ -205,6 +205,12 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<(), Failure> {
         let last = depth == self.model.options.max_halvings;
+        // Where a smallest part was not solved, whatever is left of the step is made in parts as small: larger ones would be
+        // tried in vain, each with all its fallbacks.
+        if report.unconverged > 0 && !last {
+            report.halvings += 1;
+            return self.halves(depth + 1, t, recording, report);
+        }
         self.scratch.keeper.part += u32::from(depth > 0);
         let attempt = Attempt {
             coefficients: self.coefficients[depth as usize],

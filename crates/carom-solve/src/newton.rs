@@ -65,6 +65,11 @@ const POLISH_ITERATIONS: u32 = 15;
 /// Contact updates that the sweeps of one solve may cost: some tenths of a second.
 const SWEEP_BUDGET: u32 = 400_000;
 const MAX_DOUBLINGS: u32 = 9;
+/// Sweeps go on while they bring something: where the residual of what they leave has not fallen to this share of its least in
+/// so many rounds, thus in some sixteen times the sweeps, nothing better comes of them. Rows of joints, and gaps, that
+/// contradict one another leave it where it is, or let it run away.
+const STALE_SHARE: f64 = 0.5;
+const STALE_ROUNDS: u32 = 4;
 
 /// Workspace of the solver; allocate once, reuse for every problem.
 #[derive(Default)]
@@ -85,6 +90,8 @@ pub struct Newton {
     trial_u: Vec<f64>,
     linear: LinearStep,
     hybrid: Hybrid,
+    /// Norm of the residual where the last run of iterations began.
+    began: f64,
     /// Relative residual (eq. 44) at each iterate of the last solve, all rungs in order.
     pub history: Vec<f64>,
 }
@@ -258,6 +265,7 @@ impl Newton {
             ..*options
         };
         let mut budget = (SWEEP_BUDGET / system.contacts.len().max(1) as u32).max(options.sweeps);
+        let (mut least, mut stale) = (f64::INFINITY, 0);
         for round in 0..SWEEP_ROUNDS {
             let count = (options.sweeps << round.min(MAX_DOUBLINGS)).min(budget);
             if count == 0 {
@@ -277,6 +285,14 @@ impl Newton {
             let report = self.iterate(system, problem, &polish, 1.0, lambda, u);
             total.add(&report, Rung::AfterSweeps);
             if report.converged {
+                return;
+            }
+            if self.began < STALE_SHARE * least {
+                (least, stale) = (self.began, 0);
+                continue;
+            }
+            stale += 1;
+            if stale == STALE_ROUNDS {
                 return;
             }
         }
@@ -326,6 +342,7 @@ impl Newton {
         problem.evaluate(system, u, &mut self.z);
         let mut norms = self.norms(system, lambda, u);
         let first = norms.residual;
+        self.began = first;
         // Loads couple nodes beyond the contacts: the nodes count.
         let dense = if system.has_load() {
             system.nodes() <= DENSE_NODES

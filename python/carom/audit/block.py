@@ -18,11 +18,14 @@ I64 = NDArray[np.int64]
 
 #: Numbers that a block holds of one frame column at most.
 BLOCK = 200_000
+#: Up to this many bodies all pairs are measured at once.
+ALL_PAIRS = 64
 
 
 def blocks(run: Run) -> Iterator[Block]:
     """All intervals of a run, in blocks."""
-    size = max(1, min(2000, BLOCK // (3 * run.bodies), 2_000_000 // run.bodies**2 or 1))
+    few = run.bodies <= ALL_PAIRS
+    size = max(1, min(2000, BLOCK // (3 * run.bodies), 10 * BLOCK // run.bodies**2 if few else BLOCK))
     for first in range(1, run.frames, size):
         yield Block(run, first, min(run.frames, first + size))
 

@@ -136,7 +136,7 @@ def struck(block: Block) -> NDArray[np.bool_]:
     """(K,) contacts that took part in an impact of their interval: its law is another (`impacts`)."""
     run, c = block.run, block.rows
     table = run.result.impacts
-    step = np.asarray(table["step"]).astype(np.int64)
+    step = run.impact_step
     low, high = np.searchsorted(step, [block.s0[0] + 1, block.s1[-1] + 1])
     body = np.asarray(table["body"][low:high]).astype(np.int64).reshape(-1, 2)
     k = np.searchsorted(block.s1, step[low:high])

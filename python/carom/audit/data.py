@@ -122,6 +122,11 @@ class Run:
         """Whether the table of impacts was recorded."""
         return self.record.impacts is not False
 
+    @cached_property
+    def impact_step(self) -> I64:
+        """Steps of the rows of the table of impacts: every block looks there for its own."""
+        return np.asarray(self.result.impacts["step"]).astype(np.int64)
+
     def between(self, a: F64, b: F64) -> F64:
         """`a - b` of places (K, 3), to the nearest image in a periodic world."""
         d = a - b

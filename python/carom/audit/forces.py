@@ -116,15 +116,24 @@ def speeds(block: Block) -> F64:
     """(B, N) a bound on the speed of each body within an interval, m/s: the larger of both ends, what gravity gives, and all
     its recorded impulses together.
     """
-    run, c = block.run, block.rows
+    run = block.run
     ends = np.maximum(norm(block.v0), norm(block.v1))
-    pushed = np.zeros_like(ends)
+    return np.asarray(ends + norm(run.gravity) * block.dt[:, None] + pushes(block)[0] / run.mass)
+
+
+def pushes(block: Block) -> tuple[F64, F64]:
+    """(B, N) sums of the lengths of the recorded impulses of contacts on each body, N s, and of their moments, N m s."""
+    c, run = block.rows, block.run
+    impulse, moment = np.zeros((2, block.count, run.bodies))
     if run.has_contacts and len(c):
-        size = norm(c.impulse)
-        np.add.at(pushed, (c.k, c.a), size)
+        size, couple = norm(c.impulse), norm(c.moment)
+        np.add.at(impulse, (c.k, c.a), size)
+        np.add.at(moment, (c.k, c.a), couple + run.radius[c.a] * size)
         ball = c.b < run.bodies
-        np.add.at(pushed, (c.k[ball], c.b[ball]), size[ball])
-    return np.asarray(ends + norm(run.gravity) * block.dt[:, None] + pushed / run.mass)
+        k, b = c.k[ball], c.b[ball]
+        np.add.at(impulse, (k, b), size[ball])
+        np.add.at(moment, (k, b), couple[ball] + run.radius[b] * size[ball])
+    return impulse, moment
 
 
 def turn(block: Block) -> F64:

@@ -52,7 +52,7 @@ class Hits:
 def of_block(block: Block) -> Hits:
     """The rows of the steps of a block."""
     table = block.run.result.impacts
-    step = np.asarray(table["step"]).astype(np.int64)
+    step = block.run.impact_step
     low, high = np.searchsorted(step, [block.s0[0] + 1, block.s1[-1] + 1])
 
     def column(name: str) -> F64:

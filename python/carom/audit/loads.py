@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from carom.audit.block import Block
 from carom.audit.data import Run
+from carom.audit.forces import pushes
 from carom.audit.formula import law
 from carom.audit.vectors import dot, norm, rotated
 
@@ -36,7 +37,9 @@ def of_loads(block: Block) -> Loads:
 
     Of loads that depend on the time alone the scheme's own filter (eqs. 6b-c) is evaluated exactly. Those that depend on the
     motion are known at the frames: their impulse over one step lies between the forces at its ends, with the lag of the
-    filter between those of a step before, so that twice the change bounds the error. Over several steps they are unknown.
+    filter between those of a step before, so that twice the change bounds the error. Drag and dampers are evaluated for the
+    velocity without contacts too (v_check), which is off by what the contacts then give: a ball at rest on a floor has the
+    drag of a fall of one step. Over several steps they are unknown.
     """
     run = block.run
     shape = (block.count, run.bodies)
@@ -102,6 +105,7 @@ def _filtered(run: Run, forms: tuple[Any, ...]) -> tuple[F64, F64]:
 def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
     """Springs and drag."""
     first, last = (_wrench(block, load, end) for end in (0, 1))
+    jump = _jumps(block, load)
     several = ~block.single
     for body, (start, end) in {b: (first[b], last[b]) for b in first}.items():
         before = np.concatenate(
@@ -110,7 +114,12 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
         change = np.abs(end - start) + np.abs(start - before)
         mean = 0.5 * (start + end) * block.dt[:, None]
         out.impulse[:, body] += mean
-        slack = 2.0 * np.stack([norm(change[:, :3]), norm(change[:, 3:])], axis=1) * block.dt[:, None]
+        turned = np.stack([norm(change[:, :3]), norm(change[:, 3:])], axis=1)
+        slack = (
+            2.0
+            * (turned + jump[body] + np.concatenate([jump[body][:1], jump[body][:-1]]))
+            * block.dt[:, None]
+        )
         # The very first intervals of a block do not know what was before them.
         slack[0] += np.stack([norm(start[0, :3]), norm(start[0, 3:])]) * block.dt[0] * (block.first > 1)
         scale = np.array([block.run.mass[body], block.run.inertia[body]])
@@ -118,6 +127,27 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
         out.shift[:, body] += 0.5 * mean * block.dt[:, None] / np.repeat(scale, 3)
         out.shift_slack[:, body] += slack * block.dt[:, None] / scale
         out.unknown[:, body] |= several
+
+
+def _jumps(block: Block, load: dict[str, Any]) -> dict[int, F64]:
+    """Force and moment on each body, (B, 2), by which a damping is off that takes velocities from before the impulses of the
+    contacts of the interval.
+    """
+    run = block.run
+    impulse, moment = pushes(block)
+    if load["kind"] == "drag":
+        body = int(load["body"])
+        v, w = impulse[:, body] / run.mass[body], moment[:, body] / run.inertia[body]
+        return {body: np.stack([float(load["translation"]) * v, float(load["rotation"]) * w], axis=1)}
+    ends = [
+        (int(load[side]), float(norm(np.asarray(load[f"arm_{side}"], dtype=np.float64)))) for side in "ab"
+    ]
+    rate = np.zeros(block.count)
+    for body, arm in ends:
+        if body >= 0:
+            rate = rate + impulse[:, body] / run.mass[body] + arm * moment[:, body] / run.inertia[body]
+    pull = float(load["damping"]) * rate
+    return {body: np.stack([pull, arm * pull], axis=1) for body, arm in ends}
 
 
 def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:

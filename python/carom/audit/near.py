@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.block import Block
+from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
 from carom.audit.vectors import norm
 from carom.packing.neighbours import pairs as neighbours
@@ -22,8 +22,6 @@ I64 = NDArray[np.int64]
 
 LONGEST = 8.0
 """Ways are cut at this many radii, of many bodies at a quarter of it."""
-ALL_PAIRS = 64
-"""Up to this many bodies all pairs are measured at once."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from carom.errors import CaromError
 from carom.granular.region import Region, ball_volume, images
 from carom.packing.neighbours import folded
 from carom.rotations import upward
+from carom.touching import closed
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -36,9 +37,9 @@ class Contacts:
     force: F64
     """Mean force on the first body since the frame before, (C, 3), N: the impulse over the time."""
     gap: F64
-    """Distance of the surfaces at the frame, (C,), m."""
+    """Distance of the surfaces, (C,), m, at the last step in which the contact was closed, as the normal."""
     closed: Bool
-    """Whether the contact is closed at the frame; others only pushed since the frame before."""
+    """Whether the bodies touch at the frame; others only did since the frame before."""
 
     @cached_property
     def push(self) -> F64:
@@ -197,11 +198,13 @@ def _unrecorded(result: Result) -> bool:
 def _contacts(result: Result, frame: int, interval: float) -> Contacts:
     rows = result.contacts.at(frame)
     body = np.asarray(rows["body"]).astype(np.int64).reshape(-1, 2)
+    gap, position = np.asarray(rows["gap"]), np.asarray(result.position[frame])
+    place = position[body[:, 0]], position[np.minimum(body[:, 1], len(position) - 1)]
     return Contacts(
         first=body[:, 0],
         second=body[:, 1],
         normal=np.asarray(rows["normal"]).reshape(-1, 3),
         force=np.asarray(rows["impulse"]).reshape(-1, 3) / interval,
-        gap=np.asarray(rows["gap"]),
-        closed=np.asarray(rows["status"]) != 0,
+        gap=gap,
+        closed=closed(result, body, gap, place, np.full(len(body), float(result.time[frame]))),
     )

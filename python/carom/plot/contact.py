@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError, counted
 from carom.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled, width
+from carom.touching import closed
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -80,22 +81,36 @@ def strips(result: Result) -> tuple[list[Strip], int]:
     frame, status = np.asarray(contacts["frame"]), np.asarray(contacts["status"])
     size = np.linalg.norm(np.asarray(contacts["impulse"]), axis=1)
     felt = (status > 0) | (size > NOTHING * size.max(initial=0.0))  # open, and nothing was felt: a gap
-    body, frame, status = body[felt], frame[felt], status[felt]
-    keys, of_row = np.unique(body, axis=0, return_inverse=True)
-    of_row = of_row.ravel()
+    body, frame, status, gap = body[felt], frame[felt], status[felt], np.asarray(contacts["gap"])[felt]
     names = [*result.names, *result.wall_names]
+    pairs, of_row = np.unique(body[:, 0] * len(names) + body[:, 1], return_inverse=True)
+    keys = np.stack(np.divmod(pairs, len(names)), axis=1)
     # Those that are in contact for most frames, in the order of their first.
     order = np.argsort(-np.bincount(of_row), kind="stable")[:MOST_PAIRS]
     first = {k: int(frame[of_row == k].min()) for k in order}
     found = []
     for k in sorted(order, key=lambda k: (first[k], k)):
         pair = " - ".join(names[i] for i in keys[k])
-        frames, states = frame[of_row == k], status[of_row == k]
+        frames = frame[of_row == k]
+        # The table has the status of the last step in which the contact was closed, which may be before the frame.
+        states = np.where(_closed(result, keys[k], gap[of_row == k], frames), status[of_row == k], 0)
         breaks = np.flatnonzero((np.diff(frames) > 1) | (np.diff(states) != 0) | (states[1:] == 0)) + 1
         for run in np.split(np.arange(len(frames)), breaks):
             begin = time[max(0, frames[run[0]] - 1)]
             found.append(Strip(pair, float(begin), float(time[frames[run[-1]]]), STATUS[int(states[run[0]])]))
     return found, len(keys)
+
+
+def _closed(
+    result: Result, pair: NDArray[np.int64], gap: NDArray[Any], frames: NDArray[Any]
+) -> NDArray[np.bool_]:
+    """Whether two bodies touch at some frames, where their contact had the recorded `gap`, m, when it was closed."""
+    first, second = (
+        np.asarray(result.position[:, end])[frames]
+        for end in np.minimum(pair, len(result.names) - 1).tolist()
+    )
+    time = np.asarray(result.time)[frames]
+    return closed(result, np.tile(pair, (len(frames), 1)), gap, (first, second), time)
 
 
 def impacts(result: Result, step: int | None = None) -> Chart:

@@ -87,7 +87,7 @@ def residuals(result: Result, step: int | None = None) -> Chart:
         raise CaromError(
             f"no residuals were recorded for step {step}; the run has steps 1 to {last}, and only some are kept"
         )
-    time = float(np.asarray(table["time"])[0]) if "time" in table else step * _step_size(result)
+    time = step * _step_size(result)
     with styled():
         figure, (axes,) = panels(1, 3.4, f"{result.title}: step {step}, t = {time:.4g} s")
         longest = max((h[3] for h in histories), key=len)

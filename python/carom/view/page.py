@@ -34,6 +34,8 @@ MAX_BODY_FRAMES_WITH_VELOCITY = 400_000
 # Below this many frames motion is no longer motion, and bodies are left out instead.
 MIN_FRAMES = 50
 MAX_MARKS = 2000
+# Read at a time: of very many bodies the frames that are shown do not fit the memory before bodies are left out.
+READ_NUMBERS = 6_000_000
 
 
 class Frames(Protocol):
@@ -148,20 +150,25 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
     recorded = result.position.shape[0]
     bodies = slice(None, None, every)
     extra = (recorded - 1) % stride > 0  # the last frame is always in
+    frames = np.append(np.arange(0, recorded, stride), [recorded - 1] if extra else []).astype(np.int64)
 
-    def read(array: Frames) -> npt.NDArray[Any]:
-        rows = np.asarray(array[::stride])
-        return np.concatenate([rows, np.asarray(array[-1:])]) if extra else rows
+    def read(array: Frames, columns: slice) -> npt.NDArray[Any]:
+        size = max(
+            1, READ_NUMBERS * stride // max(1, int(np.prod(array.shape[1:])))
+        )  # some frames, of all bodies
+        size += -size % stride
+        parts = [np.asarray(array[k : k + size : stride])[:, columns] for k in range(0, recorded, size)]
+        return np.concatenate([*parts, np.asarray(array[-1:])[:, columns]] if extra else parts)
 
     def read_bodies(name: str) -> npt.NDArray[np.float64]:
-        values = read(getattr(result, name))[:, bodies].astype(np.float64)
+        values = read(getattr(result, name), bodies).astype(np.float64)
         return _finite(values if present is None else held(values, present), name, names, time)
 
     names = [str(name) for name in result.names][bodies]
     radius = np.asarray(result.bodies["radius"], dtype=np.float64)[bodies]
-    time = read(result.time).astype(np.float64)
+    time = np.asarray(result.time[:])[frames].astype(np.float64)
     there = getattr(result, "present", None)
-    present = None if there is None else read(there)[:, bodies].astype(bool)
+    present = None if there is None else read(there, bodies).astype(bool)
     if present is not None and present.all():
         present = None
     fold = period(result)
@@ -189,14 +196,13 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
             step = max(float(np.abs(rate).max()), 1e-300) / 2**20
             add(name, codec.quantise(rate, step, np.zeros(3)), step=step)
 
-    frames = np.append(np.arange(0, recorded, stride), [recorded - 1] if extra else [])
-    set_up = scenery(result, frames.astype(np.int64))
+    set_up = scenery(result, frames)
     if set_up.position.size:
         corner, step = codec.position_grid(set_up.position, radius)
         add("wall_position", codec.quantise(set_up.position, step, corner), step=step, origin=corner.tolist())
         add("wall_orientation", codec.orientation_integers(set_up.orientation))
 
-    happened = happenings(result, frames.astype(np.int64), every, 0.75 * budget)
+    happened = happenings(result, frames, every, 0.75 * budget)
     for name, values in happened.columns.items():
         add(name, values)
     for name, doubles in happened.doubles.items():
