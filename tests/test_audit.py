@@ -277,6 +277,28 @@ def test_a_ball_that_slides_and_rolls_with_drag_is_clean(
     assert report["momentum"].worst.bound < 0.2 * drag * 1e-3
 
 
+def test_the_filter_of_loads_remembers_an_impact_for_several_steps(tmp_path: Path) -> None:
+    """Drag falls with the speed in an impact, and the pseudo acceleration follows in a geometric series: bounds do too."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": 1e-3})
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    for k, (x, v) in enumerate(((0.0, 1.0), (0.0205, 0.0))):
+        scene.sphere(f"b{k}", radius=0.01, mass=0.01, material="m", at=(x, 0, 0), velocity=(v, 0, 0))
+        scene.drag(f"b{k}", translation=0.1)
+    report = audit.check(scenes.run(scene, tmp_path / "echo", 0.05))
+    assert report.ok, repr(report)
+    assert report["momentum"].judged == 100
+
+
+def test_forces_that_cancel_between_two_frames_have_moved_their_ball(tmp_path: Path) -> None:
+    """An impulse that is none in sum shifts a ball all the same."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": 5e-4}, record={"every": 3})
+    scene.sphere("b", radius=0.01, mass=0.01, material="m", at=(0, 0, 0))
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    scene.load("b", force=(0, {"expression": "0.05*sin(200*t)"}, 0))
+    report = audit.check(scenes.run(scene, tmp_path / "cancel", 0.06, every=3))
+    assert report.ok, repr(report)
+
+
 def test_the_overlap_admitted_in_piles_is_the_solver_s() -> None:
     """The auditor has the formula in its own words; where they part, one of them is wrong."""
     contacts = np.unique(np.geomspace(101, 1e6, 200).astype(int))

@@ -24,6 +24,8 @@ class Loads:
     impulse: F64
     slack: F64
     """(B, N, 2) what the impulse and the angular impulse may be off, N s and N m s."""
+    spread: F64
+    """(B, N, 2) sums over the steps of the sizes of impulses of given forces and moments, which may cancel in their sum."""
     shift: F64
     """Displacement and turn in one step by loads that depend on the time, (B, N, 6), m and rad; nsga alone."""
     shift_slack: F64
@@ -43,8 +45,10 @@ def of_loads(block: Block) -> Loads:
     """
     run = block.run
     shape = (block.count, run.bodies)
-    found = Loads(np.zeros((*shape, 6)), np.zeros((*shape, 2)), np.zeros((*shape, 6)), np.zeros((*shape, 2)),
-                  np.zeros(shape, dtype=bool))  # fmt: skip
+    six, two = (*shape, 6), (*shape, 2)
+    found = Loads(
+        np.zeros(six), np.zeros(two), np.zeros(two), np.zeros(six), np.zeros(two), np.zeros(shape, dtype=bool)
+    )
     for load in run.loads:
         if load["kind"] == "force":
             _applied(block, load, found)
@@ -69,6 +73,7 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
     change = np.abs(np.diff(_at_steps(run, (*load["force"], *load["torque"])), axis=0))
     for j in range(6):
         out.impulse[:, body, j] += block.total(impulse[:, j])
+        out.spread[:, body, j // 3] += block.total(np.abs(impulse[:, j]))
         out.shift[:, body, j] += block.total(shift[:, j]) / scale[j]
         loose = block.cut | (run.method == "penalty")
         slack = np.where(loose, block.total(change[:, j]) * run.h, 0.0)
@@ -108,25 +113,36 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
     jump = _jumps(block, load)
     several = ~block.single
     for body, (start, end) in {b: (first[b], last[b]) for b in first}.items():
-        before = np.concatenate(
-            [start[:1], start[:-1]]
-        )  # of the interval before, as far as this block knows it
-        change = np.abs(end - start) + np.abs(start - before)
         mean = 0.5 * (start + end) * block.dt[:, None]
         out.impulse[:, body] += mean
-        turned = np.stack([norm(change[:, :3]), norm(change[:, 3:])], axis=1)
-        slack = (
-            2.0
-            * (turned + jump[body] + np.concatenate([jump[body][:1], jump[body][:-1]]))
-            * block.dt[:, None]
-        )
-        # The very first intervals of a block do not know what was before them.
-        slack[0] += np.stack([norm(start[0, :3]), norm(start[0, 3:])]) * block.dt[0] * (block.first > 1)
+        own = _sizes(end - start) + jump[body]
+        # What was before a block is not known: the force itself, at its first interval.
+        earlier = _echo(block.run, own, _sizes(start[0]) * (block.first > 1))
+        slack = 2.0 * (own + earlier) * block.dt[:, None]
         scale = np.array([block.run.mass[body], block.run.inertia[body]])
         out.slack[:, body] += slack
         out.shift[:, body] += 0.5 * mean * block.dt[:, None] / np.repeat(scale, 3)
         out.shift_slack[:, body] += slack * block.dt[:, None] / scale
         out.unknown[:, body] |= several
+
+
+def _sizes(wrench: F64) -> F64:
+    """Lengths of force and moment, (..., 2) of (..., 6)."""
+    return np.stack([norm(wrench[..., :3]), norm(wrench[..., 3:])], axis=-1)
+
+
+def _echo(run: Run, own: F64, first: F64) -> F64:
+    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before by the memory of
+    the filter (eq. 6c), which keeps `alpha_m/(1 - alpha_m)` of its error at each step. `first` (2,) is that of the first.
+    """
+    rho = float(run.options["spectral_radius"])
+    alpha = (2.0 * rho - 1.0) / (rho + 1.0)
+    kept = abs(alpha / (1.0 - alpha)) if run.method == "nsga" else 0.0
+    found = np.zeros_like(own)
+    found[0] = first
+    for k in range(1, len(own)):
+        found[k] = own[k - 1] + kept * found[k - 1]
+    return found
 
 
 def _jumps(block: Block, load: dict[str, Any]) -> dict[int, F64]:

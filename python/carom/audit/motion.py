@@ -113,7 +113,7 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
     size = norm(block.x0) + norm(block.x1) + norm(dt * block.v0) + norm(dt * block.v1)
     size = size + np.where(s.count > 0, run.radius, 0.0)  # gaps are differences of lengths
     bound = _rounding(block) * size + loads.shift_slack[..., 0] + np.where(
-        single[:, None], 0.0, norm(loads.impulse[..., :3]) / run.mass * block.dt[:, None]
+        single[:, None], 0.0, (norm(loads.impulse[..., :3]) + loads.spread[..., 0]) / run.mass * block.dt[:, None]
     )  # fmt: skip
     touched = s.count > 0
     if run.method == "penalty":  # it has no position level
@@ -146,7 +146,9 @@ def _rotation(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
     )
     bound = _rounding(block) * (4.0 + norm(dt * block.w0)) + loads.shift_slack[..., 1]
     bound = bound + np.where(
-        single[:, None], 0.0, norm(loads.impulse[..., 3:]) / inertia[:, 0] * block.dt[:, None]
+        single[:, None],
+        0.0,
+        (norm(loads.impulse[..., 3:]) + loads.spread[..., 1]) / inertia[:, 0] * block.dt[:, None],
     )
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
     left = block.left(size)[:, None] / inertia[:, 0]
