@@ -47,9 +47,9 @@ def billiard_break() -> carom.Scene:
 
 
 def pile() -> carom.Scene:
-    """Fifty grains, solved as a pile by sweeps on two threads."""
+    """Fifty grains that roll, solved as a pile by sweeps on two threads."""
     run = {"step": 1e-3, "until": 0.6, "pile_contacts": 10, "threads": 2}
-    return grains((5, 5, 2), run, rolling=0.0, every=2, walls=True, checkpoint_steps=50)
+    return grains((5, 5, 2), run, every=2, walls=True, checkpoint_steps=50)
 
 
 def joints() -> carom.Scene:

@@ -1,7 +1,8 @@
 //! `cargo bench -p carom-core --bench pile -- [N] [seed] [threads] [steps] [tolerance] [option=value ...]`: the scene `scenarios/pile.toml` without Python.
 //!
 //! N grains fall from a jittered lattice into an open box that they fill about as high as it is wide. Per 100 steps: time by phase,
-//! sweeps, impact problems, residual, overlap, energy; at the end the hash of the state.
+//! sweeps, impact problems, residual, overlap, energy; at the end the hash of the state. `rolling=0.1` and `spinning=0.1` are friction too,
+//! over the radius.
 
 use carom_core::{Model, ModelInput, Options, Recording, Simulation, Value};
 use std::f64::consts::PI;
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 
 const RADIUS: f64 = 5e-3;
 
-fn scene(count: usize, seed: u64, options: Options) -> Simulation {
+fn scene(count: usize, seed: u64, [rho, delta]: [f64; 2], options: Options) -> Simulation {
     let side = (count as f64 * 4.0 / 3.0 * PI * RADIUS.powi(3) / 0.6).cbrt();
     let row = ((side / (2.38 * RADIUS)) as usize).max(1);
     let spacing = side / row as f64;
@@ -49,7 +50,7 @@ fn scene(count: usize, seed: u64, options: Options) -> Simulation {
             [0.0, -1.0, 0.0],
         ],
         plane_material: vec![0; 5],
-        laws: vec![(0, 0, [0.5, 0.3, 0.0, 0.0, 0.0])],
+        laws: vec![(0, 0, [0.5, 0.3, 0.0, rho * RADIUS, delta * RADIUS])],
         ..ModelInput::default()
     };
     for i in 0..count {
@@ -88,8 +89,13 @@ fn main() {
         ..Options::default()
     };
     // Further options as name=value.
+    let mut moments = [0.0; 2];
     for pair in given.iter().skip(5) {
         let (name, value) = pair.split_once('=').expect("name=value");
+        if let Some(k) = ["rolling", "spinning"].iter().position(|n| *n == name) {
+            moments[k] = value.parse().expect("a number");
+            continue;
+        }
         let value = match (value.parse::<u64>(), value.parse::<f64>()) {
             (Ok(i), _) => Value::Int(i),
             (_, Ok(x)) => Value::Float(x),
@@ -98,7 +104,7 @@ fn main() {
         options.set(name, &value).expect("an option of the core");
     }
     let steps = number(3, 1000.0) as u64;
-    let mut s = scene(count, seed, options);
+    let mut s = scene(count, seed, moments, options);
     let recording = Recording {
         frame_every: 0,
         contacts: false,

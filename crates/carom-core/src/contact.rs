@@ -40,6 +40,8 @@ pub struct Contact {
     /// Work of the step's impulses: normal, sliding, rolling, spinning, J.
     pub work: [f64; 4],
     pub closed: bool,
+    /// Whether `t1`, `t2` and the axis of spinning belong to `n1` (piles), not to `n0`.
+    pub end_frame: bool,
     pub status: Status,
 }
 
@@ -67,11 +69,21 @@ impl Contact {
         model.radius.get(self.b as usize).copied().unwrap_or(0.0)
     }
 
-    /// Jacobian rows with the given normal in the normal row and the frame of t_n in all others; returns their number.
+    /// Axis of the spinning row.
+    #[inline]
+    fn spin_axis(&self) -> DVec3 {
+        if self.end_frame {
+            self.n1
+        } else {
+            self.n0
+        }
+    }
+
+    /// Jacobian rows with the given normal in the normal row and the contact's frame in all others; returns their number.
     pub fn rows(&self, model: &Model, normal: DVec3, rows: &mut Rows) -> usize {
         let (ra, rb) = (model.radius[self.a as usize], self.radius_b(model));
         let bounds = self.bounds;
-        let (n, t1, t2) = (self.n0, self.t1, self.t2);
+        let (n, t1, t2) = (self.spin_axis(), self.t1, self.t2);
         rows[0] = row(normal, DVec3::ZERO, -normal, DVec3::ZERO);
         let mut count = 1;
         if bounds.sliding > 0.0 {
@@ -108,7 +120,7 @@ impl Contact {
             k += 2;
         }
         if bounds.spinning > 0.0 {
-            out.moment += packed[k] * self.n0;
+            out.moment += packed[k] * self.spin_axis();
         }
         out
     }
@@ -129,7 +141,7 @@ impl Contact {
             k += 2;
         }
         if bounds.spinning > 0.0 {
-            packed[k] = world.moment.dot(self.n0);
+            packed[k] = world.moment.dot(self.spin_axis());
         }
     }
 

@@ -55,10 +55,7 @@ impl Task<'_> {
         }
         match island.contacts {
             [m] if island.is_free() => !closed_form(self.model, &contacts[*m as usize]),
-            all => {
-                pile::threads(self.model, all.len()) == 1
-                    || !pile::fits(self.model, contacts, island)
-            }
+            all => pile::threads(self.model, all.len()) == 1 || !pile::fits(self.model, island),
         }
     }
 }

@@ -16,8 +16,9 @@ pub struct Warm {
     pub impulse: DVec3,
     /// Rolling and spinning impulse, N m s.
     pub moment: DVec3,
-    /// Position multipliers, kg m; piles alone start from them.
+    /// Position multipliers, kg m and kg m^2; piles alone start from them.
     pub position: DVec3,
+    pub position_moment: DVec3,
 }
 
 /// The state of a run between two steps. One entry per sphere in each array.
@@ -136,8 +137,11 @@ impl State {
             let numbers = t.approach.is_finite() && t.age.is_finite();
             numbers && t.spring.is_finite() && t.impulse.is_finite() && t.moment.is_finite()
         };
-        let warm =
-            |w: &Warm| w.impulse.is_finite() && w.moment.is_finite() && w.position.is_finite();
+        let warm = |w: &Warm| {
+            [w.impulse, w.moment, w.position, w.position_moment]
+                .iter()
+                .all(|v| v.is_finite())
+        };
         for (name, numbers) in [
             ("position", self.position.iter().all(|x| x.is_finite())),
             ("velocity", self.velocity.iter().all(|x| x.is_finite())),

@@ -305,6 +305,7 @@ fn new_contact(
         lambda: [0.0; 6],
         work: [0.0; 4],
         closed: false,
+        end_frame: false,
         status: Status::Gap,
     }
 }

@@ -133,7 +133,7 @@ impl Simulation {
             .collect();
         put(&out, "warm_key", keys, &[s.warm.len(), 2])?;
         let values = flat(s.warm.iter().map(warm_values));
-        put(&out, "warm_value", values, &[s.warm.len(), 9])?;
+        put(&out, "warm_value", values, &[s.warm.len(), 12])?;
         let keys: Vec<u64> = s
             .touches
             .iter()

@@ -1,9 +1,13 @@
 //! Matrix-free sweeps against Newton's method, closed forms and conservation laws.
 
 mod common;
+#[path = "spheres/rolling.rs"]
+mod rolling;
 
 use carom_solve::rows::{Linear, RowSystem, WORLD};
-use carom_solve::spheres::{as_spheres, Body, Contact, Instructions, Place, SpheresError, Sweeps};
+use carom_solve::spheres::{
+    as_spheres, Body, Contact, Instructions, Place, Roll, SpheresError, Sweeps,
+};
 use carom_solve::Bounds;
 use common::{cross, dot, scaled, sharp, Rng};
 
@@ -94,12 +98,21 @@ fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
 
 /// The same problem as rows. Fixed bodies are the world; a contact whose first side is fixed is turned round.
 fn rows(p: &Problem) -> RowSystem {
+    rows_with(p, &[])
+}
+
+/// The same, with rolling and spinning friction of the contacts or none.
+fn rows_with(p: &Problem, rolls: &[Roll]) -> RowSystem {
     let mut system = RowSystem::default();
     for b in p.bodies.iter().filter(|b| b.inv_mass > 0.0) {
         system.push_node(1.0 / b.inv_mass, 1.0 / b.inv_inertia, b.radius);
     }
     let moving = |body: u32| body != WORLD && p.bodies[body as usize].inv_mass > 0.0;
-    for c in &p.contacts {
+    for (index, c) in p.contacts.iter().enumerate() {
+        let roll = rolls.get(index).copied().unwrap_or(Roll {
+            length: 1.0,
+            ..Roll::default()
+        });
         let (a, b, sign) = if moving(c.a) {
             (c.a, c.b, 1.0)
         } else {
@@ -123,18 +136,35 @@ fn rows(p: &Problem) -> RowSystem {
         };
         let bounds = Bounds {
             sliding: c.friction,
-            ..Bounds::default()
+            rolling: roll.rolling,
+            spinning: roll.spinning,
         };
         let mut axes = vec![n];
         if c.friction > 0.0 {
             axes.extend(tangents(n));
         }
-        let jac: Vec<_> = axes.iter().map(|&t| row(t)).collect();
-        let z0: Vec<f64> = axes.iter().map(|&t| dot(t, slip)).collect();
+        let mut jac: Vec<_> = axes.iter().map(|&t| row(t)).collect();
+        let mut z0: Vec<f64> = axes.iter().map(|&t| dot(t, slip)).collect();
+        for t in moment_axes(&bounds, n) {
+            jac.push([side([0.0; 3], t), side([0.0; 3], scaled(-1.0, t))]);
+            z0.push(sign * dot(t, roll.turn));
+        }
         let node_b = if moving(b) { b } else { WORLD };
-        system.push_contact(a, node_b, bounds, 1.0, n, &jac, &z0);
+        system.push_contact(a, node_b, bounds, roll.length, n, &jac, &z0);
     }
     system
+}
+
+/// Directions of the rolling and spinning rows.
+fn moment_axes(bounds: &Bounds, n: [f64; 3]) -> Vec<[f64; 3]> {
+    let mut axes = Vec::new();
+    if bounds.rolling > 0.0 {
+        axes.extend(tangents(n));
+    }
+    if bounds.spinning > 0.0 {
+        axes.push(n);
+    }
+    axes
 }
 
 /// Impulses of the sweeps as rows of `rows`.

@@ -33,6 +33,7 @@ fn damage(draw: &mut Draw, state: &mut State) {
             impulse: draw.vector(1.0),
             moment: draw.vector(1.0),
             position: draw.vector(1.0),
+            position_moment: draw.vector(1.0),
         }),
         10 => {
             for w in &mut state.warm {

@@ -173,6 +173,7 @@ fn keep_warm(scratch: &mut IslandScratch, work: &ImpactScratch) {
             impulse: world.impulse,
             moment: world.moment,
             position: glam::DVec3::ZERO,
+            position_moment: glam::DVec3::ZERO,
         });
     }
 }

@@ -213,7 +213,7 @@ pub fn solve_island(
             return true;
         }
     }
-    if pile::fits(model, scratch.contacts, island) {
+    if pile::fits(model, island) {
         let others = pile::may_fall_back(island);
         let accept = accept_unconverged && !others;
         if pile::solve_positions(model, state, scratch, island, span, report, accept) {
@@ -261,6 +261,8 @@ fn solve_by_newton(
     solve.begin(model, contacts, island);
     let mut rows: Rows = Default::default();
     for &m in members {
+        // A pile may have had it before.
+        contacts[m as usize].end_frame = false;
         let c = &contacts[m as usize];
         let dim = c.rows(model, c.n0, &mut rows);
         let (ja, jb) = (solve.node(model, c.a), solve.node(model, c.b));

@@ -99,7 +99,7 @@ pub fn solve_island(
             return true;
         }
     }
-    if pile::fits(model, scratch.contacts, island) {
+    if pile::fits(model, island) {
         let others = pile::may_fall_back(island);
         let accept = accept_unconverged && !others;
         if pile::solve_velocities(model, state, scratch, island, span, report, accept) {

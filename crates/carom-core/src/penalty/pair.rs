@@ -361,6 +361,7 @@ impl Pair {
             lambda: [0.0; 6],
             work: self.step.work,
             closed: self.closed,
+            end_frame: false,
             status: self.status(),
         };
         let world = WorldImpulse {

@@ -211,6 +211,8 @@ struct Before {
     jump: Vec<[DVec3; 2]>,
     impulse: Vec<DVec3>,
     slip: Vec<DVec3>,
+    /// Relative angular velocities and moments, where something rolls.
+    turn: Vec<[DVec3; 2]>,
 }
 
 impl Velocity {
@@ -223,6 +225,10 @@ impl Velocity {
             impulse: members().map(|m| m.impulse).collect(),
             slip: members()
                 .map(|m| self.measures(model, m, Law::Later, 1.0))
+                .collect(),
+            turn: chosen
+                .iter()
+                .filter_map(|&slot| self.turning_now(slot))
                 .collect(),
         }
     }
@@ -243,9 +249,16 @@ impl Pile {
         let stated: Vec<keep::Stated> = chosen
             .iter()
             .zip(before.slip.iter().zip(&before.impulse))
-            .map(|(&slot, (&slip, &impulse))| {
+            .enumerate()
+            .map(|(k, (&slot, (&slip, &impulse)))| {
                 let m = &velocity.members[slot as usize];
-                keep::Stated::of(m, slip, m.impulse - impulse)
+                let turning = before
+                    .turn
+                    .get(k)
+                    .map_or([DVec3::ZERO; 2], |[turn, moment]| {
+                        [*turn, velocity.turning[slot as usize].moment - *moment]
+                    });
+                keep::Stated::of(m, slip, m.impulse - impulse, turning)
             })
             .collect();
         let correction: Vec<[f64; 6]> = velocity
@@ -355,6 +368,9 @@ fn solve_little(
         memory.before.push([now, minus]);
         let slip = velocity.restituted(model, m, 1.0, now, minus);
         group.push_contact(m, (local(m.a), local(m.b)), slip);
+        if let Some(turning) = velocity.turning.get(slot as usize) {
+            group.push_roll(turning, velocity.turn(slot));
+        }
     }
     let (_, residual, solved) = group.solve(&goal);
     if !solved {
@@ -369,6 +385,11 @@ fn solve_little(
             let m = &velocity.members[slot as usize];
             let [n, t] = velocity::work(m, group.impulse(k), before, before + group.change(k));
             done += n + t;
+            if group.rolls() {
+                let (moment, change) = (group.moment(k), group.turn_change(k));
+                let [r, s] = velocity.turning_work(slot, moment, change);
+                done += r + s;
+            }
         }
         let kinetic: f64 = nodes
             .iter()
@@ -401,7 +422,18 @@ fn solve_little(
         let r = group.impulse(k);
         let done = velocity::work(m, r, before, before + group.change(k));
         pushed |= r != DVec3::ZERO;
+<<<<<<< HEAD
         m.add(problem, r, before.dot(m.normal), done, scale, tol);
+=======
+        let tol = velocity.tol;
+        let member = &mut velocity.members[slot as usize];
+        let hits = member.add(problem, r, before.dot(m.normal), done, scale, tol);
+        if group.rolls() {
+            let (moment, change) = (group.moment(k), group.turn_change(k));
+            let done = velocity.turning_work(slot, moment, change);
+            velocity.turning[slot as usize].add(moment, done, hits);
+        }
+>>>>>>> main
     }
     for (local, &node) in nodes.iter().enumerate() {
         let [v, w] = group.correction(local as u32);

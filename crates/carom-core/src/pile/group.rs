@@ -1,5 +1,6 @@
 //! A little island of an impact cascade: a handful of contacts, solved one after the other until all agree.
 
+use super::roll::Turning;
 use super::velocity::Member;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal, Norms};
@@ -33,10 +34,24 @@ struct Local {
     r: DVec3,
 }
 
+/// Rolling and spinning friction of a contact of the group.
+#[derive(Clone, Copy, Debug)]
+struct LocalRoll {
+    /// rho, delta and the reference length, m.
+    bounds: [f64; 2],
+    length: f64,
+    /// 1/w_M, kg m^2.
+    inertia: f64,
+    turn: DVec3,
+    m: DVec3,
+}
+
 /// Memory of a group.
 #[derive(Default)]
 pub struct Group {
     contacts: Vec<Local>,
+    /// As many as contacts, or none.
+    rolls: Vec<LocalRoll>,
     bodies: Vec<Body>,
     u: Vec<[DVec3; 2]>,
 }
@@ -44,6 +59,7 @@ pub struct Group {
 impl Group {
     pub fn clear(&mut self) {
         self.contacts.clear();
+        self.rolls.clear();
         self.bodies.clear();
         self.u.clear();
     }
@@ -77,6 +93,43 @@ impl Group {
             slip,
             r: DVec3::ZERO,
         });
+    }
+
+    /// Adds rolling and spinning friction to the contact added last, with its relative angular velocity.
+    pub fn push_roll(&mut self, turning: &Turning, turn: DVec3) {
+        let Some(c) = self.contacts.last() else {
+            return;
+        };
+        let side = |node: u32| match node {
+            WORLD => 0.0,
+            node => self.bodies[node as usize].inv_inertia,
+        };
+        self.rolls.push(LocalRoll {
+            bounds: [turning.rolling, turning.spinning],
+            length: turning.length,
+            inertia: 1.0 / (side(c.a) + side(c.b)),
+            turn,
+            m: DVec3::ZERO,
+        });
+    }
+
+    pub fn rolls(&self) -> bool {
+        !self.rolls.is_empty()
+    }
+
+    pub fn moment(&self, contact: usize) -> DVec3 {
+        self.rolls[contact].m
+    }
+
+    /// Change of a contact's relative angular velocity.
+    pub fn turn_change(&self, contact: usize) -> DVec3 {
+        let c = &self.contacts[contact];
+        let of_a = self.u[c.a as usize][1];
+        if c.b == WORLD {
+            of_a
+        } else {
+            of_a - self.u[c.b as usize][1]
+        }
     }
 
     /// New measures of a contact; its impulse stays as a start.
@@ -140,21 +193,41 @@ impl Group {
             let c = self.contacts[k];
             let new = projected(&c, self.measure(&c), 1.0);
             let d = new - c.r;
-            if d == DVec3::ZERO {
-                continue;
+            if d != DVec3::ZERO {
+                self.contacts[k].r = new;
+                self.push(&c, d);
             }
-            self.contacts[k].r = new;
-            let turn = c.normal.cross(d);
-            let mut add = |node: u32, sign: f64, arm: f64| {
-                let body = &self.bodies[node as usize];
-                let u = &mut self.u[node as usize];
-                u[0] += sign * body.inv_mass * d;
-                u[1] -= body.inv_inertia * arm * turn;
-            };
-            add(c.a, 1.0, c.arms[0]);
-            if c.b != WORLD {
-                add(c.b, -1.0, c.arms[1]);
+            if !self.rolls.is_empty() {
+                self.roll(k);
             }
+        }
+    }
+
+    fn push(&mut self, c: &Local, d: DVec3) {
+        let turn = c.normal.cross(d);
+        let mut add = |node: u32, sign: f64, arm: f64| {
+            let body = &self.bodies[node as usize];
+            let u = &mut self.u[node as usize];
+            u[0] += sign * body.inv_mass * d;
+            u[1] -= body.inv_inertia * arm * turn;
+        };
+        add(c.a, 1.0, c.arms[0]);
+        if c.b != WORLD {
+            add(c.b, -1.0, c.arms[1]);
+        }
+    }
+
+    /// Moments of a contact at its present normal impulse.
+    fn roll(&mut self, contact: usize) {
+        let (c, own) = (self.contacts[contact], self.rolls[contact]);
+        let z = own.turn + self.turn_change(contact);
+        let normal = c.r.dot(c.normal).max(0.0);
+        let new = projected_moment(&own, z, c.normal, normal, 1.0);
+        let d = new - own.m;
+        self.rolls[contact].m = new;
+        self.u[c.a as usize][1] += self.bodies[c.a as usize].inv_inertia * d;
+        if c.b != WORLD {
+            self.u[c.b as usize][1] -= self.bodies[c.b as usize].inv_inertia * d;
         }
     }
 
@@ -167,6 +240,15 @@ impl Group {
             pp += phi.length_squared();
             ll += c.r.length_squared();
             closing = closing.max(-z.dot(c.normal));
+        }
+        for (k, (c, own)) in self.contacts.iter().zip(&self.rolls).enumerate() {
+            let normal = augmented(c, self.measure(c), penalty_scale);
+            let z = own.turn + self.turn_change(k);
+            let phi = projected_moment(own, z, c.normal, normal, penalty_scale);
+            let squared = 1.0 / (own.length * own.length);
+            rr += squared * (phi - own.m).length_squared();
+            pp += squared * phi.length_squared();
+            ll += squared * own.m.length_squared();
         }
         let momentum: f64 = self
             .bodies
@@ -187,7 +269,20 @@ impl Group {
 
 /// `P(r - s z / w)`.
 fn projected(c: &Local, z: DVec3, s: f64) -> DVec3 {
-    let normal = (c.r.dot(c.normal) - s * c.mass[0] * z.dot(c.normal)).max(0.0);
+    let normal = augmented(c, z, s);
     let across = (c.r - s * c.mass[1] * z).reject_from_normalized(c.normal);
     normal * c.normal + across.clamp_length_max(c.friction * normal)
+}
+
+/// Normal impulse after `-s z / w`, at least 0.
+fn augmented(c: &Local, z: DVec3, s: f64) -> f64 {
+    (c.r.dot(c.normal) - s * c.mass[0] * z.dot(c.normal)).max(0.0)
+}
+
+/// `P(m - s z / w_M)`: across on the disc of rolling, along in the interval of spinning.
+fn projected_moment(own: &LocalRoll, z: DVec3, n: DVec3, normal: f64, s: f64) -> DVec3 {
+    let [rolling, spinning] = own.bounds.map(|bound| bound * normal);
+    let x = own.m - s * own.inertia * z;
+    let along = x.dot(n);
+    (x - along * n).clamp_length_max(rolling) + along.min(spinning).max(-spinning) * n
 }

@@ -20,6 +20,9 @@ pub struct Stated {
     pub normal: DVec3,
     pub slip: DVec3,
     pub impulse: DVec3,
+    /// Of rolling and spinning friction: angular measure at `u = 0`, and moment.
+    pub turn: DVec3,
+    pub moment: DVec3,
 }
 
 /// Where a problem stands.
@@ -50,10 +53,10 @@ pub fn keep(
     for s in stated {
         let mut c = at.contacts[s.contact as usize];
         record::turn_frame(&mut c, s.normal);
-        c.n0 = s.normal;
+        (c.n0, c.n1) = (s.normal, s.normal);
         let dim = c.rows(at.model, s.normal, &mut rows);
-        let z0 = record::packed(&c, s.normal, s.slip);
-        let r = record::packed(&c, s.normal, s.impulse);
+        let z0 = record::packed(&c, s.normal, s.slip, s.turn);
+        let r = record::packed(&c, s.normal, s.impulse, s.moment);
         multiplier.extend_from_slice(&r[..dim]);
         system.push_contact(
             s.nodes.0,
@@ -92,13 +95,15 @@ pub fn keep(
 }
 
 impl Stated {
-    pub fn of(m: &Member, slip: DVec3, impulse: DVec3) -> Self {
+    pub fn of(m: &Member, slip: DVec3, impulse: DVec3, [turn, moment]: [DVec3; 2]) -> Self {
         Self {
             contact: m.contact,
             nodes: (m.a, m.b),
             normal: m.normal,
             slip,
             impulse,
+            turn,
+            moment,
         }
     }
 }
@@ -121,14 +126,19 @@ impl Pile {
             self.write(model, law, scale);
         }
         let memory = &self.velocity;
+        let moments = self.moments();
         let solved = self.contacts.iter().zip(self.sweeps.impulses());
         let stated: Vec<Stated> = memory
             .chosen
             .iter()
             .zip(solved)
-            .map(|(&slot, (c, r))| {
+            .enumerate()
+            .map(|(k, (&slot, (c, r)))| {
                 let m = &memory.members[slot as usize];
-                Stated::of(m, DVec3::from(c.slip), DVec3::from(r))
+                let turning = moments.get(k).map_or([DVec3::ZERO; 2], |&moment| {
+                    [memory.turn(slot), DVec3::from(moment)]
+                });
+                Stated::of(m, DVec3::from(c.slip), DVec3::from(r), turning)
             })
             .collect();
         let at = Place {

@@ -10,6 +10,7 @@ mod group;
 mod keep;
 mod position;
 mod record;
+mod roll;
 mod solve;
 mod velocity;
 mod warm;
@@ -23,7 +24,7 @@ use crate::model::Model;
 use crate::options::{Impact, Solver};
 use crate::problem::Keeper;
 use carom_solve::rows::WORLD;
-use carom_solve::spheres::{self, Body, Place, Progress, Sweeps};
+use carom_solve::spheres::{self, Body, Place, Progress, SpheresError, Sweeps};
 
 /// Sweeps and contact updates that one solve may take: what is more of both.
 const SWEEPS: usize = 4_000;
@@ -50,10 +51,14 @@ pub struct Pile {
     bodies: Vec<Body>,
     places: Vec<Place>,
     contacts: Vec<spheres::Contact>,
+    /// Rolling and spinning friction of the contacts; empty where nothing rolls.
+    rolls: Vec<spheres::Roll>,
     /// Spheres of the nodes.
     spheres: Vec<u32>,
     /// Impulses that a solve starts from.
     start: Vec<[f64; 3]>,
+    /// Moments, where something rolls.
+    start_moments: Vec<[f64; 3]>,
     velocity: velocity::Memory,
     /// That of the step, while an island is solved.
     keeper: Keeper,
@@ -68,8 +73,10 @@ impl Pile {
             bodies: Vec::new(),
             places: Vec::new(),
             contacts: Vec::new(),
+            rolls: Vec::new(),
             spheres: Vec::new(),
             start: Vec::new(),
+            start_moments: Vec::new(),
             velocity: velocity::Memory::default(),
             keeper: Keeper::default(),
             accept: false,
@@ -108,11 +115,26 @@ impl Pile {
         }
     }
 
+    /// Makes the problem at hand the one of the sweeps, started from `start`.
+    fn load_sweeps(&mut self) -> Result<(), SpheresError> {
+        let places = (self.places.len() >= SORTED).then_some(&self.places[..]);
+        self.sweeps.renew(&self.bodies, &self.contacts, places)?;
+        self.sweeps.warm_start(&self.start);
+        if self.rolls.is_empty() {
+            return Ok(());
+        }
+        let (rolls, moments) = (&self.rolls, &self.start_moments);
+        self.sweeps
+            .set_rolls(&self.bodies, &self.contacts, rolls, moments)
+    }
+
     /// Gives the memory of a huge problem's statement back: the sweeps have it.
     fn forget_contacts(&mut self) {
         if self.contacts.len() >= HUGE {
             self.contacts = Vec::new();
+            self.rolls = Vec::new();
             self.start = Vec::new();
+            self.start_moments = Vec::new();
         }
     }
 
@@ -129,7 +151,7 @@ impl Default for Pile {
 }
 
 /// Whether an island is solved here.
-pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
+pub fn fits(model: &Model, island: Island) -> bool {
     let o = &model.options;
     // Sweeps converge linearly: the coarser the tolerance, the smaller the islands in which they are the faster ones.
     let least = if o.pile_tolerance >= COARSE {
@@ -141,10 +163,6 @@ pub fn fits(model: &Model, contacts: &[Contact], island: Island) -> bool {
         && island.is_free()
         && o.solver == Solver::Auto
         && o.impact != Impact::SequencePaper
-        && island.contacts.iter().all(|&m| {
-            let b = &contacts[m as usize].bounds;
-            b.rolling == 0.0 && b.spinning == 0.0
-        })
 }
 
 /// Threads that sweep an island of `contacts` contacts.

@@ -1,7 +1,8 @@
 //! Position sub-problem of a pile (eqs. 1c-e, 14, 21): linear problems of spheres, one after the other, each at the positions
 //! that the last one led to.
 
-use super::{budget, keep, node, told, warm::Cursor, worst, Pile, PATIENCE};
+use super::roll::{self, Turning};
+use super::{budget, keep, node, record, told, warm::Cursor, worst, Pile, PATIENCE};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
@@ -14,7 +15,6 @@ use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
 use crate::wall::Walls;
-use carom_geom::tangent_frame;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal};
 use glam::DVec3;
@@ -76,14 +76,23 @@ fn solve(
     // Solved before in this step, but for contacts that have joined: only these are new.
     let again = members.iter().any(|&m| contacts[m as usize].nu[0] > 0.0);
     pile.start.clear();
-    pile.start.extend(members.iter().map(|&m| {
+    pile.start_moments.clear();
+    let rolls = members.iter().any(|&m| roll::rolls(&contacts[m as usize]));
+    for &m in members {
         let c = &contacts[m as usize];
-        if again {
-            return (c.nu[0] * c.n1 + c.nu[1] * c.t1 + c.nu[2] * c.t2).to_array();
+        let start = if again {
+            record::position(c, c.n1)
+        } else {
+            let warm = cursor.find((c.a, c.b));
+            warm.map_or([DVec3::ZERO; 2], |w| {
+                [ratio * w.position, ratio * w.position_moment]
+            })
+        };
+        pile.start.push(start[0].to_array());
+        if rolls {
+            pile.start_moments.push(start[1].to_array());
         }
-        let warm = cursor.find((c.a, c.b));
-        warm.map_or([0.0; 3], |w| (ratio * w.position).to_array())
-    }));
+    }
     // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
     let at = Linearisation {
         model,
@@ -97,15 +106,13 @@ fn solve(
         angular,
     };
     at.write(None, &mut pile.contacts);
-    let places = (pile.places.len() >= super::SORTED).then_some(&pile.places[..]);
-    if pile
-        .sweeps
-        .renew(&pile.bodies, &pile.contacts, places)
-        .is_err()
-    {
+    pile.rolls.clear();
+    if rolls {
+        at.write_rolls(&pile.contacts, &mut pile.rolls);
+    }
+    if pile.load_sweeps().is_err() {
         return false;
     }
-    pile.sweeps.warm_start(&pile.start);
     let share = position_floor(o, members.len());
     let smallest = pile
         .spheres
@@ -144,6 +151,12 @@ fn solve(
         if pile.sweeps.set_contacts(&pile.contacts).is_err() {
             break;
         }
+        if rolls {
+            at.write_rolls(&pile.contacts, &mut pile.rolls);
+            if pile.sweeps.change_rolls(&pile.rolls).is_err() {
+                break;
+            }
+        }
         last = pile.sweeps.judge(&goal, sweeps);
         if last.converged {
             report.fallbacks += u32::from(last.lenient);
@@ -153,11 +166,23 @@ fn solve(
     report.sweeps_position = report.sweeps_position.max(sweeps as u32);
     let velocities = pile.sweeps.velocities();
     let impulses = pile.sweeps.impulses();
+    let moments = if rolls {
+        pile.sweeps.moments()
+    } else {
+        Vec::new()
+    };
+    let moment_of = |slot: usize| moments.get(slot).map_or(DVec3::ZERO, |&m| DVec3::from(m));
     if keeper.wants(sweeps as u32) || !last.converged {
         let stated: Vec<keep::Stated> = members
             .iter()
             .zip(impulses.iter().zip(&pile.contacts))
-            .map(|(&contact, (r, z))| keep::Stated {
+            .enumerate()
+            .map(|(slot, (&contact, (r, z)))| keep::Stated {
+                turn: pile
+                    .rolls
+                    .get(slot)
+                    .map_or(DVec3::ZERO, |r| DVec3::from(r.turn)),
+                moment: moment_of(slot),
                 contact,
                 nodes: (z.a, z.b),
                 normal: DVec3::from(z.normal),
@@ -197,10 +222,12 @@ fn solve(
             [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])],
         );
     }
-    for ((&m, r), z) in members.iter().zip(&impulses).zip(&pile.contacts) {
+    let solved = members.iter().zip(&impulses).zip(&pile.contacts);
+    for (slot, ((&m, r), z)) in solved.enumerate() {
         let c = &mut contacts[m as usize];
-        (c.t1, c.t2) = tangent_frame(DVec3::from(z.normal));
-        c.nu = super::record::packed(c, DVec3::from(z.normal), DVec3::from(*r));
+        let normal = DVec3::from(z.normal);
+        record::set_frame(c, normal);
+        c.nu = record::packed(c, normal, DVec3::from(*r), moment_of(slot));
     }
     true
 }
@@ -257,6 +284,29 @@ impl Linearisation<'_> {
                 slip: slip.to_array(),
                 friction: c.bounds.sliding,
             }
+        }));
+    }
+
+    /// Rolling and spinning friction of the contacts as just written: the relative rotation over the smooth step, rolling and
+    /// spinning as at t_n, in the frame of the end.
+    fn write_rolls(&self, contacts: &[spheres::Contact], out: &mut Vec<spheres::Roll>) {
+        out.clear();
+        out.extend(self.members.iter().zip(contacts).map(|(&m, z)| {
+            let c = &self.contacts[m as usize];
+            let part = |body: u32| {
+                let prediction = self.angular.get(body as usize);
+                prediction.map_or(DVec3::ZERO, |p| p.displacement)
+            };
+            let (i, mut of_b) = (c.a as usize, part(c.b));
+            let (from, to) = (self.state.position[i], self.position[i]);
+            if let Some([_, turn]) = self.walls.displacement(self.model, c, from, to) {
+                of_b = turn;
+            }
+            let psi = part(c.a) - of_b;
+            let (n, spin) = (DVec3::from(z.normal), c.n0.dot(psi));
+            let across = psi - spin * c.n0;
+            let turn = across - n.dot(across) * n + spin * n;
+            Turning::new(c, DVec3::ZERO).stated(turn)
         }));
     }
 

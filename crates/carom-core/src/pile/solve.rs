@@ -1,6 +1,7 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts, and rule R4 on what they find.
 
 use super::group::Law;
+use super::roll;
 use super::velocity::{change, work};
 use super::{budget, worst, Pile, PATIENCE};
 use crate::contact::Contact;
@@ -29,11 +30,7 @@ impl Pile {
     ) -> Option<()> {
         let scale = vec![1.0; self.velocity.chosen.len()];
         self.write(model, law, &scale);
-        let places = (self.places.len() >= super::SORTED).then_some(&self.places[..]);
-        self.sweeps
-            .renew(&self.bodies, &self.contacts, places)
-            .ok()?;
-        self.sweeps.warm_start(&self.start);
+        self.load_sweeps().ok()?;
         let most = budget(self.contacts.len());
         self.forget_contacts();
         let o = &model.options;
@@ -92,6 +89,13 @@ impl Pile {
                     friction: m.friction,
                 }
             }));
+        self.rolls.clear();
+        if !memory.turning.is_empty() {
+            self.rolls.extend(memory.chosen.iter().map(|&slot| {
+                let turning = &memory.turning[slot as usize];
+                turning.stated(memory.turn(slot))
+            }));
+        }
     }
 
     /// Rule R4: scales restitution in groups of contacts with impulse whose work is positive. All such groups are bisected at once,
@@ -186,9 +190,12 @@ impl Pile {
         let impulses = self.sweeps.impulses();
         let u = self.sweeps.velocities();
         let memory = &self.velocity;
+        // Of the chosen contacts; none where nothing rolls.
+        let moments = self.moments();
         let mut sums = vec![[0.0f64; 2]; self.bodies.len()];
         let mut seen = vec![false; self.bodies.len()];
-        for ((&slot, r), &group) in memory.chosen.iter().zip(&impulses).zip(groups) {
+        let chosen = memory.chosen.iter().zip(&impulses).zip(groups);
+        for (k, ((&slot, r), &group)) in chosen.enumerate() {
             if group == u32::MAX {
                 continue;
             }
@@ -197,6 +204,11 @@ impl Pile {
             let after = before + change(m, &u);
             let [normal, across] = work(m, DVec3::from(*r), before, after);
             sums[group as usize][0] += normal + across;
+            if let Some(&moment) = moments.get(k) {
+                let change = roll::change(m, &u);
+                let [rolling, spinning] = memory.turning_work(slot, DVec3::from(moment), change);
+                sums[group as usize][0] += rolling + spinning;
+            }
             for node in [m.a, m.b] {
                 if node == WORLD || std::mem::replace(&mut seen[node as usize], true) {
                     continue;
@@ -217,19 +229,35 @@ impl Pile {
             .collect()
     }
 
+    /// Moments of the solve at hand; none where nothing rolls.
+    pub(super) fn moments(&self) -> Vec<[f64; 3]> {
+        if self.velocity.turning.is_empty() {
+            return Vec::new();
+        }
+        self.sweeps.moments()
+    }
+
     /// Adds the impulses of the solve at hand, and their work, to the totals.
     fn commit(&mut self, problem: u32, scale: &[f64]) {
         let impulses = self.sweeps.impulses();
         let u = self.sweeps.velocities();
+        let moments = self.moments();
         let memory = &mut self.velocity;
-        for ((&slot, r), &scale) in memory.chosen.iter().zip(&impulses).zip(scale) {
+        for (k, ((&slot, r), &scale)) in
+            (memory.chosen.iter().zip(&impulses).zip(scale)).enumerate()
+        {
             let r = DVec3::from(*r);
             let m = memory.members[slot as usize];
             let before = memory.now(&m);
             let after = before + change(&m, &u);
             let done = work(&m, r, before, after);
             let member = &mut memory.members[slot as usize];
-            member.add(problem, r, before.dot(m.normal), done, scale, memory.tol);
+            let hits = member.add(problem, r, before.dot(m.normal), done, scale, memory.tol);
+            if let Some(&moment) = moments.get(k) {
+                let (moment, change) = (DVec3::from(moment), roll::change(&m, &u));
+                let done = memory.turning_work(slot, moment, change);
+                memory.turning[slot as usize].add(moment, done, hits);
+            }
         }
         for (jump, u) in memory.jump.iter_mut().zip(&u) {
             jump[0] += DVec3::new(u[0], u[1], u[2]);

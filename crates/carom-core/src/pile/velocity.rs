@@ -2,6 +2,7 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::group::Law;
+use super::roll::{self, Turning};
 use super::{node, record, warm::Cursor, Pile, LEFT};
 use crate::contact::Contact;
 use crate::islands::Island;
@@ -51,6 +52,8 @@ pub(super) struct Member {
 #[derive(Default)]
 pub(super) struct Memory {
     pub members: Vec<Member>,
+    /// Moments of the members; empty where nothing rolls.
+    pub turning: Vec<Turning>,
     pub check: Vec<[DVec3; 2]>,
     pub old: Vec<[DVec3; 2]>,
     pub jump: Vec<[DVec3; 2]>,
@@ -155,6 +158,7 @@ impl Memory {
             .iter()
             .map(|m| m.impulse.length_squared())
             .sum();
+        let impulses = impulses + self.moments_squared();
         let momenta: f64 = self
             .jump
             .iter()
@@ -294,6 +298,15 @@ impl Pile {
                 scale: 1.0,
             }
         }));
+        memory.turning.clear();
+        let turns = |&index: &u32| roll::rolls(&contacts[index as usize]);
+        if island.contacts.iter().any(turns) {
+            memory.turning.extend(island.contacts.iter().map(|&index| {
+                let c = &contacts[index as usize];
+                let wall = walls.end_twist(model, c, position[c.a as usize]);
+                Turning::new(c, wall.map_or(DVec3::ZERO, |t| t.spin))
+            }));
+        }
         let nodes = self.spheres.len();
         for v in [&mut memory.check, &mut memory.old] {
             v.clear();
@@ -352,18 +365,27 @@ impl Pile {
             let ratio = span.h / state.warm_step;
             let mut cursor = Cursor::new(&state.warm);
             self.start.clear();
-            let members = &self.velocity.members;
-            self.start.extend(self.velocity.chosen.iter().map(|&slot| {
+            self.start_moments.clear();
+            let (members, rolls) = (&self.velocity.members, !self.velocity.turning.is_empty());
+            for &slot in &self.velocity.chosen {
                 let c = &scratch.contacts[members[slot as usize].contact as usize];
                 let warm = cursor.find((c.a, c.b));
-                warm.map_or([0.0; 3], |w| (ratio * w.impulse).to_array())
-            }));
+                let start = warm.map_or([0.0; 3], |w| (ratio * w.impulse).to_array());
+                self.start.push(start);
+                if rolls {
+                    let start = warm.map_or([0.0; 3], |w| (ratio * w.moment).to_array());
+                    self.start_moments.push(start);
+                }
+            }
             debug_assert_eq!(island.contacts.len(), members.len());
             self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
             let memory = &mut self.velocity;
             for &slot in &memory.chosen {
                 let member = &mut memory.members[slot as usize];
                 member.load = member.impulse;
+                if let Some(turning) = memory.turning.get_mut(slot as usize) {
+                    turning.load = turning.moment;
+                }
             }
             memory.offset.clone_from(&memory.jump);
         }
@@ -382,12 +404,14 @@ impl Pile {
         self.drop_chosen();
         let memory = &mut self.velocity;
         self.start.clear();
-        self.start.extend(
-            memory
-                .chosen
-                .iter()
-                .map(|&slot| memory.members[slot as usize].load.to_array()),
-        );
+        self.start_moments.clear();
+        for &slot in &memory.chosen {
+            self.start
+                .push(memory.members[slot as usize].load.to_array());
+            let moments = memory.turning.get(slot as usize);
+            self.start_moments
+                .extend(moments.map(|t| t.load.to_array()));
+        }
         self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
         // Later problems, where something closes.
         let (last, done) = self.cascade(model, scratch.contacts, report);
@@ -396,11 +420,18 @@ impl Pile {
             return Some(problems);
         }
         report.truncated += 1;
-        self.velocity.choose(|_, _| true);
-        self.start.clear();
-        self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
+        self.choose_all();
         self.solve_chosen(model, scratch.contacts, Law::Plastic, last + 1, report)?;
         Some(problems + 1)
+    }
+
+    /// All closed contacts, started from nothing.
+    fn choose_all(&mut self) {
+        self.velocity.choose(|_, _| true);
+        for start in [&mut self.start, &mut self.start_moments] {
+            start.clear();
+            start.resize(self.velocity.chosen.len(), [0.0; 3]);
+        }
     }
 
     /// Newton's law on all closed contacts at once.
@@ -410,9 +441,7 @@ impl Pile {
         scratch: &IslandScratch,
         report: &mut StepReport,
     ) -> Option<u32> {
-        self.velocity.choose(|_, _| true);
-        self.start.clear();
-        self.start.resize(self.velocity.chosen.len(), [0.0; 3]);
+        self.choose_all();
         self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
         Some(1)
     }
@@ -422,6 +451,9 @@ impl Pile {
         let memory = &mut self.velocity;
         for &slot in &memory.chosen {
             memory.members[slot as usize].impulse = DVec3::ZERO;
+            if let Some(turning) = memory.turning.get_mut(slot as usize) {
+                turning.moment = DVec3::ZERO;
+            }
         }
         memory.jump.fill([DVec3::ZERO; 2]);
         for m in &memory.members {
@@ -429,6 +461,8 @@ impl Pile {
                 Memory::push(&self.bodies, m, m.impulse, &mut memory.jump);
             }
         }
+        memory.push_moments(&self.bodies);
+        memory.restate_turning_work();
         for slot in 0..memory.members.len() {
             let m = memory.members[slot];
             let before = memory.free(&m);
@@ -447,11 +481,14 @@ impl Pile {
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);
         }
-        for m in &memory.members {
+        for (slot, m) in memory.members.iter().enumerate() {
+            // Of a contact without moments.
+            let nothing = Turning::default();
+            let turning = memory.turning.get(slot).unwrap_or(&nothing);
             let c: &mut Contact = &mut scratch.contacts[m.contact as usize];
             record::turn_frame(c, m.normal);
-            c.lambda = record::packed(c, m.normal, m.impulse);
-            c.work = [m.work[0], m.work[1], 0.0, 0.0];
+            c.lambda = record::packed(c, m.normal, m.impulse, turning.moment);
+            c.work = [m.work[0], m.work[1], turning.work[0], turning.work[1]];
             let normal = m.impulse.dot(m.normal);
             c.status = if normal <= 0.0 {
                 Status::Gap
@@ -463,11 +500,13 @@ impl Pile {
                 Status::Stick
             };
             if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
+                let [position, position_moment] = record::position(c, m.normal);
                 scratch.warm.push(Warm {
                     key: (c.a, c.b),
                     impulse: m.load,
-                    moment: DVec3::ZERO,
-                    position: c.nu[0] * m.normal + c.nu[1] * c.t1 + c.nu[2] * c.t2,
+                    moment: turning.load,
+                    position,
+                    position_moment,
                 });
             }
             let free = memory.free(m).dot(m.normal);
@@ -485,7 +524,7 @@ impl Pile {
                 status: c.status as u8,
                 normal: m.normal,
                 impulse: m.hit,
-                moment: DVec3::ZERO,
+                moment: turning.hit,
                 approach: m.approach,
                 separation: memory.normal_speed(m),
                 restitution_scale: m.scale,
@@ -510,6 +549,7 @@ impl Memory {
 }
 
 impl Member {
+<<<<<<< HEAD
     /// Relative velocity of the surfaces, of A against B, by the velocities of nodes.
     #[inline]
     pub fn relative(&self, at: impl Fn(u32) -> [DVec3; 2]) -> DVec3 {
@@ -524,6 +564,10 @@ impl Member {
     }
 
     /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not.
+=======
+    /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not; whether this
+    /// is a part of an impact.
+>>>>>>> main
     pub fn add(
         &mut self,
         problem: u32,
@@ -532,21 +576,22 @@ impl Member {
         work: [f64; 2],
         scale: f64,
         tol: f64,
-    ) {
+    ) -> bool {
         self.impulse += r;
         self.work[0] += work[0];
         self.work[1] += work[1];
         if problem == 0 || r == DVec3::ZERO {
-            return;
+            return false;
         }
         if self.problem == 0 {
             if before >= -tol {
-                return;
+                return false;
             }
             (self.problem, self.approach) = (problem, before);
         }
         self.hit += r;
         self.scale = self.scale.min(scale);
+        true
     }
 }
 

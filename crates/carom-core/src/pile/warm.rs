@@ -40,6 +40,7 @@ mod tests {
                 impulse: DVec3::splat(f64::from(i)),
                 moment: DVec3::ZERO,
                 position: DVec3::ZERO,
+                position_moment: DVec3::ZERO,
             })
             .collect();
         for stride in [1, 2, 5, 17, 60] {

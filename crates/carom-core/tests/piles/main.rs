@@ -5,6 +5,7 @@ mod agree;
 mod common;
 mod conserve;
 mod loads;
+mod rolling;
 mod scenes;
 mod threads;
 

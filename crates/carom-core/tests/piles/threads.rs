@@ -6,17 +6,19 @@ use carom_core::ModelInput;
 use scenes::{boxed, drop, lattice, Random};
 
 /// Every number of the state, position multipliers of warm starts among them.
-fn all_bits(s: &Simulation) -> Vec<u64> {
+pub fn all_bits(s: &Simulation) -> Vec<u64> {
     let mut out = bits(s);
     for w in &s.state.warm {
-        out.extend(w.position.to_array().map(f64::to_bits));
+        for v in [w.position, w.position_moment] {
+            out.extend(v.to_array().map(f64::to_bits));
+        }
     }
     out
 }
 
 /// Touching balls that begin to press on each other and on the floor, every one with its own small velocity: eight chunks of the
 /// sweeps, for eight threads.
-fn large() -> ModelInput {
+pub fn large() -> ModelInput {
     let mut input = boxed(&lattice(20, 22), 10.0, [0.4, 0.3]);
     let mut random = Random(3);
     for v in &mut input.velocity {

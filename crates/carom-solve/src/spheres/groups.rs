@@ -2,6 +2,7 @@
 
 use super::kernel::{Group, State};
 use super::lanes::GROUP;
+use super::rolling::Rolls;
 use super::Contact;
 
 /// Groups of a block that are open at a time.
@@ -19,6 +20,8 @@ pub struct Block {
     pub groups: Vec<Group>,
     /// Contact of each lane, with [`SWAPPED`]; or [`EMPTY`].
     pub ids: Vec<[u32; GROUP]>,
+    /// Moments of the groups; empty where nothing rolls.
+    pub rolls: Vec<Rolls>,
 }
 
 /// A contact on its way to a group: states within the chunks of its block, and its id.
@@ -52,6 +55,7 @@ pub fn pack(
         right: ends.1,
         ..old
     };
+    block.rolls.clear();
     block.groups.clear();
     block.groups.reserve(links.len() / GROUP + 16);
     block.ids.clear();

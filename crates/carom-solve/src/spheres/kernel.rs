@@ -148,7 +148,7 @@ fn map2<S: Lanes>(x: V3<S>, y: V3<S>, f: impl Fn(S::f64s, S::f64s) -> S::f64s) -
 }
 
 #[inline(always)]
-fn add<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
+pub fn add<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
     map2::<S>(
         x,
         y,
@@ -168,7 +168,7 @@ pub fn sub<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
 }
 
 #[inline(always)]
-fn scale<S: Lanes>(s: S, f: S::f64s, x: V3<S>) -> V3<S> {
+pub fn scale<S: Lanes>(s: S, f: S::f64s, x: V3<S>) -> V3<S> {
     [
         s.mul_f64s(f, x[0]),
         s.mul_f64s(f, x[1]),
@@ -297,7 +297,7 @@ fn solve<S: Lanes, C: Carry>(
 }
 
 #[inline(always)]
-fn put<S: Lanes>(columns: &mut [Column; 3], at: usize, value: V3<S>) {
+pub fn put<S: Lanes>(columns: &mut [Column; 3], at: usize, value: V3<S>) {
     for k in 0..3 {
         S::as_mut_simd_f64s(&mut columns[k]).0[at / S::F64_LANES] = value[k];
     }
@@ -334,13 +334,31 @@ pub struct Along {
     pub closing: Column,
 }
 
+impl Along {
+    /// `beta (p + d)`.
+    #[inline(always)]
+    pub fn way<S: Lanes>(&self, s: S, [p, d]: [V3<S>; 2]) -> V3<S> {
+        let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
+        scale(s, beta, add(s, scale(s, kept, p), scale(s, kept, d)))
+    }
+}
+
 impl Carry for Along {
     #[inline(always)]
     fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S> {
+<<<<<<< HEAD
         let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
         let way = parts::<S>(&group.way, at);
         let p = scale(s, beta, scale(s, kept, way));
         put::<S>(&mut group.way, at, p);
+=======
+        let (p, d) = (
+            parts::<S>(&group.direction, at),
+            parts::<S>(&group.change, at),
+        );
+        let p = self.way(s, [p, d]);
+        put::<S>(&mut group.direction, at, p);
+>>>>>>> main
         add(s, parts::<S>(&group.impulse, at), p)
     }
 
@@ -399,19 +417,30 @@ impl<B: Bodies, C: Carry> Work for Pass<'_, B, C> {
     #[inline(always)]
     fn run<S: Lanes>(mut self, simd: S) -> C {
         for group in self.groups.iter_mut() {
-            // Two sets of lanes at a time: each is one long chain of dependent operations.
-            for at in (0..GROUP).step_by(2 * S::F64_LANES) {
-                let next = at + S::F64_LANES;
-                let (one, two) = (
-                    gather(simd, &self.bodies, group, at),
-                    gather(simd, &self.bodies, group, next),
-                );
-                let one = solve(simd, &mut self.carry, one, group, at);
-                let two = solve(simd, &mut self.carry, two, group, next);
-                scatter(simd, one, &mut self.bodies, group, at);
-                scatter(simd, two, &mut self.bodies, group, next);
-            }
+            sweep_group(simd, &mut self.carry, &mut self.bodies, group);
         }
         self.carry
+    }
+}
+
+/// Solves the contacts of a group.
+#[inline(always)]
+pub fn sweep_group<S: Lanes>(
+    simd: S,
+    carry: &mut impl Carry,
+    bodies: &mut impl Bodies,
+    group: &mut Group,
+) {
+    // Two sets of lanes at a time: each is one long chain of dependent operations.
+    for at in (0..GROUP).step_by(2 * S::F64_LANES) {
+        let next = at + S::F64_LANES;
+        let (one, two) = (
+            gather(simd, bodies, group, at),
+            gather(simd, bodies, group, next),
+        );
+        let one = solve(simd, carry, one, group, at);
+        let two = solve(simd, carry, two, group, next);
+        scatter(simd, one, bodies, group, at);
+        scatter(simd, two, bodies, group, next);
     }
 }

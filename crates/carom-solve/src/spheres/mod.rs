@@ -2,7 +2,7 @@
 //!
 //! The problem is that of [`crate::rows`] with linear measures and sliding friction: `M u = G^T r`, `z = z0 + G u`, and for each
 //! contact `r_N >= 0`, `z_N >= 0`, `r_N z_N = 0`, `|r_T| <= mu r_N`, `r_T = -mu r_N z_T/|z_T|` where it slips. A sweep solves one
-//! contact after the other, each exactly (`kernel`). Impulses and slips are vectors of the world; over tangents
+//! contact after the other, each exactly (`kernel`); rolling and spinning friction may be added (`rolling`). Impulses and slips are vectors of the world; over tangents
 //! `t1, t2` the rows are `lambda = (r.n, r.t1, r.t2)` and `z0 = (s.n, s.t1, s.t2)`.
 //!
 //! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
@@ -14,19 +14,23 @@ mod groups;
 mod kernel;
 mod lanes;
 mod layout;
+mod moments;
 mod problem;
 mod residual;
+mod rolling;
 
 pub use convert::{as_spheres, Spheres};
 pub use goal::{Goal, Norms, Progress};
 pub use lanes::Instructions;
 pub(crate) use lanes::{Lanes, Work};
 pub use problem::{Body, Contact, Place, SpheresError};
+pub use rolling::Roll;
 
 use crate::team::{self, lock};
 use groups::{Block, EMPTY, SWAPPED};
-use kernel::{Carry, One, Pass, Plain, State, Two};
+use kernel::{One, Pass, Plain, State, Two};
 use layout::Layout;
+use moments::{CarryMoments, RollingPass};
 use std::sync::Mutex;
 
 /// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
@@ -160,7 +164,10 @@ impl Sweeps {
             state.linear[..3].fill(0.0);
             state.surface[..3].fill(0.0);
         }
-        self.stages(1, |block, left, right| residual::push(block, left, right));
+        self.stages(1, |block, left, mut right| {
+            residual::push(block, left, right.as_deref_mut());
+            moments::push(block, left, right);
+        });
     }
 
     /// Runs `count` sweeps.
@@ -179,11 +186,14 @@ impl Sweeps {
             self.threads,
             self.blocks.iter().collect(),
             |block: &Block| {
-                residual::largest(
-                    block,
-                    chunks[block.left as usize],
-                    chunks[block.right as usize],
-                )
+                let (left, right) = (chunks[block.left as usize], chunks[block.right as usize]);
+                let forces = residual::largest(block, left, right);
+                let moments = moments::largest(block, left, right);
+                if moments > forces || moments.is_nan() {
+                    moments
+                } else {
+                    forces
+                }
             },
         )
         .into_iter()
@@ -198,12 +208,22 @@ impl Sweeps {
             self.threads,
             self.blocks.iter().collect(),
             |block: &Block| {
-                self.instructions.run(residual::NormsOf {
+                let (left, right) = (chunks[block.left as usize], chunks[block.right as usize]);
+                let mut sums = self.instructions.run(residual::NormsOf {
                     block,
-                    left: chunks[block.left as usize],
-                    right: chunks[block.right as usize],
+                    left,
+                    right,
                     penalty_scale,
-                })
+                });
+                if !block.rolls.is_empty() {
+                    sums.add(&self.instructions.run(moments::NormsOf {
+                        block,
+                        left,
+                        right,
+                        penalty_scale,
+                    }));
+                }
+                sums
             },
         );
         let mut sum = residual::Sums::default();
@@ -319,14 +339,30 @@ impl Sweeps {
 }
 
 /// One pass over the groups of a block.
-fn pass<C: Carry>(
+fn pass<C: CarryMoments>(
     instructions: Instructions,
     block: &mut Block,
     left: &mut [State],
     right: Option<&mut [State]>,
     carry: C,
 ) -> C {
-    let groups = &mut block.groups;
+    let Block { groups, rolls, .. } = block;
+    if !rolls.is_empty() {
+        return match right {
+            None => instructions.run(RollingPass {
+                bodies: One(left),
+                groups,
+                rolls,
+                carry,
+            }),
+            Some(right) => instructions.run(RollingPass {
+                bodies: Two(left, right),
+                groups,
+                rolls,
+                carry,
+            }),
+        };
+    }
     match right {
         None => instructions.run(Pass {
             bodies: One(left),

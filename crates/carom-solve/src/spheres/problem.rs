@@ -54,6 +54,8 @@ pub enum SpheresError {
     Immovable { contact: usize },
     /// A normal that is not a unit vector, a slip that is not finite, or negative friction.
     Contact { contact: usize },
+    /// Rolling or spinning friction that is negative or not finite, a turn that is not finite, or a length not above 0.
+    Roll { contact: usize },
     /// More contacts or bodies than 2^31 - 2.
     Size,
     /// Other contacts than those of `new`.
@@ -69,6 +71,9 @@ impl fmt::Display for SpheresError {
             Self::Immovable { contact } => write!(f, "contact {contact}: its sides are one body, or none of them can move"),
             Self::Contact { contact } => {
                 write!(f, "contact {contact}: the normal must be a unit vector, the slip finite and the friction at least 0")
+            }
+            Self::Roll { contact } => {
+                write!(f, "contact {contact}: rolling and spinning friction must be at least 0, the turn finite and the length above 0")
             }
             Self::Size => write!(f, "more than 2^31 - 2 bodies or contacts"),
             Self::Changed { contact } => write!(f, "contact {contact}: the contacts are not those the sweeps were made for"),

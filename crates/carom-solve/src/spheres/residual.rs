@@ -5,11 +5,11 @@ use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, Grou
 use super::lanes::{Lanes, Work, GROUP};
 use glam::DVec3;
 
-fn vector(columns: &[super::kernel::Column; 3], lane: usize) -> DVec3 {
+pub fn vector(columns: &[super::kernel::Column; 3], lane: usize) -> DVec3 {
     DVec3::new(columns[0][lane], columns[1][lane], columns[2][lane])
 }
 
-fn head(row: &[f64; 4]) -> DVec3 {
+pub fn head(row: &[f64; 4]) -> DVec3 {
     DVec3::new(row[0], row[1], row[2])
 }
 

@@ -1,0 +1,153 @@
+//! Rolling and spinning friction in a pile: what stands beside the members and their impulses where something rolls.
+//!
+//! Moments `m` on A act on the relative angular velocity `w_A - w_B`: across the normal at most `rho lambda_N`, along it
+//! `delta lambda_N` (`docs/theory/algorithm.md`, section 2). Restitution does not act on them. In a pile in which nothing rolls the
+//! list is empty, and nothing here costs anything.
+
+use super::velocity::{Member, Memory};
+use crate::contact::Contact;
+use carom_solve::rows::WORLD;
+use carom_solve::spheres::{Body, Roll};
+use glam::DVec3;
+
+/// Moments of a member.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Turning {
+    /// rho, delta and the reference length, m.
+    pub rolling: f64,
+    pub spinning: f64,
+    pub length: f64,
+    /// Angular velocity of a moving wall's material at t_{n+1}.
+    pub wall: DVec3,
+    /// Moment on A of all problems so far, and of the loads alone.
+    pub moment: DVec3,
+    pub load: DVec3,
+    /// Work of rolling and of spinning, J.
+    pub work: [f64; 2],
+    /// Moment of impacts.
+    pub hit: DVec3,
+}
+
+impl Turning {
+    pub fn new(c: &Contact, wall: DVec3) -> Self {
+        Self {
+            rolling: c.bounds.rolling,
+            spinning: c.bounds.spinning,
+            length: c.length,
+            wall,
+            moment: DVec3::ZERO,
+            load: DVec3::ZERO,
+            work: [0.0; 2],
+            hit: DVec3::ZERO,
+        }
+    }
+
+    /// As the sweeps have it, with the relative angular velocity at `u = 0`.
+    pub fn stated(&self, turn: DVec3) -> Roll {
+        Roll {
+            rolling: self.rolling,
+            spinning: self.spinning,
+            turn: turn.to_array(),
+            length: self.length,
+        }
+    }
+
+    /// Adds what one problem gave; `hits`: it is an impact of this contact.
+    pub fn add(&mut self, moment: DVec3, work: [f64; 2], hits: bool) {
+        self.moment += moment;
+        self.work[0] += work[0];
+        self.work[1] += work[1];
+        if hits {
+            self.hit += moment;
+        }
+    }
+}
+
+/// Whether a contact has moments.
+pub(super) fn rolls(c: &Contact) -> bool {
+    c.bounds.rolling > 0.0 || c.bounds.spinning > 0.0
+}
+
+/// Relative angular velocity of a contact's bodies, of A against B.
+fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
+    let of_a = v[m.a as usize][1];
+    if m.b == WORLD {
+        of_a
+    } else {
+        of_a - v[m.b as usize][1]
+    }
+}
+
+/// Change of it by corrections of the nodes.
+pub(super) fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
+    let part = |node: u32| {
+        let u = &u[node as usize];
+        DVec3::new(u[3], u[4], u[5])
+    };
+    if m.b == WORLD {
+        part(m.a)
+    } else {
+        part(m.a) - part(m.b)
+    }
+}
+
+/// Work of a moment across the normal and along it, by the mean of the angular velocities before and after.
+pub(super) fn work(m: &Member, moment: DVec3, before: DVec3, after: DVec3) -> [f64; 2] {
+    let mean = 0.5 * (before + after);
+    let spinning = moment.dot(m.normal) * mean.dot(m.normal);
+    [moment.dot(mean) - spinning, spinning]
+}
+
+impl Memory {
+    /// Relative angular velocity of member `slot` at `v_check`, and at `v_check + jump`.
+    pub fn free_turn(&self, slot: u32) -> DVec3 {
+        let wall = self.turning[slot as usize].wall;
+        relative(&self.members[slot as usize], &self.check) - wall
+    }
+
+    pub fn turn(&self, slot: u32) -> DVec3 {
+        self.free_turn(slot) + relative(&self.members[slot as usize], &self.jump)
+    }
+
+    /// Relative angular velocity and moment of a member so far; nothing where nothing rolls.
+    pub fn turning_now(&self, slot: u32) -> Option<[DVec3; 2]> {
+        let turning = self.turning.get(slot as usize)?;
+        Some([self.turn(slot), turning.moment])
+    }
+
+    /// Work of a moment that changes the relative angular velocity by so much.
+    pub fn turning_work(&self, slot: u32, moment: DVec3, change: DVec3) -> [f64; 2] {
+        let before = self.turn(slot);
+        work(
+            &self.members[slot as usize],
+            moment,
+            before,
+            before + change,
+        )
+    }
+
+    /// Sum of squares of all moments so far over the reference lengths, as eq. 44 counts them.
+    pub fn moments_squared(&self) -> f64 {
+        let part = |t: &Turning| t.moment.length_squared() / (t.length * t.length);
+        self.turning.iter().map(part).sum()
+    }
+
+    /// Adds all moments to the jump.
+    pub fn push_moments(&mut self, bodies: &[Body]) {
+        for (m, t) in self.members.iter().zip(&self.turning) {
+            self.jump[m.a as usize][1] += bodies[m.a as usize].inv_inertia * t.moment;
+            if m.b != WORLD {
+                self.jump[m.b as usize][1] -= bodies[m.b as usize].inv_inertia * t.moment;
+            }
+        }
+    }
+
+    /// Work of all moments so far, from `v_check` to `v_check + jump`.
+    pub fn restate_turning_work(&mut self) {
+        for slot in 0..self.turning.len() {
+            let (m, t) = (&self.members[slot], &self.turning[slot]);
+            let (before, after) = (self.free_turn(slot as u32), self.turn(slot as u32));
+            self.turning[slot].work = work(m, t.moment, before, after);
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! Sweeps over contacts that roll: what `kernel` does, and the moments of `rolling` after the forces of each group.
+
+use super::groups::Block;
+use super::kernel::{
+    add, dot, gather, measures, part, parts, put, scale, sub, sweep_group, Along, Bodies, Both,
+    Carry, Group, Plain, Read, State, V3,
+};
+use super::lanes::{Lanes, Work, GROUP};
+use super::residual::{head, vector, Sums};
+use super::rolling::Rolls;
+use glam::DVec3;
+
+/// What a sweep does beside solving moments.
+pub trait CarryMoments: Carry {
+    /// Moments from which the lanes are solved.
+    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S>;
+    /// Looks at the change.
+    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>);
+}
+
+impl CarryMoments for Plain {
+    #[inline(always)]
+    fn step_moments<S: Lanes>(&mut self, _: S, rolls: &mut Rolls, at: usize) -> V3<S> {
+        parts::<S>(&rolls.moment, at)
+    }
+
+    #[inline(always)]
+    fn note_moments<S: Lanes>(&mut self, _: S, _: &mut Rolls, _: usize, _: V3<S>) {}
+}
+
+impl CarryMoments for Along {
+    #[inline(always)]
+    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S> {
+        let columns = [&rolls.direction, &rolls.change].map(
+            #[inline(always)]
+            |c| parts::<S>(c, at),
+        );
+        let p = self.way(s, columns);
+        put::<S>(&mut rolls.direction, at, p);
+        add(s, parts::<S>(&rolls.moment, at), p)
+    }
+
+    #[inline(always)]
+    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>) {
+        let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&rolls.weight, at));
+        let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[at / S::F64_LANES];
+        *squared = s.add_f64s(*squared, weighted);
+        put::<S>(&mut rolls.change, at, change);
+    }
+}
+
+/// Measures of the moments of the lanes from `at`: relative angular velocities.
+#[inline(always)]
+fn turns<S: Lanes>(s: S, bodies: &impl Read, group: &Group, rolls: &Rolls, at: usize) -> V3<S> {
+    let lanes = at..at + S::F64_LANES;
+    let (ia, ib) = (&group.a[lanes.clone()], &group.b[lanes.clone()]);
+    let [ra, rb] = [
+        &rolls.per_radius[0][lanes.clone()],
+        &rolls.per_radius[1][lanes],
+    ];
+    let spin = s.columns(
+        #[inline(always)]
+        |l| {
+            let (a, b) = bodies.pair(ia[l], ib[l]);
+            s.row_sub(
+                s.row_scale(ra[l], s.row(&a.surface)),
+                s.row_scale(rb[l], s.row(&b.surface)),
+            )
+        },
+    );
+    add(s, spin, parts::<S>(&rolls.turn, at))
+}
+
+/// `m - z` times the inertia on the disc of rolling and the interval of spinning that belong to the normal impulse.
+#[inline(always)]
+fn project<S: Lanes>(
+    s: S,
+    [m, z, n]: [V3<S>; 3],
+    inertia: S::f64s,
+    normal: S::f64s,
+    rolls: &Rolls,
+    at: usize,
+) -> V3<S> {
+    let zero = s.splat_f64s(0.0);
+    let x = sub(s, m, scale(s, inertia, z));
+    let along = dot(s, x, n);
+    let x = sub(s, x, scale(s, along, n));
+    let squared = dot(s, x, x);
+    let radius = s.mul_f64s(part::<S>(&rolls.rolling, at), normal);
+    let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
+    let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
+    let ratio = s.select_f64s(outside, ratio, s.splat_f64s(1.0));
+    let most = s.mul_f64s(part::<S>(&rolls.spinning, at), normal);
+    let least = s.sub_f64s(zero, most);
+    let along = s.select_f64s(s.greater_than_f64s(along, most), most, along);
+    let along = s.select_f64s(s.greater_than_f64s(least, along), least, along);
+    add(s, scale(s, along, n), scale(s, ratio, x))
+}
+
+/// The larger of `x` and 0.
+#[inline(always)]
+fn positive<S: Lanes>(s: S, x: S::f64s) -> S::f64s {
+    let zero = s.splat_f64s(0.0);
+    s.select_f64s(s.greater_than_f64s(x, zero), x, zero)
+}
+
+/// New moments of the lanes from `at` at the present normal impulses; returns their change.
+#[inline(always)]
+fn solve<S: Lanes, C: CarryMoments>(
+    s: S,
+    carry: &mut C,
+    bodies: &impl Read,
+    group: &Group,
+    rolls: &mut Rolls,
+    at: usize,
+) -> V3<S> {
+    let n = parts::<S>(&group.normal, at);
+    let normal = positive(s, dot(s, parts::<S>(&group.impulse, at), n));
+    let old = carry.step_moments(s, rolls, at);
+    let z = turns(s, bodies, group, rolls, at);
+    let inertia = part::<S>(&rolls.inertia, at);
+    let new = project(s, [old, z, n], inertia, normal, rolls, at);
+    let change = sub(s, new, old);
+    put::<S>(&mut rolls.moment, at, new);
+    carry.note_moments(s, rolls, at, change);
+    change
+}
+
+/// Adds the changes of the moments of the lanes from `at` to their bodies.
+#[inline(always)]
+fn scatter<S: Lanes>(
+    s: S,
+    change: V3<S>,
+    bodies: &mut impl Bodies,
+    group: &Group,
+    rolls: &Rolls,
+    at: usize,
+) {
+    let lanes = at..at + S::F64_LANES;
+    let (ia, ib) = (&group.a[lanes.clone()], &group.b[lanes.clone()]);
+    let [ra, rb] = [
+        &rolls.per_radius[0][lanes.clone()],
+        &rolls.per_radius[1][lanes],
+    ];
+    s.rows(
+        change,
+        change,
+        #[inline(always)]
+        |l, change, _| {
+            let a = &mut bodies.a()[ia[l] as usize];
+            let turned = s.row_scale(ra[l] * a.surface[3], change);
+            a.surface = s.numbers(s.row_add(s.row(&a.surface), turned));
+            let b = &mut bodies.b()[ib[l] as usize];
+            let turned = s.row_scale(rb[l] * b.surface[3], change);
+            b.surface = s.numbers(s.row_sub(s.row(&b.surface), turned));
+        },
+    );
+}
+
+/// One pass over groups whose contacts roll, in order.
+pub struct RollingPass<'a, B, C> {
+    pub bodies: B,
+    pub groups: &'a mut [Group],
+    pub rolls: &'a mut [Rolls],
+    pub carry: C,
+}
+
+impl<B: Bodies, C: CarryMoments> Work for RollingPass<'_, B, C> {
+    type Output = C;
+
+    #[inline(always)]
+    fn run<S: Lanes>(mut self, simd: S) -> C {
+        for (group, rolls) in self.groups.iter_mut().zip(self.rolls) {
+            sweep_group(simd, &mut self.carry, &mut self.bodies, group);
+            if !rolls.any {
+                continue;
+            }
+            for at in (0..GROUP).step_by(2 * S::F64_LANES) {
+                let next = at + S::F64_LANES;
+                let one = solve(simd, &mut self.carry, &self.bodies, group, rolls, at);
+                let two = solve(simd, &mut self.carry, &self.bodies, group, rolls, next);
+                scatter(simd, one, &mut self.bodies, group, rolls, at);
+                scatter(simd, two, &mut self.bodies, group, rolls, next);
+            }
+        }
+        self.carry
+    }
+}
+
+/// What moments add to the sums of eq. 44: residual rows and moments over the reference length of their contact.
+pub struct NormsOf<'a> {
+    pub block: &'a Block,
+    pub left: &'a [State],
+    pub right: &'a [State],
+    pub penalty_scale: f64,
+}
+
+impl Work for NormsOf<'_> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, s: S) -> Sums {
+        let mut sums = [[0.0; GROUP]; 3];
+        let scale_of = s.splat_f64s(self.penalty_scale);
+        let bodies = Both(self.left, self.right);
+        let groups = self.block.groups.iter().zip(&self.block.rolls);
+        for (group, rolls) in groups.filter(|(_, rolls)| rolls.any) {
+            for at in (0..GROUP).step_by(S::F64_LANES) {
+                let n = parts::<S>(&group.normal, at);
+                // Discs belong to the augmented normal impulse, as in `residual`.
+                let force = measures(s, gather(s, &bodies, group, at), group, at);
+                let mass = s.mul_f64s(scale_of, part::<S>(&group.mass_normal, at));
+                let r_n = dot(s, parts::<S>(&group.impulse, at), n);
+                let normal = s.sub_f64s(r_n, s.mul_f64s(mass, dot(s, force, n)));
+                let m = parts::<S>(&rolls.moment, at);
+                let z = turns(s, &bodies, group, rolls, at);
+                let inertia = s.mul_f64s(scale_of, part::<S>(&rolls.inertia, at));
+                let phi = project(s, [m, z, n], inertia, positive(s, normal), rolls, at);
+                let over = part::<S>(&rolls.per_length, at);
+                let over = s.mul_f64s(over, over);
+                for (sum, x) in sums.iter_mut().zip([sub(s, phi, m), phi, m]) {
+                    let sum = &mut S::as_mut_simd_f64s(sum).0[at / S::F64_LANES];
+                    *sum = s.add_f64s(*sum, s.mul_f64s(over, dot(s, x, x)));
+                }
+            }
+        }
+        let [residual, projected, impulse] = [0, 1, 2].map(|k: usize| sums[k].iter().sum());
+        Sums {
+            residual,
+            projected,
+            impulse,
+            closing: 0.0,
+        }
+    }
+}
+
+/// Lanes of a block that may have moments.
+fn lanes(block: &Block) -> impl Iterator<Item = (&Group, &Rolls, usize)> {
+    let groups = block.groups.iter().zip(&block.rolls);
+    let groups = groups.filter(|(_, rolls)| rolls.any);
+    groups.flat_map(|(group, rolls)| (0..GROUP).map(move |lane| (group, rolls, lane)))
+}
+
+/// Largest part of the natural map of the moments, over the reference lengths, N s.
+pub fn largest(block: &Block, left: &[State], right: &[State]) -> f64 {
+    let mut worst = 0.0f64;
+    for (group, rolls, lane) in lanes(block) {
+        let (a, b) = (
+            &left[group.a[lane] as usize],
+            &right[group.b[lane] as usize],
+        );
+        let n = vector(&group.normal, lane);
+        let of = |side: usize, state: &State| rolls.per_radius[side][lane] * head(&state.surface);
+        let z = of(0, a) - of(1, b) + vector(&rolls.turn, lane);
+        let approach = head(&a.linear) - head(&b.linear) + vector(&group.slip, lane);
+        let normal = vector(&group.impulse, lane) - group.mass_normal[lane] * approach;
+        let normal = normal.dot(n).max(0.0);
+        let m = vector(&rolls.moment, lane);
+        let x = m - rolls.inertia[lane] * z;
+        let along = x.dot(n);
+        let most = rolls.spinning[lane] * normal;
+        let disc = (x - along * n).clamp_length_max(rolls.rolling[lane] * normal);
+        let part = (along.min(most).max(-most) * n + disc - m).length() * rolls.per_length[lane];
+        if part > worst || part.is_nan() {
+            worst = part;
+        }
+    }
+    worst
+}
+
+/// Adds the moments' `M^-1 G^T m` to the states.
+pub fn push(block: &Block, left: &mut [State], mut right: Option<&mut [State]>) {
+    for (group, rolls, lane) in lanes(block) {
+        let m: DVec3 = vector(&rolls.moment, lane);
+        let add = |state: &mut State, factor: f64| {
+            for k in 0..3 {
+                state.surface[k] += factor * state.surface[3] * m[k];
+            }
+        };
+        let [ra, rb] = [0, 1].map(|side: usize| rolls.per_radius[side][lane]);
+        add(&mut left[group.a[lane] as usize], ra);
+        let b = group.b[lane] as usize;
+        match &mut right {
+            Some(right) => add(&mut right[b], -rb),
+            None => add(&mut left[b], -rb),
+        }
+    }
+}
