@@ -422,18 +422,12 @@ fn solve_little(
         let r = group.impulse(k);
         let done = velocity::work(m, r, before, before + group.change(k));
         pushed |= r != DVec3::ZERO;
-<<<<<<< HEAD
-        m.add(problem, r, before.dot(m.normal), done, scale, tol);
-=======
-        let tol = velocity.tol;
-        let member = &mut velocity.members[slot as usize];
-        let hits = member.add(problem, r, before.dot(m.normal), done, scale, tol);
+        let hits = m.add(problem, r, before.dot(m.normal), done, scale, tol);
         if group.rolls() {
             let (moment, change) = (group.moment(k), group.turn_change(k));
             let done = velocity.turning_work(slot, moment, change);
             velocity.turning[slot as usize].add(moment, done, hits);
         }
->>>>>>> main
     }
     for (local, &node) in nodes.iter().enumerate() {
         let [v, w] = group.correction(local as u32);

@@ -165,7 +165,7 @@ impl Group {
 
     /// Solves to the goal; the sweeps, the relative residual and whether it was reached.
     pub fn solve(&mut self, goal: &Goal) -> (usize, f64, bool) {
-        if let [_] = self.contacts[..] {
+        if self.contacts.len() == 1 && !self.rolls() {
             // In closed form.
             self.sweep();
             return (1, 0.0, self.contacts[0].r.is_finite());

@@ -549,7 +549,6 @@ impl Memory {
 }
 
 impl Member {
-<<<<<<< HEAD
     /// Relative velocity of the surfaces, of A against B, by the velocities of nodes.
     #[inline]
     pub fn relative(&self, at: impl Fn(u32) -> [DVec3; 2]) -> DVec3 {
@@ -563,11 +562,8 @@ impl Member {
         d + self.normal.cross(spin)
     }
 
-    /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not.
-=======
     /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not; whether this
     /// is a part of an impact.
->>>>>>> main
     pub fn add(
         &mut self,
         problem: u32,

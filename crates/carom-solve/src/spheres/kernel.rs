@@ -335,30 +335,19 @@ pub struct Along {
 }
 
 impl Along {
-    /// `beta (p + d)`.
+    /// `beta (p + d)` of `p + d`.
     #[inline(always)]
-    pub fn way<S: Lanes>(&self, s: S, [p, d]: [V3<S>; 2]) -> V3<S> {
+    pub fn way<S: Lanes>(&self, s: S, way: V3<S>) -> V3<S> {
         let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
-        scale(s, beta, add(s, scale(s, kept, p), scale(s, kept, d)))
+        scale(s, beta, scale(s, kept, way))
     }
 }
 
 impl Carry for Along {
     #[inline(always)]
     fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S> {
-<<<<<<< HEAD
-        let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
-        let way = parts::<S>(&group.way, at);
-        let p = scale(s, beta, scale(s, kept, way));
+        let p = self.way(s, parts::<S>(&group.way, at));
         put::<S>(&mut group.way, at, p);
-=======
-        let (p, d) = (
-            parts::<S>(&group.direction, at),
-            parts::<S>(&group.change, at),
-        );
-        let p = self.way(s, [p, d]);
-        put::<S>(&mut group.direction, at, p);
->>>>>>> main
         add(s, parts::<S>(&group.impulse, at), p)
     }
 
