@@ -14,9 +14,31 @@ use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal};
 use glam::DVec3;
 
+/// What tells whether a contact closes: a line of memory, since a cascade looks far more often than it solves.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Edge {
+    a: u32,
+    b: u32,
+    normal: DVec3,
+    /// Velocity of a moving wall.
+    wall: DVec3,
+}
+
+/// (Linear, angular) velocity of a node: now, and what Newton's law takes as `V_minus` (eq. 27).
+#[derive(Clone, Copy)]
+struct Node {
+    now: [DVec3; 2],
+    minus: [DVec3; 2],
+}
+
 /// Memory of a cascade.
 #[derive(Default)]
 pub(super) struct Memory {
+    edges: Vec<Edge>,
+    nodes: Vec<Node>,
+    /// Relative velocities of the contacts of a little island: now, and `V_minus`.
+    before: Vec<[DVec3; 2]>,
     /// Members at each node, node after node, and where each node's begin.
     at_node: Vec<u32>,
     starts: Vec<u32>,
@@ -33,7 +55,40 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    fn open(&mut self, velocity: &[velocity::Member], nodes: usize) {
+    fn open(&mut self, velocity: &Velocity) {
+        let nodes = velocity.check.len();
+        self.edges.clear();
+        self.edges.extend(velocity.members.iter().map(|m| Edge {
+            a: m.a,
+            b: m.b,
+            normal: m.normal,
+            wall: velocity.wall(m, 1),
+        }));
+        self.nodes.clear();
+        self.nodes.extend((0..nodes).map(|i| {
+            let [check, jump] = [&velocity.check[i], &velocity.jump[i]];
+            let [old, offset] = [&velocity.old[i], &velocity.offset[i]];
+            Node {
+                now: [0, 1].map(|k| check[k] + jump[k]),
+                minus: [0, 1].map(|k| old[k] - offset[k] + jump[k]),
+            }
+        }));
+        self.list(&velocity.members, nodes);
+    }
+
+    /// Normal velocity of a contact.
+    #[inline]
+    fn normal_speed(&self, slot: u32) -> f64 {
+        let edge = &self.edges[slot as usize];
+        let at = |node: u32| self.nodes[node as usize].now[0];
+        let mut d = at(edge.a) - edge.wall;
+        if edge.b != WORLD {
+            d -= at(edge.b);
+        }
+        d.dot(edge.normal)
+    }
+
+    fn list(&mut self, velocity: &[velocity::Member], nodes: usize) {
         self.starts.clear();
         self.starts.resize(nodes + 1, 0);
         let ends = |m: &velocity::Member| [m.a, m.b].into_iter().filter(|&n| n != WORLD);
@@ -96,15 +151,15 @@ impl Pile {
         contacts: &[Contact],
         report: &mut StepReport,
     ) -> (u32, bool) {
-        let velocity = &mut self.velocity;
-        let closes = |v: &Velocity, slot: u32| v.normal_speed(&v.members[slot as usize]) < -v.tol;
+        let velocity = &self.velocity;
+        let tol = velocity.tol;
         let mut chosen: Vec<u32> = (0..velocity.members.len() as u32)
-            .filter(|&slot| closes(velocity, slot))
+            .filter(|&slot| velocity.normal_speed(&velocity.members[slot as usize]) < -tol)
             .collect();
         if chosen.is_empty() {
             return (1, true);
         }
-        memory.open(&velocity.members, self.bodies.len());
+        memory.open(velocity);
         for problem in 2..=model.options.max_problems {
             let before = self
                 .keeper
@@ -135,7 +190,7 @@ impl Pile {
                 for &slot in &memory.at_node[range] {
                     if memory.seen[slot as usize] != problem {
                         memory.seen[slot as usize] = problem;
-                        if closes(&self.velocity, slot) {
+                        if memory.normal_speed(slot) < -tol {
                             chosen.push(slot);
                         }
                     }
@@ -292,6 +347,7 @@ fn solve_little(
     };
     let group = &mut memory.group;
     group.clear();
+    memory.before.clear();
     let first = memory.next_moved.len();
     for &(_, slot) in little {
         let m = &velocity.members[slot as usize];
@@ -306,7 +362,11 @@ fn solve_little(
             WORLD => WORLD,
             node => memory.local[node as usize],
         };
-        let slip = velocity.measures(model, m, Law::Later, 1.0);
+        let at = |node: u32| &memory.nodes[node as usize];
+        let now = m.relative(|node| at(node).now) - velocity.wall(m, 1);
+        let minus = m.relative(|node| at(node).minus) - velocity.wall(m, 0);
+        memory.before.push([now, minus]);
+        let slip = velocity.restituted(model, m, 1.0, now, minus);
         group.push_contact(m, (local(m.a), local(m.b)), slip);
         if let Some(turning) = velocity.turning.get(slot as usize) {
             group.push_roll(turning, velocity.turn(slot));
@@ -321,9 +381,8 @@ fn solve_little(
     let nodes = &memory.next_moved[first..];
     let gains = |group: &Group, velocity: &Velocity| {
         let mut done = 0.0;
-        for (k, &(_, slot)) in little.iter().enumerate() {
+        for (k, (&(_, slot), &[before, _])) in little.iter().zip(&memory.before).enumerate() {
             let m = &velocity.members[slot as usize];
-            let before = velocity.now(m);
             let [n, t] = velocity::work(m, group.impulse(k), before, before + group.change(k));
             done += n + t;
             if group.rolls() {
@@ -336,19 +395,17 @@ fn solve_little(
             .iter()
             .map(|&node| {
                 let body = &bodies[node as usize];
-                let ([v, w], [jv, jw]) =
-                    (velocity.check[node as usize], velocity.jump[node as usize]);
-                0.5 * ((v + jv).length_squared() / body.inv_mass
-                    + (w + jw).length_squared() / body.inv_inertia)
+                let [v, w] = memory.nodes[node as usize].now;
+                0.5 * (v.length_squared() / body.inv_mass + w.length_squared() / body.inv_inertia)
             })
             .sum();
         done > GAIN_TOLERANCE.max(super::solve::GAIN_SHARE * goal.tolerance) * kinetic
     };
     if o.energy_safeguard && gains(group, velocity) {
         let at = |group: &mut Group, scale: f64| {
-            for (k, &(_, slot)) in little.iter().enumerate() {
+            for (k, (&(_, slot), &[now, minus])) in little.iter().zip(&memory.before).enumerate() {
                 let m = &velocity.members[slot as usize];
-                group.set_slip(k, velocity.measures(model, m, Law::Later, scale));
+                group.set_slip(k, velocity.restituted(model, m, scale, now, minus));
             }
             group.solve(&goal).2
         };
@@ -359,12 +416,12 @@ fn solve_little(
         report.restitution_scale = report.restitution_scale.min(scale);
     }
     let mut pushed = false;
-    for (k, &(_, slot)) in little.iter().enumerate() {
-        let m = velocity.members[slot as usize];
-        let before = velocity.now(&m);
+    let tol = velocity.tol;
+    for (k, (&(_, slot), &[before, _])) in little.iter().zip(&memory.before).enumerate() {
+        let m = &mut velocity.members[slot as usize];
         let r = group.impulse(k);
         let after = before + group.change(k);
-        let done = velocity::work(&m, r, before, after);
+        let done = velocity::work(m, r, before, after);
         pushed |= r != DVec3::ZERO;
         let speed = [before.dot(m.normal), after.dot(m.normal)];
         let moment = if group.rolls() {
@@ -372,12 +429,10 @@ fn solve_little(
         } else {
             DVec3::ZERO
         };
+        let hits = m.add(problem, r, speed[0], done, scale, tol);
         velocity
             .every
             .push(slot, problem, [r, moment], speed, scale);
-        let tol = velocity.tol;
-        let member = &mut velocity.members[slot as usize];
-        let hits = member.add(problem, r, speed[0], done, scale, tol);
         if group.rolls() {
             let change = group.turn_change(k);
             let done = velocity.turning_work(slot, moment, change);
@@ -386,9 +441,15 @@ fn solve_little(
     }
     for (local, &node) in nodes.iter().enumerate() {
         let [v, w] = group.correction(local as u32);
-        let jump = &mut velocity.jump[node as usize];
-        jump[0] += v;
-        jump[1] += w;
+        let at = &mut memory.nodes[node as usize];
+        for velocities in [
+            &mut velocity.jump[node as usize],
+            &mut at.now,
+            &mut at.minus,
+        ] {
+            velocities[0] += v;
+            velocities[1] += w;
+        }
     }
     Some(pushed)
 }

@@ -165,6 +165,11 @@ impl Group {
 
     /// Solves to the goal; the sweeps, the relative residual and whether it was reached.
     pub fn solve(&mut self, goal: &Goal) -> (usize, f64, bool) {
+        if self.contacts.len() == 1 && !self.rolls() {
+            // In closed form.
+            self.sweep();
+            return (1, 0.0, self.contacts[0].r.is_finite());
+        }
         let mut look = 1;
         let mut sweeps = 0;
         loop {

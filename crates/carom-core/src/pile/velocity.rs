@@ -83,19 +83,12 @@ impl Memory {
 
     /// Relative velocity of a contact's surfaces, of A against B.
     pub fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
-        let [la, wa] = v[m.a as usize];
-        let (mut d, mut spin) = (la, m.arms[0] * wa);
-        if m.b != WORLD {
-            let [lb, wb] = v[m.b as usize];
-            d -= lb;
-            spin += m.arms[1] * wb;
-        }
-        d + m.normal.cross(spin)
+        m.relative(|node| v[node as usize])
     }
 
     /// Velocity of a moving wall at a contact, at t_n (0) or t_{n+1} (1).
     #[inline]
-    fn wall(&self, m: &Member, end: usize) -> DVec3 {
+    pub fn wall(&self, m: &Member, end: usize) -> DVec3 {
         let moving = self.driven.get(m.driven as usize);
         moving.map_or(DVec3::ZERO, |v| v[end])
     }
@@ -134,6 +127,18 @@ impl Memory {
         if law == Law::Later {
             minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
         }
+        self.restituted(model, m, scale, z, minus)
+    }
+
+    /// The measure `z` of a contact with what Newton's law adds for `V_minus`.
+    pub fn restituted(
+        &self,
+        model: &Model,
+        m: &Member,
+        scale: f64,
+        z: DVec3,
+        minus: DVec3,
+    ) -> DVec3 {
         let approach = minus.dot(m.normal);
         let e_n = if -approach < model.options.restitution_threshold {
             0.0
@@ -548,6 +553,19 @@ impl Memory {
 }
 
 impl Member {
+    /// Relative velocity of the surfaces, of A against B, by the velocities of nodes.
+    #[inline]
+    pub fn relative(&self, at: impl Fn(u32) -> [DVec3; 2]) -> DVec3 {
+        let [mut d, wa] = at(self.a);
+        let mut spin = self.arms[0] * wa;
+        if self.b != WORLD {
+            let [lb, wb] = at(self.b);
+            d -= lb;
+            spin += self.arms[1] * wb;
+        }
+        d + self.normal.cross(spin)
+    }
+
     /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not; whether this
     /// is a part of an impact.
     pub fn add(

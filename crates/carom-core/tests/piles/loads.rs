@@ -86,8 +86,17 @@ fn a_piston_lifts_a_heap() {
 /// Overlap stays below what is asked; impulses lie in their cones to rounding and none pulls.
 #[test]
 fn contacts_overlap_and_pull_no_more_than_is_allowed() {
+    // A rattler makes a second island: of several piles some are whole.
+    let (used, slipping) = (11..15)
+        .map(records_in_cones)
+        .fold((0, 0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+    assert!(used > 500 && slipping > 100, "{used} {slipping}");
+}
+
+/// Checks one pile; the records of steps in which all contacts are one island, and how many of them slip.
+fn records_in_cones(seed: u64) -> (u32, u32) {
     let (mu, count, h, tolerance) = (0.4, 100, 5e-4, 1e-5);
-    let input = drop(count, 4, [mu, 0.3], 11);
+    let input = drop(count, 4, [mu, 0.3], seed);
     let mut s = simulation(&input, options(h, tolerance));
     let reports = go_on(&mut s, 1000);
     let worst = reports.iter().map(|r| r.penetration).fold(0.0, f64::max);
@@ -112,5 +121,5 @@ fn contacts_overlap_and_pull_no_more_than_is_allowed() {
             slipping += u32::from(mu > 0.0 && normal > 0.0 && across > 0.999 * mu * normal);
         }
     }
-    assert!(used > 500 && slipping > 100, "{used} {slipping}");
+    (used, slipping)
 }

@@ -24,10 +24,10 @@ const GROWTH: f64 = 1.1;
 /// `beta = k / (k + RAMP)`.
 const RAMP: f64 = 3.0;
 
-/// Bodies before the last sweep, and their step; what the last sweep changed.
+/// Bodies after the sweep before the last one; what the last sweep changed.
 #[derive(Debug, Default)]
 pub struct Memory {
-    states: Vec<[State; 2]>,
+    states: Vec<State>,
     pub last: Change,
     age: u64,
 }
@@ -82,7 +82,7 @@ impl Sweeps {
             instructions,
             ..
         } = self;
-        memory.states.resize(states.len(), [State::default(); 2]);
+        memory.states.resize(states.len(), State::default());
         // Round k of these is number k + 1, the last one before them number 0.
         let rounds: Vec<Round> = (0..=count).map(|_| Round::default()).collect();
         set(&rounds[0].squared, memory.last.squared);
@@ -110,10 +110,10 @@ impl Sweeps {
         let work = |round: usize, task: usize| {
             let [beta, kept] = factors(rounds[round].age.load(Relaxed), cap);
             let Some(index) = task.checked_sub(chunks.len()) else {
-                let (states, steps) = &mut *lock(&chunks[task]);
+                let (states, last) = &mut *lock(&chunks[task]);
                 instructions.run(Follow {
                     states,
-                    steps,
+                    last,
                     beta,
                     kept,
                 });
@@ -169,12 +169,12 @@ fn factors(age: u64, cap: f64) -> [f64; 2] {
     [(k / (k + RAMP)).min(cap), 1.0]
 }
 
-/// The step of the bodies of a chunk: the contacts' step as velocities. The inverse masses beside the velocities do not change: their
-/// step is 0.
+/// The step of the bodies of a chunk: the contacts' step as velocities, `beta` times what a sweep and the step before it have made.
+/// The inverse masses beside the velocities do not change: their step is 0.
 struct Follow<'a> {
     states: &'a mut [State],
-    /// Before the last sweep; the step before it.
-    steps: &'a mut [[State; 2]],
+    /// After the sweep before the last one.
+    last: &'a mut [State],
     beta: f64,
     kept: f64,
 }
@@ -185,27 +185,16 @@ impl Work for Follow<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, simd: S) {
         let factors = [self.beta, self.kept];
-        for (state, [before, step]) in self.states.iter_mut().zip(self.steps) {
-            follow(
-                simd,
-                factors,
-                [&mut state.linear, &mut before.linear, &mut step.linear],
-            );
-            follow(
-                simd,
-                factors,
-                [&mut state.surface, &mut before.surface, &mut step.surface],
-            );
+        for (state, last) in self.states.iter_mut().zip(self.last) {
+            follow(simd, factors, [&mut state.linear, &mut last.linear]);
+            follow(simd, factors, [&mut state.surface, &mut last.surface]);
         }
     }
 }
 
 #[inline(always)]
-fn follow<S: Lanes>(s: S, [beta, kept]: [f64; 2], [x, before, step]: [&mut [f64; 4]; 3]) {
-    let change = s.row_sub(s.row(x), s.row(before));
-    let way = s.row_add(s.row_scale(kept, s.row(step)), s.row_scale(kept, change));
-    let way = s.row_scale(beta, way);
-    *step = s.numbers(way);
-    *x = s.numbers(s.row_add(s.row(x), way));
-    *before = *x;
+fn follow<S: Lanes>(s: S, [beta, kept]: [f64; 2], [x, last]: [&mut [f64; 4]; 2]) {
+    let way = s.row_scale(kept, s.row_sub(s.row(x), s.row(last)));
+    *last = *x;
+    *x = s.numbers(s.row_add(s.row(x), s.row_scale(beta, way)));
 }

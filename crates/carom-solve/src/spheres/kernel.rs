@@ -48,9 +48,8 @@ pub struct Group {
     pub mass_tangential: Column,
     /// `w_N`, 1/kg.
     pub weight: Column,
-    /// Of accelerated sweeps: the step before the last sweep, and the change in it, N s.
-    pub direction: [Column; 3],
-    pub change: [Column; 3],
+    /// Of accelerated sweeps: the step before the last sweep and the change in it together, N s.
+    pub way: [Column; 3],
 }
 
 impl Group {
@@ -327,7 +326,7 @@ impl Carry for Plain {
 
 /// A sweep that first goes on the way it came: `p <- beta (p + d)`, `r <- r + p` with the change `d` of the last sweep.
 pub struct Along {
-    /// `beta`, and 0 if the group's `p` and `d` are of another problem, else 1.
+    /// `beta`, and 0 if the group's `p + d` is of another problem, else 1.
     pub beta: f64,
     pub kept: f64,
     /// Per lane: `|d|^2` over the masses, and the largest `-z_N` that was met.
@@ -336,23 +335,19 @@ pub struct Along {
 }
 
 impl Along {
-    /// `beta (p + d)`.
+    /// `beta (p + d)` of `p + d`.
     #[inline(always)]
-    pub fn way<S: Lanes>(&self, s: S, [p, d]: [V3<S>; 2]) -> V3<S> {
+    pub fn way<S: Lanes>(&self, s: S, way: V3<S>) -> V3<S> {
         let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
-        scale(s, beta, add(s, scale(s, kept, p), scale(s, kept, d)))
+        scale(s, beta, scale(s, kept, way))
     }
 }
 
 impl Carry for Along {
     #[inline(always)]
     fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S> {
-        let (p, d) = (
-            parts::<S>(&group.direction, at),
-            parts::<S>(&group.change, at),
-        );
-        let p = self.way(s, [p, d]);
-        put::<S>(&mut group.direction, at, p);
+        let p = self.way(s, parts::<S>(&group.way, at));
+        put::<S>(&mut group.way, at, p);
         add(s, parts::<S>(&group.impulse, at), p)
     }
 
@@ -365,7 +360,8 @@ impl Carry for Along {
         let closing = &mut S::as_mut_simd_f64s(&mut self.closing).0[lane];
         let z = s.sub_f64s(s.splat_f64s(0.0), z_n);
         *closing = s.select_f64s(s.greater_than_f64s(z, *closing), z, *closing);
-        put::<S>(&mut group.change, at, change);
+        let way = add(s, parts::<S>(&group.way, at), change);
+        put::<S>(&mut group.way, at, way);
     }
 }
 

@@ -31,12 +31,8 @@ impl CarryMoments for Plain {
 impl CarryMoments for Along {
     #[inline(always)]
     fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S> {
-        let columns = [&rolls.direction, &rolls.change].map(
-            #[inline(always)]
-            |c| parts::<S>(c, at),
-        );
-        let p = self.way(s, columns);
-        put::<S>(&mut rolls.direction, at, p);
+        let p = self.way(s, parts::<S>(&rolls.way, at));
+        put::<S>(&mut rolls.way, at, p);
         add(s, parts::<S>(&rolls.moment, at), p)
     }
 
@@ -45,7 +41,8 @@ impl CarryMoments for Along {
         let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&rolls.weight, at));
         let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[at / S::F64_LANES];
         *squared = s.add_f64s(*squared, weighted);
-        put::<S>(&mut rolls.change, at, change);
+        let way = add(s, parts::<S>(&rolls.way, at), change);
+        put::<S>(&mut rolls.way, at, way);
     }
 }
 

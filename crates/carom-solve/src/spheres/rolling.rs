@@ -63,8 +63,7 @@ pub struct Rolls {
     /// `1/length`, 1/m.
     pub per_length: Column,
     /// Of accelerated sweeps, as in [`Group`], N m s.
-    pub direction: [Column; 3],
-    pub change: [Column; 3],
+    pub way: [Column; 3],
 }
 
 impl Rolls {
