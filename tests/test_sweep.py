@@ -375,6 +375,27 @@ class TestInThisProcess:
         assert again["carom"].tolist() == [carom.__version__, "0.0.9"]
         assert again["build"].tolist() == [found["build"][0], "ef" * 20]
 
+    def test_a_run_that_fails_when_it_is_continued_is_not_computed_anew(
+        self, files: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0]}, keep_runs=True)
+        carom.sweep(study, files / "out", workers=0)
+        [path] = (files / "out" / "runs").iterdir()
+        about = json.loads((path / "run.json").read_text())
+        (path / "run.json").write_text(json.dumps(about | {"status": "interrupted"}))
+        for part in (files / "out" / "parts").glob("*.parquet"):
+            part.unlink()
+
+        def fails(where: Path) -> carom.Result:
+            raise carom.RunFailed("blew up", carom.load(where))
+
+        def anew(*_: object, **__: object) -> carom.Result:
+            raise AssertionError("computed anew")
+
+        monkeypatch.setattr("carom.run.resume", fails)
+        monkeypatch.setattr("carom.run.simulate", anew)
+        assert len(carom.sweep(study, files / "out", workers=0)) == 1
+
     @pytest.mark.parametrize("name", ["v", "outcome", "time", "cue.position.x"])
     def test_a_measure_may_not_take_the_place_of_another_column(self, name: str, files: Path) -> None:
         """It once overwrote parameters and outcomes without a word."""

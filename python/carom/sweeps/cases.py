@@ -138,7 +138,7 @@ def _one_run(study: Study, case: int, folder: Folder, name: str) -> Columns:
 
 def _run(scene: Scene, path: Path | None) -> Result:
     from carom.result import load
-    from carom.run import resume, simulate
+    from carom.run import RunFailed, resume, simulate
 
     if path is None:
         return simulate(scene)
@@ -149,6 +149,8 @@ def _run(scene: Scene, path: Path | None) -> Result:
                 return result
             result.close()
             return resume(path)
+        except RunFailed:
+            raise  # it was continued, and its end is the case's
         except CaromError:
             pass  # what cannot be continued is computed anew
     path.parent.mkdir(parents=True, exist_ok=True)
