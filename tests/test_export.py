@@ -453,6 +453,7 @@ class TestCommand:
         ("arguments", "told"),
         [
             (["--format", "vtk"], "no export format is called 'vtk'; did you mean vtp?"),
+            (["--format", "OVITO"], "no export format is called 'OVITO'; OVITO reads extxyz or gsd"),
             (["--from", "3"], "no frame between 3 and"),
         ],
     )

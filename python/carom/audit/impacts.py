@@ -29,7 +29,9 @@ def judge(block: Block, tally: Tally) -> None:
     run = block.run
     if not run.has_impacts:
         for kind in ("impact", "impact speeds", "impact sum"):
-            tally.skip(kind, "impacts were not recorded", "impacts = true in [record]", block.count)
+            tally.skip(
+                kind, "impacts were not recorded", 'impacts = true in [record], in piles "every"', block.count
+            )
         return
     rows = hits.of_block(block)
     _missing(block, tally)

@@ -86,7 +86,7 @@ def export(
     Example: carom export runs/break-1 --format mp4 --speed 0.5 --follow ball2
     """
     from carom.cli.progress import counting_bar
-    from carom.export import FILMS, FORMATS
+    from carom.export import FILMS, check_format
     from carom.result import load
 
     with warnings.catch_warnings(record=True) as caught:
@@ -94,12 +94,11 @@ def export(
         result = load(run)
     for warning in caught:
         note(str(warning.message))
-    from carom.errors import CaromError, did_you_mean
+    from carom.errors import CaromError
 
     formats = [name.strip() for name in format_.split(",")]
     for name in formats:  # before anything is written
-        if name not in FORMATS:
-            raise CaromError(f"no export format is called {name!r}; {did_you_mean(name, list(FORMATS))}")
+        check_format(name)
     named: dict[str, Any] = {"at": at, "speed": speed, "fps": fps, "width": width, "height": height}
     named |= {"camera": camera, "follow": follow, "shading": shading}
     film = {key: value for key, value in named.items() if value is not None}

@@ -42,6 +42,24 @@ FORMATS = {
 }
 FILMS = ("mp4", "gif", "png")
 
+#: Names by which programs are asked for, and the formats that they read.
+PROGRAMS = {
+    "paraview": "vtkhdf or vtp",
+    "ovito": "extxyz or gsd",
+    "hoomd": "gsd",
+    "ase": "extxyz",
+    "pandas": "parquet or csv",
+}
+
+
+def check_format(name: str) -> None:
+    """Refuse what is no format, with the nearest one or, for the name of a program, those that it reads."""
+    if name in FORMATS:
+        return
+    program = name.lower()
+    cure = f"{name} reads {PROGRAMS[program]}" if program in PROGRAMS else did_you_mean(name, list(FORMATS))
+    raise CaromError(f"no export format is called {name!r}; {cure}")
+
 
 def export(
     result: Result,
@@ -65,8 +83,7 @@ def export(
     `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (s: one still), `progress`; see
     `carom.film.look.Look`.
     """
-    if format not in FORMATS:
-        raise CaromError(f"no export format is called {format!r}; {did_you_mean(format, list(FORMATS))}")
+    check_format(format)
     from carom.export.frames import Selection
 
     selection = Selection.of(result, every=every, start=start, stop=stop, contacts=contacts)
