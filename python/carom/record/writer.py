@@ -31,6 +31,8 @@ Table = Mapping[str, Any]
 #: Rows wait in memory until there are this many bytes of them, or the oldest is this many seconds old.
 BATCH_BYTES = 16 * 1024 * 1024
 BATCH_SECONDS = 1.0
+#: Bytes of a file that cannot be written on up to which it is copied into memory to be closed.
+MOST_COPIED = 1024**3
 
 
 class Writer:
@@ -285,7 +287,14 @@ def _divert(handle: int) -> None:
     an anonymous one. The real file stays as the last successful write left it, as readers of a killed run expect.
     """
     in_memory = hasattr(os, "memfd_create")
-    with open(os.memfd_create(""), "wb") if in_memory else tempfile.TemporaryFile() as anonymous:
+    with open(os.memfd_create(""), "w+b") if in_memory else tempfile.TemporaryFile() as anonymous:
+        # Pages that it has let go of are read again while the file is closed.
+        with suppress(OSError):
+            at, size = 0, os.fstat(handle).st_size
+            while at < size <= MOST_COPIED:
+                sent = os.sendfile(anonymous.fileno(), handle, at, size - at)
+                size = size if sent else 0
+                at += sent
         os.dup2(anonymous.fileno(), handle)
 
 
