@@ -289,7 +289,7 @@ def _divert(handle: int) -> None:
     in_memory = hasattr(os, "memfd_create")
     with open(os.memfd_create(""), "w+b") if in_memory else tempfile.TemporaryFile() as anonymous:
         # Pages that it has let go of are read again while the file is closed.
-        with suppress(OSError):
+        with suppress(OSError, AttributeError):  # where the system cannot, it is closed without them
             at, size = 0, os.fstat(handle).st_size
             while at < size <= MOST_COPIED:
                 sent = os.sendfile(anonymous.fileno(), handle, at, size - at)
