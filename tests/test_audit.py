@@ -31,6 +31,7 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "pile-penalty": (scenes.pile, 0.15, {"method": "penalty"}),
     "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4}),
     "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "impacts": "every"}),
+    "pile-blind": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "impacts": "every", "contacts": False}),
     "pile-bare": (scenes.pile, 0.15, {"contacts": False, "impacts": False, "walls": True}),
     "shaken": (scenes.shaken, 0.3, {}),
     "shaken-moreau": (scenes.shaken, 0.3, {"method": "moreau"}),
@@ -283,6 +284,30 @@ def test_impacts_of_piles_are_judged_where_every_problem_is_recorded(run: Maker,
     # Sequences that were cut are said to be, and their last problem is judged as what it is.
     assert result.steps["truncated"].any()
     assert any("ended by one problem without restitution" in words for words in report.warnings)
+
+
+def test_impacts_slower_than_what_loads_may_do_between_the_recorded_speeds_are_not_judged(
+    run: Maker, tmp_path: Path
+) -> None:
+    """Without contacts the bound grows with the weight of all balls; "ok" had been said within it."""
+    path = run("pile-blind")
+    verdict, impacts = audit.check(path)["impact"], carom.load(path).impacts
+    speed = np.maximum(np.abs(impacts["approach"]), np.abs(impacts["separation"]))
+    slow = verdict.unjudged[0]
+    assert verdict.word == "ok"
+    assert "contacts = true" in slow.cure
+    assert verdict.judged + slow.count == len(impacts)
+    assert verdict.judged > 100
+    restoring = (impacts["problem"][:] > 0) & (impacts["problem"][:] <= 50)
+    assert slow.count >= np.count_nonzero(
+        restoring & (speed < 0.3 * 9.8e-3 * (2 + 20))
+    )  # equal balls, e_N >= 0.3
+    fast = int(np.argmax(np.where(impacts["problem"][:] == 1, impacts["separation"][:], 0.0)))
+    bad = audit.check(
+        fault.planted(path, tmp_path / "fast", fault.write("impacts/separation", fast, 2.0 * speed[fast]))
+    )
+    assert bad["impact"].violations == 1
+    assert bad["impact"].unjudged == verdict.unjudged
 
 
 def test_recording_every_problem_leaves_the_motion_as_it_is(run: Maker) -> None:
