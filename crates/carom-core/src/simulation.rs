@@ -16,6 +16,7 @@ use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
 use crate::wall::Walls;
 use carom_geom::Overlap;
+use carom_solve::team;
 use glam::DVec3;
 use std::time::{Duration, Instant};
 
@@ -101,6 +102,21 @@ impl Simulation {
 
     /// Advances by up to `steps` steps, or until `wall_limit` has passed.
     pub fn advance(
+        &mut self,
+        steps: u64,
+        recording: Recording,
+        wall_limit: Duration,
+    ) -> Option<Outcome> {
+        // Small scenes have no team often enough to be worth a change of threads.
+        let threads = if self.model.spheres() >= LARGE {
+            self.model.options.threads as usize
+        } else {
+            1
+        };
+        team::within(threads, || self.advance_here(steps, recording, wall_limit))
+    }
+
+    fn advance_here(
         &mut self,
         steps: u64,
         recording: Recording,

@@ -1,32 +1,100 @@
 //! Threads that take the tasks of one stage after the other.
+//!
+//! A stage is over when its tasks are done, not when all threads have arrived: a thread that the machine keeps away holds nothing
+//! up but the task it has, and one that comes late joins in. So nothing depends on how many threads there are, and nothing waits for one
+//! that has not started. The threads are those of a pool: to start one costs as much as some hundred sweeps of a thousand contacts.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Spins before a waiting thread offers its core to others.
 const SPINS: u32 = 1 << 12;
+/// Bits of the next task in a ticket; the stage is above them.
+const TASK_BITS: u32 = 32;
+/// No stage has this number: all are over.
+const OVER: u64 = u64::MAX >> TASK_BITS;
 
-/// Meets all threads between stages. Stages last tens of microseconds: a barrier that sleeps would cost as much.
-struct Barrier {
-    threads: usize,
-    arrived: AtomicUsize,
-    round: AtomicUsize,
+/// Stages on their way.
+struct Progress {
+    /// The stage, counted over all rounds, and its next task.
+    ticket: AtomicU64,
+    /// Tasks of the stage that are done.
+    completed: AtomicUsize,
     broken: AtomicBool,
+    /// Rounds that were run.
+    rounds: AtomicUsize,
 }
 
-impl Barrier {
-    fn wait(&self) {
-        let round = self.round.load(Ordering::Acquire);
-        if self.arrived.fetch_add(1, Ordering::AcqRel) + 1 == self.threads {
-            self.arrived.store(0, Ordering::Relaxed);
-            self.round.store(round + 1, Ordering::Release);
-            return;
+/// Tells the others when a thread unwinds, so that none waits for ever.
+struct Alarm<'a>(&'a Progress);
+
+impl Drop for Alarm<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.broken.store(true, Ordering::Relaxed);
         }
+    }
+}
+
+/// What a team does.
+struct Plan<'a, W, D> {
+    rounds: usize,
+    /// First task and number of tasks of the stages that have any.
+    stages: &'a [(usize, usize)],
+    work: &'a W,
+    done: &'a D,
+}
+
+impl<W: Fn(usize, usize) + Sync, D: Fn(usize) -> bool + Sync> Plan<'_, W, D> {
+    /// Works until all stages are over.
+    fn join(&self, progress: &Progress) {
+        let _alarm = Alarm(progress);
+        loop {
+            let ticket = progress.ticket.fetch_add(1, Ordering::AcqRel);
+            let (stage, task) = (
+                ticket >> TASK_BITS,
+                (ticket & (u64::MAX >> TASK_BITS)) as usize,
+            );
+            if stage == OVER {
+                return;
+            }
+            let (first, count) = self.stages[stage as usize % self.stages.len()];
+            if task >= count {
+                progress.wait(stage);
+                continue;
+            }
+            (self.work)(stage as usize / self.stages.len(), first + task);
+            if progress.completed.fetch_add(1, Ordering::AcqRel) + 1 == count {
+                self.close(progress, stage);
+            }
+        }
+    }
+
+    /// Ends a stage; the one thread that has done its last task does so.
+    fn close(&self, progress: &Progress, stage: u64) {
+        progress.completed.store(0, Ordering::Relaxed);
+        let mut next = stage + 1;
+        if next % self.stages.len() as u64 == 0 {
+            let round = stage as usize / self.stages.len();
+            if (self.done)(round) || round + 1 == self.rounds {
+                progress.rounds.store(round + 1, Ordering::Relaxed);
+                next = OVER;
+            }
+        }
+        progress.ticket.store(next << TASK_BITS, Ordering::Release);
+    }
+}
+
+impl Progress {
+    /// Until the stage is another.
+    fn wait(&self, stage: u64) {
         let mut spins = 0;
-        while self.round.load(Ordering::Acquire) == round {
+        while self.ticket.load(Ordering::Acquire) >> TASK_BITS == stage {
             assert!(
                 !self.broken.load(Ordering::Relaxed),
-                "a thread of the sweep has failed"
+                "a thread of the team has failed"
             );
             spins += 1;
             if spins < SPINS {
@@ -38,25 +106,13 @@ impl Barrier {
     }
 }
 
-/// Tells the others when a thread unwinds, so that none waits for ever.
-struct Alarm<'a>(&'a Barrier);
-
-impl Drop for Alarm<'_> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            self.0.broken.store(true, Ordering::Relaxed);
-        }
-    }
-}
-
 /// Runs `rounds` times all stages in order, `work(task)` for every task of a stage. Tasks of one stage may run at the same
 /// time and in any order; a stage starts when the one before is done. Stage `k` has tasks `stages[k]..stages[k + 1]`.
 pub fn run(threads: usize, rounds: usize, stages: &[usize], work: impl Fn(usize) + Sync) {
     run_until(threads, rounds, stages, |_, task| work(task), |_| false);
 }
 
-/// [`run`] with `work(round, task)`, until `done(round)` after a round. All threads ask, and must be told the same. The rounds
-/// that were run.
+/// [`run`] with `work(round, task)`, until `done(round)` after a round. The rounds that were run.
 pub fn run_until(
     threads: usize,
     rounds: usize,
@@ -66,7 +122,7 @@ pub fn run_until(
 ) -> usize {
     let widest = stages.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0);
     let threads = threads.clamp(1, widest.max(1));
-    if threads == 1 {
+    if threads == 1 || !has_threads(threads) {
         for round in 0..rounds {
             for task in stages.first().copied().unwrap_or(0)..stages.last().copied().unwrap_or(0) {
                 work(round, task);
@@ -77,44 +133,71 @@ pub fn run_until(
         }
         return rounds;
     }
-    // A counter per stage, for two rounds in turn: one is set back while the other counts.
-    let counters: Vec<AtomicUsize> = (0..2 * stages.len())
-        .map(|k| AtomicUsize::new(stages[k % stages.len()]))
+    if rounds == 0 {
+        return 0;
+    }
+    let stages: Vec<(usize, usize)> = stages
+        .windows(2)
+        .filter(|w| w[1] > w[0])
+        .map(|w| (w[0], w[1] - w[0]))
         .collect();
-    let barrier = Barrier {
-        threads,
-        arrived: AtomicUsize::new(0),
-        round: AtomicUsize::new(0),
+    let plan = Plan {
+        rounds,
+        stages: &stages,
+        work: &work,
+        done: &done,
+    };
+    let progress = Progress {
+        ticket: AtomicU64::new(0),
+        completed: AtomicUsize::new(0),
         broken: AtomicBool::new(false),
+        rounds: AtomicUsize::new(0),
     };
-    let member = || {
-        let _alarm = Alarm(&barrier);
-        for round in 0..rounds {
-            for k in 0..stages.len() - 1 {
-                let next = &counters[(round % 2) * stages.len() + k];
-                loop {
-                    let task = next.fetch_add(1, Ordering::Relaxed);
-                    if task >= stages[k + 1] {
-                        break;
-                    }
-                    work(round, task);
-                }
-                // The other round's counter of this stage is at rest.
-                counters[((round + 1) % 2) * stages.len() + k].store(stages[k], Ordering::Relaxed);
-                barrier.wait();
+    within(threads, || {
+        rayon::scope(|scope| {
+            for _ in 1..threads {
+                scope.spawn(|_| plan.join(&progress));
             }
-            if done(round) {
-                return round + 1;
-            }
-        }
-        rounds
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(member);
-        }
-        member()
-    })
+            plan.join(&progress);
+        });
+    });
+    progress.rounds.into_inner()
+}
+
+/// Runs `work` on a thread of the pool of so many threads: the teams in it start without waking one. On such a thread already, or for one
+/// thread, it runs where it is.
+pub fn within<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
+    if threads < 2 || rayon::current_thread_index().is_some() {
+        return work();
+    }
+    match pool(threads) {
+        Some(pool) => pool.install(work),
+        None => work(),
+    }
+}
+
+/// Whether a team may have more than one thread: a machine may give none.
+fn has_threads(threads: usize) -> bool {
+    rayon::current_thread_index().is_some() || pool(threads).is_some()
+}
+
+/// The pool of so many threads of this process. A fork has none of the threads of its parent, so it makes its own.
+fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
+    type Pools = BTreeMap<(u32, usize), Arc<ThreadPool>>;
+    static POOLS: OnceLock<Mutex<Pools>> = OnceLock::new();
+    let mut pools = lock(POOLS.get_or_init(Mutex::default));
+    let key = (std::process::id(), threads);
+    if let Some(pool) = pools.get(&key) {
+        return Some(pool.clone());
+    }
+    let name = |k| format!("carom-{k}");
+    let built = ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(name)
+        .build();
+    let pool = Arc::new(built.ok()?);
+    pools.insert(key, pool.clone());
+    Some(pool)
 }
 
 /// `work(item)` of every item, in the order of the items.
@@ -123,6 +206,9 @@ pub fn map<T: Send, R: Send>(
     items: Vec<T>,
     work: impl Fn(T) -> R + Sync,
 ) -> Vec<R> {
+    if threads < 2 || items.len() < 2 {
+        return items.into_iter().map(work).collect();
+    }
     let slots: Vec<Mutex<(Option<T>, Option<R>)>> = items
         .into_iter()
         .map(|item| Mutex::new((Some(item), None)))

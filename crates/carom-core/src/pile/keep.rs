@@ -1,9 +1,8 @@
 //! Problems of piles as data, on request (`carom_core::problem`).
 
-use super::group::Law;
 use super::record;
 use super::velocity::{Member, Memory};
-use super::Pile;
+use super::{Law, Pile};
 use crate::contact::{Contact, Rows};
 use crate::model::Model;
 use crate::problem::{Keeper, Solve};

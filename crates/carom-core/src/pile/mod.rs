@@ -7,7 +7,6 @@
 
 mod cascade;
 mod every;
-mod group;
 mod keep;
 mod position;
 mod record;
@@ -45,6 +44,17 @@ const LEFT: f64 = 0.5;
 
 /// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many.
 const HUGE: usize = 1_000_000;
+
+/// Restitution terms of a problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Law {
+    /// e_N = e_T = 0.
+    Plastic,
+    /// Newton's law on the velocities of t_n: the first impact problem.
+    First,
+    /// Newton's law on what earlier problems of the step have left (eq. 27).
+    Later,
+}
 
 /// Memory of the pile solver.
 pub struct Pile {

@@ -92,9 +92,9 @@ pub(super) fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
 }
 
 /// Work of a moment across the normal and along it, by the mean of the angular velocities before and after.
-pub(super) fn work(m: &Member, moment: DVec3, before: DVec3, after: DVec3) -> [f64; 2] {
+pub(super) fn work(normal: DVec3, moment: DVec3, before: DVec3, after: DVec3) -> [f64; 2] {
     let mean = 0.5 * (before + after);
-    let spinning = moment.dot(m.normal) * mean.dot(m.normal);
+    let spinning = moment.dot(normal) * mean.dot(normal);
     [moment.dot(mean) - spinning, spinning]
 }
 
@@ -119,7 +119,7 @@ impl Memory {
     pub fn turning_work(&self, slot: u32, moment: DVec3, change: DVec3) -> [f64; 2] {
         let before = self.turn(slot);
         work(
-            &self.members[slot as usize],
+            self.members[slot as usize].normal,
             moment,
             before,
             before + change,
@@ -147,7 +147,7 @@ impl Memory {
         for slot in 0..self.turning.len() {
             let (m, t) = (&self.members[slot], &self.turning[slot]);
             let (before, after) = (self.free_turn(slot as u32), self.turn(slot as u32));
-            self.turning[slot].work = work(m, t.moment, before, after);
+            self.turning[slot].work = work(m.normal, t.moment, before, after);
         }
     }
 }

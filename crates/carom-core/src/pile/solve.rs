@@ -1,9 +1,8 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts, and rule R4 on what they find.
 
-use super::group::Law;
 use super::roll;
 use super::velocity::{change, work};
-use super::{budget, worst, Pile, PATIENCE};
+use super::{budget, worst, Law, Pile, PATIENCE};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::model::Model;
@@ -202,7 +201,7 @@ impl Pile {
             let m = &memory.members[slot as usize];
             let before = memory.now(m);
             let after = before + change(m, &u);
-            let [normal, across] = work(m, DVec3::from(*r), before, after);
+            let [normal, across] = work(m.normal, DVec3::from(*r), before, after);
             sums[group as usize][0] += normal + across;
             if let Some(&moment) = moments.get(k) {
                 let change = roll::change(m, &u);
@@ -250,7 +249,7 @@ impl Pile {
             let m = memory.members[slot as usize];
             let before = memory.now(&m);
             let after = before + change(&m, &u);
-            let done = work(&m, r, before, after);
+            let done = work(m.normal, r, before, after);
             let speed = [before.dot(m.normal), after.dot(m.normal)];
             let turned = moments.get(k).map(|&moment| DVec3::from(moment));
             let given = [r, turned.unwrap_or_default()];

@@ -1,9 +1,8 @@
 //! Velocity sub-problem of a pile (eqs. 1f-h): loads first, then the contacts that close together with what the loads press
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
-use super::group::Law;
 use super::roll::{self, Turning};
-use super::{node, record, warm::Cursor, Pile, LEFT};
+use super::{node, record, warm::Cursor, Law, Pile, LEFT};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -127,27 +126,36 @@ impl Memory {
         if law == Law::Later {
             minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
         }
-        self.restituted(model, m, scale, z, minus)
+        self.newton(
+            model,
+            m.normal,
+            [m.restitution, m.tangential],
+            scale,
+            z,
+            minus,
+        )
     }
 
-    /// The measure `z` of a contact with what Newton's law adds for `V_minus`.
-    pub fn restituted(
+    /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.
+    #[inline]
+    pub fn newton(
         &self,
         model: &Model,
-        m: &Member,
+        normal: DVec3,
+        [e_n, e_t]: [f64; 2],
         scale: f64,
         z: DVec3,
         minus: DVec3,
     ) -> DVec3 {
-        let approach = minus.dot(m.normal);
+        let approach = minus.dot(normal);
         let e_n = if -approach < model.options.restitution_threshold {
             0.0
         } else {
-            m.restitution
+            e_n
         };
-        let mut z = z + scale * e_n * approach.min(0.0) * m.normal;
-        if m.tangential != 0.0 && approach < -self.tol {
-            z += scale * m.tangential * (minus - approach * m.normal);
+        let mut z = z + scale * e_n * approach.min(0.0) * normal;
+        if e_t != 0.0 && approach < -self.tol {
+            z += scale * e_t * (minus - approach * normal);
         }
         z
     }
@@ -476,7 +484,7 @@ impl Pile {
         for slot in 0..memory.members.len() {
             let m = memory.members[slot];
             let before = memory.free(&m);
-            let work = work(&m, m.impulse, before, memory.now(&m));
+            let work = work(m.normal, m.impulse, before, memory.now(&m));
             memory.members[slot].work = work;
         }
     }
@@ -596,9 +604,9 @@ impl Member {
 }
 
 /// Work of an impulse, normal and across, by the mean of the velocities before and after.
-pub(super) fn work(m: &Member, r: DVec3, before: DVec3, after: DVec3) -> [f64; 2] {
+pub(super) fn work(normal: DVec3, r: DVec3, before: DVec3, after: DVec3) -> [f64; 2] {
     let mean = 0.5 * (before + after);
-    let (r_n, v_n) = (r.dot(m.normal), mean.dot(m.normal));
+    let (r_n, v_n) = (r.dot(normal), mean.dot(normal));
     [r_n * v_n, r.dot(mean) - r_n * v_n]
 }
 

@@ -1,21 +1,10 @@
 //! A little island of an impact cascade: a handful of contacts, solved one after the other until all agree.
 
-use super::roll::Turning;
-use super::velocity::Member;
+use super::front::{over, Edge, Node};
+use crate::pile::roll::Turning;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal, Norms};
 use glam::DVec3;
-
-/// Restitution terms of a problem.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Law {
-    /// e_N = e_T = 0.
-    Plastic,
-    /// Newton's law on the velocities of t_n: the first impact problem.
-    First,
-    /// Newton's law on what earlier problems of the step have left (eq. 27).
-    Later,
-}
 
 /// Sweeps at most. Islands of many contacts converge slowly: after this the other solvers are asked.
 const MOST_SWEEPS: usize = 3_000;
@@ -26,7 +15,6 @@ struct Local {
     a: u32,
     b: u32,
     normal: DVec3,
-    arms: [f64; 2],
     friction: f64,
     /// 1/w_N and 1/w_T, kg.
     mass: [f64; 2],
@@ -48,51 +36,55 @@ struct LocalRoll {
 
 /// Memory of a group.
 #[derive(Default)]
-pub struct Group {
+pub(super) struct Group {
     contacts: Vec<Local>,
     /// As many as contacts, or none.
     rolls: Vec<LocalRoll>,
+    /// Corrections of the nodes, at first none.
+    u: Vec<Node>,
+    /// Bodies of the nodes, where something rolls.
     bodies: Vec<Body>,
-    u: Vec<[DVec3; 2]>,
 }
 
 impl Group {
     pub fn clear(&mut self) {
         self.contacts.clear();
         self.rolls.clear();
-        self.bodies.clear();
         self.u.clear();
+        self.bodies.clear();
     }
 
-    /// Adds a node; returns its number.
-    pub fn push_node(&mut self, body: Body) -> u32 {
-        self.bodies.push(body);
-        self.u.push([DVec3::ZERO; 2]);
-        self.bodies.len() as u32 - 1
+    pub fn push_node(&mut self, node: &Node) {
+        self.u.push(Node {
+            linear: DVec3::ZERO,
+            surface: DVec3::ZERO,
+            ..*node
+        });
     }
 
     /// Adds a contact between local nodes.
-    pub fn push_contact(&mut self, m: &Member, (a, b): (u32, u32), slip: DVec3) {
-        let side = |node: u32, arm: f64| {
-            if node == WORLD {
-                return [0.0; 2];
-            }
-            let body = &self.bodies[node as usize];
-            [body.inv_mass, arm * arm * body.inv_inertia]
-        };
-        let (wa, wb) = (side(a, m.arms[0]), side(b, m.arms[1]));
-        let w_n = wa[0] + wb[0];
-        let w_t = w_n + wa[1] + wb[1];
+    pub fn push_contact(&mut self, edge: &Edge, [a, b]: [u32; 2], slip: DVec3) {
+        let of_a = &self.u[a as usize];
+        let (mut w_n, mut surface) = (of_a.inv_mass, of_a.inv_surface);
+        if b != WORLD {
+            let of_b = &self.u[b as usize];
+            w_n += of_b.inv_mass;
+            surface += of_b.inv_surface;
+        }
         self.contacts.push(Local {
             a,
             b,
-            normal: m.normal,
-            arms: m.arms,
-            friction: m.friction,
-            mass: [1.0 / w_n, 1.0 / w_t],
+            normal: edge.normal,
+            friction: edge.friction,
+            mass: [1.0 / w_n, 1.0 / (w_n + surface)],
             slip,
             r: DVec3::ZERO,
         });
+    }
+
+    /// The bodies of the nodes in their order, where something rolls.
+    pub fn push_body(&mut self, body: Body) {
+        self.bodies.push(body);
     }
 
     /// Adds rolling and spinning friction to the contact added last, with its relative angular velocity.
@@ -124,11 +116,16 @@ impl Group {
     /// Change of a contact's relative angular velocity.
     pub fn turn_change(&self, contact: usize) -> DVec3 {
         let c = &self.contacts[contact];
-        let of_a = self.u[c.a as usize][1];
+        let of = |node: u32| {
+            over(
+                self.u[node as usize].surface,
+                self.bodies[node as usize].radius,
+            )
+        };
         if c.b == WORLD {
-            of_a
+            of(c.a)
         } else {
-            of_a - self.u[c.b as usize][1]
+            of(c.a) - of(c.b)
         }
     }
 
@@ -141,9 +138,9 @@ impl Group {
         self.contacts[contact].r
     }
 
-    /// Correction of a node.
-    pub fn correction(&self, node: u32) -> [DVec3; 2] {
-        self.u[node as usize]
+    /// Corrections of the nodes.
+    pub fn corrections(&self) -> &[Node] {
+        &self.u
     }
 
     /// Change of a contact's relative velocity.
@@ -152,23 +149,24 @@ impl Group {
         self.measure(c) - c.slip
     }
 
+    #[inline]
     fn measure(&self, c: &Local) -> DVec3 {
-        let [mut d, wa] = self.u[c.a as usize];
-        let mut spin = c.arms[0] * wa;
+        let of_a = &self.u[c.a as usize];
+        let (mut d, mut s) = (of_a.linear, of_a.surface);
         if c.b != WORLD {
-            let [v, w] = self.u[c.b as usize];
-            d -= v;
-            spin += c.arms[1] * w;
+            let of_b = &self.u[c.b as usize];
+            d -= of_b.linear;
+            s += of_b.surface;
         }
-        d + c.normal.cross(spin) + c.slip
+        d + c.normal.cross(s) + c.slip
     }
 
-    /// Solves to the goal; the sweeps, the relative residual and whether it was reached.
-    pub fn solve(&mut self, goal: &Goal) -> (usize, f64, bool) {
+    /// Solves to the goal; the relative residual and whether it was reached.
+    pub fn solve(&mut self, goal: &Goal) -> (f64, bool) {
         if self.contacts.len() == 1 && !self.rolls() {
             // In closed form.
             self.sweep();
-            return (1, 0.0, self.contacts[0].r.is_finite());
+            return (0.0, self.contacts[0].r.is_finite());
         }
         let mut look = 1;
         let mut sweeps = 0;
@@ -181,7 +179,7 @@ impl Group {
             let residual = goal.relative(&norms);
             let reached = residual < goal.tolerance && norms.closing <= goal.closing;
             if reached || sweeps >= MOST_SWEEPS || !residual.is_finite() {
-                return (sweeps, residual, reached);
+                return (residual, reached);
             }
             look = (sweeps + sweeps / 2 + 1).min(MOST_SWEEPS);
         }
@@ -190,12 +188,16 @@ impl Group {
     /// Each contact by the closed form of `carom_solve::spheres`, in order.
     fn sweep(&mut self) {
         for k in 0..self.contacts.len() {
-            let c = self.contacts[k];
-            let new = projected(&c, self.measure(&c), 1.0);
+            let c = &self.contacts[k];
+            let new = projected(c, self.measure(c), 1.0);
             let d = new - c.r;
             if d != DVec3::ZERO {
+                let (a, b, turn) = (c.a, c.b, c.normal.cross(d));
                 self.contacts[k].r = new;
-                self.push(&c, d);
+                self.push(a, 1.0, d, turn);
+                if b != WORLD {
+                    self.push(b, -1.0, d, turn);
+                }
             }
             if !self.rolls.is_empty() {
                 self.roll(k);
@@ -203,18 +205,11 @@ impl Group {
         }
     }
 
-    fn push(&mut self, c: &Local, d: DVec3) {
-        let turn = c.normal.cross(d);
-        let mut add = |node: u32, sign: f64, arm: f64| {
-            let body = &self.bodies[node as usize];
-            let u = &mut self.u[node as usize];
-            u[0] += sign * body.inv_mass * d;
-            u[1] -= body.inv_inertia * arm * turn;
-        };
-        add(c.a, 1.0, c.arms[0]);
-        if c.b != WORLD {
-            add(c.b, -1.0, c.arms[1]);
-        }
+    #[inline]
+    fn push(&mut self, node: u32, sign: f64, d: DVec3, turn: DVec3) {
+        let u = &mut self.u[node as usize];
+        u.linear += sign * u.inv_mass * d;
+        u.surface -= u.inv_surface * turn;
     }
 
     /// Moments of a contact at its present normal impulse.
@@ -225,9 +220,11 @@ impl Group {
         let new = projected_moment(&own, z, c.normal, normal, 1.0);
         let d = new - own.m;
         self.rolls[contact].m = new;
-        self.u[c.a as usize][1] += self.bodies[c.a as usize].inv_inertia * d;
-        if c.b != WORLD {
-            self.u[c.b as usize][1] -= self.bodies[c.b as usize].inv_inertia * d;
+        for (node, sign) in [(c.a, 1.0), (c.b, -1.0)] {
+            if node != WORLD {
+                let body = &self.bodies[node as usize];
+                self.u[node as usize].surface += sign * body.radius * body.inv_inertia * d;
+            }
         }
     }
 
@@ -251,12 +248,11 @@ impl Group {
             ll += squared * own.m.length_squared();
         }
         let momentum: f64 = self
-            .bodies
+            .u
             .iter()
-            .zip(&self.u)
-            .map(|(body, u)| {
-                let turn = u[1].length() / (body.inv_inertia * body.radius);
-                u[0].length_squared() / (body.inv_mass * body.inv_mass) + turn * turn
+            .map(|u| {
+                u.linear.length_squared() / (u.inv_mass * u.inv_mass)
+                    + u.surface.length_squared() / (u.inv_surface * u.inv_surface)
             })
             .sum();
         Norms {
@@ -268,6 +264,7 @@ impl Group {
 }
 
 /// `P(r - s z / w)`.
+#[inline]
 fn projected(c: &Local, z: DVec3, s: f64) -> DVec3 {
     let normal = augmented(c, z, s);
     let across = (c.r - s * c.mass[1] * z).reject_from_normalized(c.normal);
@@ -275,6 +272,7 @@ fn projected(c: &Local, z: DVec3, s: f64) -> DVec3 {
 }
 
 /// Normal impulse after `-s z / w`, at least 0.
+#[inline]
 fn augmented(c: &Local, z: DVec3, s: f64) -> f64 {
     (c.r.dot(c.normal) - s * c.mass[0] * z.dot(c.normal)).max(0.0)
 }

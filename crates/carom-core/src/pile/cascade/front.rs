@@ -1,0 +1,305 @@
+//! What a cascade works on: contacts and spheres in a few lines of memory each, since it looks far more often than it solves.
+
+use crate::pile::velocity::{Member, Memory as Velocity};
+use carom_solve::rows::WORLD;
+use carom_solve::spheres::Body;
+use glam::DVec3;
+
+/// A contact: a line of memory.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(super) struct Edge {
+    pub a: u32,
+    pub b: u32,
+    /// Place among the velocities of moving walls; behind them where none moves.
+    pub driven: u32,
+    pub normal: DVec3,
+    pub friction: f64,
+    /// e_N and e_T.
+    pub restitution: [f64; 2],
+}
+
+/// A sphere: a line of memory. Its spin is the surface velocity `s = r w`, so that no contact needs its lever arms.
+#[derive(Clone, Copy, Default)]
+#[repr(align(64))]
+pub(super) struct Node {
+    pub linear: DVec3,
+    pub inv_mass: f64,
+    pub surface: DVec3,
+    /// `r^2/I`, 1/kg.
+    pub inv_surface: f64,
+}
+
+impl Node {
+    pub fn kinetic(&self) -> f64 {
+        0.5 * (self.linear.length_squared() / self.inv_mass
+            + self.surface.length_squared() / self.inv_surface)
+    }
+}
+
+/// What the problems of a cascade gave a contact.
+#[derive(Clone, Copy, Default)]
+#[repr(align(64))]
+struct Tally {
+    impulse: DVec3,
+    work: [f64; 2],
+    approach: f64,
+    scale: f64,
+    /// The first problem, 0: none.
+    problem: u32,
+}
+
+/// What one problem gave a contact.
+#[derive(Clone, Copy)]
+pub(super) struct Given {
+    pub impulse: DVec3,
+    pub work: [f64; 2],
+    /// Along the normal, before and after.
+    pub speed: [f64; 2],
+    pub scale: f64,
+}
+
+/// Contacts and spheres of the pile in a cascade.
+#[derive(Default)]
+pub(super) struct Front {
+    pub edges: Vec<Edge>,
+    pub ends: Vec<[u32; 2]>,
+    pub nodes: Vec<Node>,
+    /// What Newton's law takes off the velocity of a node for `V_minus` (eq. 27): linear, surface.
+    pub shift: Vec<[DVec3; 2]>,
+    tallies: Vec<Tally>,
+    /// Contacts at each node, node after node, and where each node's begin.
+    at_node: Vec<u32>,
+    starts: Vec<u32>,
+    /// Problem in which a node was last moved, 0: never.
+    pub touched: Vec<u32>,
+}
+
+impl Front {
+    pub fn open(&mut self, velocity: &Velocity, bodies: &[Body]) {
+        self.edges.clear();
+        self.edges.extend(velocity.members.iter().map(|m| Edge {
+            a: m.a,
+            b: m.b,
+            driven: m.driven,
+            normal: m.normal,
+            friction: m.friction,
+            restitution: [m.restitution, m.tangential],
+        }));
+        self.ends.clear();
+        self.ends
+            .extend(velocity.members.iter().map(|m| [m.a, m.b]));
+        self.tallies.clear();
+        self.tallies
+            .resize(velocity.members.len(), Tally::default());
+        self.nodes.clear();
+        self.shift.clear();
+        for (i, body) in bodies.iter().enumerate() {
+            let [check, jump] = [&velocity.check[i], &velocity.jump[i]];
+            let [old, offset] = [&velocity.old[i], &velocity.offset[i]];
+            self.nodes.push(Node {
+                linear: check[0] + jump[0],
+                inv_mass: body.inv_mass,
+                surface: body.radius * (check[1] + jump[1]),
+                inv_surface: body.radius * body.radius * body.inv_inertia,
+            });
+            let [v, w] = [0, 1].map(|k| check[k] + offset[k] - old[k]);
+            self.shift.push([v, body.radius * w]);
+        }
+        self.touched.clear();
+        self.touched.resize(bodies.len(), 0);
+        self.list();
+    }
+
+    fn list(&mut self) {
+        let nodes = self.nodes.len();
+        self.starts.clear();
+        self.starts.resize(nodes + 1, 0);
+        let ends = |e: &[u32; 2]| (*e).into_iter().filter(|&n| n != WORLD);
+        for e in &self.ends {
+            ends(e).for_each(|n| self.starts[n as usize + 1] += 1);
+        }
+        for node in 0..nodes {
+            self.starts[node + 1] += self.starts[node];
+        }
+        self.at_node.clear();
+        self.at_node.resize(self.starts[nodes] as usize, 0);
+        for (slot, e) in self.ends.iter().enumerate() {
+            for n in ends(e) {
+                let place = &mut self.starts[n as usize];
+                self.at_node[*place as usize] = slot as u32;
+                *place += 1;
+            }
+        }
+        for node in (1..=nodes).rev() {
+            self.starts[node] = self.starts[node - 1];
+        }
+        self.starts[0] = 0;
+    }
+
+    /// Normal velocity of a contact; `velocity` knows how walls move.
+    #[inline]
+    pub fn normal_speed(&self, velocity: &Velocity, slot: u32) -> f64 {
+        let edge = &self.edges[slot as usize];
+        let mut d = self.nodes[edge.a as usize].linear;
+        if edge.b != WORLD {
+            d -= self.nodes[edge.b as usize].linear;
+        }
+        if let Some([_, wall]) = velocity.driven.get(edge.driven as usize) {
+            d -= *wall;
+        }
+        d.dot(edge.normal)
+    }
+
+    /// Marks in `closing` the contacts of `moved` spheres that close: those between two of them once, by the first.
+    pub fn mark_closing(
+        &self,
+        velocity: &Velocity,
+        moved: &[u32],
+        problem: u32,
+        closing: &mut Slots,
+    ) {
+        for &node in moved {
+            let (from, to) = (self.starts[node as usize], self.starts[node as usize + 1]);
+            for &slot in &self.at_node[from as usize..to as usize] {
+                let [a, b] = self.ends[slot as usize];
+                let other = if a == node { b } else { a };
+                if other < node && self.touched[other as usize] == problem {
+                    continue;
+                }
+                if self.normal_speed(velocity, slot) < -velocity.tol {
+                    closing.insert(slot);
+                }
+            }
+        }
+    }
+
+    /// Relative angular velocity of a contact's spheres, less that of a wall.
+    pub fn turn(&self, velocity: &Velocity, bodies: &[Body], slot: u32) -> DVec3 {
+        let spin = |node: u32| {
+            over(
+                self.nodes[node as usize].surface,
+                bodies[node as usize].radius,
+            )
+        };
+        let [a, b] = self.ends[slot as usize];
+        let turn = spin(a) - velocity.turning[slot as usize].wall;
+        if b == WORLD {
+            turn
+        } else {
+            turn - spin(b)
+        }
+    }
+
+    /// Relative velocity of a contact's surfaces: now, and `V_minus`.
+    #[inline]
+    pub fn relative(&self, velocity: &Velocity, edge: &Edge) -> [DVec3; 2] {
+        let (a, b) = (edge.a as usize, edge.b as usize);
+        let (node, [shift, shift_s]) = (&self.nodes[a], self.shift[a]);
+        let (mut d, mut s) = (node.linear, node.surface);
+        let (mut off, mut off_s) = (shift, shift_s);
+        if edge.b != WORLD {
+            let (node, [shift, shift_s]) = (&self.nodes[b], self.shift[b]);
+            d -= node.linear;
+            s += node.surface;
+            off -= shift;
+            off_s += shift_s;
+        }
+        let now = d + edge.normal.cross(s);
+        let minus = now - off - edge.normal.cross(off_s);
+        match velocity.driven.get(edge.driven as usize) {
+            Some([old, new]) => [now - *new, minus - *old],
+            None => [now, minus],
+        }
+    }
+
+    /// Adds what problem `problem` gave a contact that was closing.
+    pub fn add(&mut self, slot: u32, problem: u32, given: &Given) {
+        if given.impulse == DVec3::ZERO {
+            return;
+        }
+        let t = &mut self.tallies[slot as usize];
+        if t.problem == 0 {
+            (t.problem, t.approach, t.scale) = (problem, given.speed[0], given.scale);
+        }
+        t.impulse += given.impulse;
+        t.work[0] += given.work[0];
+        t.work[1] += given.work[1];
+        t.scale = t.scale.min(given.scale);
+    }
+
+    /// Hands all that was added so far to the members, and the velocities to the jumps.
+    pub fn hand_over(&mut self, velocity: &mut Velocity, bodies: &[Body]) {
+        for (m, t) in velocity.members.iter_mut().zip(&mut self.tallies) {
+            let t = std::mem::take(t);
+            if t.problem != 0 {
+                m.join(t.impulse, t.work, (t.problem, t.approach), t.scale);
+            }
+        }
+        for (i, node) in self.nodes.iter().enumerate() {
+            if self.touched[i] != 0 {
+                let [v, w] = velocity.check[i];
+                velocity.jump[i] = [node.linear - v, over(node.surface, bodies[i].radius) - w];
+            }
+        }
+    }
+}
+
+/// Angular velocity of a surface velocity; a body without lever arm does not turn.
+pub(super) fn over(surface: DVec3, radius: f64) -> DVec3 {
+    if radius > 0.0 {
+        surface / radius
+    } else {
+        DVec3::ZERO
+    }
+}
+
+/// A set of contacts, ascending.
+#[derive(Clone, Default)]
+pub(super) struct Slots {
+    words: Vec<u64>,
+}
+
+impl Slots {
+    pub fn clear(&mut self, slots: usize) {
+        self.words.clear();
+        self.words.resize(slots.div_ceil(64), 0);
+    }
+
+    #[inline]
+    pub fn insert(&mut self, slot: u32) {
+        self.words[slot as usize / 64] |= 1 << (slot % 64);
+    }
+
+    pub fn join(&mut self, other: &Slots) {
+        for (x, y) in self.words.iter_mut().zip(&other.words) {
+            *x |= y;
+        }
+    }
+
+    /// Lists and empties it.
+    pub fn drain(&mut self, list: &mut Vec<u32>) {
+        list.clear();
+        for (k, word) in self.words.iter_mut().enumerate() {
+            let mut left = std::mem::take(word);
+            while left != 0 {
+                list.push(64 * k as u32 + left.trailing_zeros());
+                left &= left - 1;
+            }
+        }
+    }
+}
+
+impl Member {
+    /// Adds impulses of later problems, the first of them with its normal velocity before it.
+    fn join(&mut self, impulse: DVec3, work: [f64; 2], first: (u32, f64), scale: f64) {
+        self.impulse += impulse;
+        self.work[0] += work[0];
+        self.work[1] += work[1];
+        if self.problem == 0 {
+            (self.problem, self.approach) = first;
+        }
+        self.hit += impulse;
+        self.scale = self.scale.min(scale);
+    }
+}

@@ -1,0 +1,323 @@
+//! Impact problems after the first (rule 26): strictly closing contacts alone, which fall apart into little islands.
+//!
+//! A problem looks only at the contacts of spheres that the problem before has moved, so that a cascade costs what it moves. It is
+//! the same sequence as in small islands: all closing contacts of a problem at the same time, then the next problem.
+
+mod front;
+mod group;
+mod little;
+mod parts;
+
+use super::velocity::Memory as Velocity;
+use super::{keep, Law, Pile};
+use crate::contact::Contact;
+use crate::model::Model;
+use crate::report::{Level, StepReport};
+use carom_solve::team::{self, lock};
+use front::{Front, Slots};
+use glam::DVec3;
+use little::{Batch, View};
+use parts::Parts;
+use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+/// Contacts of the first problem for which another thread is worth while.
+const PER_THREAD: usize = 1_000;
+/// Batches for each thread: enough that the last ones end at about the same time.
+const BATCHES_PER_THREAD: usize = 4;
+
+/// Memory of a cascade.
+#[derive(Default)]
+pub(super) struct Memory {
+    front: Front,
+    parts: Parts,
+    batches: Vec<Mutex<Batch>>,
+    /// Closing contacts, as each thread's share of the moved spheres has them.
+    closing: Vec<Mutex<Slots>>,
+    /// Contacts of the problem at hand, and their batches.
+    chosen: Vec<u32>,
+    firsts: Vec<usize>,
+}
+
+/// A cascade on its way: what all threads read while they solve and look, and one writes in between.
+struct Cascade<'a> {
+    pile: &'a mut Pile,
+    model: &'a Model,
+    contacts: &'a [Contact],
+    report: &'a mut StepReport,
+    front: Front,
+    parts: Parts,
+    chosen: Vec<u32>,
+    firsts: Vec<usize>,
+    /// Before the problem at hand, where it is kept.
+    before: Option<Before>,
+    /// The last problem, and whether nothing closes after it.
+    outcome: Option<(u32, bool)>,
+}
+
+impl Pile {
+    /// Problems 2, 3, ... until nothing closes: the number of the last one, and whether nothing closes (otherwise the bound of the
+    /// sequence was reached, or a little island could not be solved: a fallback).
+    pub(super) fn cascade(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        report: &mut StepReport,
+    ) -> (u32, bool) {
+        let velocity = &self.velocity;
+        let closes =
+            |slot: &u32| velocity.normal_speed(&velocity.members[*slot as usize]) < -velocity.tol;
+        let all = 0..velocity.members.len() as u32;
+        let first: Vec<u32> = all.filter(closes).collect();
+        let most = model.options.max_problems;
+        if first.is_empty() || most < 2 {
+            return (1, first.is_empty());
+        }
+        let mut memory = std::mem::take(&mut self.velocity.cascade);
+        memory.front.open(&self.velocity, &self.bodies);
+        memory.parts.open(self.bodies.len());
+        let threads = (model.options.threads as usize)
+            .min(first.len() / PER_THREAD)
+            .max(1);
+        let tasks = threads * BATCHES_PER_THREAD;
+        memory.batches.resize_with(tasks, Mutex::default);
+        memory.closing.resize_with(threads, Mutex::default);
+        let mut cascade = Cascade {
+            pile: self,
+            model,
+            contacts,
+            report,
+            front: memory.front,
+            parts: memory.parts,
+            chosen: first,
+            firsts: memory.firsts,
+            before: None,
+            outcome: None,
+        };
+        cascade.cut(2, tasks);
+        let shared = RwLock::new(cascade);
+        // A problem: batches of islands, what they gave, shares of the moved spheres, the next problem.
+        let stages = [
+            0,
+            tasks,
+            tasks + 1,
+            tasks + 1 + threads,
+            tasks + 2 + threads,
+        ];
+        let work = |round: usize, task: usize| {
+            let problem = round as u32 + 2;
+            if task < tasks {
+                read(&shared).solve(&mut lock(&memory.batches[task]), task);
+            } else if task == tasks {
+                write(&shared).apply(&memory.batches, problem);
+            } else if task < stages[3] {
+                let share = (task - stages[2], threads);
+                read(&shared).look(&mut lock(&memory.closing[share.0]), share, problem);
+            } else {
+                write(&shared).go_on(&memory.closing, problem, tasks);
+            }
+        };
+        let done = |_| read(&shared).outcome.is_some();
+        team::run_until(threads, most as usize - 1, &stages, work, done);
+        let cascade = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let outcome = cascade.outcome.unwrap_or((most, false));
+        (memory.front, memory.parts) = (cascade.front, cascade.parts);
+        (memory.chosen, memory.firsts) = (cascade.chosen, cascade.firsts);
+        memory.front.hand_over(&mut self.velocity, &self.bodies);
+        self.velocity.cascade = memory;
+        outcome
+    }
+}
+
+impl Cascade<'_> {
+    /// Cuts the chosen contacts into little islands, and these into batches.
+    fn cut(&mut self, problem: u32, batches: usize) {
+        if self.pile.keeper.wants(1) {
+            self.hand_over();
+            self.before = Some(self.pile.velocity.state_of(self.model, &self.chosen));
+        }
+        self.parts.cut(&mut self.front, &self.chosen, problem);
+        self.parts.batches(batches, &mut self.firsts);
+    }
+
+    #[cold]
+    fn hand_over(&mut self) {
+        let Pile {
+            velocity, bodies, ..
+        } = &mut *self.pile;
+        self.front.hand_over(velocity, bodies);
+    }
+
+    /// Solves the islands of a batch.
+    fn solve(&self, batch: &mut Batch, number: usize) {
+        let islands = match self.firsts.get(number..number + 2) {
+            Some(&[from, to]) => from..to,
+            _ => 0..0,
+        };
+        let view = View {
+            model: self.model,
+            velocity: &self.pile.velocity,
+            bodies: &self.pile.bodies,
+            front: &self.front,
+            parts: &self.parts,
+        };
+        batch.solve(&view, islands);
+    }
+
+    /// Adds what the batches gave.
+    fn apply(&mut self, batches: &[Mutex<Batch>], problem: u32) {
+        let (mut pushed, mut failed) = (false, 0);
+        let (mut slots, mut nodes) = (self.parts.slots.iter(), self.parts.nodes.iter());
+        let velocity = &mut self.pile.velocity;
+        for batch in batches {
+            let batch = lock(batch);
+            let report = &mut self.report;
+            report.residual_velocity = report.residual_velocity.max(batch.residual);
+            report.restitution_scale = report.restitution_scale.min(batch.restitution_scale);
+            pushed |= batch.pushed;
+            failed += batch.failed;
+            // The list of a batch ends the zip: it must not take a contact of the next.
+            for (k, given) in batch.given.iter().enumerate() {
+                let Some(&slot) = slots.next() else { break };
+                self.front.add(slot, problem, given);
+                let mut moment = DVec3::ZERO;
+                if let Some(&(m, work)) = batch.turned.get(k) {
+                    moment = m;
+                    let hits = given.impulse != DVec3::ZERO;
+                    velocity.turning[slot as usize].add(moment, work, hits);
+                }
+                let both = [given.impulse, moment];
+                (velocity.every).push(slot, problem, both, given.speed, given.scale);
+            }
+            for change in &batch.moved {
+                let Some(&node) = nodes.next() else { break };
+                let node = &mut self.front.nodes[node as usize];
+                node.linear += change[0];
+                node.surface += change[1];
+            }
+        }
+        if let Some(before) = self.before.take() {
+            self.hand_over();
+            let (model, contacts) = (self.model, self.contacts);
+            (self.pile).keep_round(model, contacts, problem, &self.chosen, before);
+        }
+        // What is not solved here, and what goes nowhere, ends the sequence.
+        if failed > 0 || !pushed {
+            self.report.fallbacks += u32::from(failed > 0);
+            self.outcome = Some((problem, false));
+        }
+    }
+
+    /// Marks the contacts of moved spheres that close.
+    fn look(&self, closing: &mut Slots, (share, of): (usize, usize), problem: u32) {
+        closing.clear(self.front.ends.len());
+        let moved = &self.parts.nodes;
+        let bound = |k: usize| k * moved.len() / of;
+        let moved = &moved[bound(share)..bound(share + 1)];
+        let velocity = &self.pile.velocity;
+        self.front.mark_closing(velocity, moved, problem, closing);
+    }
+
+    /// The next problem, if anything closes.
+    fn go_on(&mut self, closing: &[Mutex<Slots>], problem: u32, batches: usize) {
+        if self.outcome.is_some() {
+            return;
+        }
+        let mut all = lock(&closing[0]);
+        for other in &closing[1..] {
+            all.join(&lock(other));
+        }
+        all.drain(&mut self.chosen);
+        if self.chosen.is_empty() {
+            self.outcome = Some((problem, true));
+        } else if problem < self.model.options.max_problems {
+            self.cut(problem + 1, batches);
+        }
+    }
+}
+
+/// Locks that the stages of a cascade never wait for.
+fn read<T>(shared: &RwLock<T>) -> RwLockReadGuard<'_, T> {
+    shared.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn write<T>(shared: &RwLock<T>) -> RwLockWriteGuard<'_, T> {
+    shared.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Velocities, jumps and impulses before a problem of the cascade, and the measures of its contacts.
+struct Before {
+    motion: Vec<[DVec3; 2]>,
+    jump: Vec<[DVec3; 2]>,
+    impulse: Vec<DVec3>,
+    slip: Vec<DVec3>,
+    /// Relative angular velocities and moments, where something rolls.
+    turn: Vec<[DVec3; 2]>,
+}
+
+impl Velocity {
+    #[cold]
+    fn state_of(&self, model: &Model, chosen: &[u32]) -> Before {
+        let members = || chosen.iter().map(|&slot| &self.members[slot as usize]);
+        Before {
+            motion: self.velocities(),
+            jump: self.jump.clone(),
+            impulse: members().map(|m| m.impulse).collect(),
+            slip: members()
+                .map(|m| self.measures(model, m, Law::Later, 1.0))
+                .collect(),
+            turn: chosen
+                .iter()
+                .filter_map(|&slot| self.turning_now(slot))
+                .collect(),
+        }
+    }
+}
+
+impl Pile {
+    /// Keeps a problem of the cascade: all its little islands as one. (Restitution that the safeguard scaled is stated unscaled.)
+    #[cold]
+    fn keep_round(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        index: u32,
+        chosen: &[u32],
+        before: Before,
+    ) {
+        let velocity = &self.velocity;
+        let stated: Vec<keep::Stated> = chosen
+            .iter()
+            .zip(before.slip.iter().zip(&before.impulse))
+            .enumerate()
+            .map(|(k, (&slot, (&slip, &impulse)))| {
+                let m = &velocity.members[slot as usize];
+                let turning = before
+                    .turn
+                    .get(k)
+                    .map_or([DVec3::ZERO; 2], |[turn, moment]| {
+                        [*turn, velocity.turning[slot as usize].moment - *moment]
+                    });
+                keep::Stated::of(m, slip, m.impulse - impulse, turning)
+            })
+            .collect();
+        let correction: Vec<[f64; 6]> = velocity
+            .jump
+            .iter()
+            .zip(&before.jump)
+            .map(|([v, w], [v0, w0])| {
+                let (v, w) = (*v - *v0, *w - *w0);
+                [v.x, v.y, v.z, w.x, w.y, w.z]
+            })
+            .collect();
+        let at = keep::Place {
+            model,
+            contacts,
+            spheres: &self.spheres,
+            bodies: &self.bodies,
+            level: Level::Velocity,
+            index,
+            report: keep::report_of(1, 0.0, true),
+        };
+        keep::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
+    }
+}
