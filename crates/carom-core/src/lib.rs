@@ -4,6 +4,7 @@
 //! `carom.reference` states it in NumPy.
 
 pub mod blow_up;
+mod candidates;
 pub mod contact;
 pub mod flow;
 pub mod force;

@@ -266,7 +266,7 @@ options! {
     /// Worker threads of the search for pairs, of islands side by side and of sweeps in large ones; results never depend on this number.
     threads: u32 = 1,
     /// Contacts of an island for each thread that sweeps it: below, another thread costs more than it gives.
-    contacts_per_thread: u32 = 12_288,
+    contacts_per_thread: u32 = 2_048,
     /// Contacts and joints of all islands that are shared out among threads, for each of these: below, starting another thread
     /// costs more than it gives.
     shared_contacts_per_thread: u32 = 48,

@@ -1,7 +1,7 @@
 //! Checks of a periodic box: its lengths, and that all walls repeat with it.
 
+use crate::candidates::CANDIDATE_MARGIN;
 use crate::model::{entry, finite, ModelError, ModelInput};
-use crate::step::CANDIDATE_MARGIN;
 use crate::wall::Wall;
 use carom_geom::{DVec3, Periodic, Shape};
 

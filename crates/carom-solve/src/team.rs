@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Spins before a waiting thread offers its core to others.
-const SPINS: u32 = 1 << 12;
+const SPINS: u32 = 1 << 14;
 /// Bits of the next task in a ticket; the stage is above them.
 const TASK_BITS: u32 = 32;
 /// No stage has this number: all are over.
@@ -221,6 +221,32 @@ pub fn map<T: Send, R: Send>(
         .into_iter()
         .filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner).1)
         .collect()
+}
+
+/// Items that a thread takes at a time from a list of small ones.
+const SHARE: usize = 2_048;
+
+/// `value(k)` for every place `k` of `out`.
+pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T + Sync) {
+    let threads = threads.min(out.len() / SHARE).max(1);
+    let shares = out.chunks_mut(SHARE).enumerate().collect();
+    map(threads, shares, |(k, share): (usize, &mut [T])| {
+        for (place, index) in share.iter_mut().zip(SHARE * k..) {
+            *place = value(index);
+        }
+    });
+}
+
+/// `work` on every item.
+pub fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(&mut T) + Sync) {
+    let threads = threads.min(items.len() / SHARE).max(1);
+    map(
+        threads,
+        items.chunks_mut(SHARE).collect(),
+        |share: &mut [T]| {
+            share.iter_mut().for_each(&work);
+        },
+    );
 }
 
 /// A lock that is never waited for: the stages see to that.

@@ -2,8 +2,8 @@
 
 use carom_solve::problem::Problem;
 use carom_solve::solver::{by_name, solve, Outcome, Settings};
-use carom_solve::Bounds;
-use std::sync::atomic::{AtomicBool, Ordering};
+use carom_solve::{team, Bounds};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// Contacts on a square lattice of `side`, coupled with those beside them in every pair of like rows.
@@ -129,4 +129,58 @@ fn a_time_limit_ends_a_round_of_sweeps() {
     let (_, outcome) = run(&problem, "gauss-seidel", settings);
     assert!(!outcome.converged);
     assert!(began.elapsed() < Duration::from_secs(5));
+}
+
+/// Stages follow each other whatever thread takes which task, and rounds end where they are told to.
+#[test]
+fn stages_wait_for_the_tasks_before_them() {
+    let stages = [0, 5, 5, 6, 14];
+    for threads in 1..=8 {
+        let done = AtomicUsize::new(0);
+        let work = |round: usize, task: usize| {
+            let first = [0, 5, 6][usize::from(task >= 5) + usize::from(task >= 6)];
+            let before = done.load(Ordering::SeqCst);
+            assert!(
+                before >= 14 * round + first,
+                "{task} of round {round} after {before}"
+            );
+            if task == 2 {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            done.fetch_add(1, Ordering::SeqCst);
+        };
+        let rounds = team::run_until(threads, 20, &stages, work, |round| round == 6);
+        assert_eq!(
+            (rounds, done.into_inner()),
+            (7, 7 * 14),
+            "{threads} threads"
+        );
+    }
+}
+
+/// A team within the tasks of a team: the threads are all taken, and none waits for another to be free.
+#[test]
+fn teams_within_teams_end() {
+    let sums = team::map(4, (0..16).collect(), |k: usize| {
+        team::map(4, (0..100).collect(), |i: usize| i * k)
+            .iter()
+            .sum::<usize>()
+    });
+    let expected: Vec<usize> = (0..16).map(|k| 4950 * k).collect();
+    assert_eq!(sums, expected);
+}
+
+/// A task that panics ends the team, and the panic is that of the task or of a thread that heard of it.
+#[test]
+fn a_panic_ends_the_team() {
+    for threads in [1, 2, 4] {
+        let outcome = std::panic::catch_unwind(|| {
+            team::run(threads, 3, &[0, 8, 16], |task| {
+                assert!(task != 11, "task 11")
+            });
+        });
+        assert!(outcome.is_err(), "{threads} threads");
+    }
+    // The pool is none the worse.
+    assert_eq!(team::map(4, vec![1, 2, 3], |x| 2 * x), [2, 4, 6]);
 }

@@ -15,6 +15,7 @@
 use super::elastic::Elastic;
 use super::workspace::Workspace;
 use crate::blow_up::{self, BlowUp};
+use crate::candidates::CANDIDATE_MARGIN;
 use crate::force::{self, LoadError};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
@@ -29,8 +30,6 @@ use glam::DVec3;
 
 /// Substeps of a step at most: no input may make a step endless.
 pub const MAX_SUBSTEPS: u32 = 1_000_000;
-/// Gap over r_c up to which a pair counts as a candidate in the report, as in the nonsmooth step.
-const CANDIDATE_MARGIN: f64 = 1e-2;
 
 /// Makes one step.
 pub fn step(

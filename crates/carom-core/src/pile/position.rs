@@ -17,6 +17,7 @@ use crate::stepper::Span;
 use crate::wall::Walls;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal};
+use carom_solve::team;
 use glam::DVec3;
 
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
@@ -95,6 +96,7 @@ fn solve(
     }
     // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
     let at = Linearisation {
+        threads: o.threads as usize,
         model,
         state,
         walls,
@@ -243,6 +245,7 @@ pub fn overlap(tolerance: f64, contacts: usize) -> f64 {
 
 /// Position measures of an island, to be linearised.
 struct Linearisation<'a> {
+    threads: usize,
     model: &'a Model,
     state: &'a State,
     walls: &'a Walls,
@@ -258,8 +261,9 @@ impl Linearisation<'_> {
     /// Contacts with gaps and normals at the corrections `u` (at 0 without), as measures at `u = 0`.
     fn write(&self, u: Option<&[[f64; 6]]>, out: &mut Vec<spheres::Contact>) {
         out.clear();
-        out.extend(self.members.iter().map(|&m| {
-            let c = &self.contacts[m as usize];
+        out.resize(self.members.len(), spheres::Contact::default());
+        team::fill(self.threads, out, |k| {
+            let c = &self.contacts[self.members[k] as usize];
             let [a, b] = [c.a, c.b].map(|body| node(self.model, self.node_of, body));
             let moved = |node: u32| match u {
                 Some(u) if node != WORLD => {
@@ -284,7 +288,7 @@ impl Linearisation<'_> {
                 slip: slip.to_array(),
                 friction: c.bounds.sliding,
             }
-        }));
+        });
     }
 
     /// Rolling and spinning friction of the contacts as just written: the relative rotation over the smooth step, rolling and

@@ -9,6 +9,7 @@ use crate::model::Model;
 use crate::report::StepReport;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal, Progress};
+use carom_solve::team;
 use glam::DVec3;
 
 /// Bisections of the restitution scale.
@@ -78,16 +79,18 @@ impl Pile {
         let memory = &self.velocity;
         self.contacts.clear();
         self.contacts
-            .extend(memory.chosen.iter().zip(scale).map(|(&slot, &scale)| {
-                let m = &memory.members[slot as usize];
-                spheres::Contact {
-                    a: m.a,
-                    b: m.b,
-                    normal: m.normal.to_array(),
-                    slip: memory.measures(model, m, law, scale).to_array(),
-                    friction: m.friction,
-                }
-            }));
+            .resize(memory.chosen.len(), spheres::Contact::default());
+        let threads = model.options.threads as usize;
+        team::fill(threads, &mut self.contacts, |k| {
+            let m = &memory.members[memory.chosen[k] as usize];
+            spheres::Contact {
+                a: m.a,
+                b: m.b,
+                normal: m.normal.to_array(),
+                slip: memory.measures(model, m, law, scale[k]).to_array(),
+                friction: m.friction,
+            }
+        });
         self.rolls.clear();
         if !memory.turning.is_empty() {
             self.rolls.extend(memory.chosen.iter().map(|&slot| {

@@ -6,6 +6,7 @@
 //! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
 use super::{Coefficients, Span};
+use crate::candidates;
 use crate::contact::Contact;
 use crate::force;
 use crate::level::position;
@@ -126,7 +127,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
         // The whole way of the smooth step too: what lies on it must be known.
         let way = (scratch.position[i] - state.position[i]).length();
         let way = way.max(scratch.linear[i].displacement.length());
-        let need = way + step::CANDIDATE_MARGIN * model.radius[i];
+        let need = way + candidates::CANDIDATE_MARGIN * model.radius[i];
         scratch.need[i] = state.need(model, i, need);
     }
     scratch.neighbours.refresh(
@@ -135,7 +136,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
         &scratch.walls.now,
         &scratch.need,
     );
-    step::complete(&scratch.neighbours)
+    candidates::complete(&scratch.neighbours)
 }
 
 /// The closed contacts: gap at the midpoint within the touching tolerance, with the frame of the midpoint.
@@ -150,7 +151,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
     contacts.clear();
     for &pair in neighbours.pairs() {
         let margin = model.options.touching_tolerance;
-        if !step::push_candidate(model, state, walls, position, pair, margin, contacts)? {
+        if !candidates::push_candidate(model, state, walls, position, pair, margin, contacts)? {
             continue;
         }
         let last = contacts.len() - 1;
@@ -221,7 +222,9 @@ fn overlapping(
         let listed = contacts[..known]
             .binary_search_by_key(&pair, |c| (c.a, c.b))
             .is_ok();
-        if !listed && step::push_candidate(model, state, walls, position, pair, margin, contacts)? {
+        if !listed
+            && candidates::push_candidate(model, state, walls, position, pair, margin, contacts)?
+        {
             let last = contacts.len() - 1;
             contacts[last].bounds = Bounds::default();
         }
@@ -240,7 +243,7 @@ fn project(
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
-    overlapping(model, state, scratch, step::CANDIDATE_MARGIN)?;
+    overlapping(model, state, scratch, candidates::CANDIDATE_MARGIN)?;
     for round in 0..=step::MAX_RELIST {
         for i in 0..model.spheres() {
             scratch.position[i] = state.position[i] + scratch.linear[i].displacement;

@@ -21,7 +21,7 @@ use parts::Parts;
 use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// Contacts of the first problem for which another thread is worth while.
-const PER_THREAD: usize = 1_000;
+const PER_THREAD: usize = 256;
 /// Batches for each thread: enough that the last ones end at about the same time.
 const BATCHES_PER_THREAD: usize = 4;
 
