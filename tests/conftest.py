@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
-from tally import Tally
+from trials import Trials
 
 # The quick tier draws the same examples each time, so that a red run means a change of the code. Whoever sets
 # CAROM_HYPOTHESIS=search looks for new ones.
@@ -15,13 +15,13 @@ settings.register_profile("search", max_examples=1000, **_common)
 settings.load_profile(os.environ.get("CAROM_HYPOTHESIS", "quick"))
 
 #: Of all tests of this run.
-TOTAL = Tally()
+TOTAL = Trials()
 
 
 @pytest.fixture
-def tally(request: pytest.FixtureRequest) -> Iterator[Tally]:
-    """Counts the trials of a test: `with tally("kills survived"): ...`."""
-    counted = Tally()
+def trials(request: pytest.FixtureRequest) -> Iterator[Trials]:
+    """Counts the trials of a test: `with trials("kills survived"): ...`."""
+    counted = Trials()
     yield counted
     request.node.user_properties += counted.properties()
 

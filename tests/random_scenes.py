@@ -19,7 +19,7 @@ from carom import _core
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from physics_scenes import F64, balls
-from tally import Tally
+from trials import Trials
 
 LAWS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 #: Solved to rounding: what differs between a scene and its transform is then rounding too.
@@ -37,12 +37,12 @@ TIERS = [
 in_both_tiers = pytest.mark.parametrize("tier", TIERS)
 
 
-def hold(law: Callable[..., None], drawn: list[Any], tier: settings, tally: Tally, what: str) -> None:
+def hold(law: Callable[..., None], drawn: list[Any], tier: settings, trials: Trials, what: str) -> None:
     """Try a law on the scenes of a tier, and on what else it is drawn with; each is counted under `what`."""
 
     @functools.wraps(law)  # hypothesis derives the scenes from the source of the law
     def counted(**drawn: Any) -> None:
-        with tally(what):
+        with trials(what):
             law(**drawn)
 
     tier(given(*drawn)(counted))()

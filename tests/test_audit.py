@@ -15,8 +15,10 @@ from audit_faults import Fault
 from carom import _core, audit
 from carom.audit.block import pile_overlap
 from carom.audit.report import Place, Tally
+from trials import Trials
 
 Maker = Callable[[str], Path]
+CAUGHT = "planted faults caught by their law"
 
 CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "break": (scenes.break_, 0.25, {}),
@@ -214,12 +216,14 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
 
 
 @pytest.mark.parametrize("name", tiered(FAULTS))
-def test_a_planted_fault_is_caught_by_its_law(run: Maker, tmp_path: Path, name: str) -> None:
+def test_a_planted_fault_is_caught_by_its_law(run: Maker, tmp_path: Path, name: str, trials: Trials) -> None:
     scene, plant, kind = FAULTS[name]
-    report = audit.check(fault.planted(run(scene), tmp_path / "copy", plant))
-    assert report[kind].violations, repr(report)
-    assert report[kind].worst is not None
-    assert report[kind].worst.ratio > 1.0
+    copy = fault.planted(run(scene), tmp_path / "copy", plant)
+    with trials(CAUGHT):
+        report = audit.check(copy)
+        assert report[kind].violations, repr(report)
+        assert report[kind].worst is not None
+        assert report[kind].worst.ratio > 1.0
 
 
 #: Numbers that point to what is not there; with none of them may the auditor stumble.
@@ -237,11 +241,13 @@ DANGLING = {
 
 @pytest.mark.parametrize("name", DANGLING)
 def test_what_points_nowhere_is_a_finding_and_nothing_else_is_said_to_be_kept(
-    run: Maker, tmp_path: Path, name: str
+    run: Maker, tmp_path: Path, name: str, trials: Trials
 ) -> None:
     scene, plant = DANGLING[name]
-    report = audit.check(fault.planted(run(scene), tmp_path / "copy", plant))
-    assert report["references"].violations, repr(report)
+    copy = fault.planted(run(scene), tmp_path / "copy", plant)
+    with trials(CAUGHT):
+        report = audit.check(copy)
+        assert report["references"].violations, repr(report)
     assert {v.word for v in report.verdicts.values()} == {"violated", "not judged"}
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from carom.errors import CaromError
 from carom.record import Segments
-from tally import Tally
+from trials import Trials
 
 from fuzz import campaign, material
 from fuzz.pool import Pool
@@ -59,11 +59,11 @@ def pool(base: Path) -> Iterator[Pool]:
 
 @pytest.mark.parametrize("target", QUICK)
 def test_damaged_input_is_used_or_refused(
-    target: str, base: Path, pool: Pool, tmp_path: Path, tally: Tally
+    target: str, base: Path, pool: Pool, tmp_path: Path, trials: Trials
 ) -> None:
     verdicts: Counter[str] = Counter()
     for case in itertools.islice(campaign.cases(target, base, 0), QUICK[target]):
-        with tally(f"damaged input used or refused: {target}"):
+        with trials(f"damaged input used or refused: {target}"):
             verdict = pool.one(target, case)
             assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
         verdicts[verdict.kind] += 1
@@ -82,13 +82,13 @@ def test_what_was_trouble_once(path: Path, pool: Pool) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("target", QUICK)
-def test_damaged_input_for_a_minute(target: str, base: Path, tmp_path: Path, tally: Tally) -> None:
+def test_damaged_input_for_a_minute(target: str, base: Path, tmp_path: Path, trials: Trials) -> None:
     begin = time.monotonic()
     cases = campaign.cases(target, base, random.SystemRandom().randrange(10**9))
     with Pool(base, patience=60.0) as pool:
         while time.monotonic() - begin < LONG:
             case = next(cases)
-            with tally(f"damaged input used or refused: {target}"):
+            with trials(f"damaged input used or refused: {target}"):
                 verdict = pool.one(target, case)
                 assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
 

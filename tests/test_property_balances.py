@@ -27,7 +27,7 @@ from random_scenes import (
     vectors,
     walled_scenes,
 )
-from tally import Tally
+from trials import Trials
 
 # Rounding of some thousand sums of terms that cancel.
 ROUNDING = 1e-13
@@ -228,8 +228,8 @@ LAWS = {
 
 @in_both_tiers
 @pytest.mark.parametrize("name", LAWS)
-def test_law(name: str, tier: settings, tally: Tally) -> None:
-    hold(*LAWS[name], tier, tally, "balances of mechanics, random scenes")
+def test_law(name: str, tier: settings, trials: Trials) -> None:
+    hold(*LAWS[name], tier, trials, "balances of mechanics, random scenes")
 
 
 # --------------------------------------------------------------------------------------- the scenes are no toys

@@ -1,7 +1,7 @@
 """How often a thing was tried that a test tries many times, and how often it held: figures that a run of pytest ends with.
 
-A test takes the fixture `tally` and wraps each trial: `with tally("kills survived"): ...`. Counts go with the reports of the
-tests, so that they also arrive from processes of pytest-xdist. `docs/validation/trust.md` quotes them.
+A test takes the fixture `trials` and wraps each trial: `with trials("kills survived"): ...`. Counts go with the reports of
+the tests, so that they also arrive from processes of pytest-xdist. `docs/validation/trust.md` quotes them.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Any
 
 from hypothesis.errors import UnsatisfiedAssumption
 
-#: The name under which a report carries counts: (TALLY, (what, tried, held)).
-TALLY = "tally"
+#: The name under which a report carries counts: (TRIALS, (what, tried, held)).
+TRIALS = "trials"
 
 
-class Tally:
+class Trials:
     """Trials of one test."""
 
     def __init__(self) -> None:
@@ -39,12 +39,12 @@ class Tally:
 
     def properties(self) -> list[tuple[str, tuple[str, int, int]]]:
         """What the reports of the test are to carry."""
-        return [(TALLY, (what, count, self.held[what])) for what, count in self.tried.items()]
+        return [(TRIALS, (what, count, self.held[what])) for what, count in self.tried.items()]
 
     def add(self, properties: Iterable[tuple[str, Any]]) -> None:
         """The counts of another test."""
         for name, value in properties:
-            if name == TALLY:
+            if name == TRIALS:
                 what, tried, held = value
                 self.tried[what] += tried
                 self.held[what] += held
