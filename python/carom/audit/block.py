@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,24 @@ from carom.audit.report import Place
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+T = TypeVar("T")
 
 #: Numbers that a block holds of one frame column at most.
-BLOCK = 200_000
+BLOCK = 100_000
 #: Up to this many bodies all pairs are measured at once.
 ALL_PAIRS = 64
+
+
+def once(compute: Callable[[Block], T]) -> Callable[[Block], T]:
+    """What several laws ask of a block is computed once for each; nobody changes it."""
+
+    @wraps(compute)
+    def found(block: Block) -> T:
+        if compute not in block.known:
+            block.known[compute] = compute(block)
+        return block.known[compute]  # type: ignore[no-any-return]
+
+    return found
 
 
 def blocks(run: Run) -> Iterator[Block]:
@@ -63,6 +76,8 @@ class Block:
 
     def __init__(self, run: Run, first: int, end: int) -> None:
         self.run = run
+        #: What was computed of it (`once`).
+        self.known: dict[Callable[[Block], Any], Any] = {}
         self.first = first
         self.count = end - first
         r, rows = run.result, slice(first - 1, end)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit import forces
-from carom.audit.block import Block
+from carom.audit.block import Block, once
 from carom.audit.bounds import gain
 from carom.audit.near import stiffness
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -133,6 +133,7 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
         tally.measure(kind, np.maximum(value - radius * pushed, 0.0), bound, place)
 
 
+@once
 def struck(block: Block) -> NDArray[np.bool_]:
     """(K,) contacts that took part in an impact of their interval: its law is another (`impacts`)."""
     run, c = block.run, block.rows

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carom.audit.block import Block
 from carom.audit.report import Place
-from carom.audit.vectors import EPS, norm
+from carom.audit.vectors import EPS, add_at, norm
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -36,7 +36,7 @@ class Hits:
     def __len__(self) -> int:
         return len(self.k)
 
-    def of(self, chosen: Bool | I64) -> Hits:
+    def of(self, chosen: Bool | I64 | slice) -> Hits:
         """Some of them."""
         return Hits(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
 
@@ -82,8 +82,8 @@ def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:
     whole = np.zeros((len(r), 6))
     whole[known] = np.hstack([c.impulse[contact], c.moment[contact] * over])[known]
     sums, loads = np.zeros((len(r), 6)), np.zeros((len(r), 6))
-    np.add.at(sums, group, np.where((r.problem > 0)[:, None], own, 0.0))
-    np.add.at(loads, group, np.where((r.problem == 0)[:, None], own, 0.0))
+    add_at(sums, (group,), np.where((r.problem > 0)[:, None], own, 0.0))
+    add_at(loads, (group,), np.where((r.problem == 0)[:, None], own, 0.0))
     sums, loads = sums[group], loads[group]
     without, within = norm(whole - sums), norm(whole - sums - loads)
     bound = 32.0 * EPS * (norm(whole) + norm(sums) + norm(loads))

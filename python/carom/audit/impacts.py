@@ -52,18 +52,26 @@ def judge(block: Block, tally: Tally) -> None:
     tally.skip("impact", why, 'impacts = "every" in [record]', int(piled.sum()))
     # Joints and loads that depend on the motion answer impacts within their problem.
     coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
-    whole = block.single[rows.k] & ~piled & run.has_contacts & (not coupled) & block.there.all(axis=1)[rows.k]
+    seen = np.flatnonzero(block.single[rows.k])
+    group = hits.groups(block, rows.of(seen))
+    # Who enters or leaves within a step takes what it gave its neighbours along.
+    ball = np.minimum(rows.b, run.bodies - 1)
+    gone = ~(block.there[rows.k, rows.a] & (block.there[rows.k, ball] | (rows.b >= run.bodies)))[seen]
+    known = np.bincount(group, gone)[group] == 0
+    seen, group = seen[known], group[known]
+    whole = np.zeros(len(rows), dtype=bool)
+    whole[seen] = run.has_contacts and not coupled
+    whole &= ~piled
     _recorded(block, tally, rows.of(~whole & ~piled))
-    seen = block.single[rows.k] & block.there.all(axis=1)[rows.k]
-    _ends(block, tally, rows.of(seen))
+    _ends(block, tally, rows.of(seen), group)
     remained = np.zeros(len(rows), dtype=bool)
     if run.has_contacts:
-        summed = np.flatnonzero(seen & ~piled & block.kept[rows.k])
-        one = rows.of(summed)
-        remained[summed], value, bound = hits.kept(block, one)
-        tally.measure("impact sum", value, bound, hits.place(block, one))
+        summed = seen[~piled[seen] & block.kept[rows.k[seen]]]
+        some = rows.of(summed)
+        remained[summed], value, bound = hits.kept(block, some)
+        tally.measure("impact sum", value, bound, hits.place(block, some))
     if whole.any():
-        replay.judge(block, tally, rows.of(whole), remained[whole])
+        replay.judge(block, tally, rows.of(whole), remained[whole], group[whole[seen]])
 
 
 def _unit(block: Block, tally: Tally, r: Hits) -> None:
@@ -94,12 +102,11 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot), motion, r.normal, r.normal)
 
 
-def _ends(block: Block, tally: Tally, r: Hits) -> None:
-    """After the last problem of its group the pair separates as the frame says. Rows of piles that are sums over the step
-    are all of its end: surely those of groups of more contacts than islands have that are no piles.
+def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
+    """After the last problem of its `group` (`hits.groups`) the pair separates as the frame says. Rows of piles that are
+    sums over the step are all of its end: surely those of groups of more contacts than islands have that are no piles.
     """
     run = block.run
-    group = hits.groups(block, r)
     last = np.zeros(len(r), dtype=np.int64)
     np.maximum.at(last, group, r.problem)
     sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least)

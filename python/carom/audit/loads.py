@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.block import Block
+from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.forces import pushes
 from carom.audit.formula import law
-from carom.audit.vectors import dot, norm, rotated
+from carom.audit.vectors import cross, dot, norm, rotated
 
 F64 = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ class Loads:
     """(B, N) bodies of which the loads cannot be known."""
 
 
+@once
 def of_loads(block: Block) -> Loads:
     """Joints and loads of a block.
 
@@ -181,7 +182,7 @@ def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
             points.append((body, still, np.broadcast_to(arm, (block.count, 3)), still))
             continue
         lever = rotated(q[:, body], np.broadcast_to(arm, (block.count, 3)))
-        points.append((body, lever, x[:, body] + lever, v[:, body] + np.cross(w[:, body], lever)))
+        points.append((body, lever, x[:, body] + lever, v[:, body] + cross(w[:, body], lever)))
     (a, arm_a, at_a, rate_a), (b, arm_b, at_b, rate_b) = points
     way = at_a - at_b
     length = norm(way)
@@ -189,9 +190,9 @@ def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
     tension = float(load["stiffness"]) * (length - float(load["rest_length"]))
     tension = tension + float(load["damping"]) * dot(line, rate_a - rate_b)
     pull = -tension[:, None] * line
-    found = {a: np.hstack([pull, np.cross(arm_a, pull)])}
+    found = {a: np.hstack([pull, cross(arm_a, pull)])}
     if b >= 0:
-        found[b] = np.hstack([-pull, -np.cross(arm_b, pull)])
+        found[b] = np.hstack([-pull, -cross(arm_b, pull)])
     return found
 
 
@@ -219,7 +220,7 @@ def _joints(block: Block, out: Loads) -> None:
             lever = rotated(
                 block.q1[:, body], np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
             )
-            moment = np.cross(lever, impulse) + couple
+            moment = cross(lever, impulse) + couple
             out.impulse[:, body] += sign * np.hstack([impulse, moment])
             reach = norm(lever)
             swing = rate[:, body] + norm(moment) / run.inertia[body]
