@@ -125,17 +125,35 @@ def speeds(block: Block) -> F64:
 @once
 def pushes(block: Block) -> tuple[F64, F64]:
     """(B, N) sums of the lengths of the recorded impulses of contacts on each body, N s, and of their moments, N m s."""
+    return _sizes(block, block.rows.impulse, block.rows.moment)
+
+
+@once
+def shifts(block: Block) -> tuple[F64, F64]:
+    """(B, N) by how much contacts have moved, m, and turned, rad, each body at most beside what its velocity at the start of
+    the interval did: by position impulses, and in Moreau-Jean by the velocities that they gave within the step.
+    """
+    run, c = block.run, block.rows
+    way, turned = _sizes(block, c.position_impulse, c.position_moment)
+    if run.method == "moreau":
+        given = [block.dt[:, None] * size for size in pushes(block)]
+        way, turned = way + given[0], turned + given[1]
+    return way / run.mass, turned / run.inertia
+
+
+def _sizes(block: Block, impulse: F64, moment: F64) -> tuple[F64, F64]:
+    """(B, N) sums over the contacts of each body of the lengths of impulses (K, 3), and of moments (K, 3) beside them."""
     c, run = block.rows, block.run
-    impulse, moment = np.zeros((2, block.count, run.bodies))
+    pushed, turned = np.zeros((2, block.count, run.bodies))
     if run.has_contacts and len(c):
-        size, couple = norm(c.impulse), norm(c.moment)
-        add_at(impulse, (c.k, c.a), size)
-        add_at(moment, (c.k, c.a), couple + run.radius[c.a] * size)
+        size, couple = norm(impulse), norm(moment)
+        add_at(pushed, (c.k, c.a), size)
+        add_at(turned, (c.k, c.a), couple + run.radius[c.a] * size)
         ball = c.b < run.bodies
         k, b = c.k[ball], c.b[ball]
-        add_at(impulse, (k, b), size[ball])
-        add_at(moment, (k, b), couple[ball] + run.radius[b] * size[ball])
-    return impulse, moment
+        add_at(pushed, (k, b), size[ball])
+        add_at(turned, (k, b), couple[ball] + run.radius[b] * size[ball])
+    return pushed, turned
 
 
 @once
