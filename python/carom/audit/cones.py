@@ -188,7 +188,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         push = np.maximum(part.normal, 0.0)
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
-        noise = 64.0 * EPS * scale
+        noise = 64.0 * EPS * scale + block.wall_slack(c.k, c.a, c.b)
         own = compliance(run, c.a, c.b)
         defects.append(opposed(part.sliding, found.slip, mu * push, left, 2.0 * own[1] * left + noise))
         bounds.append(left * (1.0 + mu))

@@ -118,6 +118,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     # Speeds are recorded as the solver left them, velocities follow from its impulses.
     squares = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
     left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
+    left = left + block.wall_slack(final.k, final.a, final.b)
     off = np.abs(final.separation - _motion(block, final).normal)
     tally.measure("impact speeds", off, 640.0 * EPS * scale + left, hits.place(block, final))
 

@@ -133,16 +133,22 @@ def _sizes(wrench: F64) -> F64:
 
 
 def _echo(run: Run, own: F64, first: F64) -> F64:
-    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before by the memory of
-    the filter (eq. 6c), which keeps `alpha_m/(1 - alpha_m)` of its error at each step. `first` (2,) is that of the first.
+    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before as `remembered`.
+    `first` (2,) is that of the first.
+    """
+    return remembered(run, np.concatenate([first[None], own[:-1]]))
+
+
+def remembered(run: Run, changes: F64) -> F64:
+    """(S, ...) changes of forces of steps, with what is left of those of earlier ones: the filter of the scheme (eq. 6c)
+    keeps `alpha_m/(1 - alpha_m)` of its error at each step.
     """
     rho = float(run.options["spectral_radius"])
     alpha = (2.0 * rho - 1.0) / (rho + 1.0)
     kept = abs(alpha / (1.0 - alpha)) if run.method == "nsga" else 0.0
-    found = np.zeros_like(own)
-    found[0] = first
-    for k in range(1, len(own)):
-        found[k] = own[k - 1] + kept * found[k - 1]
+    found = changes.copy()
+    for k in range(1, len(found)):
+        found[k] += kept * found[k - 1]
     return found
 
 
