@@ -374,6 +374,32 @@ def test_the_filter_of_loads_remembers_an_impact_for_several_steps(tmp_path: Pat
     assert report["momentum"].judged == 100
 
 
+def test_an_impact_is_felt_through_a_damper(tmp_path: Path) -> None:
+    """The speed after an impact on one ball is not that of the frame where a later impact moved another on its damper."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": 5e-4})
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for name, at, velocity in (
+        ("alone", (0.0, 0, 0.02), (0, 0, -0.5)),
+        ("below", (0.1, 0, 0.02), (0, 0.7, -0.6)),
+        ("above", (0.124, 0, 0.052), (0, 0, -0.1)),
+    ):
+        scene.sphere(name, radius=0.02, mass=0.08, material="m", at=at, velocity=velocity)
+    scene.spring(
+        "alone",
+        "above",
+        points=((0, 0, 0.02), (0.124, 0, 0.052)),
+        stiffness=10.0,
+        damping=0.43,
+        rest_length=0.1,
+    )
+    path = scenes.run(scene, tmp_path / "felt", 0.003)
+    assert carom.load(path).impacts["problem"][:].max() > 1
+    report = audit.check(path)
+    assert report.ok, repr(report)
+    assert report["impact speeds"].judged
+
+
 def test_forces_that_cancel_between_two_frames_have_moved_their_ball(tmp_path: Path) -> None:
     """An impulse that is none in sum shifts a ball all the same."""
     scene = carom.Scene(gravity=(0, 0, 0), run={"step": 5e-4}, record={"every": 3})

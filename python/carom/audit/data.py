@@ -160,6 +160,21 @@ class Run:
         return Place(min(frame, self.frames - 1), int(step), float(step * self.h), who)
 
     @cached_property
+    def linked(self) -> I64:
+        """(N,) a body for each, the same for all that joints and dampers link: impulses go through these at once."""
+        found = np.arange(self.bodies)
+        links = [(joint["a"], joint["b"]) for joint in self.joints]
+        links += [
+            (load["a"], load["b"])
+            for load in self.loads
+            if load["kind"] == "spring" and load["damping"] > 0.0
+        ]
+        for a, b in links:
+            if a >= 0 and b >= 0:
+                found[found == found[b]] = found[a]
+        return found
+
+    @cached_property
     def top_speeds(self) -> F64:
         """(N,) largest speed of each body at any frame, m/s."""
         best = np.zeros(self.bodies)

@@ -96,10 +96,13 @@ def place(block: Block, r: Hits) -> Callable[[int], Place]:
 
 
 def groups(block: Block, r: Hits) -> I64:
-    """(K,) a number of each group of rows of a step that balls join: others cannot have changed their speeds."""
-    many = block.run.bodies
-    first, ball = r.k * many + r.a, r.b < many
-    second = np.where(ball, r.k * many + np.where(ball, r.b, 0), first)
+    """(K,) a number of each group of rows of a step that balls, joints or dampers join: others cannot have changed their
+    speeds.
+    """
+    run = block.run
+    ball = np.minimum(r.b, run.bodies - 1)
+    first = r.k * run.bodies + run.linked[r.a]
+    second = np.where(r.b < run.bodies, r.k * run.bodies + run.linked[ball], first)
     nodes, where = np.unique(np.concatenate([first, second]), return_inverse=True)
     a, b = np.split(where, 2)
     label = np.arange(len(nodes))
