@@ -17,6 +17,7 @@ from carom.audit.gaps import closing
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
+from carom.audit.surfaces import Surface
 from carom.audit.vectors import EPS, dot, norm
 
 F64 = NDArray[np.float64]
@@ -191,13 +192,10 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     e = np.where((r.problem == 0) | (r.problem > run.options["max_problems"]), 0.0, e)
     slow = -r.approach < run.options["restitution_threshold"]
     load = norm(run.gravity) * run.h
-    for k in np.unique(r.b[r.b >= run.bodies]):
-        wall, mine = run.walls[k - run.bodies], r.b == k
-        if wall.moves:
-            point = np.broadcast_to(wall.point, (int(mine.sum()), 3))
-            then = block.t1[r.k[mine]]
-            change = wall.velocity(then, point)[1] - wall.velocity(then - run.h, point)[1]
-            load = load + float(norm(change).max(initial=0.0))
+    for w, wall in enumerate(run.walls):
+        mine = np.flatnonzero(r.b == run.bodies + w)
+        if wall.moves and mine.size:
+            load = load + float(_wall_change(block, r.of(mine), wall).max())
     z = r.separation - r.scale * np.where(slow, 0.0, e) * np.maximum(0.0, -r.approach)
     value = bounds.misfit(z, dot(r.impulse, r.normal), compliance(run, r.a, r.b)[0])
     size = norm(r.impulse)
@@ -218,3 +216,19 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     tally.skip("impact", why, "a smaller step", int((blunt & shown).sum()))
     sharp = np.flatnonzero(~blunt)
     tally.measure("impact", value[sharp], bound[sharp], hits.place(block, r.of(sharp)))
+
+
+def _wall_change(block: Block, r: Hits, wall: Surface) -> F64:
+    """(K,) by how much the velocity of a wall differs between the ends of a step, at the places where balls meet it, m/s: by
+    its change in time; and where it turns, by that rate times the way of the place. That is the way of the ball, and its
+    radius times the turn of its normal: by the wall, and along a face of curvature `k` by the way over `1/k - r`.
+    """
+    run, then = block.run, block.t1[r.k]
+    point = np.broadcast_to(wall.point, (len(r), 3))
+    change = norm(wall.velocity(then, point)[1] - wall.velocity(then - run.h, point)[1])
+    rate, radius = wall.turning(then), run.radius[r.a]
+    way = run.h * forces.speeds(block)[r.k, r.a]
+    bend = np.where(wall.curvature * radius < 1.0, wall.curvature / (1.0 - wall.curvature * radius), np.inf)
+    with np.errstate(invalid="ignore"):
+        turned = np.fmin(2.0, np.where(way > 0.0, way * bend, 0.0) + rate * run.h)
+    return np.asarray(change + rate * (way + radius * turned))
