@@ -7,6 +7,7 @@ the scenario file of a scene, to report it.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -18,6 +19,7 @@ from carom import _core
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from physics_scenes import F64, balls
+from trials import Trials
 
 LAWS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 #: Solved to rounding: what differs between a scene and its transform is then rounding too.
@@ -35,9 +37,15 @@ TIERS = [
 in_both_tiers = pytest.mark.parametrize("tier", TIERS)
 
 
-def hold(law: Callable[..., None], drawn: list[Any], tier: settings) -> None:
-    """Try a law on the scenes of a tier, and on what else it is drawn with."""
-    tier(given(*drawn)(law))()
+def hold(law: Callable[..., None], drawn: list[Any], tier: settings, trials: Trials, what: str) -> None:
+    """Try a law on the scenes of a tier, and on what else it is drawn with; each is counted under `what`."""
+
+    @functools.wraps(law)  # hypothesis derives the scenes from the source of the law
+    def counted(**drawn: Any) -> None:
+        with trials(what):
+            law(**drawn)
+
+    tier(given(*drawn)(counted))()
 
 
 @dataclass(frozen=True)

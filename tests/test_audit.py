@@ -15,8 +15,10 @@ from audit_faults import Fault
 from carom import _core, audit
 from carom.audit.block import pile_overlap
 from carom.audit.report import Place, Tally
+from trials import Trials
 
 Maker = Callable[[str], Path]
+CAUGHT = "planted faults caught by their law"
 
 CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "break": (scenes.break_, 0.25, {}),
@@ -214,12 +216,14 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
 
 
 @pytest.mark.parametrize("name", tiered(FAULTS))
-def test_a_planted_fault_is_caught_by_its_law(run: Maker, tmp_path: Path, name: str) -> None:
+def test_a_planted_fault_is_caught_by_its_law(run: Maker, tmp_path: Path, name: str, trials: Trials) -> None:
     scene, plant, kind = FAULTS[name]
-    report = audit.check(fault.planted(run(scene), tmp_path / "copy", plant))
-    assert report[kind].violations, repr(report)
-    assert report[kind].worst is not None
-    assert report[kind].worst.ratio > 1.0
+    copy = fault.planted(run(scene), tmp_path / "copy", plant)
+    with trials(CAUGHT):
+        report = audit.check(copy)
+        assert report[kind].violations, repr(report)
+        assert report[kind].worst is not None
+        assert report[kind].worst.ratio > 1.0
 
 
 #: Numbers that point to what is not there; with none of them may the auditor stumble.
@@ -237,11 +241,13 @@ DANGLING = {
 
 @pytest.mark.parametrize("name", DANGLING)
 def test_what_points_nowhere_is_a_finding_and_nothing_else_is_said_to_be_kept(
-    run: Maker, tmp_path: Path, name: str
+    run: Maker, tmp_path: Path, name: str, trials: Trials
 ) -> None:
     scene, plant = DANGLING[name]
-    report = audit.check(fault.planted(run(scene), tmp_path / "copy", plant))
-    assert report["references"].violations, repr(report)
+    copy = fault.planted(run(scene), tmp_path / "copy", plant)
+    with trials(CAUGHT):
+        report = audit.check(copy)
+        assert report["references"].violations, repr(report)
     assert {v.word for v in report.verdicts.values()} == {"violated", "not judged"}
 
 
@@ -366,6 +372,32 @@ def test_the_filter_of_loads_remembers_an_impact_for_several_steps(tmp_path: Pat
     report = audit.check(scenes.run(scene, tmp_path / "echo", 0.05))
     assert report.ok, repr(report)
     assert report["momentum"].judged == 100
+
+
+def test_an_impact_is_felt_through_a_damper(tmp_path: Path) -> None:
+    """The speed after an impact on one ball is not that of the frame where a later impact moved another on its damper."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": 5e-4})
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for name, at, velocity in (
+        ("alone", (0.0, 0, 0.02), (0, 0, -0.5)),
+        ("below", (0.1, 0, 0.02), (0, 0.7, -0.6)),
+        ("above", (0.124, 0, 0.052), (0, 0, -0.1)),
+    ):
+        scene.sphere(name, radius=0.02, mass=0.08, material="m", at=at, velocity=velocity)
+    scene.spring(
+        "alone",
+        "above",
+        points=((0, 0, 0.02), (0.124, 0, 0.052)),
+        stiffness=10.0,
+        damping=0.43,
+        rest_length=0.1,
+    )
+    path = scenes.run(scene, tmp_path / "felt", 0.003)
+    assert carom.load(path).impacts["problem"][:].max() > 1
+    report = audit.check(path)
+    assert report.ok, repr(report)
+    assert report["impact speeds"].judged
 
 
 def test_forces_that_cancel_between_two_frames_have_moved_their_ball(tmp_path: Path) -> None:

@@ -384,7 +384,9 @@ def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None
         table("9ft", side_mouth=0.0)
     for keys, said in (
         ({"ball_mass": -0.17}, "ball_mass must be above 0"),
-        ({"ball_radius": "28 mm"}, "ball_radius must be a finite number in SI units"),
+        ({"ball_radius": "28 g"}, "ball_radius: expected a length, found"),
+        ({"nose_height": [0.037]}, "nose_height must be a finite number in SI units"),
+        ({"corner_angle": "1 rad"}, "from 90 to below 180, found '1 rad'"),
         ({"length": math.nan}, "length must be a finite number"),
         ({"corner_mouth": -0.1}, "corner_mouth must not be below 0"),
         ({"corner_mouth": 2.0}, "leave no cushion"),
@@ -441,6 +443,17 @@ def test_full_racks_are_those_of_the_format() -> None:
         np.testing.assert_allclose(rack_places(balls, 0.5), rack_centres(rack)[:, :2], atol=1e-15)
 
 
+def test_tables_racks_and_places_take_units_as_scenes_do() -> None:
+    given, plain = (
+        table("9ft", nose_height="37 mm", corner_angle="142 deg", ball_mass="170 g"),
+        table("9ft").spec,
+    )
+    assert given.spec == replace(plain, nose_height=0.037, corner_angle=pytest.approx(142.0), ball_mass=0.17)
+    assert np.array_equal(rack_places(4, "28.575 mm", gap="0.1 mm"), rack_places(4, 0.028575, gap=1e-4))
+    scene = given.scene()
+    assert given.cue_ball(scene, ("50 cm", 0.25)).position == (0.5, 0.25, plain.ball_radius)
+
+
 def test_wrong_racks_are_told() -> None:
     for keys, said in (
         ({"balls": 2}, "3 to 15"),
@@ -448,7 +461,7 @@ def test_wrong_racks_are_told() -> None:
         ({"balls": 5, "jitter": 1e-4}, "without a seed"),
         ({"balls": 5, "jitter": 1e-3, "seed": 1}, "may overlap"),
         ({"balls": 5, "gap": -1.0}, "below 0"),
-        ({"balls": 5, "gap": "1 mm"}, "gap must be a finite number"),
+        ({"balls": 5, "gap": "1 kg"}, "gap: expected a length"),
     ):
         with pytest.raises(CaromError, match=said):
             rack_places(radius=0.5, **keys)  # type: ignore[arg-type]

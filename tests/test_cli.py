@@ -423,6 +423,17 @@ def test_cite() -> None:
     assert json.loads(cli("cite", "--json").stdout)["version"] == carom.__version__
 
 
+def test_what_is_cited_is_what_a_scene_uses() -> None:
+    from carom._core import choices
+    from carom.citing import FORCE_LAWS, SOURCES, sources
+
+    assert set(FORCE_LAWS) == set(choices()["penalty_law"])
+    spring = carom.example("three_balls").with_options(method="penalty", penalty_law="flores")
+    assert sources(spring) == {"method": SOURCES["method"], "penalty": FORCE_LAWS["flores"]}
+    assert "piles" in sources(carom.example("pile"))
+    assert "piles" not in sources(carom.example("5.6_break"))
+
+
 def test_view_writes_a_page(runs: Path) -> None:
     document = json.loads(cli("view", "runs/three_balls-1", "--json", cwd=runs).stdout)
     page = runs / document["file"]

@@ -23,8 +23,10 @@ from carom import drive
 from carom.cli.examples import find
 from carom.record.layout import EVENTS, TABLES
 from physics_scenes import R, balls
+from trials import Trials
 
 MOTION = tuple(f"frames/{name}" for name in ("position", "orientation", "velocity", "angular_velocity"))
+SAME = "runs on several threads with the bits of one thread"
 Recorded = dict[str, tuple[tuple[int, ...], bytes]]
 
 
@@ -149,9 +151,10 @@ def reference(name: str) -> Recorded:
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_threads_and_what_is_recorded_change_no_bit(name: str) -> None:
+def test_threads_and_what_is_recorded_change_no_bit(name: str, trials: Trials) -> None:
     one = reference(name)
-    same(one, everything(simulate(SCENES[name](), threads=3, **SHARED)), "3 threads")
+    with trials(SAME):
+        same(one, everything(simulate(SCENES[name](), threads=3, **SHARED)), "3 threads")
     result = simulate(SCENES[name](), threads=8, **SHARED, every=7, contacts=False, impacts=False)
     thinned, frames = everything(result), column(result, "frames/step")
     for key in MOTION:
@@ -177,7 +180,7 @@ def lattice(layers: int, side: int = 16) -> carom.Scene:
 
 
 def check_threads(
-    scene: carom.Scene, steps: int, threads: tuple[int, ...], least: int, **options: Any
+    scene: carom.Scene, steps: int, threads: tuple[int, ...], least: int, trials: Trials, **options: Any
 ) -> None:
     """The same tables for each number of threads; an island of `least` contacts is swept."""
     options |= {"until": steps * 1e-3, "contacts": False}
@@ -186,28 +189,32 @@ def check_threads(
     assert column(result, "steps/sweeps_velocity").min() > 2
     one = everything(result)
     for n in threads:
-        same(one, everything(simulate(scene, threads=n, **options)), f"{n} threads")
+        with trials(SAME):
+            same(one, everything(simulate(scene, threads=n, **options)), f"{n} threads")
 
 
-def test_an_island_swept_by_several_threads() -> None:
+def test_an_island_swept_by_several_threads(trials: Trials) -> None:
     """2400 balls are three chunks of the sweeps (`crates/carom-solve/src/spheres`), the least for threads to meet."""
     scene = lattice(10)
     assert 2048 < len(scene.names) < 3072
-    check_threads(scene, 2, (8,), 6_000, contacts_per_thread=1)
+    check_threads(scene, 2, (8,), 6_000, trials, contacts_per_thread=1)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
-def test_one_to_eight_threads(name: str) -> None:
+def test_one_to_eight_threads(name: str, trials: Trials) -> None:
     for n in range(2, 9):
-        same(reference(name), everything(simulate(SCENES[name](), threads=n, **SHARED)), f"{n} threads")
+        with trials(SAME):
+            same(reference(name), everything(simulate(SCENES[name](), threads=n, **SHARED)), f"{n} threads")
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["nsga", "moreau"])
-def test_a_large_island_on_one_to_eight_threads(method: str) -> None:
+def test_a_large_island_on_one_to_eight_threads(method: str, trials: Trials) -> None:
     """9000 balls: nine chunks, and three threads at the search for pairs; 8 threads at the sweeps."""
-    check_threads(lattice(24, 20), 3, tuple(range(2, 9)), 24_000, contacts_per_thread=1, method=method)
+    check_threads(
+        lattice(24, 20), 3, tuple(range(2, 9)), 24_000, trials, contacts_per_thread=1, method=method
+    )
 
 
 # ------------------------------------------------------------------------------------------- in parts and beside
@@ -215,7 +222,7 @@ def test_a_large_island_on_one_to_eight_threads(method: str) -> None:
 
 @pytest.mark.parametrize("name", ["funnel", *(pytest.param(name, marks=pytest.mark.long) for name in SCENES)])
 def test_checkpoints_however_often_and_a_run_in_parts(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trials: Trials
 ) -> None:
     """Blocks of seven steps, each with a checkpoint, and the run taken up in the middle."""
     monkeypatch.setattr(drive, "_block_steps", lambda bodies, plan: 7)
@@ -233,7 +240,8 @@ def test_checkpoints_however_often_and_a_run_in_parts(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = carom.resume(tmp_path / "run", until=scene.run.until)
-    same(reference(name), everything(result), "in parts")
+    with trials("runs in parts with the bits of one run"):
+        same(reference(name), everything(result), "in parts")
 
 
 def test_runs_side_by_side_in_one_process_do_not_meet() -> None:

@@ -449,6 +449,17 @@ class TestCommand:
         with RunDir.create(run, force=True).writing():  # a new run leaves no export of the old one
             assert not (run / "export" / "balls.vtkhdf").exists()
 
+    def test_contacts_that_were_not_recorded_are_missed_aloud(self, tmp_path: Path) -> None:
+        told = "contacts were not recorded, and are left out; contacts = true in [record] keeps them"
+        for kept in (True, False):
+            scene = carom.example("column")
+            scene.record.contacts = kept
+            run = carom.simulate(scene, until=0.01, out=tmp_path / str(kept)).path
+            done = CliRunner().invoke(app, ["export", str(run)])
+            assert done.exit_code == 0, done.output
+            assert (told in done.stderr) is not kept
+            assert told not in CliRunner().invoke(app, ["export", str(run), "--no-contacts"]).stderr
+
     @pytest.mark.parametrize(
         ("arguments", "told"),
         [

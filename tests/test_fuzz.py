@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 from carom.errors import CaromError
 from carom.record import Segments
+from trials import Trials
 
 from fuzz import campaign, material
 from fuzz.pool import Pool
@@ -57,11 +58,14 @@ def pool(base: Path) -> Iterator[Pool]:
 
 
 @pytest.mark.parametrize("target", QUICK)
-def test_damaged_input_is_used_or_refused(target: str, base: Path, pool: Pool, tmp_path: Path) -> None:
+def test_damaged_input_is_used_or_refused(
+    target: str, base: Path, pool: Pool, tmp_path: Path, trials: Trials
+) -> None:
     verdicts: Counter[str] = Counter()
     for case in itertools.islice(campaign.cases(target, base, 0), QUICK[target]):
-        verdict = pool.one(target, case)
-        assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
+        with trials(f"damaged input used or refused: {target}"):
+            verdict = pool.one(target, case)
+            assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
         verdicts[verdict.kind] += 1
     # The mutations are no use if they break nothing, or everything.
     assert verdicts["refused"] >= 0.1 * QUICK[target], verdicts
@@ -78,19 +82,15 @@ def test_what_was_trouble_once(path: Path, pool: Pool) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("target", QUICK)
-def test_damaged_input_for_a_minute(
-    target: str, base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    begin, verdicts = time.monotonic(), Counter[str]()
+def test_damaged_input_for_a_minute(target: str, base: Path, tmp_path: Path, trials: Trials) -> None:
+    begin = time.monotonic()
     cases = campaign.cases(target, base, random.SystemRandom().randrange(10**9))
     with Pool(base, patience=60.0) as pool:
         while time.monotonic() - begin < LONG:
             case = next(cases)
-            verdict = pool.one(target, case)
-            assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
-            verdicts[verdict.kind] += 1
-    with capsys.disabled():
-        print(f" {target}: {verdicts.total()} cases, {dict(verdicts)}")
+            with trials(f"damaged input used or refused: {target}"):
+                verdict = pool.one(target, case)
+                assert verdict.ok, told(case, f"{verdict.kind}: {verdict.text}", tmp_path)
 
 
 def test_the_harness_sees_what_it_is_for(base: Path) -> None:

@@ -8,26 +8,32 @@ import kill_harness
 import kill_scenes
 import numpy as np
 import pytest
+from trials import Trials
 
+SURVIVED = "runs continued bit for bit after kills at random moments"
 #: Kills of each scene: 20 in all.
 KILLS = dict(zip(kill_scenes.SCENES, (3, 3, 3, 3, 2, 2, 2, 2), strict=True))
 
 
 @pytest.mark.parametrize("name", KILLS)
-def test_a_killed_run_is_readable_and_continues_bit_for_bit(name: str, tmp_path: Path) -> None:
+def test_a_killed_run_is_readable_and_continues_bit_for_bit(
+    name: str, tmp_path: Path, trials: Trials
+) -> None:
     whole = kill_harness.uninterrupted(name, tmp_path, share=0.5)
     met = []
     for k in range(KILLS[name]):
         rng = np.random.default_rng([2026, list(kill_scenes.SCENES).index(name), k])
-        met.append(kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=False, again=0.2))
+        with trials(SURVIVED):
+            met.append(kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=False, again=0.2))
     print(*met, sep="\n")
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", kill_scenes.SCENES)
-def test_a_run_that_is_killed_again_and_again(name: str, tmp_path: Path) -> None:
+def test_a_run_that_is_killed_again_and_again(name: str, tmp_path: Path, trials: Trials) -> None:
     """200 kills over all scenes, and up to several of each continuation."""
     whole = kill_harness.uninterrupted(name, tmp_path)
     for k in range(25):
         rng = np.random.default_rng([2027, list(kill_scenes.SCENES).index(name), k])
-        kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=True, again=0.4)
+        with trials(SURVIVED):
+            kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=True, again=0.4)

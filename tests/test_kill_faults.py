@@ -17,6 +17,7 @@ import pytest
 from carom import checkpoint
 from carom.errors import CaromError
 from kill_harness import Whole, differences, examine, finish, recorded
+from trials import Trials
 
 NO_SPACE = 28  # ENOSPC
 
@@ -55,11 +56,11 @@ def struck(whole: Whole, run: Path, shim: Path, at: int, kind: str | int) -> tup
     return process.returncode, told
 
 
-Strike = Callable[[Whole, Path, Path, int, int, np.random.Generator], None]
+Strike = Callable[[Whole, Path, Path, int, int, np.random.Generator, Trials], None]
 
 
 def kill_at_calls(
-    whole: Whole, folder: Path, shim: Path, total: int, tries: int, rng: np.random.Generator
+    whole: Whole, folder: Path, shim: Path, total: int, tries: int, rng: np.random.Generator, trials: Trials
 ) -> None:
     """Kill at `tries` of the `total` calls that write, by turns before and in the middle of one."""
     struck_at_all = 0
@@ -69,13 +70,14 @@ def kill_at_calls(
         assert code in (0, -9), told  # batches depend on time, so a run may have fewer calls
         if code:
             struck_at_all += 1
-            examine(run, whole)
-            finish(run, whole, by_command=False)
+            with trials("runs continued bit for bit after kills in a system call"):
+                examine(run, whole)
+                finish(run, whole, by_command=False)
     assert struck_at_all > tries // 2
 
 
 def fill_disk_at_calls(
-    whole: Whole, folder: Path, shim: Path, total: int, tries: int, rng: np.random.Generator
+    whole: Whole, folder: Path, shim: Path, total: int, tries: int, rng: np.random.Generator, trials: Trials
 ) -> None:
     """Let the disk be full from `tries` of the calls on, those that set up the file among them; then make room again."""
     struck_at_all = 0
@@ -85,27 +87,32 @@ def fill_disk_at_calls(
         assert code in (0, 2), told
         if code:
             struck_at_all += 1
-            assert "no space left on the disk; free some" in told
-            assert told.count("\n") == 1
-            if run.exists():
-                examine(run, whole)
-            finish(run, whole, by_command=False)
+            with trials("runs continued bit for bit after a full disk"):
+                assert "no space left on the disk; free some" in told
+                assert told.count("\n") == 1
+                if run.exists():
+                    examine(run, whole)
+                finish(run, whole, by_command=False)
     assert struck_at_all > tries // 2
 
 
-def test_killed_at_a_system_call(small: Whole, small_calls: int, shim: Path, tmp_path: Path) -> None:
-    kill_at_calls(small, tmp_path, shim, small_calls, 2, np.random.default_rng(1))
+def test_killed_at_a_system_call(
+    small: Whole, small_calls: int, shim: Path, tmp_path: Path, trials: Trials
+) -> None:
+    kill_at_calls(small, tmp_path, shim, small_calls, 2, np.random.default_rng(1), trials)
 
 
 def test_a_disk_that_is_full_from_some_write_on(
-    small: Whole, small_calls: int, shim: Path, tmp_path: Path
+    small: Whole, small_calls: int, shim: Path, tmp_path: Path, trials: Trials
 ) -> None:
-    fill_disk_at_calls(small, tmp_path, shim, small_calls, 1, np.random.default_rng(2))
+    fill_disk_at_calls(small, tmp_path, shim, small_calls, 1, np.random.default_rng(2), trials)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", kill_scenes.SCENES)
-def test_killed_or_starved_at_many_system_calls(name: str, shim: Path, tmp_path: Path) -> None:
+def test_killed_or_starved_at_many_system_calls(
+    name: str, shim: Path, tmp_path: Path, trials: Trials
+) -> None:
     whole = kill_harness.uninterrupted(name, tmp_path)
     total = calls(whole, tmp_path / "counted", shim)
     strikes: dict[str, Strike] = {"kill": kill_at_calls, "full": fill_disk_at_calls}
@@ -118,6 +125,7 @@ def test_killed_or_starved_at_many_system_calls(name: str, shim: Path, tmp_path:
             total,
             20,
             np.random.default_rng([3, list(kill_scenes.SCENES).index(name)]),
+            trials,
         )
 
 

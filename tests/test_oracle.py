@@ -18,7 +18,9 @@ from oracle_scenes import (
     random_linked_scene,
     random_scene,
 )
+from trials import Trials
 
+EQUAL = "random scenes like the oracle's, or right by its conditions"
 STEPS = 5
 # Lengths are compared as they are (balls of 0.03 m), speeds as they are (m/s), spins times the radius.
 AGREE = 1e-10
@@ -58,13 +60,14 @@ def compare(seed: int, seen: Counter[str]) -> None:
 
 
 @pytest.mark.parametrize("scenes_", [60, pytest.param(400, marks=pytest.mark.long)])
-def test_positions_and_velocities_equal_the_oracle(scenes_: int) -> None:
+def test_positions_and_velocities_equal_the_oracle(scenes_: int, trials: Trials) -> None:
     seen: Counter[str] = Counter()
 
     @settings(max_examples=scenes_, deadline=None, derandomize=True)
     @given(seed=st.integers(0, 2**32 - 1))
     def scenes(seed: int) -> None:
-        compare(seed, seen)
+        with trials(EQUAL):
+            compare(seed, seen)
 
     scenes()
     # Nearly all scenes agree by number; the judge is for the rest.
@@ -148,10 +151,11 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
 
 @pytest.mark.usefixtures("linked")
 @pytest.mark.parametrize("scenes", [20, pytest.param(120, marks=pytest.mark.long)])
-def test_joints_and_loads_equal_the_oracle(scenes: int) -> None:
+def test_joints_and_loads_equal_the_oracle(scenes: int, trials: Trials) -> None:
     seen: Counter[str] = Counter()
     for seed in range(scenes):
-        compare_linked(seed, seen)
+        with trials(EQUAL):
+            compare_linked(seed, seen)
     assert seen["equal"] >= 0.966 * scenes
     assert seen["reactions"] > 200 * scenes / 120
 
@@ -159,10 +163,11 @@ def test_joints_and_loads_equal_the_oracle(scenes: int) -> None:
 @pytest.mark.long
 @pytest.mark.usefixtures("linked")
 @pytest.mark.parametrize("hundred", range(1, 11))
-def test_many_more_joints_and_loads_equal_the_oracle(hundred: int) -> None:
+def test_many_more_joints_and_loads_equal_the_oracle(hundred: int, trials: Trials) -> None:
     seen: Counter[str] = Counter()
     for seed in range(100 * hundred, 100 * hundred + 100):
-        compare_linked(seed, seen)
+        with trials(EQUAL):
+            compare_linked(seed, seen)
     assert seen["equal"] >= 96
 
 

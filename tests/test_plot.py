@@ -181,7 +181,9 @@ def test_strips_are_the_statuses_of_the_contacts(result: carom.Result) -> None:
 
 
 def test_the_impact_sequence_of_the_break(result: carom.Result) -> None:
-    data = result.plot.chart("impacts").data
+    chart = result.plot.chart("impacts")
+    data = chart.data
+    assert "t = 0.115 s" in chart.figure.axes[0].get_title(loc="left")  # not broken across lines
     first = data["problem"] == 1
     strongest = data["pair"][first][np.argmax(data["normal impulse (N s)"][first])]
     assert strongest == "ball2 - ball3"

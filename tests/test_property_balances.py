@@ -27,6 +27,7 @@ from random_scenes import (
     vectors,
     walled_scenes,
 )
+from trials import Trials
 
 # Rounding of some thousand sums of terms that cancel.
 ROUNDING = 1e-13
@@ -227,8 +228,8 @@ LAWS = {
 
 @in_both_tiers
 @pytest.mark.parametrize("name", LAWS)
-def test_law(name: str, tier: settings) -> None:
-    hold(*LAWS[name], tier)
+def test_law(name: str, tier: settings, trials: Trials) -> None:
+    hold(*LAWS[name], tier, trials, "balances of mechanics, random scenes")
 
 
 # --------------------------------------------------------------------------------------- the scenes are no toys

@@ -16,6 +16,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from physics_scenes import F64
 from random_scenes import Case, Run, directions, free_scenes, hold, in_both_tiers, vectors, walled_scenes
+from trials import Trials
 
 # Hits multiply a difference by about (way between hits)/r, the solver leaves 1e-12; see the figures in the document.
 AGREE = 1e-9
@@ -220,5 +221,5 @@ LAWS: dict[str, tuple[Callable[..., None], list[Any]]] = {
 
 @in_both_tiers
 @pytest.mark.parametrize("name", LAWS)
-def test_law(name: str, tier: settings) -> None:
-    hold(*LAWS[name], tier)
+def test_law(name: str, tier: settings, trials: Trials) -> None:
+    hold(*LAWS[name], tier, trials, "symmetries of mechanics, random scenes")

@@ -259,6 +259,8 @@ def test_public_names_are_found_and_others_are_not() -> None:
     for name in carom.__all__:
         assert getattr(carom, name) is not None
         assert name in dir(carom)
+    for name in ("billiards", "events", "granular", "packing"):  # modules that the prompt completes
+        assert name in dir(carom)
     # A module of the name of a function would hide it as soon as somebody imports that module.
     with warnings.catch_warnings():
         for name in ("simulate", "resume", "load"):

@@ -9,8 +9,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import warnings
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +92,20 @@ def files(tmp_path: Path) -> Path:
     (tmp_path / "slide.toml").write_text(SCENARIO)
     (tmp_path / "study.toml").write_text(STUDY)
     return tmp_path
+
+
+def scheduler(folder: Path) -> tuple[subprocess.Popen[str], str]:
+    """A scheduler with a worker in a process of its own, and its address."""
+    (folder / "cluster.py").write_text(
+        "import time\nfrom distributed import LocalCluster\nif __name__ == '__main__':\n"
+        "    c = LocalCluster(n_workers=1, threads_per_worker=1, host='127.0.0.1', dashboard_address=None)\n"
+        "    print(c.scheduler_address, flush=True)\n    time.sleep(600)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, str(folder / "cluster.py")], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    return process, process.stdout.readline().strip()
 
 
 class TestDesigns:
@@ -544,6 +560,35 @@ class TestInThisProcess:
         )
 
 
+def test_pieces_that_are_cancelled_with_their_scheduler_end_the_call_in_a_line(
+    monkeypatch: pytest.MonkeyPatch, files: Path
+) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs dask (extra cluster)")
+    from carom.sweeps import cluster
+
+    class Lost:
+        status = "running"
+
+        def nthreads(self) -> dict[str, int]:
+            return {"worker": 1}
+
+        def submit(self, *arguments: Any, **options: Any) -> object:
+            return object()
+
+    client = Lost()
+
+    def wait(*arguments: Any, **options: Any) -> None:
+        client.status = "closed"
+        raise CancelledError
+
+    monkeypatch.setattr(distributed, "wait", wait)
+    job = cluster.Job("key", "folder", carom.Study.of(files / "slide.toml", {"v": [1.0]}), ("id",))
+    with pytest.raises(CaromError, match="the scheduler is gone"):
+        cluster._drive(client, [job], lambda cases, failed: None)
+    # dask gives its client's log a level of its own: the line would stand below tracebacks.
+    assert {"distributed", "distributed.client"} <= {log.name for log in cluster._loggers("distributed")}
+
+
 @pytest.mark.long
 class TestOnACluster:
     """Worker processes of their own, some of which do not live long."""
@@ -589,17 +634,7 @@ class TestOnACluster:
 
     def test_a_scheduler_that_goes_loses_nothing(self, files: Path) -> None:
         (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 2000"))
-        program = (
-            "import time\nfrom distributed import LocalCluster\nif __name__ == '__main__':\n"
-            "    c = LocalCluster(n_workers=1, threads_per_worker=1, host='127.0.0.1', dashboard_address=None)\n"
-            "    print(c.scheduler_address, flush=True)\n    time.sleep(600)\n"
-        )
-        (files / "cluster.py").write_text(program)
-        process = subprocess.Popen(
-            [sys.executable, str(files / "cluster.py")], stdout=subprocess.PIPE, text=True
-        )
-        assert process.stdout is not None
-        address = process.stdout.readline().strip()
+        process, address = scheduler(files)
 
         def kill(now: carom.sweeps.Progress) -> None:
             process.kill()
@@ -610,3 +645,26 @@ class TestOnACluster:
         rest = carom.sweep(files / "study.toml", files / "out", workers=0)
         assert 0 < rest.progress.new < 2000
         assert len(rest) == rest.ok.sum() == 2000
+
+    def test_a_scheduler_that_goes_while_pieces_are_awaited_loses_nothing(self, files: Path) -> None:
+        # dask cancels what it awaits of a lost scheduler; it came out as an error in Carom, below tracebacks of dask.
+        process, address = scheduler(files)
+        go = files / "go"
+
+        def waits(result: carom.Result) -> dict[str, float]:
+            while not go.exists():
+                time.sleep(0.02)
+            return {"v": 1.0}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0, 3.0]}, measure=waits)
+        end = threading.Timer(2.0, process.kill)
+        end.start()
+        try:
+            with pytest.raises(CaromError, match="the scheduler is gone; what was computed stays"):
+                carom.sweep(study, files / "out", scheduler=address)
+        finally:
+            end.cancel()
+            process.kill()
+            process.wait()
+            go.touch()
+        assert len(carom.sweep(study, files / "out", workers=0)) == 3

@@ -45,10 +45,11 @@ for target in "${targets[@]}"; do
     fi
     echo "--- $target, $seconds s"
     log=.make/fuzz/$target.log
+    findings=0
     "$program" "${limits[@]}" -max_total_time="$seconds" -print_final_stats=1 -artifact_prefix="$found/" "$work" "fuzz/corpus/$target" \
-        >"$log" 2>&1 || failed+=("$target")
-    grep -aE '^stat::number_of_executed_units' "$log"
+        >"$log" 2>&1 || { failed+=("$target"); findings=1; } # libFuzzer ends with the first
     grep -aE -A1 "panicked at|ERROR: libFuzzer|Test unit written" "$log"
+    echo "$target: $(sed -n 's/^stat::number_of_executed_units: *//p' "$log") executions, $findings findings"
 done
 if [ ${#failed[@]} -gt 0 ]; then
     echo "fuzzing found something: ${failed[*]}; the inputs are in .make/fuzz/findings"

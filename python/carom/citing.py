@@ -22,13 +22,40 @@ SOURCES: dict[str, str] = {
     " Mech. Engrg. 177 (1999) 235-257",
     "rolling": "V. Acary, F. Bourrier, Coulomb friction with rolling resistance as a cone complementarity problem, Eur. J."
     " Mech. A/Solids 85 (2021) 104046",
-    "penalty": "the contact force law of the run, with its source in docs/theory/penalty.md",
+    "piles": "H. Mazhar, T. Heyn, D. Negrut, A. Tasora, Using Nesterov's method to accelerate multibody dynamics"
+    " with friction and contact, ACM Trans. Graph. 34 (2015) 32 (sweeps over the contacts of large islands)",
+    "penalty": "for method penalty the contact force law, which `carom cite` of the scenario or the run names",
 }
 """By what they are the source of."""
 
+FORCE_LAWS: dict[str, str] = {
+    "hunt-crossley": "K. H. Hunt, F. R. E. Crossley, Coefficient of restitution interpreted as damping in"
+    " vibroimpact, J. Appl. Mech. 42 (1975) 440-445",
+    "herbert-mcwhannell": "R. G. Herbert, D. C. McWhannell, Shape and frequency composition of pulses from an"
+    " impact pair, J. Eng. Ind. 99 (1977) 513-518",
+    "lee-wang": "T. W. Lee, A. C. Wang, On the dynamics of intermittent-motion mechanisms. Part 1, J. Mech."
+    " Trans. Autom. Des. 105 (1983) 534-540",
+    "lankarani-nikravesh": "H. M. Lankarani, P. E. Nikravesh, A contact force model with hysteresis damping for"
+    " impact analysis of multibody systems, J. Mech. Des. 112 (1990) 369-376",
+    "gonthier": "Y. Gonthier, J. McPhee, C. Lange, J.-C. Piedboeuf, A regularized contact model with asymmetric"
+    " damping and dwell-time dependent friction, Multibody Syst. Dyn. 11 (2004) 209-233",
+    "zhiying-qishao": "Q. Zhiying, L. Qishao, Analysis of impact process based on restitution coefficient, J."
+    " Dyn. Control 4 (2006) 294-298",
+    "flores": "P. Flores, M. Machado, M. T. Silva, J. M. Martins, On the continuous contact force models for soft"
+    " materials in multibody dynamics, Multibody Syst. Dyn. 25 (2011) 357-375",
+    "hu-guo": "S. Hu, X. Guo, A dissipative contact force model for impact analysis in multibody dynamics,"
+    " Multibody Syst. Dyn. 35 (2015) 131-151",
+    "exact": "the form of K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445, with the damping that"
+    " has the restitution exactly (docs/theory/penalty.md of Carom)",
+}
+"""Sources of `penalty_law`."""
+
+CONTACTS_PER_BALL = 6
+"""Contacts that a packing of equal balls has per ball at most: each touches 12 others, and a contact is of two."""
+
 
 def sources(scene: Scene | None = None) -> dict[str, str]:
-    """What to cite for a scene: its method, its law of impacts and of rolling, its solver; without a scene all of it."""
+    """What to cite for a scene: its method, its law of impacts and of rolling, its solvers; without a scene all of it."""
     if scene is None:
         return dict(SOURCES)
     run = scene.run.options()
@@ -38,11 +65,13 @@ def sources(scene: Scene | None = None) -> dict[str, str]:
     else:
         used.append("moreau" if run["method"] == "moreau" else "nsga")
         used.append("newton")
+        if CONTACTS_PER_BALL * len(scene.names) > run["pile_contacts"]:
+            used.append("piles")
         if run["impact"] != "one-shot":
             used.append("sequence")
     if any(law.rolling_radius > 0 or law.spinning_radius > 0 for law in scene._tree.contact):
         used.append("rolling")
-    return {key: SOURCES[key] for key in used}
+    return {key: FORCE_LAWS[run["penalty_law"]] if key == "penalty" else SOURCES[key] for key in used}
 
 
 def bibtex() -> str:

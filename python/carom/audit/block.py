@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,24 @@ from carom.audit.report import Place
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+T = TypeVar("T")
 
 #: Numbers that a block holds of one frame column at most.
-BLOCK = 200_000
+BLOCK = 100_000
 #: Up to this many bodies all pairs are measured at once.
 ALL_PAIRS = 64
+
+
+def once(compute: Callable[[Block], T]) -> Callable[[Block], T]:
+    """What several laws ask of a block is computed once for each; nobody changes it."""
+
+    @wraps(compute)
+    def found(block: Block) -> T:
+        if compute not in block.known:
+            block.known[compute] = compute(block)
+        return block.known[compute]  # type: ignore[no-any-return]
+
+    return found
 
 
 def blocks(run: Run) -> Iterator[Block]:
@@ -63,6 +76,8 @@ class Block:
 
     def __init__(self, run: Run, first: int, end: int) -> None:
         self.run = run
+        #: What was computed of it (`once`).
+        self.known: dict[Callable[[Block], Any], Any] = {}
         self.first = first
         self.count = end - first
         r, rows = run.result, slice(first - 1, end)
@@ -134,13 +149,32 @@ class Block:
         Moreau-Jean takes the end of the smooth motion.
         """
         run = self.run
-        if run.method != "moreau" or not any(wall.moves for wall in run.walls):
+        if not self._smooth:
             return self.x1
         from carom.audit.loads import of_loads
 
         theta, dt = float(run.options["theta"]), self.dt[:, None, None]
         gained = of_loads(self).impulse[..., :3] / run.mass[:, None] + dt * run.gravity
         return np.asarray(self.x0 + dt * (self.v0 + theta * gained))
+
+    @property
+    def _smooth(self) -> bool:
+        return self.run.method == "moreau" and any(wall.moves for wall in self.run.walls)
+
+    def wall_slack(self, k: I64, a: I64, b: I64) -> F64:
+        """(K,) by how much the velocity of wall `b` at ball `a` is off, m/s: loads that depend on the motion are known to
+        their slack, and so are the `centres` of Moreau-Jean, at which walls that turn have their velocities.
+        """
+        found, run = np.zeros(len(k)), self.run
+        if not (self._smooth and run.loads):
+            return found
+        from carom.audit.loads import of_loads
+
+        way = float(run.options["theta"]) * self.dt[:, None] * of_loads(self).slack[..., 0] / run.mass
+        for w, wall in enumerate(run.walls):
+            rows = np.flatnonzero(b == run.bodies + w)
+            found[rows] = wall.turning(self.t1[k[rows]]) * way[k[rows], a[rows]]
+        return found
 
     @cached_property
     def rows(self) -> Rows:

@@ -23,50 +23,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.block import Block
+from carom.audit.data import Run
 from carom.audit.hits import Hits
 from carom.audit.vectors import norm
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 
 
-def left(block: Block, r: Hits, kept: Bool, wrench: tuple[F64, F64], speed: F64) -> F64:
-    """(K,) what the solver may have left in the problem of each row, N s.
+def squares(run: Run, r: Hits) -> F64:
+    """(K,) squares of the multipliers of each row, moments over the radius, (N s)^2."""
+    return np.asarray(norm(r.impulse) ** 2 + (norm(r.moment) / run.radius[r.a]) ** 2)
 
-    `kept`: rows of problem 0 that remained; `wrench`: impulse and moment of each row on its bodies, (K, 6); `speed`: the
-    largest of a body, (B,).
+
+def terms(block: Block, k: I64, multipliers: F64, at: I64, momenta: F64) -> F64:
+    """(B,) `2 (|M u| + |r|)`, N s: of rows with squares of multipliers (K,) in the intervals `k`, which change the momenta
+    (M, 6) of the bodies `at` (interval times N plus body), each once.
+    """
+    run = block.run
+    interval, body = np.divmod(at, run.bodies)
+    each = norm(momenta[:, :3]) ** 2 + (norm(momenta[:, 3:]) / run.radius[body]) ** 2
+    moved, pushed = (
+        np.bincount(i, values, minlength=block.count) for i, values in ((interval, each), (k, multipliers))
+    )
+    return np.asarray(2.0 * (np.sqrt(moved) + np.sqrt(pushed)))
+
+
+def left(block: Block, plain: F64, own: F64, solved: F64, speed: F64) -> F64:
+    """(B,) what the solver may have left in a problem of each interval, N s.
+
+    `plain`: root of the sum of all squares of the interval; `own` and `solved`: the terms of the problem and of what it adds
+    to; `speed`: the largest of a body, m/s; each (B,).
     """
     run, o = block.run, block.run.options
-    squares = norm(r.impulse) ** 2 + (norm(r.moment) / run.radius[r.a]) ** 2
-    plain = 8.0 * np.sqrt(np.bincount(r.k, squares, minlength=block.count))[r.k]
-    loads, first = r.problem == 0, r.problem == 1
-    before = _terms(block, r, r.k, wrench, squares, loads)
-    then = _terms(block, r, r.k, wrench, squares, loads & kept | first)
-    problem = r.k * (int(r.problem.max(initial=0)) + 1) + r.problem
-    _, group = np.unique(problem, return_inverse=True)
-    own = _terms(block, r, group, wrench, squares, np.ones(len(r), dtype=bool))[group]
-    solved = np.where(loads, 0.0, np.where(first, before[r.k], np.maximum(before, then)[r.k]))
-    floor = o["touching_tolerance"] * run.radius.max() / run.h + o["tolerance_floor"] * speed[r.k]
-    tolerance = block.tolerance[r.k]
+    floor = o["touching_tolerance"] * run.radius.max() / run.h + o["tolerance_floor"] * speed
     # |P| is |r_p| up to the residual.
-    stated = (tolerance * (own + solved) + floor * run.mass.max()) / (1.0 - tolerance)
-    return np.asarray(np.where(block.cascaded[r.k], stated, tolerance * plain))
-
-
-def _terms(block: Block, r: Hits, group: I64, wrench: tuple[F64, F64], squares: F64, chosen: Bool) -> F64:
-    """`2 (|M u| + |r|)` of the chosen rows of each group."""
-    run, count = block.run, int(group.max(initial=0)) + 1
-    impulses = np.bincount(group[chosen], squares[chosen], minlength=max(count, block.count))
-    other = np.minimum(r.b, run.bodies - 1)
-    body = np.concatenate([r.a[chosen], other[chosen]])
-    whose, where = np.unique(np.tile(group[chosen], 2) * run.bodies + body, return_inverse=True)
-    sums = np.zeros((len(whose), 6))
-    np.add.at(sums, where, np.concatenate([wrench[0][chosen], wrench[1][chosen]]))
-    of_group, of_body = np.divmod(whose, run.bodies)
-    each = norm(sums[:, :3]) ** 2 + (norm(sums[:, 3:]) / run.radius[of_body]) ** 2
-    momenta = np.bincount(of_group, each, minlength=max(count, block.count))
-    return np.asarray(2.0 * (np.sqrt(momenta) + np.sqrt(impulses)))
+    stated = (block.tolerance * (own + solved) + floor * run.mass.max()) / (1.0 - block.tolerance)
+    return np.asarray(np.where(block.cascaded, stated, 8.0 * block.tolerance * plain))
 
 
 def misfit(z: F64, push: F64, own: F64) -> F64:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit import forces
-from carom.audit.block import Block
+from carom.audit.block import Block, once
 from carom.audit.bounds import gain
 from carom.audit.near import stiffness
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -133,6 +133,7 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
         tally.measure(kind, np.maximum(value - radius * pushed, 0.0), bound, place)
 
 
+@once
 def struck(block: Block) -> NDArray[np.bool_]:
     """(K,) contacts that took part in an impact of their interval: its law is another (`impacts`)."""
     run, c = block.run, block.rows
@@ -187,7 +188,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         push = np.maximum(part.normal, 0.0)
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
-        noise = 64.0 * EPS * scale
+        noise = 64.0 * EPS * scale + block.wall_slack(c.k, c.a, c.b)
         own = compliance(run, c.a, c.b)
         defects.append(opposed(part.sliding, found.slip, mu * push, left, 2.0 * own[1] * left + noise))
         bounds.append(left * (1.0 + mu))

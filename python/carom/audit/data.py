@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from carom.audit.formula import law
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
+from carom.audit.vectors import norm
 from carom.record.walls import tables
 
 if TYPE_CHECKING:
@@ -138,15 +139,13 @@ class Run:
     def meet(self, time: F64, a: I64, b: I64, x: F64, y: F64) -> tuple[F64, F64]:
         """Gap (K,) and normal (K, 3) from B to A at the times (K,): `x` places of A, `y` of B (unused at walls)."""
         d = self.between(x, y)
-        distance = np.sqrt((d * d).sum(axis=1))
+        distance = norm(d)
         other = np.append(self.radius, 0.0)[np.minimum(b, self.bodies)]
         gap = distance - self.radius[a] - other
         normal = np.divide(d, distance[:, None], out=np.zeros_like(d), where=distance[:, None] > 0)
-        for k in np.unique(b[b >= self.bodies]):
-            rows = b == k
-            gap[rows], normal[rows] = self.walls[k - self.bodies].meet(
-                time[rows], x[rows], self.radius[a[rows]]
-            )
+        for w, wall in enumerate(self.walls):
+            rows = np.flatnonzero(b == self.bodies + w)
+            gap[rows], normal[rows] = wall.meet(time[rows], x[rows], self.radius[a[rows]])
         return gap, normal
 
     def frame_place(self, frame: int, *bodies: int) -> Place:
@@ -161,13 +160,28 @@ class Run:
         return Place(min(frame, self.frames - 1), int(step), float(step * self.h), who)
 
     @cached_property
+    def linked(self) -> I64:
+        """(N,) a body for each, the same for all that joints and dampers link: impulses go through these at once."""
+        found = np.arange(self.bodies)
+        links = [(joint["a"], joint["b"]) for joint in self.joints]
+        links += [
+            (load["a"], load["b"])
+            for load in self.loads
+            if load["kind"] == "spring" and load["damping"] > 0.0
+        ]
+        for a, b in links:
+            if a >= 0 and b >= 0:
+                found[found == found[b]] = found[a]
+        return found
+
+    @cached_property
     def top_speeds(self) -> F64:
         """(N,) largest speed of each body at any frame, m/s."""
         best = np.zeros(self.bodies)
         size = max(1, 1_000_000 // self.bodies)
         for first in range(0, self.frames, size):
             v = np.nan_to_num(np.asarray(self.result.velocity[first : first + size]))
-            best = np.maximum(best, np.sqrt((v * v).sum(axis=-1)).max(axis=0))
+            best = np.maximum(best, norm(v).max(axis=0))
         return best
 
     @cached_property

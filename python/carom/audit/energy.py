@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from carom.audit.block import Block
 from carom.audit.data import Run
 from carom.audit.forces import speeds
+from carom.audit.loads import remembered
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Tally
@@ -65,16 +66,17 @@ def _potential(block: Block, near: Near) -> F64 | None:
         found = found + np.bincount(near.k, each, minlength=block.count)
     for load in run.loads:
         if load["kind"] == "spring":
-            found = found + _spring(block, load)
+            found = found + _spring(load, block.x1, block.q1)
     return np.asarray(found)
 
 
-def _spring(block: Block, load: dict[str, Any]) -> F64:
+def _spring(load: dict[str, Any], x: F64, q: F64) -> F64:
+    """Potential energy of a spring for places (B, N, 3) and orientations (B, N, 4), (B,), J."""
     ends = []
     for side in "ab":
         body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)
-        at = np.broadcast_to(arm, (block.count, 3))
-        ends.append(at if body < 0 else block.x1[:, body] + rotated(block.q1[:, body], at))
+        at = np.broadcast_to(arm, (len(x), 3))
+        ends.append(at if body < 0 else x[:, body] + rotated(q[:, body], at))
     stretch = norm(ends[0] - ends[1]) - float(load["rest_length"])
     return np.asarray(0.5 * float(load["stiffness"]) * stretch**2)
 
@@ -158,14 +160,14 @@ def _balance(block: Block, tally: Tally) -> None:
 
 
 def _at_start(run: Run) -> tuple[float, float]:
-    """Kinetic energy and that of the weight at the first frame of the run, J."""
-    x, v, w = (
-        np.asarray(c[0]) for c in (run.result.position, run.result.velocity, run.result.angular_velocity)
-    )
+    """Kinetic energy, and that of the weight and of springs, at the first frame of the run, J."""
+    r = run.result
+    x, v, w, q = (np.asarray(c[0]) for c in (r.position, r.velocity, r.angular_velocity, r.orientation))
     here = np.asarray(run.result.present[0])
     motion = 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w))
     height = -run.mass * (np.nan_to_num(x) @ run.gravity)
-    return float(np.where(here, motion, 0.0).sum()), float(np.where(here, height, 0.0).sum())
+    springs = sum(float(_spring(load, x[None], q[None])[0]) for load in run.loads if load["kind"] == "spring")
+    return float(np.where(here, motion, 0.0).sum()), float(np.where(here, height, 0.0).sum()) + springs
 
 
 def _walls(block: Block) -> F64:
@@ -198,14 +200,15 @@ def rises(run: Run, tally: Tally) -> None:
     (algorithm, section 10). Moreau-Jean: `h |g|/2` times all impulses that weight and motion can give,
     for it moves bodies by the mean of velocities. Penalty: what its integration swings by, `(pi/resolution)^2/4`. Works of
     moving walls are exact for constant velocities, else off by the share by which these change in the step; those of
-    springs, drag and joints by the change of power within it, which the second difference of the kinetic energy shows.
+    springs, drag and joints by the change of power within it, which the second difference of the kinetic energy shows, and
+    by those of the steps before as long as the filter remembers them (`loads.remembered`).
     """
     s, o = run.steps, run.options
     h = run.h
     kinetic, potential, gained = s["energy_kinetic"], s["energy_potential"], s["energy_work"] + s["energy_in"]
     if not len(kinetic):
         return
-    known = run.frames and int(run.step[0]) == 0 and not any(load["kind"] == "spring" for load in run.loads)
+    known = run.frames and int(run.step[0]) == 0
     before = np.array(_at_start(run) if known else (kinetic[0], potential[0] - (gained - s["energy_out"])[0]))
     kinetic, potential = np.append(before[0], kinetic), np.append(before[1], potential)
     rise = np.diff(kinetic + potential) - (gained - s["energy_out"])
@@ -226,7 +229,7 @@ def rises(run: Run, tally: Tally) -> None:
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
     if run.joints or run.loads:
         second = np.pad(np.abs(np.diff(kinetic, n=2)), 1, mode="edge" if len(kinetic) > 2 else "constant")
-        bound = bound + np.maximum(second[1:], second[:-1])
+        bound = bound + remembered(run, np.maximum(second[1:], second[:-1]))
     bound = bound + _unsteady(run) * np.abs(s["energy_work"])
     tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.block import Block
+from carom.audit.block import Block, once
 from carom.audit.formula import law
-from carom.audit.vectors import dot, norm
+from carom.audit.vectors import add_at, cross, dot, norm
 
 F64 = NDArray[np.float64]
 
@@ -75,13 +75,13 @@ def of_contacts(block: Block) -> Sums:
     def collect(of_a: F64, of_b: F64) -> F64:
         """Adds what a row gives to its bodies; walls take nothing."""
         out = np.zeros((*shape, *of_a.shape[1:]))
-        np.add.at(out, (c.k, c.a), of_a)
+        add_at(out, (c.k, c.a), of_a)
         ball = c.b < run.bodies
-        np.add.at(out, (c.k[ball], c.b[ball]), of_b[ball])
+        add_at(out, (c.k[ball], c.b[ball]), of_b[ball])
         return out
 
     def moment(s: Split, own: F64) -> F64:
-        arm = np.cross(s.lever, s.sliding)
+        arm = cross(s.lever, s.sliding)
         return collect(
             own - reach[c.a][:, None] * arm, -own - reach[np.minimum(c.b, run.bodies)][:, None] * arm
         )
@@ -112,6 +112,7 @@ def _projected(block: Block) -> F64:
     return np.asarray(norm(c.position_impulse)[:, None] * block.end[1])
 
 
+@once
 def speeds(block: Block) -> F64:
     """(B, N) a bound on the speed of each body within an interval, m/s: the larger of both ends, what gravity gives, and all
     its recorded impulses together.
@@ -121,21 +122,41 @@ def speeds(block: Block) -> F64:
     return np.asarray(ends + norm(run.gravity) * block.dt[:, None] + pushes(block)[0] / run.mass)
 
 
+@once
 def pushes(block: Block) -> tuple[F64, F64]:
     """(B, N) sums of the lengths of the recorded impulses of contacts on each body, N s, and of their moments, N m s."""
+    return _sizes(block, block.rows.impulse, block.rows.moment)
+
+
+@once
+def shifts(block: Block) -> tuple[F64, F64]:
+    """(B, N) by how much contacts have moved, m, and turned, rad, each body at most beside what its velocity at the start of
+    the interval did: by position impulses, and in Moreau-Jean by the velocities that they gave within the step.
+    """
+    run, c = block.run, block.rows
+    way, turned = _sizes(block, c.position_impulse, c.position_moment)
+    if run.method == "moreau":
+        given = [block.dt[:, None] * size for size in pushes(block)]
+        way, turned = way + given[0], turned + given[1]
+    return way / run.mass, turned / run.inertia
+
+
+def _sizes(block: Block, impulse: F64, moment: F64) -> tuple[F64, F64]:
+    """(B, N) sums over the contacts of each body of the lengths of impulses (K, 3), and of moments (K, 3) beside them."""
     c, run = block.rows, block.run
-    impulse, moment = np.zeros((2, block.count, run.bodies))
+    pushed, turned = np.zeros((2, block.count, run.bodies))
     if run.has_contacts and len(c):
-        size, couple = norm(c.impulse), norm(c.moment)
-        np.add.at(impulse, (c.k, c.a), size)
-        np.add.at(moment, (c.k, c.a), couple + run.radius[c.a] * size)
+        size, couple = norm(impulse), norm(moment)
+        add_at(pushed, (c.k, c.a), size)
+        add_at(turned, (c.k, c.a), couple + run.radius[c.a] * size)
         ball = c.b < run.bodies
         k, b = c.k[ball], c.b[ball]
-        np.add.at(impulse, (k, b), size[ball])
-        np.add.at(moment, (k, b), couple[ball] + run.radius[b] * size[ball])
-    return impulse, moment
+        add_at(pushed, (k, b), size[ball])
+        add_at(turned, (k, b), couple[ball] + run.radius[b] * size[ball])
+    return pushed, turned
 
 
+@once
 def turn(block: Block) -> F64:
     """(K,) a bound on the angle by which the normal of a contact turned within its interval, rad; 0 at flat walls that do
     not turn. The contact point moves at most at the speed of the bodies over the smallest radius of curvature.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carom.audit.block import Block
 from carom.audit.report import Place
-from carom.audit.vectors import EPS, norm
+from carom.audit.vectors import EPS, add_at, norm
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -36,7 +36,7 @@ class Hits:
     def __len__(self) -> int:
         return len(self.k)
 
-    def of(self, chosen: Bool | I64) -> Hits:
+    def of(self, chosen: Bool | I64 | slice) -> Hits:
         """Some of them."""
         return Hits(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
 
@@ -82,8 +82,8 @@ def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:
     whole = np.zeros((len(r), 6))
     whole[known] = np.hstack([c.impulse[contact], c.moment[contact] * over])[known]
     sums, loads = np.zeros((len(r), 6)), np.zeros((len(r), 6))
-    np.add.at(sums, group, np.where((r.problem > 0)[:, None], own, 0.0))
-    np.add.at(loads, group, np.where((r.problem == 0)[:, None], own, 0.0))
+    add_at(sums, (group,), np.where((r.problem > 0)[:, None], own, 0.0))
+    add_at(loads, (group,), np.where((r.problem == 0)[:, None], own, 0.0))
     sums, loads = sums[group], loads[group]
     without, within = norm(whole - sums), norm(whole - sums - loads)
     bound = 32.0 * EPS * (norm(whole) + norm(sums) + norm(loads))
@@ -96,10 +96,13 @@ def place(block: Block, r: Hits) -> Callable[[int], Place]:
 
 
 def groups(block: Block, r: Hits) -> I64:
-    """(K,) a number of each group of rows of a step that balls join: others cannot have changed their speeds."""
-    many = block.run.bodies
-    first, ball = r.k * many + r.a, r.b < many
-    second = np.where(ball, r.k * many + np.where(ball, r.b, 0), first)
+    """(K,) a number of each group of rows of a step that balls, joints or dampers join: others cannot have changed their
+    speeds.
+    """
+    run = block.run
+    ball = np.minimum(r.b, run.bodies - 1)
+    first = r.k * run.bodies + run.linked[r.a]
+    second = np.where(r.b < run.bodies, r.k * run.bodies + run.linked[ball], first)
     nodes, where = np.unique(np.concatenate([first, second]), return_inverse=True)
     a, b = np.split(where, 2)
     label = np.arange(len(nodes))

@@ -17,6 +17,7 @@ from carom.audit.gaps import closing
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
+from carom.audit.surfaces import Surface
 from carom.audit.vectors import EPS, dot, norm
 
 F64 = NDArray[np.float64]
@@ -52,18 +53,26 @@ def judge(block: Block, tally: Tally) -> None:
     tally.skip("impact", why, 'impacts = "every" in [record]', int(piled.sum()))
     # Joints and loads that depend on the motion answer impacts within their problem.
     coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
-    whole = block.single[rows.k] & ~piled & run.has_contacts & (not coupled) & block.there.all(axis=1)[rows.k]
+    seen = np.flatnonzero(block.single[rows.k])
+    group = hits.groups(block, rows.of(seen))
+    # Who enters or leaves within a step takes what it gave its neighbours along.
+    ball = np.minimum(rows.b, run.bodies - 1)
+    gone = ~(block.there[rows.k, rows.a] & (block.there[rows.k, ball] | (rows.b >= run.bodies)))[seen]
+    known = np.bincount(group, gone)[group] == 0
+    seen, group = seen[known], group[known]
+    whole = np.zeros(len(rows), dtype=bool)
+    whole[seen] = run.has_contacts and not coupled
+    whole &= ~piled
     _recorded(block, tally, rows.of(~whole & ~piled))
-    seen = block.single[rows.k] & block.there.all(axis=1)[rows.k]
-    _ends(block, tally, rows.of(seen))
+    _ends(block, tally, rows.of(seen), group)
     remained = np.zeros(len(rows), dtype=bool)
     if run.has_contacts:
-        summed = np.flatnonzero(seen & ~piled & block.kept[rows.k])
-        one = rows.of(summed)
-        remained[summed], value, bound = hits.kept(block, one)
-        tally.measure("impact sum", value, bound, hits.place(block, one))
+        summed = seen[~piled[seen] & block.kept[rows.k[seen]]]
+        some = rows.of(summed)
+        remained[summed], value, bound = hits.kept(block, some)
+        tally.measure("impact sum", value, bound, hits.place(block, some))
     if whole.any():
-        replay.judge(block, tally, rows.of(whole), remained[whole])
+        replay.judge(block, tally, rows.of(whole), remained[whole], group[whole[seen]])
 
 
 def _unit(block: Block, tally: Tally, r: Hits) -> None:
@@ -94,12 +103,11 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot), motion, r.normal, r.normal)
 
 
-def _ends(block: Block, tally: Tally, r: Hits) -> None:
-    """After the last problem of its group the pair separates as the frame says. Rows of piles that are sums over the step
-    are all of its end: surely those of groups of more contacts than islands have that are no piles.
+def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
+    """After the last problem of its `group` (`hits.groups`) the pair separates as the frame says. Rows of piles that are
+    sums over the step are all of its end: surely those of groups of more contacts than islands have that are no piles.
     """
     run = block.run
-    group = hits.groups(block, r)
     last = np.zeros(len(r), dtype=np.int64)
     np.maximum.at(last, group, r.problem)
     sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least)
@@ -111,6 +119,7 @@ def _ends(block: Block, tally: Tally, r: Hits) -> None:
     # Speeds are recorded as the solver left them, velocities follow from its impulses.
     squares = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
     left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
+    left = left + block.wall_slack(final.k, final.a, final.b)
     off = np.abs(final.separation - _motion(block, final).normal)
     tally.measure("impact speeds", off, 640.0 * EPS * scale + left, hits.place(block, final))
 
@@ -183,13 +192,10 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     e = np.where((r.problem == 0) | (r.problem > run.options["max_problems"]), 0.0, e)
     slow = -r.approach < run.options["restitution_threshold"]
     load = norm(run.gravity) * run.h
-    for k in np.unique(r.b[r.b >= run.bodies]):
-        wall, mine = run.walls[k - run.bodies], r.b == k
-        if wall.moves:
-            point = np.broadcast_to(wall.point, (int(mine.sum()), 3))
-            then = block.t1[r.k[mine]]
-            change = wall.velocity(then, point)[1] - wall.velocity(then - run.h, point)[1]
-            load = load + float(norm(change).max(initial=0.0))
+    for w, wall in enumerate(run.walls):
+        mine = np.flatnonzero(r.b == run.bodies + w)
+        if wall.moves and mine.size:
+            load = load + float(_wall_change(block, r.of(mine), wall).max())
     z = r.separation - r.scale * np.where(slow, 0.0, e) * np.maximum(0.0, -r.approach)
     value = bounds.misfit(z, dot(r.impulse, r.normal), compliance(run, r.a, r.b)[0])
     size = norm(r.impulse)
@@ -210,3 +216,19 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     tally.skip("impact", why, "a smaller step", int((blunt & shown).sum()))
     sharp = np.flatnonzero(~blunt)
     tally.measure("impact", value[sharp], bound[sharp], hits.place(block, r.of(sharp)))
+
+
+def _wall_change(block: Block, r: Hits, wall: Surface) -> F64:
+    """(K,) by how much the velocity of a wall differs between the ends of a step, at the places where balls meet it, m/s: by
+    its change in time; and where it turns, by that rate times the way of the place. That is the way of the ball, and its
+    radius times the turn of its normal: by the wall, and along a face of curvature `k` by the way over `1/k - r`.
+    """
+    run, then = block.run, block.t1[r.k]
+    point = np.broadcast_to(wall.point, (len(r), 3))
+    change = norm(wall.velocity(then, point)[1] - wall.velocity(then - run.h, point)[1])
+    rate, radius = wall.turning(then), run.radius[r.a]
+    way = run.h * forces.speeds(block)[r.k, r.a]
+    bend = np.where(wall.curvature * radius < 1.0, wall.curvature / (1.0 - wall.curvature * radius), np.inf)
+    with np.errstate(invalid="ignore"):
+        turned = np.fmin(2.0, np.where(way > 0.0, way * bend, 0.0) + rate * run.h)
+    return np.asarray(change + rate * (way + radius * turned))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from carom.audit.block import Block
 from carom.audit.formula import law
 from carom.audit.report import Place, Tally
-from carom.audit.vectors import EPS, dot, norm, rotated
+from carom.audit.vectors import EPS, cross, dot, norm, rotated
 
 F64 = NDArray[np.float64]
 
@@ -94,4 +94,4 @@ def _point(block: Block, body: int, arm: Any) -> tuple[F64, F64, F64]:
         return given, np.zeros_like(given), norm(given)
     lever = rotated(block.q1[:, body], given)
     at = block.x1[:, body] + lever
-    return at, block.v1[:, body] + np.cross(block.w1[:, body], lever), norm(at)
+    return at, block.v1[:, body] + cross(block.w1[:, body], lever), norm(at)

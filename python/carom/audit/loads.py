@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.block import Block
+from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.forces import pushes
+from carom.audit.forces import pushes, shifts
 from carom.audit.formula import law
-from carom.audit.vectors import dot, norm, rotated
+from carom.audit.vectors import cross, dot, norm, rotated
 
 F64 = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ class Loads:
     """(B, N) bodies of which the loads cannot be known."""
 
 
+@once
 def of_loads(block: Block) -> Loads:
     """Joints and loads of a block.
 
@@ -41,7 +42,7 @@ def of_loads(block: Block) -> Loads:
     motion are known at the frames: their impulse over one step lies between the forces at its ends, with the lag of the
     filter between those of a step before, so that twice the change bounds the error. Drag and dampers are evaluated for the
     velocity without contacts too (v_check), which is off by what the contacts then give: a ball at rest on a floor has the
-    drag of a fall of one step. Over several steps they are unknown.
+    drag of a fall of one step; springs for the places without contacts (q_check). Over several steps they are unknown.
     """
     run = block.run
     shape = (block.count, run.bodies)
@@ -132,22 +133,33 @@ def _sizes(wrench: F64) -> F64:
 
 
 def _echo(run: Run, own: F64, first: F64) -> F64:
-    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before by the memory of
-    the filter (eq. 6c), which keeps `alpha_m/(1 - alpha_m)` of its error at each step. `first` (2,) is that of the first.
+    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before as `remembered`.
+    `first` (2,) is that of the first.
+    """
+    return remembered(run, np.concatenate([first[None], own[:-1]]))
+
+
+def remembered(run: Run, changes: F64) -> F64:
+    """(S, ...) changes of forces of steps, with what is left of those of earlier ones: the filter of the scheme (eq. 6c)
+    keeps `alpha_m/(1 - alpha_m)` of its error at each step.
     """
     rho = float(run.options["spectral_radius"])
     alpha = (2.0 * rho - 1.0) / (rho + 1.0)
     kept = abs(alpha / (1.0 - alpha)) if run.method == "nsga" else 0.0
-    found = np.zeros_like(own)
-    found[0] = first
-    for k in range(1, len(own)):
-        found[k] = own[k - 1] + kept * found[k - 1]
+    found = changes.copy()
+    for k in range(1, len(found)):
+        found[k] += kept * found[k - 1]
     return found
 
 
 def _jumps(block: Block, load: dict[str, Any]) -> dict[int, F64]:
-    """Force and moment on each body, (B, 2), by which a damping is off that takes velocities from before the impulses of the
-    contacts of the interval.
+    """Force and moment on each body, (B, 2), by which a load is off that the scheme takes before the impulses of contacts
+    in the interval: with other velocities, and for springs with other places (eqs. 3 and 4 add the change at `t_{n+1}`
+    whole, the filter of eq. 6 keeps what it was before).
+
+    The force of a spring of length `l` and tension `T = k (l - l_0) + c l'` changes by `k` of what its points move along it
+    and by `|T|/l` of what they move across, its damping by `c` of their speeds, and `c/l` of them where the line turns; its
+    moments by the arms times that, and `|T|` times what the arms turn.
     """
     run = block.run
     impulse, moment = pushes(block)
@@ -158,40 +170,59 @@ def _jumps(block: Block, load: dict[str, Any]) -> dict[int, F64]:
     ends = [
         (int(load[side]), float(norm(np.asarray(load[f"arm_{side}"], dtype=np.float64)))) for side in "ab"
     ]
-    rate = np.zeros(block.count)
+    way, turned = shifts(block)
+    rate, moved = np.zeros((2, block.count))
     for body, arm in ends:
         if body >= 0:
             rate = rate + impulse[:, body] / run.mass[body] + arm * moment[:, body] / run.inertia[body]
-    pull = float(load["damping"]) * rate
-    return {body: np.stack([pull, arm * pull], axis=1) for body, arm in ends}
+            moved = moved + way[:, body] + arm * turned[:, body]
+    lines = [_line(block, load, end) for end in (0, 1)]
+    shortest = np.maximum(np.minimum(*(length for _, length, _, _ in lines)) - moved, 1e-300)
+    tension = np.maximum(*(np.abs(t) for _, _, t, _ in lines)) + float(load["stiffness"]) * moved
+    tension = tension + float(load["damping"]) * rate
+    fastest = np.maximum(*(norm(v) for _, _, _, v in lines)) + rate
+    stiff = float(load["stiffness"]) + (tension + float(load["damping"]) * fastest) / shortest
+    pull = float(load["damping"]) * rate + np.where(moved > 0.0, stiff * moved, 0.0)
+    return {
+        body: np.stack([pull, arm * (pull + tension * turned[:, max(body, 0)])], axis=1) for body, arm in ends
+    }
+
+
+def _line(block: Block, load: dict[str, Any], end: int) -> tuple[F64, F64, F64, F64]:
+    """Of a spring at the first (0) or second (1) frame of each interval: its direction from B to A (B, 3), its length and
+    its tension (B,), and the velocity of A's point against B's (B, 3).
+    """
+    (_, at_a, rate_a), (_, at_b, rate_b) = (_point(block, load, side, end) for side in "ab")
+    way, rate = at_a - at_b, rate_a - rate_b
+    length = norm(way)
+    line = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
+    tension = float(load["stiffness"]) * (length - float(load["rest_length"]))
+    return line, length, tension + float(load["damping"]) * dot(line, rate), rate
+
+
+def _point(block: Block, load: dict[str, Any], side: str, end: int) -> tuple[F64, F64, F64]:
+    """Lever, place and velocity of a point that a spring holds, each (B, 3)."""
+    x, v, w, q = (block.x1, block.v1, block.w1, block.q1) if end else (block.x0, block.v0, block.w0, block.q0)
+    body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)
+    if body < 0:
+        still = np.zeros((block.count, 3))
+        return still, np.broadcast_to(arm, (block.count, 3)), still
+    lever = rotated(q[:, body], np.broadcast_to(arm, (block.count, 3)))
+    return lever, x[:, body] + lever, v[:, body] + cross(w[:, body], lever)
 
 
 def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
     """Force and moment on each body of a load at the first (0) or second (1) frame of each interval, (B, 6)."""
-    x, v, w, q = (block.x1, block.v1, block.w1, block.q1) if end else (block.x0, block.v0, block.w0, block.q0)
+    v, w = (block.v1, block.w1) if end else (block.v0, block.w0)
     if load["kind"] == "drag":
         body = int(load["body"])
         force = -float(load["translation"]) * v[:, body]
         return {body: np.hstack([force, -float(load["rotation"]) * w[:, body]])}
-    points = []
-    for side in "ab":
-        body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)
-        if body < 0:
-            still = np.zeros((block.count, 3))
-            points.append((body, still, np.broadcast_to(arm, (block.count, 3)), still))
-            continue
-        lever = rotated(q[:, body], np.broadcast_to(arm, (block.count, 3)))
-        points.append((body, lever, x[:, body] + lever, v[:, body] + np.cross(w[:, body], lever)))
-    (a, arm_a, at_a, rate_a), (b, arm_b, at_b, rate_b) = points
-    way = at_a - at_b
-    length = norm(way)
-    line = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
-    tension = float(load["stiffness"]) * (length - float(load["rest_length"]))
-    tension = tension + float(load["damping"]) * dot(line, rate_a - rate_b)
+    line, _, tension, _ = _line(block, load, end)
     pull = -tension[:, None] * line
-    found = {a: np.hstack([pull, np.cross(arm_a, pull)])}
-    if b >= 0:
-        found[b] = np.hstack([-pull, -np.cross(arm_b, pull)])
+    found = {int(load["a"]): np.hstack([pull, cross(_point(block, load, "a", end)[0], pull)])}
+    if int(load["b"]) >= 0:
+        found[int(load["b"])] = np.hstack([-pull, -cross(_point(block, load, "b", end)[0], pull)])
     return found
 
 
@@ -219,7 +250,7 @@ def _joints(block: Block, out: Loads) -> None:
             lever = rotated(
                 block.q1[:, body], np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
             )
-            moment = np.cross(lever, impulse) + couple
+            moment = cross(lever, impulse) + couple
             out.impulse[:, body] += sign * np.hstack([impulse, moment])
             reach = norm(lever)
             swing = rate[:, body] + norm(moment) / run.inertia[body]

@@ -22,7 +22,17 @@ from carom.audit.block import Block
 from carom.audit.forces import Sums
 from carom.audit.loads import Loads, of_loads
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, conjugate, dot, exponential, norm, product, rotation_vector
+from carom.audit.vectors import (
+    EPS,
+    add_at,
+    conjugate,
+    cross,
+    dot,
+    exponential,
+    norm,
+    product,
+    rotation_vector,
+)
 
 F64 = NDArray[np.float64]
 CONTACTS = "impulses of contacts were not recorded; bodies in free flight were judged"
@@ -177,8 +187,8 @@ def walls(block: Block, tally: Tally) -> None:
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
     rows = c.b >= run.bodies
     at = (c.k[rows], c.b[rows] - run.bodies)
-    np.add.at(summed, at, -c.impulse[rows])
-    np.add.at(size, at, norm(c.impulse[rows]))
+    add_at(summed, at, -c.impulse[rows])
+    add_at(size, at, norm(c.impulse[rows]))
     value = norm(given[..., :3] - summed)
     bound = (
         EPS
@@ -209,9 +219,9 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: NDArray[np.bool_
         lever[mine] = run.between(block.x1[k[mine], a[mine]], wall.place(block.t1[k[mine]]))
     lever = lever - run.radius[a][:, None] * c.normal[rows]
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
-    np.add.at(summed, (k, b), -np.cross(lever, c.impulse[rows]) - c.moment[rows])
+    add_at(summed, (k, b), -cross(lever, c.impulse[rows]) - c.moment[rows])
     extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
-    np.add.at(size, (k, b), extent * norm(c.impulse[rows]) + norm(c.moment[rows]))
+    add_at(size, (k, b), extent * norm(c.impulse[rows]) + norm(c.moment[rows]))
     value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size
     count = given.shape[1]
     kept = np.flatnonzero(np.broadcast_to(judged[:, None], value.shape))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.data import Run
-from carom.audit.vectors import across, dot
+from carom.audit.vectors import across, cross, dot
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -23,8 +24,7 @@ class Rates:
     turning: F64
 
 
-@dataclass(frozen=True)
-class Pairs:
+class Pairs(NamedTuple):
     """K pairs of bodies, of which B may be a wall, with the places that tell a wall's velocity."""
 
     a: I64
@@ -34,6 +34,10 @@ class Pairs:
     """Centres of A, (K, 3)."""
     foot: F64
     """Normals at which A touches B, (K, 3): `centre - r foot` is the place of a wall that counts."""
+
+    def of(self, rows: slice) -> Pairs:
+        """Some of them."""
+        return Pairs(self.a[rows], self.b[rows], self.time[rows], self.centre[rows], self.foot[rows])
 
 
 def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, lever: F64) -> Rates:
@@ -45,12 +49,11 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
     r_a, r_b = run.radius[p.a], np.append(run.radius, 0.0)[np.minimum(p.b, run.bodies)]
     v_b, w_b = (np.where(wall[:, None], 0.0, x) for x in (v_b, w_b))
     through, slipping, turning = v_a - v_b, v_a - v_b, w_a - w_b
-    slipping = slipping + np.cross(lever, r_a[:, None] * w_a + r_b[:, None] * w_b)
-    for k in np.unique(p.b[wall]):
-        surface = run.walls[k - run.bodies]
+    slipping = slipping + cross(lever, r_a[:, None] * w_a + r_b[:, None] * w_b)
+    for w, surface in enumerate(run.walls):
         if not surface.moves:
             continue
-        rows = p.b == k
+        rows = np.flatnonzero(p.b == run.bodies + w)
         point = p.centre[rows] - r_a[rows, None] * p.foot[rows]
         shape, material, spin = surface.velocity(p.time[rows], point)
         through[rows] -= shape

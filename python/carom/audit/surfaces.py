@@ -115,6 +115,15 @@ class Surface:
             of_material += own
         return shape, material, of_material
 
+    def turning(self, time: F64) -> F64:
+        """Fastest turn of the shape and of its material at the times (K,), rad/s: by so much per metre velocities vary."""
+        rate = np.zeros(len(time))
+        if self.rotation is not None:
+            rate = np.abs(law(self.rotation[2], time)[1])
+        if self.spinning is not None:
+            rate = rate + abs(float(self.spinning[2]))
+        return rate
+
     def height(self, local: F64) -> tuple[F64, F64]:
         """Signed distance (K,) of places, in the wall's own axes, over the face of a piece of a surface, m, and how far
         within its outline they are, m (negative: beyond it). For rectangles, discs, tubes with ends and cones.

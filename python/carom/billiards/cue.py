@@ -43,7 +43,6 @@ from numpy.typing import NDArray
 from carom.billiards.data import TIPS
 from carom.billiards.given import number, place
 from carom.errors import CaromError, did_you_mean
-from carom.units import UnitError, parse
 
 if TYPE_CHECKING:
     from carom.scenario.balls import Sphere
@@ -154,7 +153,7 @@ def cue_impulse(
         impulse=impulse,
         cue_speed=speed,
         cue_speed_after=speed - impulse / cue_mass,
-        squirt=math.atan2(-float(line @ right), float(line @ flat)),
+        squirt=math.atan2(0.0 - float(line @ right), float(line @ flat)),  # 0, not -0, along the cue
     )
 
 
@@ -180,7 +179,7 @@ def strike(
     if any(ball.velocity) or any(ball.angular_velocity):
         raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
     if isinstance(direction, str | Real):
-        angle = _si(direction, "angle", "direction")
+        angle = number("strike", "direction", direction, "angle")
     else:
         x, y = place("strike", "direction", direction)
         if not math.hypot(x, y) > 0:
@@ -193,14 +192,14 @@ def strike(
         mass=ball.mass_kg(),
         inertia=ball.inertia_kg_m2(),
         direction=angle,
-        speed=None if speed is None else _si(speed, "speed", "speed"),
-        ball_speed=None if ball_speed is None else _si(ball_speed, "speed", "ball_speed"),
+        speed=None if speed is None else number("strike", "speed", speed, "speed"),
+        ball_speed=None if ball_speed is None else number("strike", "ball_speed", ball_speed, "speed"),
         side=number("strike", "side (in radii)", side),
         height=number("strike", "height (in radii)", height),
-        elevation=_si(elevation, "angle", "elevation"),
-        cue_mass=_si(cue_mass, "mass", "cue_mass"),
+        elevation=number("strike", "elevation", elevation, "angle"),
+        cue_mass=number("strike", "cue_mass", cue_mass, "mass"),
         restitution=_tip(restitution),
-        end_mass=None if end_mass is None else _si(end_mass, "mass", "end_mass"),
+        end_mass=None if end_mass is None else number("strike", "end_mass", end_mass, "mass"),
     )
     ball.velocity = tuple(found.velocity.tolist())
     ball.angular_velocity = tuple(found.angular_velocity.tolist())
@@ -216,13 +215,3 @@ def _tip(given: float | str) -> float:
             f"strike: restitution: no tip is called {given!r}; {did_you_mean(given, list(TIPS))}"
         )
     return TIPS[given].value
-
-
-def _si(value: float | str, quantity: str, name: str) -> float:
-    """A number in SI, or a text with a unit."""
-    if not isinstance(value, str):
-        return number("strike", name, value)
-    try:
-        return parse(value, quantity)
-    except UnitError as error:
-        raise CaromError(f"strike: {name}: {error}") from None

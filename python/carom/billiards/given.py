@@ -8,22 +8,31 @@ from numbers import Real
 from typing import Any
 
 from carom.errors import CaromError
+from carom.units import UnitError, parse
 
 
-def number(call: str, name: str, value: Any) -> float:
-    """A finite number; `call` and `name` say in the message where it was given."""
+def number(call: str, name: str, value: Any, dimension: str | None = None) -> float:
+    """A finite number in SI; `call` and `name` say in the message where it was given.
+
+    With a `dimension` (a key of `units.DIMENSIONS`) it may be a text with a unit.
+    """
+    if dimension is not None and isinstance(value, str):
+        try:
+            value = parse(value, dimension)
+        except UnitError as error:
+            raise CaromError(f"{call}: {name}: {error}") from None
     if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         raise CaromError(f"{call}: {name} must be a finite number in SI units, found {value!r}")
     return float(value)
 
 
-def place(call: str, name: str, value: Any) -> tuple[float, float]:
-    """The x and y of a vector of two numbers, or of three, of which the last does not count."""
+def place(call: str, name: str, value: Any, dimension: str | None = None) -> tuple[float, float]:
+    """The x and y of a vector of two numbers (`number`), or of three, of which the last does not count."""
     if (
         isinstance(value, str)
         or not (hasattr(value, "__len__") or isinstance(value, Sequence))
         or len(value) not in (2, 3)
     ):
         raise CaromError(f"{call}: {name} must be (x, y), found {value!r}")
-    x, y = (number(call, name, c) for c in tuple(value)[:2])
+    x, y = (number(call, name, c, dimension) for c in tuple(value)[:2])
     return x, y

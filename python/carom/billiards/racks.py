@@ -31,16 +31,23 @@ def rows_of(balls: int) -> list[int]:
 
 
 def rack_places(
-    balls: int, radius: float, *, gap: float = 0.0, jitter: float = 0.0, seed: int | None = None
+    balls: int,
+    radius: float | str,
+    *,
+    gap: float | str = 0.0,
+    jitter: float | str = 0.0,
+    seed: int | None = None,
 ) -> F64:
     """Centres (B, 2), m: along the rack and to its left, from the apex at the origin.
 
     Surfaces of neighbours are `gap` apart, and each centre is moved by up to `jitter` along each axis, drawn with `seed`
-    (PCG64): a real rack is never tight, and the outcome of a break hangs on it.
+    (PCG64): a real rack is never tight, and the outcome of a break hangs on it. Lengths are numbers in m or texts with
+    a unit.
     """
     rows = rows_of(balls)
     radius, gap, jitter = (
-        number("rack", name, value) for name, value in (("radius", radius), ("gap", gap), ("jitter", jitter))
+        number("rack", name, value, "length")
+        for name, value in (("radius", radius), ("gap", gap), ("jitter", jitter))
     )
     if not gap >= 0 or not jitter >= 0:
         raise CaromError(f"rack: gap and jitter must not be below 0, found {gap!r} and {jitter!r}")

@@ -54,8 +54,9 @@ class Pocketed:
 
 
 def table(name: str = "9ft", **changes: Any) -> Table:
-    """A table by name, `7ft`, `8ft`, `9ft`, `snooker` or `carom`; `changes` are fields of `Spec`, SI: `nose_height=0.037`.
+    """A table by name, `7ft`, `8ft`, `9ft`, `snooker` or `carom`; `changes` are fields of `Spec`: `nose_height="37 mm"`.
 
+    Lengths and the mass are numbers in SI or texts with a unit, angles numbers in degrees or texts with a unit.
     `table("9ft", corner_mouth=0.0)` has no pockets.
     """
     if name not in TABLES:
@@ -71,18 +72,26 @@ class Table:
     """Builds scenes on a table and reads results of them."""
 
     def __init__(self, spec: Spec) -> None:
+        given: dict[str, Any] = {}
         for name in ("length", "width", "ball_radius", "ball_mass", "nose_height"):
-            if not number("table", name, getattr(spec, name)) > 0:
+            given[name] = number(
+                "table", name, getattr(spec, name), "mass" if name == "ball_mass" else "length"
+            )
+            if not given[name] > 0:
                 raise CaromError(f"table: {name} must be above 0, found {getattr(spec, name)!r}")
         for name in ("corner_mouth", "side_mouth", "corner_shelf", "side_shelf"):
-            if not number("table", name, getattr(spec, name)) >= 0:
+            given[name] = number("table", name, getattr(spec, name), "length")
+            if not given[name] >= 0:
                 raise CaromError(f"table: {name} must not be below 0, found {getattr(spec, name)!r}")
         for name in ("corner_angle", "side_angle"):
-            if not 90 <= number("table", name, getattr(spec, name)) < 180:
+            angle = number("table", name, getattr(spec, name), "angle")
+            given[name] = math.degrees(angle) if isinstance(getattr(spec, name), str) else angle
+            if not 90 <= given[name] < 180:
                 raise CaromError(
                     f"table: {name} is that between nose and facing, in degrees, from 90 to below 180,"
                     f" found {getattr(spec, name)!r}"
                 )
+        spec = replace(spec, **given)
         r = spec.ball_radius
         if not 0 < r < spec.nose_height < 2 * r:
             raise CaromError(
@@ -160,18 +169,21 @@ class Table:
             scene.outlet(low=low, high=high)
         return scene
 
-    def ball(self, scene: Scene, name: str, at: str | Sequence[float], **keys: Any) -> Sphere:
-        """Add a ball of this table at a spot, or at (x, y) m, on the bed; `keys` are those of `Scene.sphere`."""
+    def ball(self, scene: Scene, name: str, at: str | Sequence[float | str], **keys: Any) -> Sphere:
+        """Add a ball of this table at a spot, or at (x, y), on the bed; `keys` are those of `Scene.sphere`.
+
+        Coordinates are numbers in m or texts with a unit.
+        """
         if isinstance(at, str):
             if at not in self.spots:
                 raise CaromError(f"ball: no spot is called {at!r}; {did_you_mean(at, list(self.spots))}")
             at = self.spots[at]
-        x, y = place("ball", "at", at)
+        x, y = place("ball", "at", at, "length")
         r = self.spec.ball_radius
         given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, r), **keys}
         return scene.sphere(name, **given)
 
-    def cue_ball(self, scene: Scene, at: str | Sequence[float] = "head spot", **keys: Any) -> Sphere:
+    def cue_ball(self, scene: Scene, at: str | Sequence[float | str] = "head spot", **keys: Any) -> Sphere:
         """Add the ball "cue"."""
         return self.ball(scene, "cue", at, **keys)
 
@@ -180,10 +192,10 @@ class Table:
         scene: Scene,
         balls: int = 15,
         *,
-        apex: str | Sequence[float] = "foot spot",
+        apex: str | Sequence[float | str] = "foot spot",
         prefix: str = "",
-        gap: float = 0.0,
-        jitter: float = 0.0,
+        gap: float | str = 0.0,
+        jitter: float | str = 0.0,
         seed: int | None = None,
     ) -> list[Sphere]:
         """Add 3 to 15 balls, the apex towards the head of the table, named `prefix` and 1, 2, ... row by row.
@@ -194,7 +206,7 @@ class Table:
         if x is None or y is None:
             if isinstance(apex, str):
                 raise CaromError(f"rack: no spot is called {apex!r}; {did_you_mean(apex, list(self.spots))}")
-            x, y = place("rack", "apex", apex)
+            x, y = place("rack", "apex", apex, "length")
         places = rack_places(balls, self.spec.ball_radius, gap=gap, jitter=jitter, seed=seed)
         return [
             self.ball(scene, f"{prefix}{k}", (x + along, y + left))

@@ -85,6 +85,8 @@ def export(
 
     Example: carom export runs/break-1 --format mp4 --speed 0.5 --follow ball2
     """
+    import numpy as np
+
     from carom.cli.progress import counting_bar
     from carom.export import FILMS, check_format
     from carom.result import load
@@ -104,6 +106,13 @@ def export(
     film = {key: value for key, value in named.items() if value is not None}
     if film and not set(formats) & set(FILMS):
         raise CaromError(f"--{next(iter(film))} is an option of films; add --format {FILMS[0]}")
+    if (
+        contacts
+        and set(formats) - set(FILMS)
+        and not len(result.contacts)
+        and np.any(result.steps["contacts"])
+    ):
+        note("contacts were not recorded, and are left out; contacts = true in [record] keeps them")
     files = []
     for name in formats:
         with counting_bar(not (quiet or as_json) and name in FILMS, "pictures") as bar:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
 _MOST_PAIRS = 500_000  # of the points of a surface
-_ROUNDS = 3  # of choosing the part of the slope from the line fitted before
+_ROUNDS = 3  # of choosing the part of a planar slope from the line fitted before
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,6 +30,10 @@ class HeapAngle(Measure):
     """rad."""
     error: float
     """Standard error by leaving out one sector after the other (jackknife), rad."""
+    inner: float
+    """Angle of the nearer half of the used points (from the axis, or along the direction), rad; nan for too few points."""
+    outer: float
+    """Angle of the other half, rad. A straight slope has the same in both; a dome is steeper outside."""
     apex: float
     """Height at which the fitted line meets the axis (radial) or the origin (planar), m."""
     distance: F64
@@ -53,7 +57,7 @@ def heap_angle(
     centre: Sequence[float] | None = None,
     direction: Sequence[float] = (1.0, 0.0, 0.0),
     sectors: int = 12,
-    cell: float = 2.0,
+    cell: float = 1.0,
     between: tuple[float, float] = (0.2, 0.8),
 ) -> HeapAngle:
     """Angle of the free surface of a heap against the horizontal.
@@ -62,8 +66,17 @@ def heap_angle(
     `direction`. Seen from above it is cut in cells of equal area, about `cell` mean diameters wide, and the highest ball of
     each is taken for the surface: in larger cells the highest would be higher. Balls apart from the largest group (as in
     `run_out`) do not count. The line through the highest balls is that of Theil and Sen, the median of the slopes of all
-    pairs, of which a quarter may be wild. It is fitted to the part of the slope whose height, on the line, lies `between`
-    two parts of the whole: apex and foot are round. The error is from `sectors` about the axis (planar: strips along it).
+    pairs, of which a quarter may be wild. It is fitted `between` two parts of the slope (radial: of the way from the axis to
+    the foot; planar: of the height, on the line), since falling grains flatten the tip (Grasselli and Herrmann, Granular
+    Matter 3, 201, 2001) and the foot runs out in a tail (Alonso and Herrmann, Phys. Rev. Lett. 76, 4911, 1996). The error is
+    from `sectors` about the axis (planar: strips along it).
+
+    The foot is taken twice as far as half of the solid reaches, as in a cone: no single grain moves it. In cones of 22 to 26
+    degrees cut out of random packings, 18 diameters in radius, the angle is 0.05 degrees too low on average and scatters by
+    0.2, which is the stated error. The angle of a heap that is no cone depends on the part: compare `inner` and `outer`.
+
+    Raises:
+        CaromError: fewer than three balls side by side or on the slope; an unknown shape; a vertical direction.
     """
     s, _ = _deposit(snapshot(source, frame), _LOOSE)
     x, radius = s.position, s.radius
@@ -71,6 +84,7 @@ def heap_angle(
     distance, sector, aside = _seen_from_above(s, x, shape, centre, direction, sectors)
     if len(x) < 3 or np.ptp(distance) == 0.0:
         raise CaromError("a heap has at least three balls side by side; take another frame")
+    foot = 2.0 * _half(distance, s.volume)
     width = cell * 2.0 * float(radius.mean())
     row = np.floor((distance - (distance.min() if shape == "planar" else 0.0)) / width)
     if shape == "planar":
@@ -81,21 +95,53 @@ def heap_angle(
     _, place = np.unique(np.stack([row, column], axis=1), axis=0, return_inverse=True)
     top = _highest(place.ravel(), height)
     distance, height, sector = distance[top], height[top], sector[top]
+    if shape == "planar":
+        used = _on_the_line(distance, height, between)
+    else:
+        used = (distance >= between[0] * foot) & (distance <= between[1] * foot)
+    if not _enough(distance[used]):
+        raise CaromError("too few balls on the slope for a fit; give fewer sectors, or a wider `between`")
+    slope, apex = _theil_sen(distance[used], height[used])
+    near = distance <= np.median(distance[used])
+    inner, outer = (_angle(distance[k], height[k]) for k in (used & near, used & ~near))
+    angles = np.array([_angle(distance[k], height[k]) for k in _leave_one_out(used, sector)])
+    n = len(angles)
+    error = float(np.sqrt((n - 1) / n * ((angles - angles.mean()) ** 2).sum())) if n > 1 else float("nan")
+    return HeapAngle(float(np.arctan(-slope)), error, inner, outer, apex, distance, height, used)
+
+
+def _half(distance: F64, volume: F64) -> float:
+    """The distance within which half of the solid lies, m."""
+    order = np.argsort(distance)
+    total = np.cumsum(volume[order])
+    return float(distance[order][np.searchsorted(total, 0.5 * total[-1])])
+
+
+def _on_the_line(distance: F64, height: F64, between: tuple[float, float]) -> Bool:
+    """The points whose height, on the line fitted to them, lies between two parts of the whole."""
     low, high = float(np.quantile(height, 0.02)), float(height.max())
-    used = (height >= low + between[0] * (high - low)) & (height <= low + between[1] * (high - low))
+    least, most = (low + part * (high - low) for part in between)
+    used = (height >= least) & (height <= most)
     for _ in range(_ROUNDS):
-        if np.count_nonzero(used) < 3 or np.ptp(distance[used]) == 0.0:
-            raise CaromError("too few balls on the slope for a fit; give fewer sectors, or a wider `between`")
+        if not _enough(distance[used]):
+            break
         slope, apex = _theil_sen(distance[used], height[used])
         on_line = apex + slope * distance
-        chosen = (on_line >= low + between[0] * (high - low)) & (on_line <= low + between[1] * (high - low))
+        chosen = (on_line >= least) & (on_line <= most)
         if slope >= 0 or np.count_nonzero(chosen) < 3:
             break
         used = chosen
-    angles = np.arctan([-_theil_sen(distance[k], height[k])[0] for k in _leave_one_out(used, sector)])
-    n = len(angles)
-    error = float(np.sqrt((n - 1) / n * ((angles - angles.mean()) ** 2).sum())) if n > 1 else float("nan")
-    return HeapAngle(float(np.arctan(-slope)), error, apex, distance, height, used)
+    return np.asarray(used)
+
+
+def _enough(distance: F64) -> bool:
+    """Whether a line can be fitted."""
+    return len(distance) >= 3 and bool(np.ptp(distance) > 0.0)
+
+
+def _angle(distance: F64, height: F64) -> float:
+    """rad, positive where it falls; nan where no line can be fitted."""
+    return float(np.arctan(-_theil_sen(distance, height)[0])) if _enough(distance) else float("nan")
 
 
 def _deposit(s: Snapshot, loose: float) -> tuple[Snapshot, int]:

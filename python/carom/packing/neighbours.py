@@ -16,6 +16,10 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _SIDE = 1 << 20  # cells along an axis at most: three of them fit one integer
+_ALL = np.array(
+    list(product((-1, 0, 1), repeat=2))
+)  # columns of cells around one, by their steps along x and y
+_HALF = _ALL[4:]  # the own one first
 
 
 def pairs(position: F64, reach: F64, period: F64 | None = None) -> tuple[I64, I64]:
@@ -90,21 +94,21 @@ def _near(position: F64, reach: F64, real: int) -> tuple[I64, I64]:
         members = members[order]
         sorted_keys = keys[members]
         for queries, same in ((members, True), (smaller, False)):
-            for shift in product((-1, 0, 1), repeat=3):
-                if not len(queries) or (same and shift < (0, 0, 0)):
-                    continue  # the other half sees these pairs from the other side
-                wanted = keys[queries] + (shift[0] * sides[1] + shift[1]) * sides[2] + shift[2]
-                lo = np.searchsorted(sorted_keys, wanted, side="left")
-                hi = np.searchsorted(sorted_keys, wanted, side="right")
-                if same and shift == (0, 0, 0):
-                    lo = np.arange(1, len(queries) + 1)  # each pair of the cell once
-                counts = np.maximum(hi - lo, 0)
-                this = np.repeat(queries, counts)
-                start = np.repeat(lo - (np.cumsum(counts) - counts), counts)
-                other = members[start + np.arange(len(this))]
-                delta = position[this] - position[other]
-                limit = reach[this] + reach[other]
-                near = (delta * delta).sum(axis=1) <= limit * limit
-                near &= (this < real) | (other < real)
-                found.append((this[near], other[near]))
+            # Cells along z follow one another in the keys: a column of three is one range. Of one class the other half of
+            # the columns sees these pairs from the other side.
+            columns = _HALF if same else _ALL
+            wanted = keys[queries] + ((columns[:, :1] * sides[1] + columns[:, 1:]) * sides[2])
+            lo = np.searchsorted(sorted_keys, wanted - 1, side="left")
+            hi = np.searchsorted(sorted_keys, wanted + 1, side="right")
+            if same:
+                lo[0] = np.arange(1, len(queries) + 1)  # each pair of the own column once
+            counts = (hi - lo).ravel()
+            this = np.repeat(np.tile(queries, len(columns)), counts)
+            start = np.repeat(lo.ravel() - (np.cumsum(counts) - counts), counts)
+            other = members[start + np.arange(len(this))]
+            delta = position[this] - position[other]
+            limit = reach[this] + reach[other]
+            near = np.einsum("ij,ij->i", delta, delta) <= limit * limit
+            near &= (this < real) | (other < real)
+            found.append((this[near], other[near]))
     return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])

@@ -134,7 +134,7 @@ def impacts(result: Result, step: int | None = None) -> Chart:
     time = float(np.asarray(rows["time"])[0])
     most = float(max(along.max(), 1e-300))
     with styled():
-        title = f"{result.title}: impacts of step {step}, t = {time:.5g} s"
+        title = f"{result.title}: impacts of step\u00a0{step}, t\u00a0=\u00a0{time:.5g}\u00a0s"
         figure, (axes,) = panels(1, 1.1 + 0.42 * len(listed), title, _indent(listed))
         for k, pair in enumerate(pairs):
             if pair not in listed:
@@ -159,9 +159,7 @@ def impacts(result: Result, step: int | None = None) -> Chart:
         axes.set_xlim(problem.min() - 0.5, problem.max() + 0.5)
         axes.set_xticks(np.unique(problem))
         axes.set_xlabel(
-            fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(listed)).replace(
-                "\u00a0", " "
-            )
+            fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(listed))
         )
         figure.legend(loc="outside upper left", ncols=3)
     numbers: dict[str, NDArray[Any]] = {

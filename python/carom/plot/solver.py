@@ -89,7 +89,7 @@ def residuals(result: Result, step: int | None = None) -> Chart:
         )
     time = step * _step_size(result)
     with styled():
-        figure, (axes,) = panels(1, 3.4, f"{result.title}: step {step}, t = {time:.4g} s")
+        figure, (axes,) = panels(1, 3.4, f"{result.title}: step\u00a0{step}, t\u00a0=\u00a0{time:.4g}\u00a0s")
         longest = max((h[3] for h in histories), key=len)
         order = sorted(range(len(histories)), key=lambda i: -len(histories[i][3]))[:MOST_HISTORIES]
         for i, (level, problem, contacts, history) in enumerate(histories):

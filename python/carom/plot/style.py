@@ -86,8 +86,9 @@ def width() -> float:
 
 
 def fitted(text: str, indent: float = 0.6) -> str:
-    """Text broken into lines that the figure is wide enough for, less `indent` in."""
-    return textwrap.fill(text, max(16, int(LETTERS_PER_INCH * (width() - indent))))
+    """Text broken into lines that the figure is wide enough for, less `indent` in; not at no-break spaces."""
+    lines = textwrap.fill(text, max(16, int(LETTERS_PER_INCH * (width() - indent))))
+    return lines.replace("\u00a0", " ")
 
 
 @contextmanager
@@ -101,9 +102,9 @@ def styled() -> Iterator[None]:
 
 def panels(count: int, height: float, title: str, indent: float = 0.6) -> tuple[Figure, list[Axes]]:
     """A figure of `count` panels above each other that share the horizontal axis; `indent`: room at the left, in."""
-    from matplotlib.figure import Figure
+    from carom.plot.figure import Drawing
 
-    figure = Figure(figsize=(width(), height), layout="constrained")
+    figure = Drawing(figsize=(width(), height), layout="constrained")
     axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     if title:
         axes[0].set_title(fitted(title, indent), loc="left")

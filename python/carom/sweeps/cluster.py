@@ -69,8 +69,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
         ) from error
     with ExitStack() as stack:
         # A worker that is killed, or a scheduler that goes, is told here in one line and not by dask in fifty.
-        loggers = [logging.getLogger(name) for name in ("distributed", "tornado.application")]
-        for logger in loggers:
+        for logger in _loggers("distributed", "tornado.application"):
             stack.callback(logger.setLevel, logger.level)
             logger.setLevel(logging.CRITICAL)
         if scheduler is None:
@@ -95,7 +94,17 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
         yield stack.enter_context(client)
 
 
+def _loggers(*roots: str) -> list[logging.Logger]:
+    """The loggers of these names and all below them: dask gives some of the latter levels of their own."""
+    known = [
+        name for name in logging.root.manager.loggerDict if name.startswith(tuple(f"{r}." for r in roots))
+    ]
+    return [logging.getLogger(name) for name in (*roots, *known)]
+
+
 def _drive(client: Any, waiting: list[Job], done: Done) -> None:
+    from concurrent.futures import CancelledError
+
     from distributed import wait
 
     flying: dict[Any, Job] = {}
@@ -105,7 +114,8 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
         while waiting and len(flying) < AHEAD * max(1, threads):
             job = waiting.pop()
             flying[client.submit(compute, job, key=f"carom-{job.key}", pure=False, retries=1)] = job
-        with suppress(TimeoutError):
+        # Of a scheduler that is lost meanwhile, all pieces count as cancelled; what follows sees to both.
+        with suppress(TimeoutError, CancelledError):
             wait(list(flying), timeout=LOOK_SECONDS, return_when="FIRST_COMPLETED")
         if client.status != "running":
             raise CaromError(GONE)
