@@ -12,7 +12,8 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -165,9 +166,9 @@ def test_threads_and_what_is_recorded_change_no_bit(name: str, trials: Trials) -
     assert len(result.contacts) == len(result.impacts) == 0
 
 
-def lattice(layers: int, side: int = 16) -> carom.Scene:
+def lattice(layers: int, side: int = 16, speed: float = 1e-4) -> carom.Scene:
     """Square layers of touching balls, every second one smaller, each in the hollows of the one below, in a box without
-    a lid, all with small velocities: a single island that presses and slips."""
+    a lid, all with velocities up to `speed` in each direction: a single island that presses and slips."""
     rng, r = np.random.default_rng(4), 0.03125
     x = []
     for layer in range(layers):
@@ -175,7 +176,7 @@ def lattice(layers: int, side: int = 16) -> carom.Scene:
         low = -r * (n - 1)
         x += [(low + 2 * r * i, low + 2 * r * j, r + 2**0.5 * r * layer) for i in range(n) for j in range(n)]
     law = {"friction": 0.4, "restitution": 0.3}
-    return balls(x, 1e-4 * rng.uniform(-1, 1, (len(x), 3)), radius=r, mass=0.25, gravity=(0, 0, -9.8), law=law,
+    return balls(x, speed * rng.uniform(-1, 1, (len(x), 3)), radius=r, mass=0.25, gravity=(0, 0, -9.8), law=law,
                  planes=[((0, 0, 0), (0, 0, 1))], pile_tolerance=1e-3)  # fmt: skip
 
 
@@ -198,6 +199,27 @@ def test_an_island_swept_by_several_threads(trials: Trials) -> None:
     scene = lattice(10)
     assert 2048 < len(scene.names) < 3072
     check_threads(scene, 2, (8,), 6_000, trials, contacts_per_thread=1)
+
+
+def cascade_of(threads: int) -> Recorded:
+    """Balls of a lattice that fly apart and together: impact problems of hundreds of little islands for the threads."""
+    result = simulate(lattice(6, speed=0.5), until=2e-3, threads=threads, contacts=False)
+    assert column(result, "steps/impact_problems").max() > 10
+    return everything(result)
+
+
+def test_a_cascade_on_several_threads(trials: Trials) -> None:
+    one = cascade_of(1)
+    for threads in (2, 5):
+        with trials(SAME):
+            same(one, cascade_of(threads), f"{threads} threads")
+
+
+def test_a_fork_has_threads_of_its_own() -> None:
+    """The threads of the parent do not exist in a process that it forks; a run there makes new ones."""
+    one = cascade_of(2)
+    with ProcessPoolExecutor(1, mp_context=get_context("fork")) as pool:
+        assert pool.submit(cascade_of, 2).result(timeout=120) == one
 
 
 @pytest.mark.long
