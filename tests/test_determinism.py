@@ -10,9 +10,10 @@ import hashlib
 import os
 import subprocess
 import sys
+import threading
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -215,11 +216,26 @@ def test_a_cascade_on_several_threads(trials: Trials) -> None:
             same(one, cascade_of(threads), f"{threads} threads")
 
 
+def digest(recorded: Recorded) -> str:
+    total = hashlib.sha256()
+    for key, (shape, data) in sorted(recorded.items()):
+        total.update(f"{key}{shape}".encode() + data)
+    return total.hexdigest()
+
+
 def test_a_fork_has_threads_of_its_own() -> None:
     """The threads of the parent do not exist in a process that it forks; a run there makes new ones."""
-    one = cascade_of(2)
-    with ProcessPoolExecutor(1, mp_context=get_context("fork")) as pool:
-        assert pool.submit(cascade_of, 2).result(timeout=120) == one
+    here = digest(cascade_of(2))
+    context = get_context("fork")
+    there = context.SimpleQueue()
+    child = context.Process(target=lambda: there.put(digest(cascade_of(2))), daemon=True)
+    child.start()
+    waited = threading.Timer(120.0, child.kill)
+    waited.start()
+    child.join()
+    waited.cancel()
+    assert child.exitcode == 0
+    assert there.get() == here
 
 
 @pytest.mark.long
@@ -277,15 +293,8 @@ def test_runs_side_by_side_in_one_process_do_not_meet() -> None:
 
 PROGRAM = """
 import sys, test_determinism as t
-print(*map(t.digest, sys.argv[1:]))
+print(*(t.digest(t.reference(name)) for name in sys.argv[1:]))
 """
-
-
-def digest(name: str) -> str:
-    total = hashlib.sha256()
-    for key, (shape, data) in sorted(reference(name).items()):
-        total.update(f"{key}{shape}".encode() + data)
-    return total.hexdigest()
 
 
 def test_another_process_with_other_hashes_and_addresses() -> None:
@@ -294,7 +303,7 @@ def test_another_process_with_other_hashes_and_addresses() -> None:
     environment = {**os.environ, "PYTHONHASHSEED": "77", "MALLOC_PERTURB_": "77", "PYTHONPATH": path}
     command = [sys.executable, "-c", PROGRAM, *names]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == [digest(name) for name in names]
+    assert done.stdout.split() == [digest(reference(name)) for name in names]
 
 
 # ----------------------------------------------------------------------------------- the comparison can fail
