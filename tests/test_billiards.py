@@ -454,6 +454,14 @@ def test_tables_racks_and_places_take_units_as_scenes_do() -> None:
     assert given.cue_ball(scene, ("50 cm", 0.25)).position == (0.5, 0.25, plain.ball_radius)
 
 
+def test_values_print_with_range_unit_and_source() -> None:
+    lines = str(LAWS).splitlines()
+    assert len(lines) == 8
+    assert "spin_deceleration = 10 (5 to 15) rad/s^2: middle of D. Alciatore" in lines[5]
+    assert "Marlow" in lines[1]
+    assert "Marlow" not in str(replace(LAWS, ball_friction="0.06"))  # of somebody else
+
+
 def test_wrong_racks_are_told() -> None:
     for keys, said in (
         ({"balls": 2}, "3 to 15"),

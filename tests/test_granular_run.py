@@ -68,6 +68,24 @@ def test_contacts_of_a_column(rest: carom.Result) -> None:
     assert granular.fabric(rest).tensor[2, 2] == pytest.approx(1.0)
 
 
+def test_near_surfaces_are_those_of_all_walls_where_they_are() -> None:
+    # Planes counted where they began, and tubes not at all.
+    scene = column()
+    scene.plane(
+        "ceiling", point=(0, 0, 0.1), normal=(0, 0, -1), material="m",
+        motion={"translation": [0, 0, {"expression": "-0.15*t"}]},
+    )  # fmt: skip
+    scene.cylinder("tube", point=(0, 0, 0), axis=(0, 0, 1), radius=R + 1e-4, inside=True, material="m")
+    result = carom.simulate(scene)
+    np.testing.assert_array_equal(granular.coordination(result, gap=1e-6).per_ball, [2, 2, 2, 1])
+    np.testing.assert_array_equal(granular.coordination(result, gap=2e-4).per_ball, [3, 3, 3, 2])
+    np.testing.assert_array_equal(granular.coordination(result, gap=2e-4, walls=False).per_ball, [1, 2, 2, 1])
+    np.testing.assert_array_equal(
+        granular.coordination(result, gap=6e-3).per_ball, [3, 3, 3, 3]
+    )  # ceiling at 85 mm
+    np.testing.assert_array_equal(granular.coordination(result, -2, gap=6e-3).per_ball, [3, 3, 3, 2])
+
+
 def test_frames_by_number_and_time(rest: carom.Result) -> None:
     assert granular.snapshot(rest).time == pytest.approx(0.1)
     assert granular.snapshot(rest, time=0.043).time == pytest.approx(0.04)

@@ -164,6 +164,36 @@ def test_paths_from_above_between_the_cushions(result: carom.Result) -> None:
     assert radii == {0.028575}
 
 
+def test_walls_with_ends_are_drawn_where_they_are_at_the_end() -> None:
+    # Tables of carom.billiards have rectangles for cushions: their paths turned back at nothing.
+    table = carom.billiards.table("9ft")
+    scene = table.scene(until=0.4, step=1e-3)
+    carom.billiards.strike(table.cue_ball(scene), ball_speed=8.0)
+    axes = carom.simulate(scene).plot.chart("trajectories").figure.axes[0]
+    drawn = [c.get_segments() for c in axes.collections]
+    assert len(drawn) == len(scene.wall_names) - 1  # all but the bed
+    corners = np.concatenate([np.concatenate(segments) for segments in drawn])
+    assert any(np.allclose(c, (0.0, table.spec.corner_mouth / np.sqrt(2))) for c in corners)
+    left, right = axes.get_xlim()
+    assert left < 0.0 < table.spec.length < right
+
+    drum = carom.Scene("drum", gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    drum.contact("m", "m", friction=0.1, restitution=0.0)
+    drum.cylinder(
+        "tube",
+        point=(0, 0, 0),
+        axis=(0, 0, 1),
+        radius=0.1,
+        length=1.0,
+        material="m",
+        motion={"translation": [{"expression": "0.5*t"}, 0.0, 0.0]},
+    )
+    drum.sphere("ball", radius=0.02, density=1000, position=(0, 0, 0), material="m")
+    (tube,) = carom.simulate(drum).plot.chart("trajectories").figure.axes[0].collections
+    rim = np.concatenate(tube.get_segments())
+    assert np.linalg.norm(rim - (0.05, 0.0), axis=1) == pytest.approx(0.1)
+
+
 def test_strips_are_the_statuses_of_the_contacts(result: carom.Result) -> None:
     """Every frame of every contact lies in a strip of its status, and no strip reaches beyond its contact."""
     data = result.plot.chart("phases").data
@@ -313,3 +343,10 @@ def test_of_many_bodies_the_spread_is_the_same_however_few_frames_fit_the_memory
         assert thin["time (s)"][-1] == result.time[-1]  # the last frame is always in
         for name, values in columns.items():
             np.testing.assert_array_equal(thin[name], values[[*range(0, 51, 3), 50]], name)
+
+
+def test_a_notebook_shows_figures_as_pictures(result: carom.Result) -> None:
+    """Where pyplot had not been imported it showed `<Figure size 770x572 with 3 Axes>`, as in the tutorial."""
+    picture = result.plot.heights()._repr_png_()  # type: ignore[attr-defined]
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) > 2000

@@ -271,8 +271,7 @@ def heap(seed: int, rolling: float = 0.0) -> tuple[granular.HeapAngle, int]:
     assert result.summary["removed"] > (50 if rolling else 100)
     heaped = result.position[-1, :, 2] > 0  # not what has just left over the edge
     assert np.abs(result.velocity[-1, heaped]).max() < 0.01  # m/s
-    # The slope is some five diameters long: cells of the usual width leave too few points on it.
-    return granular.heap_angle(result, centre=(0.0, 0.0, 0.0), cell=1.5), result.summary["removed"]
+    return granular.heap_angle(result, centre=(0.0, 0.0, 0.0)), result.summary["removed"]
 
 
 @several_seeds

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.cases import WIDTHS, Overrides, Values
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, counted, did_you_mean
 from carom.tables import UnknownName
 
 if TYPE_CHECKING:
@@ -186,8 +186,8 @@ class Batch:
         failed = len(self) - int(self.ok.sum())
         what = f"{failed} failed" if failed else "all done"
         return (
-            f"<carom.Batch: {len(self)} cases of {len(self.names)} balls, {what};"
-            f" {self.wall_s:.3g} s on {self.threads} threads, {self.per_second:.3g} a second>"
+            f"<carom.Batch: {counted(len(self), 'case')} of {counted(len(self.names), 'ball')}, {what};"
+            f" {self.wall_s:.3g} s on {counted(self.threads, 'thread')}, {self.per_second:.3g} a second>"
         )
 
     def _repr_html_(self) -> str:

@@ -2,6 +2,7 @@
 
 import { decode, type Packed } from "./codec";
 import type { Vec } from "./run";
+import { norm } from "./vec";
 
 export const enum Status {
   Open,
@@ -77,7 +78,7 @@ export abstract class Pairs {
   }
   size(row: number): number {
     const { vector } = this;
-    return Math.hypot(vector[3 * row], vector[3 * row + 1], vector[3 * row + 2]);
+    return norm(vector[3 * row], vector[3 * row + 1], vector[3 * row + 2]);
   }
 
   /** The size that `share` of all rows do not exceed. */

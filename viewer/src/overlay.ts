@@ -8,6 +8,7 @@ import { Links } from "./links";
 import { MOST_NUMBERED, linear, type Look } from "./palette";
 import type { Run, Vec } from "./run";
 import { Sticks, type Tint } from "./sticks";
+import { norm } from "./vec";
 import type { World } from "./world";
 import { Trails, type TrailLength } from "./trails";
 
@@ -62,6 +63,9 @@ export class Overlay {
   private readonly rods: Sticks;
   /** Diagonal of the scene. */
   private readonly extent: number;
+  /** Of the arrow or bar at hand: thousands a picture, so none makes objects of its own. */
+  private readonly at: Vec = [0, 0, 0];
+  private readonly way: Vec = [0, 0, 0];
   private readonly reference: { velocity: number; contact: number; impact: number };
 
   constructor(
@@ -122,13 +126,16 @@ export class Overlay {
     let largest = 0;
     for (let n = 0; n < run.count; n++) {
       if (!run.present(n)) continue;
-      const v = run.velocityOf(n);
-      const speed = Math.hypot(...v);
+      const v = run.velocityOf(n, run.frame, this.way);
+      const speed = norm(v[0], v[1], v[2]);
       largest = Math.max(largest, speed);
       if (speed <= 1e-4 * this.reference.velocity) continue;
       const s = length / this.reference.velocity;
-      const at: Vec = [run.centre[4 * n], run.centre[4 * n + 1], run.centre[4 * n + 2]];
-      this.arrows.arrow(at, [s * v[0], s * v[1], s * v[2]], 0.14 * world.size, VELOCITY);
+      for (let k = 0; k < 3; k++) {
+        this.at[k] = run.centre[4 * n + k];
+        v[k] *= s;
+      }
+      this.arrows.arrow(this.at, v, 0.14 * world.size, VELOCITY);
     }
     this.largest.velocity = largest;
   }
@@ -148,7 +155,7 @@ export class Overlay {
       largest = Math.max(largest, size);
       if (size < (chains ? 0.02 : 1e-4) * this.reference.contact) continue;
       if (chains) this.chain(row, first, size / this.reference.contact);
-      else this.pair(contacts, row, this.reference.contact, touch(contacts, row, run.centre, 4 * first, run.radius[first], [0, 0, 0]));
+      else this.pair(contacts, row, this.reference.contact, touch(contacts, row, run.centre, 4 * first, run.radius[first], this.at));
     }
     this.largest.contact = largest;
   }
@@ -157,25 +164,29 @@ export class Overlay {
     const contacts = this.run.contacts!;
     const { centre, radius } = this.run;
     const second = contacts.second(row);
-    const at: Vec = [centre[4 * first], centre[4 * first + 1], centre[4 * first + 2]];
     const reach = radius[first] + (second >= 0 ? radius[second] : 0);
-    const end = at.map((c, k) => c - reach * contacts.normal(row, k)) as Vec;
+    for (let k = 0; k < 3; k++) {
+      this.at[k] = centre[4 * first + k];
+      this.way[k] = this.at[k] - reach * contacts.normal(row, k);
+    }
     this.cut ||= share > LONGEST;
-    this.arrows.rod(at, end, 0.3 * this.world.size * this.shown.scale * Math.min(share, LONGEST), TINTS[contacts.status(row)]);
+    this.arrows.rod(this.at, this.way, 0.3 * this.world.size * this.shown.scale * Math.min(share, LONGEST), TINTS[contacts.status(row)]);
   }
 
   /** What acts on the first ball, and its opposite on the second, if that is a ball. */
   private pair(pairs: Pairs, row: number, reference: number, at: Vec): void {
-    const { run, world } = this;
-    const { vector } = pairs;
-    const [first, second, tint] = [pairs.first(row), pairs.second(row), TINTS[pairs.status(row)]];
+    const { run, world, way } = this;
+    const first = pairs.first(row);
+    const tint = TINTS[pairs.status(row)];
     const share = pairs.size(row) / reference;
     this.cut ||= share > LONGEST;
     const s = (Math.min(LENGTH * world.size, 0.4 * this.extent) * this.shown.scale * Math.min(1, LONGEST / share)) / reference;
-    const way: Vec = [s * vector[3 * row], s * vector[3 * row + 1], s * vector[3 * row + 2]];
+    for (let k = 0; k < 3; k++) way[k] = s * pairs.vector[3 * row + k];
     const thick = 0.13 * Math.min(world.size, run.radius[first]);
     this.arrows.arrow(at, way, thick, tint);
-    if (second >= 0) this.arrows.arrow(at, [-way[0], -way[1], -way[2]], thick, tint);
+    if (pairs.second(row) < 0) return;
+    for (let k = 0; k < 3; k++) way[k] = -way[k];
+    this.arrows.arrow(at, way, thick, tint);
   }
 
   private impacts(hold: number): void {

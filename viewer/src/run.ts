@@ -4,6 +4,7 @@ import { decode, unpack, type Packed } from "./codec";
 import { Contacts, Energies, Impacts, type HappeningArrays } from "./happenings";
 import type { Link } from "./links";
 import { Poses } from "./poses";
+import { norm } from "./vec";
 
 export type Vec = [number, number, number];
 
@@ -82,6 +83,8 @@ export class Run {
   private readonly velocity: Int32Array | undefined;
   private readonly spin: Int32Array | undefined;
   private readonly there: Int32Array | undefined;
+  /** Spin of the body at hand. */
+  private readonly rate: Vec = [0, 0, 0];
   /** What folds a centre back into a periodic world, as of the sampled time. */
   private readonly shift: Float64Array;
 
@@ -201,16 +204,16 @@ export class Run {
     }
   }
 
-  /** Attitude of body n, a fraction s from this frame to the next. */
+  /** Attitude of body n, a fraction s from this frame to the next. For each ball of each picture: makes no objects unless it spins fast. */
   private turn(n: number, next: number, span: number, s: number): void {
     const q = this.orientation;
     const out = this.attitude;
     const i = 4 * (this.count * this.frame + n);
     const j = 4 * (this.count * next + n);
-    const [ax, ay, az, aw] = [q[i] / 32767, q[i + 1] / 32767, q[i + 2] / 32767, q[i + 3] / 32767];
-    const [bx, by, bz, bw] = [q[j] / 32767, q[j + 1] / 32767, q[j + 2] / 32767, q[j + 3] / 32767];
+    const ax = q[i] / 32767, ay = q[i + 1] / 32767, az = q[i + 2] / 32767, aw = q[i + 3] / 32767;
+    const bx = q[j] / 32767, by = q[j + 1] / 32767, bz = q[j + 2] / 32767, bw = q[j + 3] / 32767;
     const rate = this.meanSpin(n, next);
-    const predicted = rate ? Math.hypot(...rate) * span : 0;
+    const predicted = rate ? norm(rate[0], rate[1], rate[2]) * span : 0;
     if (predicted < 2.5) {
       // Up to here the short way round is the way it went; neighbouring signs agree (see codec.py).
       const dot = ax * bx + ay * by + az * bz + aw * bw;
@@ -247,7 +250,8 @@ export class Run {
     const half = 0.5 * this.facts.arrays.angular_velocity!.step!;
     const i = 3 * (this.count * this.frame + n);
     const j = 3 * (this.count * next + n);
-    return [half * (spin[i] + spin[j]), half * (spin[i + 1] + spin[j + 1]), half * (spin[i + 2] + spin[j + 2])];
+    for (let k = 0; k < 3; k++) this.rate[k] = half * (spin[i + k] + spin[j + k]);
+    return this.rate;
   }
 
   /** Position of body n in the scene's own coordinates. */
@@ -255,19 +259,22 @@ export class Run {
     return [0, 1, 2].map((k) => this.centre[4 * n + k] + this.origin[k] + (this.shift[3 * n + k] ?? 0)) as Vec;
   }
 
-  /** Velocity of body n: as recorded at the frame shown, or the difference to the next one. */
-  velocityOf(n: number, frame = this.frame): Vec {
-    if (this.velocity) return this.recorded(this.velocity, this.facts.arrays.velocity!.step!, n, frame);
-    const [i, span] = this.interval(frame);
+  /** Velocity of body n, into `out`: as recorded at the frame shown, or the difference to the next one. */
+  velocityOf(n: number, frame = this.frame, out: Vec = [0, 0, 0]): Vec {
+    if (this.velocity) return this.recorded(this.velocity, this.facts.arrays.velocity!.step!, n, frame, out);
+    const i = this.begin(frame);
+    const span = this.span(i);
     const scale = span > 0 ? this.facts.arrays.position.step! / span : 0;
     const at = 3 * (this.count * i + n);
-    return [0, 1, 2].map((k) => scale * (this.position[at + 3 * this.count + k] - this.position[at + k])) as Vec;
+    for (let k = 0; k < 3; k++) out[k] = scale * (this.position[at + 3 * this.count + k] - this.position[at + k]);
+    return out;
   }
 
   /** Spatial angular velocity of body n, likewise; differences cannot tell whole turns. */
   spinOf(n: number, frame = this.frame): Vec {
-    if (this.spin) return this.recorded(this.spin, this.facts.arrays.angular_velocity!.step!, n, frame);
-    const [i, span] = this.interval(frame);
+    if (this.spin) return this.recorded(this.spin, this.facts.arrays.angular_velocity!.step!, n, frame, [0, 0, 0]);
+    const i = this.begin(frame);
+    const span = this.span(i);
     if (span <= 0) return [0, 0, 0];
     const q = this.orientation;
     const a = 4 * (this.count * i + n);
@@ -279,14 +286,19 @@ export class Run {
     return [x * scale, y * scale, z * scale];
   }
 
-  private interval(frame: number): [number, number] {
-    const i = Math.min(frame, Math.max(0, this.frames - 2));
-    return this.frames > 1 ? [i, this.time[i + 1] - this.time[i]] : [0, 0];
+  /** The frame at which the interval of a frame begins: its own, but for the last. */
+  private begin(frame: number): number {
+    return Math.min(frame, Math.max(0, this.frames - 2));
   }
 
-  private recorded(values: Int32Array, step: number, n: number, frame: number): Vec {
+  private span(frame: number): number {
+    return this.frames > 1 ? this.time[frame + 1] - this.time[frame] : 0;
+  }
+
+  private recorded(values: Int32Array, step: number, n: number, frame: number, out: Vec): Vec {
     const at = 3 * (this.count * frame + n);
-    return [step * values[at], step * values[at + 1], step * values[at + 2]];
+    for (let k = 0; k < 3; k++) out[k] = step * values[at + k];
+    return out;
   }
 }
 
@@ -305,7 +317,7 @@ function turnBetween(
 }
 
 function write(out: Float32Array, at: number, x: number, y: number, z: number, w: number): void {
-  const scale = 1 / (Math.hypot(x, y, z, w) || 1);
+  const scale = 1 / (Math.sqrt(x * x + y * y + z * z + w * w) || 1);
   out[at] = x * scale;
   out[at + 1] = y * scale;
   out[at + 2] = z * scale;

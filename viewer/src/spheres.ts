@@ -90,10 +90,13 @@ export class Spheres {
     const { centre, attitude } = this.run;
     const { order, away } = this;
     for (const n of order) {
-      const [x, y, z] = [centre[4 * n] - eye.x, centre[4 * n + 1] - eye.y, centre[4 * n + 2] - eye.z];
+      const x = centre[4 * n] - eye.x;
+      const y = centre[4 * n + 1] - eye.y;
+      const z = centre[4 * n + 2] - eye.z;
       away[n] = x * x + y * y + z * z - centre[4 * n + 3] ** 2;
     }
-    order.sort((a, b) => away[a] - away[b]); // nearly in order already, which the sort makes use of
+    // Nearly in order already, which the sort makes use of. Differences would be made into objects.
+    order.sort((a, b) => (away[a] < away[b] ? -1 : away[a] > away[b] ? 1 : 0));
     gather(this.centre, centre, order);
     gather(this.attitude, attitude, order);
     gather(this.look, this.looksOf, order);

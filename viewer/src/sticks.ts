@@ -49,11 +49,11 @@ export class Sticks {
 
   /** From `at` by `way`; thinner where it is short, so that a short arrow is still one. */
   arrow(at: Vec, way: Vec, radius: number, tint: Tint): void {
-    this.put(at, [at[0] + way[0], at[1] + way[1], at[2] + way[2]], radius, tint, 1);
+    this.put(at, at[0] + way[0], at[1] + way[1], at[2] + way[2], radius, tint, 1);
   }
 
   rod(from: Vec, to: Vec, radius: number, tint: Tint): void {
-    this.put(from, to, radius, tint, 0);
+    this.put(from, to[0], to[1], to[2], radius, tint, 0);
   }
 
   /** Hands over what was put since `clear`. */
@@ -69,15 +69,17 @@ export class Sticks {
     }
   }
 
-  private put(from: Vec, to: Vec, radius: number, tint: Tint, head: number): void {
-    if (from[0] === to[0] && from[1] === to[1] && from[2] === to[2]) return;
+  private put(from: Vec, x: number, y: number, z: number, radius: number, tint: Tint, head: number): void {
+    if (from[0] === x && from[1] === y && from[2] === z) return;
     if (4 * this.count === this.tail.length) this.grow(2 * this.count);
     const at = 4 * this.count;
     for (let k = 0; k < 3; k++) {
       this.tail[at + k] = from[k];
-      this.tip[at + k] = to[k];
       this.tint[3 * this.count + k] = tint[k];
     }
+    this.tip[at] = x;
+    this.tip[at + 1] = y;
+    this.tip[at + 2] = z;
     this.tail[at + 3] = radius;
     this.tip[at + 3] = head;
     this.count++;

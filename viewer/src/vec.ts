@@ -10,6 +10,8 @@ export const cross = (a: Vec, b: Vec): Vec => [
   a[2] * b[0] - a[0] * b[2],
   a[0] * b[1] - a[1] * b[0],
 ];
+/** For each ball of each picture: other than Math.hypot it makes no objects. */
+export const norm = (x: number, y: number, z: number): number => Math.sqrt(x * x + y * y + z * z);
 export const unit = (a: Vec): Vec => scale(a, 1 / (Math.hypot(...a) || 1));
 
 /** Two directions that span the plane with normal n, the first as near to the widest axis as can be. */

@@ -48,9 +48,9 @@ def scale(block: Block) -> F64:
     return np.asarray(np.nansum(each, axis=1))
 
 
-def _potential(block: Block, near: Near) -> F64 | None:
-    """Potential energy at the second frame, (B,), J; None where the frames do not tell it."""
-    run = block.run
+def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
+    """Potential energy at the second frame, (B,), J, and the rounding of that of springs; None where frames do not tell it."""
+    run, rounding = block.run, np.zeros(block.count)
     present = np.asarray(run.result.present[block.first : block.first + block.count])
     found = -np.where(present, run.mass * (np.nan_to_num(block.x1) @ run.gravity), 0.0).sum(axis=1)
     if run.method == "penalty":
@@ -66,19 +66,25 @@ def _potential(block: Block, near: Near) -> F64 | None:
         found = found + np.bincount(near.k, each, minlength=block.count)
     for load in run.loads:
         if load["kind"] == "spring":
-            found = found + _spring(load, block.x1, block.q1)
-    return np.asarray(found)
+            of_spring, off = _spring(load, block.x1, block.q1)
+            found, rounding = found + of_spring, rounding + off
+    return np.asarray(found), rounding
 
 
-def _spring(load: dict[str, Any], x: F64, q: F64) -> F64:
-    """Potential energy of a spring for places (B, N, 3) and orientations (B, N, 4), (B,), J."""
-    ends = []
+def _spring(load: dict[str, Any], x: F64, q: F64) -> tuple[F64, F64]:
+    """Potential energy of a spring for places (B, N, 3) and orientations (B, N, 4), (B,), J, and its rounding: its length is
+    known to one of the coordinates.
+    """
+    ends: list[F64] = []
+    extent = np.full(len(x), abs(float(load["rest_length"])))
     for side in "ab":
         body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)
         at = np.broadcast_to(arm, (len(x), 3))
         ends.append(at if body < 0 else x[:, body] + rotated(q[:, body], at))
+        extent = extent + norm(ends[-1]) + norm(arm)
     stretch = norm(ends[0] - ends[1]) - float(load["rest_length"])
-    return np.asarray(0.5 * float(load["stiffness"]) * stretch**2)
+    stiff, off = float(load["stiffness"]), 8.0 * EPS * extent
+    return np.asarray(0.5 * stiff * stretch**2), np.asarray(stiff * off * (np.abs(stretch) + off))
 
 
 def _last(block: Block, name: str) -> F64:
@@ -86,16 +92,17 @@ def _last(block: Block, name: str) -> F64:
     return np.asarray(block.run.steps[name][block.s1 - 1], dtype=np.float64)
 
 
-def _record(block: Block, tally: Tally, motion: F64, potential: F64 | None) -> None:
+def _record(block: Block, tally: Tally, motion: F64, told: tuple[F64, F64] | None) -> None:
     """Bound: rounding of a sum over all bodies, in any order."""
     run = block.run
     bound = EPS * (16.0 + run.bodies) * scale(block) + 1e-300
     tally.measure("energy record", np.abs(_last(block, "energy_kinetic") - motion), bound, block.place)
-    if potential is None:
+    if told is None:
         why = "the potential of springs of friction, and of contacts with curved walls, is not in the frames"
         tally.skip("energy record", why, "use nsga or moreau", block.count)
         return
-    size = bound + 16.0 * EPS * np.abs(potential)
+    potential, rounding = told
+    size = bound + 16.0 * EPS * np.abs(potential) + rounding
     if run.method == "penalty":
         # An indentation is known to a rounding of the coordinates, its energy to that over the indentation.
         size = size + 1e-9 * np.abs(potential) + 1e-9 * motion
@@ -166,7 +173,9 @@ def _at_start(run: Run) -> tuple[float, float]:
     here = np.asarray(run.result.present[0])
     motion = 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w))
     height = -run.mass * (np.nan_to_num(x) @ run.gravity)
-    springs = sum(float(_spring(load, x[None], q[None])[0]) for load in run.loads if load["kind"] == "spring")
+    springs = sum(
+        float(_spring(load, x[None], q[None])[0][0]) for load in run.loads if load["kind"] == "spring"
+    )
     return float(np.where(here, motion, 0.0).sum()), float(np.where(here, height, 0.0).sum()) + springs
 
 
@@ -201,7 +210,8 @@ def rises(run: Run, tally: Tally) -> None:
     for it moves bodies by the mean of velocities. Penalty: what its integration swings by, `(pi/resolution)^2/4`. Works of
     moving walls are exact for constant velocities, else off by the share by which these change in the step; those of
     springs, drag and joints by the change of power within it, which the second difference of the kinetic energy shows, and
-    by those of the steps before as long as the filter remembers them (`loads.remembered`).
+    by those of the steps before as long as the filter remembers them (`loads.remembered`); in an impact, after which the
+    kinetic energy may be what it was, by `_grip` of it in a step.
     """
     s, o = run.steps, run.options
     h = run.h
@@ -230,8 +240,31 @@ def rises(run: Run, tally: Tally) -> None:
     if run.joints or run.loads:
         second = np.pad(np.abs(np.diff(kinetic, n=2)), 1, mode="edge" if len(kinetic) > 2 else "constant")
         bound = bound + remembered(run, np.maximum(second[1:], second[:-1]))
+        jump = np.where(s["impact_problems"] > 0, h * motion * _grip(run), 0.0)
+        bound = bound + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
     bound = bound + _unsteady(run) * np.abs(s["energy_work"])
     tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
+
+
+def _grip(run: Run) -> float:
+    """Most power by which an impact can change that of springs and drag, over the kinetic energy `K`, 1/s.
+
+    No end of a damper is faster than `sqrt(2 K) u`, `u = 1/sqrt(m_A) + arm/sqrt(I_A)` and the same of B. So an impact
+    changes its force by `2 c sqrt(2 K) u` at most, and its power by `4 c u^2 K`; a spring, whose points it moves for a step,
+    by as much with `k h` for `c`.
+    """
+    found = 0.0
+    for load in run.loads:
+        if load["kind"] == "drag":
+            body = int(load["body"])
+            found += 4.0 * (load["translation"] / run.mass[body] + load["rotation"] / run.inertia[body])
+        elif load["kind"] == "spring":
+            ends = [
+                (int(load[side]), norm(np.asarray(load[f"arm_{side}"], dtype=np.float64))) for side in "ab"
+            ]
+            each = [run.mass[i] ** -0.5 + arm * run.inertia[i] ** -0.5 for i, arm in ends if i >= 0]
+            found += 4.0 * (load["damping"] + load["stiffness"] * run.h) * float(sum(each)) ** 2
+    return float(found)
 
 
 def _unsteady(run: Run) -> F64:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 INCH = 0.0254
 OUNCE = 0.028349523125
@@ -27,6 +27,11 @@ class Value:
     source: str
     low: float | None = None
     high: float | None = None
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        usual = "" if self.low is None or self.high is None else f" ({self.low:g} to {self.high:g})"
+        return f"{self.value:g}{usual}{unit}: {self.source}"
 
 
 TIPS: dict[str, Value] = {
@@ -121,6 +126,18 @@ class Laws:
     cushion_restitution: Value = Value(0.85, "1", f"the paper, section 5.6; {POOLTOOL}", 0.6, 0.9)
     """Of the speed across the rail of a ball on the bed. Mathavan's 0.98 belongs to another law, of the energy."""
     cushion_friction: Value = Value(0.14, "1", f"{MATHAVAN_CUSHION}; upper end: {POOLTOOL}", 0.14, 0.2)
+
+    def __str__(self) -> str:
+        """A line for each value: the usual range, the unit, the source."""
+        lines = []
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, str):
+                value = f"{value}, v the slip speed in m/s" + (
+                    f": {MARLOW}" if value == field.default else ""
+                )
+            lines.append(f"{field.name} = {value}")
+        return "\n".join(lines)
 
     def rolling_radius(self, radius: float) -> float:
         """rho, m: a ball that rolls under the moment rho N slows down by 5 rho g/(7 r)."""

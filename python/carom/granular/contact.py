@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -97,15 +98,22 @@ def _count(first: I64, second: I64, n: int) -> I64:
 
 
 def _near(s: Snapshot, gap: float) -> tuple[I64, I64]:
-    """Pairs of balls, and of balls and half-spaces, whose surfaces are nearer than `gap`."""
+    """Pairs of balls, and of balls and walls, whose surfaces are nearer than `gap`."""
     n, there = len(s.radius), s.present
     a, b = pairs(s.position[there], s.radius[there] + 0.5 * gap, s.period)
     first, second = [there[a]], [there[b]]
-    for k, (point, normal) in enumerate(zip(*s.planes, strict=True) if s.planes is not None else ()):
-        near = there[(s.position[there] - point) @ normal - s.radius[there] <= gap]
+    walls = s.walls
+    if walls is None:
+        walls = tuple(_half_space(*plane) for plane in zip(*s.planes, strict=True)) if s.planes else ()
+    for k, distance in enumerate(walls):
+        near = there[distance(s.position[there], s.radius[there]) <= gap]
         first.append(near)
         second.append(np.full(len(near), n + k))
     return np.concatenate(first), np.concatenate(second)
+
+
+def _half_space(point: F64, normal: F64) -> Callable[[F64, F64], F64]:
+    return lambda centre, radius: np.asarray((centre - point) @ normal - radius)
 
 
 @dataclass(frozen=True, repr=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from carom.touching import closed
 
 if TYPE_CHECKING:
     from carom.result import Result
+    from carom.walls import Wall
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -66,6 +68,8 @@ class Snapshot:
     contacts: Contacts | None = None
     planes: tuple[F64, F64] | None = None
     """Points (P, 3), m, and unit normals (P, 3) of half-spaces."""
+    walls: tuple[Callable[[F64, F64], F64], ...] | None = None
+    """In place of `planes` for each wall a function of centres (K, 3) and radii (K,) that returns gaps (K,), all in m."""
     time: float = 0.0
     """s."""
     gravity: F64 | None = None
@@ -172,7 +176,7 @@ def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None =
         missing = "they are summed since the frame before: take frame 1 or a later one"
     else:
         contacts = _contacts(source, frame, float(times[frame] - times[frame - 1]))
-    bodies, planes = source.bodies, source.planes
+    bodies = source.bodies
     return Snapshot(
         position=np.asarray(source.position[frame]),
         radius=np.asarray(bodies["radius"]),
@@ -181,12 +185,17 @@ def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None =
         inertia=np.asarray(bodies["inertia"]),
         angular_velocity=np.asarray(source.angular_velocity[frame]),
         contacts=contacts,
-        planes=(np.asarray(planes["point"]), np.asarray(planes["normal"])),
+        walls=tuple(_distance(wall, float(times[frame])) for wall in source.walls.values()),
         time=float(times[frame]),
         gravity=source.gravity,
         period=source.periodic,
         missing=missing,
     )
+
+
+def _distance(wall: Wall, time: float) -> Callable[[F64, F64], F64]:
+    """The gap of balls to a wall where it is at a time, s."""
+    return lambda centre, radius: wall.gap(centre, radius, np.full(len(radius), time))
 
 
 def _unrecorded(result: Result) -> bool:

@@ -32,6 +32,12 @@ MOST_BALLS = 4
 BINS = 40
 #: Bands of a parameter.
 BANDS = 15
+#: Kinds of columns of the final state that are drawn, the simplest first.
+END = ("position", "velocity")
+#: Share that is explained of a column by chance, with few cases and many parameters.
+TOLD = 0.3
+#: What is left out of the choice: spans below this, in SI units or of the widest of the kind, and greater rank correlations.
+LEAST, LEAST_SHARE, ALIKE = 1e-9, 0.01, 0.97
 #: Cases from which on medians are drawn.
 LINED = 20
 
@@ -60,7 +66,10 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
 
 
 def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
-    """Each column against each parameter that varies: one dot per case, and the median in bands of the parameter."""
+    """Each column against each parameter that varies: one dot per case, the median in bands of it, and what it explains.
+
+    The number above a panel is the share of the variance of the column's ranks that lies between bands of the parameter.
+    """
     chosen = chosen_columns(sweep, columns)[:4]
     varied = [name for name in sweep.parameters if np.ptp(np.asarray(sweep[name], float)) > 0][:4]
     varied = varied or sweep.parameters[:1]
@@ -70,10 +79,10 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     size = 1.6 if len(rows) > 1000 else 3.0 if lined else 7.0  # points; a few dots are to be seen
     numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows]}
     with styled():
-        from matplotlib.figure import Figure
+        from carom.plot.figure import Drawing
 
         height = 1.5 * len(chosen) + 0.7
-        figure = Figure(figsize=(width(), height), layout="constrained")
+        figure = Drawing(figsize=(width(), height), layout="constrained")
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
             y = np.asarray(sweep[column], float)
@@ -86,19 +95,28 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
                     x[rows], y[rows], ".", color=COLOURS[0], markersize=size, alpha=0.45, rasterized=True
                 )
                 _median(axis, x[sweep.ok], y[sweep.ok])
+                if lined:
+                    share = explained(_some(sweep, name), _ranks(_some(sweep, column)))
+                    numbers[f"{column}: explained by {name}"] = _filled(np.array([share]), len(rows))
+                    axis.set_title(f"{share:.0%}", loc="right", color=GREY, fontsize=8, pad=2)
                 if j == 0:
                     axis.set_ylabel(sweep.label(column))
                 if i == len(chosen) - 1:
                     axis.set_xlabel(sweep.label(name))
                     axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
-        figure.suptitle(_title(sweep) + "; line: median" * lined, x=0.01, ha="left", fontsize=9)
+        figure.suptitle(
+            _title(sweep) + "; line: median; %: what the parameter explains" * lined,
+            x=0.01,
+            ha="left",
+            fontsize=9,
+        )
     return Chart(figure, numbers)
 
 
 def places(sweep: Sweep, by: str | None = None) -> Chart:
     """Where up to four balls end, seen from above, m: dots coloured by the parameter `by`, or that which tells most."""
-    from matplotlib.figure import Figure
+    from carom.plot.figure import Drawing
 
     names = [name.removesuffix(".position.x") for name in sweep.columns if name.endswith(".position.x")][
         :MOST_BALLS
@@ -115,7 +133,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
         lines = -(-len(names) // columns)
         spans = [np.ptp(np.concatenate([sweep[f"{n}.position.{x}"][rows] for n in names])) for x in letters]
         tall = float(np.clip(spans[1] / max(spans[0], 1e-12), 0.3, 1.2))
-        figure = Figure(
+        figure = Drawing(
             figsize=(width(), 0.9 + lines * (0.45 + tall * 0.85 * width() / columns)), layout="constrained"
         )
         axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
@@ -135,25 +153,46 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
 
 
 def _telling(sweep: Sweep, columns: Sequence[str]) -> str:
-    """The parameter whose bands explain most of the variance of some column, on the average over them."""
-    share = {}
-    for name in sweep.parameters:
-        x = np.asarray(sweep[name], float)[sweep.ok]
+    """The parameter that explains most of some columns, on the average over them."""
+    ranks = [_ranks(_some(sweep, column)) for column in columns]
+    return max(sweep.parameters, key=lambda name: sum(explained(_some(sweep, name), rank) for rank in ranks))
+
+
+def explained(x: F64, y: F64) -> float:
+    """The share of the variance of `y`, (n,), that its means in bands of `x`, (n,), have: its first-order Sobol' index.
+
+    Of ranks as `y`, outliers weigh no more than others. Source: Saltelli et al., Global Sensitivity Analysis (2008), 4.5.
+    """
+    keep = np.isfinite(x) & np.isfinite(y)
+    x, y = x[keep], y[keep]
+    if len(y) == 0 or np.var(y) == 0:
+        return 0.0
+    distinct, place = np.unique(x, return_inverse=True)
+    if len(distinct) > BANDS:
         edges = np.unique(np.quantile(x, np.linspace(0, 1, BANDS + 1)))[1:-1]
-        band = np.searchsorted(edges, x, side="right")
-        count = np.maximum(np.bincount(band, minlength=BANDS), 1)
-        found = []
-        for column in columns:
-            y = np.asarray(sweep[column], float)[sweep.ok]
-            if np.var(y) > 0:
-                mean = np.bincount(band, y, minlength=BANDS) / count
-                found.append(np.var(mean[band]) / np.var(y))
-        share[name] = float(np.mean(found)) if found else 0.0
-    return max(share, key=lambda name: share[name])
+        place = np.searchsorted(edges, x, side="right")
+    count = np.bincount(place)
+    mean = np.bincount(place, y) / np.maximum(count, 1)
+    return float(np.var(mean[place]) / np.var(y))
+
+
+def _ranks(values: F64) -> F64:
+    """From 1; equal values share the mean of theirs, and what is not a number has none."""
+    found = np.full(len(values), np.nan)
+    finite = np.isfinite(values)
+    _, place, count = np.unique(values[finite], return_inverse=True, return_counts=True)
+    found[finite] = (np.cumsum(count) - 0.5 * (count - 1))[place]
+    return found
+
+
+def _some(sweep: Sweep, name: str) -> F64:
+    """A column over the cases that reached their end; of very many an evenly spread part, enough to rank columns by."""
+    rows = np.flatnonzero(sweep.ok)
+    return np.asarray(sweep[name], float)[rows[:: max(1, -(-len(rows) // MOST_DOTS))]]
 
 
 def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
-    """The columns to draw: those named, or what a measure gave, or the energy and the places at the end."""
+    """The columns to draw: those named, or what a measure gave and of the end what the parameters tell most about."""
     if columns:
         for name in columns:
             if name not in sweep.columns:
@@ -163,12 +202,47 @@ def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
         return list(columns)
     free = [name for name in sweep.columns if name not in {*RESERVED, *sweep.parameters} - {"energy_final"}]
     measured = [name for name in free if name.count(".") < 2 and name != "energy_final"]
-    places = [name for name in free if ".position." in name]
-    found = [
-        name for name in (*measured, "energy_final", *places) if name in free and len(_finite(sweep, name))
-    ]
-    varying = [name for name in found if np.ptp(_finite(sweep, name)) > 1e-9]
-    return (varying or found)[:MOST_COLUMNS]
+    found = [name for name in measured if len(_finite(sweep, name))]
+    varying = [name for name in found if _span(sweep, name) > LEAST]
+    return ((varying or found) + _of_the_end(sweep, free))[:MOST_COLUMNS]
+
+
+def _of_the_end(sweep: Sweep, free: Sequence[str]) -> list[str]:
+    """Places and velocities at the end, that first whose order over the cases the parameters explain best, and the energy.
+
+    The energy follows from the speeds that were given, whatever happened; so it comes after all of which something is told.
+
+    Left out are columns that hardly vary beside others of their kind, and those that repeat one before them, as the
+    velocity of a ball that rolled on does its place.
+    """
+    order: dict[str, F64] = {}
+    for kind in END:
+        spans = {name: _span(sweep, name) for name in free if f".{kind}." in name}
+        least = max(LEAST, LEAST_SHARE * max(spans.values(), default=0.0))
+        order |= {name: _ranks(_some(sweep, name)) for name, span in spans.items() if span > least}
+    varied = {name: _some(sweep, name) for name in sweep.parameters}
+    # Rounded, so that of equally well explained ones the simpler kind comes first.
+    worth = {name: round(sum(explained(x, y) for x in varied.values()), 2) for name, y in order.items()}
+    chosen: list[str] = []
+    for name in sorted(order, key=lambda name: -worth[name]):
+        if len(chosen) == MOST_COLUMNS - 1:
+            break
+        if not any(_alike(order[name], order[other]) for other in chosen):
+            chosen.append(name)
+    told = [name for name in chosen if worth[name] > TOLD]
+    energy = ["energy_final"] * (not chosen or _span(sweep, "energy_final") > LEAST)
+    return told + energy + chosen[len(told) :]
+
+
+def _span(sweep: Sweep, name: str) -> float:
+    return float(np.ptp(values)) if len(values := _finite(sweep, name)) else 0.0
+
+
+def _alike(a: F64, b: F64) -> bool:
+    keep = np.isfinite(a) & np.isfinite(b)
+    if keep.sum() < LINED:  # a few cases are alike by chance
+        return False
+    return bool(abs(np.corrcoef(a[keep], b[keep])[0, 1]) > ALIKE)
 
 
 def _title(sweep: Sweep) -> str:
@@ -211,11 +285,11 @@ def _median(axis: Axes, x: F64, y: F64) -> None:
 
 
 def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
-    from matplotlib.figure import Figure
+    from carom.plot.figure import Drawing
 
     columns = 1 if count == 1 else 2 if count in (2, 4) else 3
     rows = -(-count // columns)
-    figure = Figure(figsize=(width(), height * rows + 0.4), layout="constrained")
+    figure = Drawing(figsize=(width(), height * rows + 0.4), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axis in axes[count:]:
         axis.set_visible(False)

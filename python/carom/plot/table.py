@@ -12,6 +12,7 @@ from carom.errors import CaromError
 from carom.plot.motion import MOST_LINES, blocks, level_axes, selection, shown_frames
 from carom.plot.style import COLOURS, DASHES, GREY, Chart, fitted, legend, styled, width
 from carom.rotations import upward
+from carom.surfaces import surfaces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,27 +60,37 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
 
 
 def _sheet(result: Result, place: F64, radius: F64, axis: tuple[int, int]) -> tuple[Figure, Axes]:
-    """An empty sheet for balls of some radii (n,) that were at `place` (T, n, 2), m, with the walls near them."""
-    from matplotlib.figure import Figure
+    """An empty sheet for balls of some radii (n,) that were at `place` (T, n, 2), m, with the walls near them at the end."""
+    from matplotlib.collections import LineCollection
+
+    from carom.plot.figure import Drawing
 
     rim = radius[:, np.newaxis]
     low = np.nanmin(place - rim, axis=(0, 1), initial=np.inf)
     high = np.nanmax(place + rim, axis=(0, 1), initial=-np.inf)
     across, along = np.eye(3)[list(axis)]
     lines = [line for line in _walls(result, across, along) if _near(line, low, high)]
-    middle = 0.5 * (low + high)
+    edges = _edges(result, axis, low, high)
+    middle, far = 0.5 * (low + high), 1.5 * float(np.max(high - low))
+    for ends in edges:  # walls of about this size come into the view whole
+        if (np.abs(ends - middle) < far).all():
+            low, high = np.minimum(low, ends.min(axis=(0, 1))), np.maximum(high, ends.max(axis=(0, 1)))
     for point, direction in lines:  # its place nearest to the paths comes into the view
         foot = point + ((middle - point) @ direction) * direction
         low, high = np.minimum(low, foot), np.maximum(high, foot)
     margin = 0.03 * float(np.max(high - low))
     with styled():
         aspect = float(np.clip((high - low)[1] / max((high - low)[0], 1e-12), FLATTEST, TALLEST))
-        figure = Figure(figsize=(width(), width() * aspect + 0.9), layout="constrained")
+        figure = Drawing(figsize=(width(), width() * aspect + 0.9), layout="constrained")
         axes = figure.subplots()
         axes.set_title(fitted(result.title), loc="left")
         axes.set_aspect("equal")
         for point, direction in lines:
             axes.axline(tuple(point), tuple(point + direction), color=GREY, linewidth=1.6, zorder=1)
+        for ends in edges:
+            axes.add_collection(
+                LineCollection(list(ends), color=GREY, linewidth=0.8, zorder=1), autolim=False
+            )
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
         axes.set_xlabel(f"${'xyz'[axis[0]]}$ (m)")
@@ -145,6 +156,21 @@ def _walls(result: Result, across: F64, along: F64) -> list[tuple[F64, F64]]:
         if size > 0.99:
             found.append((np.array([point @ across, point @ along]), np.array([-flat[1], flat[0]]) / size))
     return found
+
+
+def _edges(result: Result, axis: tuple[int, int], low: F64, high: F64) -> list[F64]:
+    """Of each wall that has an outline its lines (L, 2, 2), m, at the last frame; of tubes without end from `low` to `high`
+    (2,), m.
+    """
+    walls = [wall for wall in result.walls.values() if wall.shape != "plane"]
+    box = np.zeros((2, 3))
+    box[:, list(axis)] = low, high
+    return [
+        surface.placed(surface.wall.position[-1], surface.wall.orientation[-1])[surface.lines][
+            :, :, list(axis)
+        ]
+        for surface in surfaces(walls, box[0], box[1], upward(result.gravity))
+    ]
 
 
 def _near(line: tuple[F64, F64], low: F64, high: F64) -> bool:

@@ -146,10 +146,16 @@ class Sweep:
         columns: Sequence[str] = (),
         formats: Sequence[str] = ("png",),
     ) -> list[Path]:
-        """Histograms, each of the `columns` against each parameter, and where the balls end, to `plots` in the folder."""
+        """Histograms, each of the `columns` against each parameter, and where the balls end, to `plots` in the folder.
+
+        By default the columns of a measure, then of the places and velocities at the end those that the parameters
+        explain best, and the energy. Raises `CaromError` for a column that is not there, and where no case is done.
+        """
         from carom.plot import require_matplotlib
 
         require_matplotlib()
+        if not self.ok.any():
+            raise CaromError("no case reached its end, so there is nothing to draw; sweep.failures says why")
         from carom.plot.style import save
         from carom.plot.sweep import histograms, places, responses
 

@@ -1,0 +1,181 @@
+"""Studies before anything is computed: the points of each design, and where values go."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom.cli.app import app
+from carom.errors import CaromError
+from carom.sweeps.design import Axis, Design
+from sweep_studies import SCENARIO, STUDY, written
+from typer.testing import CliRunner
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    return written(tmp_path)
+
+
+class TestDesigns:
+    def test_a_grid_has_every_combination_seeds_fastest(self) -> None:
+        axes = [Axis.of("s", {"seeds": 2}), Axis.of("a", {"low": 1, "high": 100, "count": 3, "log": True})]
+        points = Design("grid").points([*axes, Axis.of("b", [5, 6])])
+        assert points["a"] == pytest.approx([1] * 4 + [10] * 4 + [100] * 4)
+        assert points["b"].tolist() == [5, 5, 6, 6] * 3
+        assert points["s"].tolist() == [1, 2] * 6
+
+    @pytest.mark.parametrize("kind", ["lhs", "sobol"])
+    def test_random_designs_fill_every_slice_and_repeat_by_seed(self, kind: str) -> None:
+        pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        axes = [Axis.of("a", (2.0, 4.0)), Axis.of("b", [1, 2, 3, 4])]
+        points = Design(kind, 16, 1).points(axes)
+        # One point in each sixteenth of a continuous axis, four at each of four values.
+        assert sorted(((points["a"] - 2) * 8).astype(int).tolist()) == list(range(16))
+        assert [int((points["b"] == k).sum()) for k in (1, 2, 3, 4)] == [4] * 4
+        again, other = Design(kind, 16, 1).points(axes), Design(kind, 16, 2).points(axes)
+        assert np.array_equal(points["a"], again["a"])
+        assert not np.array_equal(points["a"], other["a"])
+
+    def test_a_sobol_study_grows_at_its_end(self) -> None:
+        pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        axes = [Axis.of("a", (0.0, 1.0)), Axis.of("s", {"seeds": 2})]
+        small, large = Design("sobol", 8, 1).points(axes), Design("sobol", 32, 1).points(axes)
+        assert all(np.array_equal(small[name], large[name][:16]) for name in small)
+
+    @pytest.mark.parametrize(
+        ("given", "told"),
+        [
+            ({"low": 1}, "parameters.a: give values = [...], or low and high, or seeds"),
+            ({"low": 2, "high": 1}, "low = 2, high = 1; wanted low < high"),
+            ({"low": 0, "high": 1, "log": True}, "wanted 0 < low < high"),
+            ({"low": 0, "heigh": 1}, "unknown key heigh; did you mean high?"),
+            ([], "the list of values is empty"),
+            ([1, "2"], "expected numbers in SI units, found '2'"),
+            ({"seeds": 0}, "parameters.a.seeds: expected a whole number from 1"),
+        ],
+    )
+    def test_says_what_is_wrong_with_an_axis(self, given: Any, told: str) -> None:
+        with pytest.raises(CaromError) as caught:
+            Axis.of("a", given)
+        assert told in str(caught.value)
+
+    def test_a_grid_of_a_range_needs_its_count(self) -> None:
+        with pytest.raises(CaromError, match=r"parameters.a: a grid needs count = N points"):
+            Design("grid").points([Axis.of("a", (0.0, 1.0))])
+
+    @pytest.mark.parametrize(
+        ("design", "axes", "told"),
+        [
+            (Design("grid", 8), {"a": [1, 2]}, "design.count belongs to lhs and sobol; give each range its count"),
+            (Design("table", 8, table={"a": [1.0]}), {}, "the rows of the table are the points"),
+            (
+                Design("lhs", 8),
+                {"a": {"low": 0, "high": 1, "count": 5}},
+                "parameters.a: count belongs to a grid; lhs takes design.count = N points in all",
+            ),
+            (Design("lhs", 8, -1), {"a": (0.0, 1.0)}, "design.seed: expected a whole number from 0, found -1"),
+            (Design("sobol", 10**12), {"a": (0.0, 1.0)}, "design.count: expected a whole number from 1 to"),
+            (Design("sobol", 10**7), {"a": (0.0, 1.0), "s": {"seeds": 10}}, "the study has 100000000 points"),
+            (Design("table", table={"a": [1.0, 2.0], "b": [1.0]}), {}, "equally long, found a 2, b 1 rows"),
+            (Design("table", table={"a": ["x"]}), {}, "parameters.a: expected numbers in SI units, found 'x'"),
+            (Design("table", table={"a": [math.nan]}), {}, "parameters.a: expected numbers in SI units, found nan"),
+        ],
+    )  # fmt: skip
+    def test_nothing_of_a_design_is_left_aside_without_a_word(
+        self, design: Design, axes: dict[str, Any], told: str
+    ) -> None:
+        """A count of the wrong kind was once ignored, and a table cut to its first column."""
+        if design.kind in ("lhs", "sobol"):
+            pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        with pytest.raises(CaromError) as caught:
+            design.points([Axis.of(name, given) for name, given in axes.items()])
+        assert told in str(caught.value)
+
+
+class TestStudy:
+    def test_values_go_where_they_should(self, files: Path) -> None:
+        study = carom.Study.of(
+            files / "slide.toml", {"v": [1.0, 2.0], "run.step": [1e-3, 5e-4], "angle": [0.5]},
+            set={"cue.velocity.y": "= v*sin(angle)", "v": "= 2*v"},
+        )  # fmt: skip
+        scene = study.targeting.scene(3)
+        assert scene.run.step == 5e-4
+        assert scene.spheres[0].velocity == pytest.approx((4.0, 2 * math.sin(0.5), 0.0))
+        assert (
+            carom.Study.of(files / "slide.toml", {"mu": [0.3]}).targeting.scene(0)._tree.contact[0].friction
+            == 0.3
+        )
+
+    def test_the_name_of_a_case_is_that_of_its_content(self, files: Path) -> None:
+        few = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.01)
+        more = carom.Study.of(files / "slide.toml", {"v": [3.0, 2.0, 1.0]}, until=0.01)
+        assert set(few.ids) == set(more.ids[1:])
+        longer = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.02)
+        assert not set(few.ids) & set(longer.ids)
+        (files / "slide.toml").write_text("# a comment\n" + SCENARIO)
+        assert carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.01).ids == few.ids
+        (files / "slide.toml").write_text(SCENARIO.replace("0.17", "0.18"))
+        assert not set(carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, until=0.01).ids) & set(few.ids)
+
+    @pytest.mark.parametrize(
+        ("old", "new", "told"),
+        [
+            ("[design]", "[desing]", "unknown key desing; did you mean design?"),
+            ('kind = "sobol"', 'kind = "sobel"', "no design is called 'sobel'; did you mean sobol?"),
+            ("count = 16", "", "design.kind = sobol needs design.count = N points"),
+            ("count = 16", 'count = "x"', "design.count: expected a whole number, found 'x'"),
+            ('"slide.toml"', '"side.toml"', "side.toml: no such file; did you mean"),
+            ("speed*cos(aim)", "sped*cos(aim)", 'unknown name sped in "= sped*cos(aim)"; did you mean speed?'),
+            ('"cue.velocity.x"', '"cu.velocity.x"', 'no ball is called "cu"; did you mean cue?'),
+            ("[set]", "[set]\nw = 1", '"w" names no quantity'),
+            ("aim = {", "eim = {", "unknown name aim"),
+            ("format = 1", "", "write format = 1 at the top"),
+        ],
+    )  # fmt: skip
+    def test_mistakes_are_found_before_anything_runs(
+        self, old: str, new: str, told: str, files: Path
+    ) -> None:
+        pytest.importorskip("scipy", reason="the extra [cluster] is not installed")
+        (files / "study.toml").write_text(STUDY.replace(old, new))
+        done = CliRunner().invoke(app, ["sweep", str(files / "study.toml"), "-o", str(files / "out")])
+        assert done.exit_code == 2, done.output
+        assert told in done.stderr
+        assert "Traceback" not in done.stderr
+        assert not (files / "out").exists()
+
+    def test_a_file_that_is_not_there_is_not_called_bad_toml(self, files: Path) -> None:
+        with pytest.raises(CaromError, match=r"^.*none.toml: no such file"):
+            carom.Study.from_toml(files / "none.toml")
+        (files / "study.toml").write_text("format = ")
+        with pytest.raises(CaromError, match=r"study.toml is not TOML: Invalid value"):
+            carom.Study.from_toml(files / "study.toml")
+
+    def test_an_example_is_known_by_name_in_python_as_in_files(self) -> None:
+        study = carom.Study.of("paper/5.3_throw", {"spin": [0.0, 0.5]})
+        assert study.cases == 2
+        assert study.targeting.scene(1).spheres[0].angular_velocity[2] == pytest.approx(
+            0.5 * 1.341 / 0.028575
+        )
+        with pytest.raises(CaromError, match="absent: no such file"):
+            carom.Study.of("absent", {"spin": [0.0]})
+
+    def test_one_ball_may_be_named_alone_and_set_takes_numbers(self, files: Path) -> None:
+        assert carom.Study.of(files / "slide.toml", {"v": [1.0]}, bodies="cue").bodies == ("cue",)
+        with pytest.raises(CaromError, match=r"set.cue.mass: expected numbers in SI units, found None"):
+            carom.Study.of(files / "slide.toml", {"v": [1.0]}, set={"cue.mass": None})  # type: ignore[dict-item]
+
+    def test_a_parameter_that_goes_nowhere_is_refused(self, files: Path) -> None:
+        with pytest.raises(CaromError, match=r"parameters.speed goes nowhere: .*slide.toml has no parameter"):
+            carom.Study.of(files / "slide.toml", {"speed": [1.0]})
+
+    def test_a_table_names_its_columns(self, files: Path) -> None:
+        (files / "t.csv").write_text("v, mu\n1.0, 0.1\n2.0, 0.2\n")
+        assert carom.Study.of(files / "slide.toml", table=files / "t.csv").points["v"].tolist() == [1.0, 2.0]
+        (files / "t.csv").write_text("v, mu\n1.0, a\n")
+        with pytest.raises(CaromError, match=r"t.csv, row 2: mu is 'a', not a number"):
+            carom.Study.of(files / "slide.toml", table=files / "t.csv")

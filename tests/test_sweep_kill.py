@@ -1,0 +1,176 @@
+"""Studies whose driver, workers or scheduler are killed: what was computed stays, and the rest follows."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import CancelledError
+from pathlib import Path
+from typing import Any
+
+import carom
+import pytest
+from carom.errors import CaromError
+from sweep_studies import STUDY, written
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    return written(tmp_path)
+
+
+@pytest.fixture(autouse=True)
+def extras() -> None:
+    for name in ("pyarrow", "scipy"):
+        pytest.importorskip(name, reason="the extra [cluster] is not installed")
+
+
+def scheduler(folder: Path) -> tuple[subprocess.Popen[str], str]:
+    """A scheduler with a worker in a process of its own, and its address."""
+    (folder / "cluster.py").write_text(
+        "import time\nfrom distributed import LocalCluster\nif __name__ == '__main__':\n"
+        "    c = LocalCluster(n_workers=1, threads_per_worker=1, host='127.0.0.1', dashboard_address=None)\n"
+        "    print(c.scheduler_address, flush=True)\n    time.sleep(600)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, str(folder / "cluster.py")], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    return process, process.stdout.readline().strip()
+
+
+def test_a_killed_driver_loses_nothing_that_was_written(files: Path) -> None:
+    (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 600"))
+    command = [
+        sys.executable,
+        "-m",
+        "carom",
+        "sweep",
+        str(files / "study.toml"),
+        "-o",
+        str(files / "out"),
+    ]
+    process = subprocess.Popen([*command, "--workers", "0", "-q", "--no-plots"])
+    parts = files / "out" / "parts"
+    while not list(parts.glob("*.parquet")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    rest = carom.sweep(files / "study.toml", files / "out", workers=0)
+    assert 0 < rest.progress.new < 600
+    assert len(rest) == rest.ok.sum() == 600
+
+
+def test_pieces_that_are_cancelled_with_their_scheduler_end_the_call_in_a_line(
+    monkeypatch: pytest.MonkeyPatch, files: Path
+) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs dask (extra cluster)")
+    from carom.sweeps import cluster
+
+    class Lost:
+        status = "running"
+
+        def nthreads(self) -> dict[str, int]:
+            return {"worker": 1}
+
+        def submit(self, *arguments: Any, **options: Any) -> object:
+            return object()
+
+    client = Lost()
+
+    def wait(*arguments: Any, **options: Any) -> None:
+        client.status = "closed"
+        raise CancelledError
+
+    monkeypatch.setattr(distributed, "wait", wait)
+    job = cluster.Job("key", "folder", carom.Study.of(files / "slide.toml", {"v": [1.0]}), ("id",))
+    with pytest.raises(CaromError, match="the scheduler is gone"):
+        cluster._drive(client, [job], lambda cases, failed: None)
+    # dask gives its client's log a level of its own: the line would stand below tracebacks.
+    assert {"distributed", "distributed.client"} <= {log.name for log in cluster._loggers("distributed")}
+
+
+@pytest.mark.long
+class TestOnACluster:
+    """Worker processes of their own, some of which do not live long."""
+
+    @pytest.fixture(autouse=True)
+    def extras(self) -> None:
+        for name in ("pyarrow", "scipy", "distributed"):
+            pytest.importorskip(name, reason="the extra [cluster] is not installed")
+
+    def test_a_killed_worker_changes_nothing(self, files: Path) -> None:
+        from distributed import LocalCluster
+
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 400"))
+        killed = []
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        ) as cluster:
+
+            def kill_one(now: carom.sweeps.Progress) -> None:
+                if not killed:
+                    killed.append(next(iter(cluster.workers.values())).pid)
+                    os.kill(killed[0], signal.SIGKILL)
+
+            found = carom.sweep(
+                files / "study.toml", files / "out", scheduler=cluster.scheduler_address, progress=kill_one
+            )
+        assert killed
+        assert len(found) == found.ok.sum() == 400
+        alone = carom.sweep(files / "study.toml", files / "alone", workers=0)
+        assert found.table.drop_columns("seconds").equals(alone.table.drop_columns("seconds"))
+        assert carom.sweep(files / "study.toml", files / "out", workers=2).progress.new == 0
+
+    def test_a_case_that_kills_workers_is_found_and_the_others_are_done(self, files: Path) -> None:
+        def deadly(result: carom.Result) -> dict[str, float]:
+            if result["cue"].velocity[0, 0] == 2.0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return {"v": 1.0}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0, 3.0, 4.0]}, measure=deadly)
+        found = carom.sweep(study, files / "out", workers=2)
+        assert sorted(found["outcome"].tolist()) == ["done", "done", "done", "worker_died"]
+        assert found["outcome"][1] == "worker_died"
+
+    def test_a_scheduler_that_goes_loses_nothing(self, files: Path) -> None:
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 2000"))
+        process, address = scheduler(files)
+
+        def kill(now: carom.sweeps.Progress) -> None:
+            process.kill()
+
+        with pytest.raises(CaromError, match="the scheduler is gone; what was computed stays"):
+            carom.sweep(files / "study.toml", files / "out", scheduler=address, progress=kill)
+        process.wait()
+        rest = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert 0 < rest.progress.new < 2000
+        assert len(rest) == rest.ok.sum() == 2000
+
+    def test_a_scheduler_that_goes_while_pieces_are_awaited_loses_nothing(self, files: Path) -> None:
+        # dask cancels what it awaits of a lost scheduler; it came out as an error in Carom, below tracebacks of dask.
+        process, address = scheduler(files)
+        go = files / "go"
+
+        def waits(result: carom.Result) -> dict[str, float]:
+            while not go.exists():
+                time.sleep(0.02)
+            return {"v": 1.0}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0, 3.0]}, measure=waits)
+        end = threading.Timer(2.0, process.kill)
+        end.start()
+        try:
+            with pytest.raises(CaromError, match="the scheduler is gone; what was computed stays"):
+                carom.sweep(study, files / "out", scheduler=address)
+        finally:
+            end.cancel()
+            process.kill()
+            process.wait()
+            go.touch()
+        assert len(carom.sweep(study, files / "out", workers=0)) == 3
