@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,29 @@ pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
 def result() -> carom.Result:
     """The cradle of five, without gravity: momentum is conserved."""
     return carom.simulate(ROOT / "scenarios" / "newtons_cradle.toml", every=10)
+
+
+def test_one_ball_of_a_part(result: carom.Result) -> None:
+    part = result.sel(time=slice(0.01, 0.02), body=["ball5", "ball2"])
+    ball = part["ball2"]
+    assert np.array_equal(ball.velocity, part.velocity[:, 1])
+    assert (ball.name, ball.mass, len(ball.time)) == ("ball2", result["ball2"].mass, 11)
+    whole = result["ball2"].impacts
+    assert np.array_equal(ball.impacts["step"], np.asarray(whole["step"])[part._within(whole["time"])])
+    assert [body.name for body in part] == part.names
+    with pytest.raises(CaromError, match="did you mean ball5"):
+        part["ball55"]
+    with pytest.raises(CaromError, match="no body is called 'ball1'"):
+        part["ball1"]  # of the result, not of the part
+    assert "1 frame," in repr(result.sel(time=0.01))
+
+
+def test_results_go_to_other_processes(result: carom.Result) -> None:
+    for copied in (pickle.loads(pickle.dumps(result)), copy.deepcopy(result)):
+        assert np.array_equal(copied.position, result.position)
+        assert copied.path == result.path
+    part = result.sel(body="ball2")
+    assert np.array_equal(pickle.loads(pickle.dumps(part)).position, part.position)
 
 
 def test_time_and_bodies(result: carom.Result) -> None:

@@ -32,9 +32,13 @@ def pack(law: Any = None, **options: Any) -> object:
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        (lambda r: events.rest(r, speed=-1.0), "speed = -1 m/s"),
-        (lambda r: events.slip_to_roll(r, speed=float("nan")), "speed = nan m/s"),
-        (lambda r: events.phases(r, "a", "floor", speed=-1.0), "speed = -1 m/s"),
+        (lambda r: events.rest(r, speed=-1.0), "speed = -1.0 is no bound"),
+        (lambda r: events.slip_to_roll(r, speed=float("nan")), "speed = nan is no bound"),
+        (lambda r: events.phases(r, "a", "floor", speed=-1.0), "speed = -1.0 is no bound"),
+        (
+            lambda r: events.rest(r, speed="1 mm/s"),
+            "speed = '1 mm/s' is no bound of a speed; give a number from 0 in m/s",
+        ),
         (lambda r: events.first_contact(r, "a", "a"), "'a' is given twice"),
         (lambda r: granular.snapshot(r, 1.0), "no frame 1.0"),
         (lambda r: granular.snapshot(r, time=9.0), "9 s is outside of the run, 0 to 0.05 s"),

@@ -6,6 +6,7 @@ milliseconds.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -87,7 +88,10 @@ def __getattr__(name: str) -> Any:
         return import_module(f"carom.{name}")
     home = _HOMES.get(name)
     if home is None:
-        raise AttributeError(f"module 'carom' has no attribute '{name}'")
+        # With both keywords a traceback says which name was meant.
+        raise AttributeError(
+            f"module 'carom' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
+        )
     value = getattr(import_module(home), name)
     globals()[name] = value
     return value

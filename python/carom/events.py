@@ -196,8 +196,10 @@ class AtRest:
 
 
 def _bound(speed: float) -> None:
-    if not speed >= 0:
-        raise CaromError(f"speed = {speed:g} m/s is no bound of a speed; give one from 0, as {SPEED:g}")
+    if not isinstance(speed, int | float | np.number) or not speed >= 0:
+        raise CaromError(
+            f"speed = {speed!r} is no bound of a speed; give a number from 0 in m/s, as {SPEED:g}"
+        )
 
 
 def _first(result: Result, pair: set[int] | None) -> list[Event]:

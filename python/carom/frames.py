@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, counted, did_you_mean
 from carom.tables import Contacts, Energy, Impacts, Static, Steps, UnknownName
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from carom.result import Result
+    from carom.result import Body, Result
 
 F64 = NDArray[np.float64]
 _Pairs = TypeVar("_Pairs", Impacts, Contacts)
@@ -41,6 +41,7 @@ class Frames:
     angular_velocity: Any
     present: Any
     bodies: Any
+    impacts: Any
     gravity: Any
     title: Any
     versions: Any
@@ -119,6 +120,26 @@ class Frames:
             columns |= {f"{name}_{letter}": values[:, i] for i, letter in enumerate(letters)}
         return pandas.DataFrame(columns, index=index)
 
+    def _table_number(self, index: int) -> int:
+        """The number that a body has in tables, from its place in the arrays."""
+        return index
+
+    def __getitem__(self, name: str) -> Body:
+        from carom.result import Body
+
+        try:
+            return Body(self, self.names.index(name))
+        except ValueError:
+            raise UnknownName(
+                f"no body is called {name!r}; {did_you_mean(str(name), self.names[:20])}"
+            ) from None
+
+    def __iter__(self) -> Any:
+        from carom.result import Body
+
+        # Without this, `for body in result` would try result[0], result[1], ... by the old protocol.
+        return (Body(self, i) for i in range(len(self.names)))
+
     def _mass(self) -> F64:
         return np.asarray(self.bodies["mass"])
 
@@ -194,6 +215,10 @@ class Selection(Frames):
         """Energies of all balls after these steps, (S,), J; of single balls see `kinetic_energy`."""
         return Energy(self.steps)
 
+    def _table_number(self, index: int) -> int:
+        """The number that a body has in tables, from its place in the arrays of this part."""
+        return int(self._bodies[index])
+
     def __len__(self) -> int:
         return len(self._frames)
 
@@ -201,9 +226,7 @@ class Selection(Frames):
         names = self.names
         shown = ", ".join(names[:4]) + (f", ... ({len(names)})" if len(names) > 4 else "")
         span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no frames"
-        return (
-            f"<part of {self._result.title or self._result.path.name!r}: {len(self)} frames, {span}; {shown}>"
-        )
+        return f"<part of {self._result.title or self._result.path.name!r}: {counted(len(self), 'frame')}, {span}; {shown}>"
 
     def _read(self, quantity: str) -> NDArray[Any]:
         # The rows between are read in one piece: of a long file only what is needed, of a short one what is there already.

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.about import checked
-from carom.errors import CaromError, counted, did_you_mean
+from carom.errors import CaromError, counted
 from carom.frames import Frames, Selection, chosen_bodies, chosen_frames
 from carom.record import Column, Segments
 from carom.rundir import RunDir
-from carom.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps, UnknownName
+from carom.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps
 
 if TYPE_CHECKING:
     from carom.plot import Plots
@@ -203,18 +203,6 @@ class Result(Frames):
         except (OSError, UnicodeDecodeError) as error:
             raise CaromError(f"{path} cannot be read ({error}); a run keeps its scenario there") from error
 
-    def __getitem__(self, name: str) -> Body:
-        try:
-            return Body(self, self.names.index(name))
-        except ValueError:
-            raise UnknownName(
-                f"no body is called {name!r}; {did_you_mean(str(name), self.names[:20])}"
-            ) from None
-
-    def __iter__(self) -> Any:
-        # Without this, `for body in result` would try result[0], result[1], ... by the old protocol.
-        return (Body(self, i) for i in range(len(self.names)))
-
     def __len__(self) -> int:
         return len(self.time)
 
@@ -337,6 +325,10 @@ class Result(Frames):
         """Close the files. Columns that were read stay usable."""
         self._segments.close()
 
+    def __reduce__(self) -> Any:
+        """Copies and other processes open the run anew; files that are open cannot be sent."""
+        return load, (self.path,)
+
     def __enter__(self) -> Result:
         return self
 
@@ -363,17 +355,18 @@ class Result(Frames):
 
 
 class Body:
-    """One body of a result: `result["cue"].velocity` is (T, 3)."""
+    """One body of a result or a part of one: `result["cue"].velocity` is (T, 3)."""
 
-    def __init__(self, result: Result, index: int) -> None:
+    def __init__(self, result: Frames, index: int) -> None:
         self._result = result
         self.index = index
         self.name = result.names[index]
 
     @property
-    def time(self) -> Column:
+    def time(self) -> Column | F64:
         """Times of the frames, (T,), s."""
-        return self._result.time
+        found: Column | F64 = self._result.time
+        return found
 
     @property
     def position(self) -> F64:
@@ -418,11 +411,12 @@ class Body:
     @property
     def impacts(self) -> Impacts:
         """The impacts that this body took part in."""
-        impacts = self._result.impacts
-        return impacts.where((np.asarray(impacts["body"]) == self.index).any(axis=1))
+        impacts: Impacts = self._result.impacts
+        number = self._result._table_number(self.index)
+        return impacts.where((np.asarray(impacts["body"]) == number).any(axis=1))
 
     def _column(self, name: str) -> F64:
-        found: F64 = self._result._segments.column("frames", name)[:, self.index]
+        found: F64 = getattr(self._result, name)[:, self.index]
         return found
 
     def __repr__(self) -> str:
