@@ -238,6 +238,7 @@ STARTS = {
     "paper/runner.py": "examples of the paper side by side",
     "problem/solve.py": "a thread that waits for the solver",
     "study.py": "runs of a study side by side",
+    "sweeps/cluster.py": "the exception of a case that was called off",
     "film/encode.py": "ffmpeg, which writes films",
     "film/window.py": "a trial of OpenGL, which ends a process where there is none",
 }
