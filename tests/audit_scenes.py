@@ -54,6 +54,18 @@ def shaken() -> carom.Scene:
     return scene
 
 
+def shaken_layer() -> carom.Scene:
+    """108 balls that restore slip, on a floor that shakes: more pairs than contacts of a pile, and smaller islands."""
+    scene = carom.Scene(gravity=(0, 0, -9.8), run={"step": 1e-3})
+    scene.contact("ball", "ball", friction=0.6, restitution=0.4, tangential_restitution=0.6)
+    scene.contact("ball", "wall", friction=0.3, restitution=0.8, tangential_restitution=0.6)
+    motion = {"translation": [0, 0, {"expression": "0.001*sin(30*t)"}]}
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall", motion=motion)
+    scene.lattice("ball", material="ball", radius=0.01, density=2500, counts=(6, 6, 3), origin=(0, 0, 0.0105),
+                  spacing=0.0215, jitter=0.0005, seed=1)  # fmt: skip
+    return scene
+
+
 def drum() -> carom.Scene:
     """Four balls in a drum that turns."""
     scene = carom.Scene(gravity=(0, 0, -9.8))

@@ -111,6 +111,8 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
         )
     excess = np.where(np.isinf(slope) | (norm(impulse) == 0.0), 0.0, excess)
     bound = left * (1.0 + np.where(np.isfinite(slope), slope, 0.0))
+    noise = _regularised(block)
+    bound = bound + noise[0]
     if run.method == "penalty":
         # Friction goes with the normal force before or after it within a substep, also with that of the first frame.
         depth = np.maximum(0.0, -block.start[0])
@@ -129,8 +131,26 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
         rolls = [norm(across(moment, p.lever)) for p in parts]
         turned = norm(moment) * np.sin(np.minimum(angle, 0.5 * np.pi))
         value = np.minimum(*(rolls if kind == "rolling cone" else spins)) - turned
-        bound = left * np.maximum(radius, 0.0) + left * run.radius[c.a] + 16.0 * EPS * norm(moment)
+        bound = left * np.maximum(radius, 0.0) + left * run.radius[c.a] + 16.0 * EPS * norm(moment) + noise[1]
         tally.measure(kind, np.maximum(value - radius * pushed, 0.0), bound, place)
+
+
+def _regularised(block: Block) -> tuple[F64, F64]:
+    """(K,) rounding of frictions, N s, and of moments, N m s, of method penalty: each half of a substep has them from the
+    difference of the speeds before and after, hence to a rounding of the momenta; 0 for others.
+    """
+    run, c = block.run, block.rows
+    if run.method != "penalty":
+        return np.zeros(len(c)), np.zeros(len(c))
+    spin = np.maximum(norm(block.w0), norm(block.w1)) + forces.pushes(block)[1] / run.inertia
+    fast = forces.speeds(block) + run.radius * spin
+    halves = 4.0 * EPS * block.updates[c.k]
+
+    def both(each: F64) -> F64:
+        of_b = np.where(c.b < run.bodies, each[c.k, np.minimum(c.b, run.bodies - 1)], 0.0)
+        return np.asarray(halves * (each[c.k, c.a] + of_b))
+
+    return both(run.mass * fast), both(run.inertia * spin)
 
 
 @once

@@ -49,7 +49,7 @@ def scale(block: Block) -> F64:
 
 
 def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
-    """Potential energy at the second frame, (B,), J, and the rounding of that of springs; None where frames do not tell it."""
+    """Potential energy at the second frame, (B,), J, and the rounding of that of springs; None where no frame tells it."""
     run, rounding = block.run, np.zeros(block.count)
     present = np.asarray(run.result.present[block.first : block.first + block.count])
     found = -np.where(present, run.mass * (np.nan_to_num(block.x1) @ run.gravity), 0.0).sum(axis=1)
