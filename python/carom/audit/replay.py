@@ -46,8 +46,9 @@ class Told(NamedTuple):
 def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     """The impact problems of the whole steps of a block; `kept` are the rows of problem 0 whose impulses remained
     (`hits.kept`), `group` numbers those that balls join (`hits.groups`). Rows of piles, at either level, are of the frame of
-    `t_{n+1}`, others of that of `t_n` (`forces`). Which islands were solved as piles the files do not say for sure: where a step may have had
-    one, a row may be of either frame, and the better one counts. The other is tried where the likelier one finds fault.
+    `t_{n+1}`, others of that of `t_n` (`forces`). Which islands were solved as piles the files do not say for sure: where a
+    step may have had one, a row may be of either frame, and the better one counts. The other is tried where the likelier
+    one finds fault.
     """
     order = np.argsort(r.problem, kind="stable")
     r, kept, group = r.of(order), kept[order], group[order]
