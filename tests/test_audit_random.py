@@ -19,6 +19,7 @@ FEW = [
     1081,  # drag in Moreau-Jean beside a drum that turns: its velocity was taken at another place
     1940,  # a damper and impacts that turn velocities around and leave the kinetic energy as it is
     1999,  # the potential of a spring near its rest length, to a rounding of the coordinates
+    189,  # not solved: a ball at rest with drag on a floor without gravity
     252,  # a moment in the penalty method, of a rounding of the spin
     *range(3),
 ]

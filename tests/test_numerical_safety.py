@@ -289,3 +289,15 @@ class TestNonsense:
         scene.sphere("stray", radius=0.1, mass=1, at=(3, 0, 0.5), material="m")
         with pytest.raises(carom.ScenarioError, match=r'sphere "stray" reaches 2.1 m behind plane "x-1"'):
             scene.validate()
+
+
+def test_what_is_at_rest_with_drag_and_without_weight_is_solved() -> None:
+    """All terms of eq. 44 were 0 there, and a residual of 0 over them was none: the first step had not converged."""
+    scene = Scene(gravity=(0, 0, 0), run={"until": 5 * H, "step": H})
+    scene.contact("m", "m", friction=0.1, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    scene.sphere("a", radius=0.02, mass=0.04, at=(0, 0, 0.02), material="m")
+    scene.drag("a", translation=0.02)
+    result = carom.simulate(scene)
+    assert result.outcome.ok
+    assert not np.any(result.velocity[:])

@@ -114,6 +114,9 @@ impl Norms {
         if large {
             floor = floor.min(FLOOR_OVER_TERMS * self.terms.max(LEAST_FLOOR * floor));
         }
+        if self.residual == 0.0 {
+            return 0.0; // all terms may be 0 too: a ball at rest, with drag, on a floor without gravity
+        }
         self.residual / (self.terms + floor)
     }
 }
