@@ -37,21 +37,27 @@ class Heap:
 
     seed: int
     threads: int
-    angles: list[float]
-    error: float
+    found: list[granular.HeapAngle]
+    """Of every frame of the last second."""
     hash: str
     seconds: float
     result: Result
 
+    @property
+    def angles(self) -> list[float]:
+        """Degrees."""
+        return [f.degrees for f in self.found]
+
     def row(self) -> list[str]:
-        m, low, high = self.result.summary, min(self.angles), max(self.angles)
+        m, low, high, last = self.result.summary, min(self.angles), max(self.angles), self.found[-1]
         stay = int(np.isfinite(self.result.position[-1, :, 0]).sum())
         counts = [str(m[key]) for key in ("unconverged", "fallbacks", "halvings", "truncated_sequences")]
         deepest = f"{m['penetration_max_relative']:.1e}"
         return [
             *(str(x) for x in (self.seed, self.threads, stay)),
-            f"{self.angles[-1]:.2f} +- {self.error:.2f}",
+            f"{last.degrees:.2f} +- {np.degrees(last.error):.2f}",
             f"{low:.2f} to {high:.2f}",
+            f"{np.degrees(last.inner):.1f}, {np.degrees(last.outer):.1f}",
             *counts,
             deepest,
             f"{self.seconds:.0f}",
@@ -68,15 +74,7 @@ def heap(seed: int, threads: int, grains: int) -> Heap:
     frames = np.flatnonzero(times >= times[-1] - LAST - 1e-9)
     found = [granular.heap_angle(result, int(k), centre=(0.0, 0.0, 0.0)) for k in frames]
     state = hashlib.sha256(position[-1].tobytes() + np.asarray(result.velocity[-1]).tobytes())
-    return Heap(
-        seed,
-        threads,
-        [f.degrees for f in found],
-        float(np.degrees(found[-1].error)),
-        state.hexdigest()[:16],
-        seconds,
-        result,
-    )
+    return Heap(seed, threads, found, state.hexdigest()[:16], seconds, result)
 
 
 HEAD = [
@@ -85,6 +83,7 @@ HEAD = [
     "stay",
     "angle",
     "last second",
+    "inner, outer",
     "unconv.",
     "fallb.",
     "halved",
