@@ -60,8 +60,8 @@ def test_noise_makes_an_error_that_holds() -> None:
     """The standard error covers the deviation: over 20 heaps their ratio is about one."""
     ratios = []
     for seed in range(20):
-        found = granular.heap_angle(cone(math.radians(25), noise=1e-3, seed=seed))
-        other = granular.heap_angle(cone(math.radians(25), noise=1e-3, seed=seed + 100))
+        found = granular.heap_angle(cone(math.radians(25), noise=1e-3, seed=seed, radius=2 * R))
+        other = granular.heap_angle(cone(math.radians(25), noise=1e-3, seed=seed + 100, radius=2 * R))
         ratios.append((found.angle - other.angle) / math.hypot(found.error, other.error))
         assert found.degrees == pytest.approx(25, abs=1.0)
     assert 0.5 < np.std(ratios) < 2.0
