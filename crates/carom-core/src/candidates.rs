@@ -100,7 +100,10 @@ pub(crate) fn push_candidate(
         };
         let frame = (start.normal, t1, t2);
         let mut contact = new_contact((a, b), law, frame, start.gap, gap, ra);
-        contact.bounds = bounds_at_start(model, state, walls, &contact)?;
+        contact.bounds = match contact.law(model) {
+            law if law.friction_law.is_none() => law.bounds,
+            _ => bounds_at_start(model, state, walls, &contact)?,
+        };
         contacts.push(contact);
         return Ok(true);
     }
@@ -121,13 +124,16 @@ pub(crate) fn push_candidate(
     let (t1, t2) = tangent_frame(start.normal);
     let frame = (start.normal, t1, t2);
     let mut contact = new_contact((a, b), law, frame, start.gap, gap, length);
-    contact.bounds = bounds_at_start(model, state, walls, &contact)?;
+    contact.bounds = match contact.law(model) {
+        law if law.friction_law.is_none() => law.bounds,
+        _ => bounds_at_start(model, state, walls, &contact)?,
+    };
     contacts.push(contact);
     Ok(true)
 }
 
-/// Bounds of a contact in this step; a friction law is evaluated at the slip of t_n.
-#[inline]
+/// Bounds of a contact in this step with a friction law, which is evaluated at the slip of t_n.
+#[inline(never)]
 fn bounds_at_start(
     model: &Model,
     state: &State,
@@ -135,9 +141,6 @@ fn bounds_at_start(
     c: &Contact,
 ) -> Result<Bounds, Failure> {
     let law = c.law(model);
-    if law.friction_law.is_none() {
-        return Ok(law.bounds);
-    }
     let part = |body: u32, sign: f64| {
         let i = body as usize;
         let Some(&radius) = model.radius.get(i) else {
@@ -206,9 +209,12 @@ fn new_contact(
 pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
     // A pair that was beyond the margin stays apart unless its spheres were pushed by as much together.
     let pushed = scratch.shift.iter().map(|s| s[0].length_squared());
-    let largest = pushed.fold(0.0f64, f64::max).sqrt();
+    let largest = pushed.fold(0.0f64, f64::max);
+    if largest == 0.0 {
+        return Ok(false);
+    }
     let smallest = model.radius.iter().copied().fold(f64::INFINITY, f64::min);
-    if 2.0 * largest < CANDIDATE_MARGIN * smallest {
+    if 2.0 * largest.sqrt() < CANDIDATE_MARGIN * smallest {
         return Ok(false);
     }
     let Scratch {

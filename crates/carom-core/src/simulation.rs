@@ -231,6 +231,7 @@ impl Simulation {
         let attempt = Attempt {
             coefficients: self.coefficients[depth as usize],
             time: t,
+            smallest: last,
             accept_unconverged: last
                 && self.model.options.on_nonconvergence == OnNonconvergence::Warn,
         };

@@ -14,7 +14,7 @@ use crate::rotation;
 use crate::scratch::{History, Scratch};
 use crate::share::{self, Task};
 use crate::state::State;
-use crate::stepper::{Coefficients, Prediction, Span};
+use crate::stepper::{Coefficients, Span};
 use crate::timers::{Phase, Timers};
 use crate::travel;
 use carom_solve::team;
@@ -57,6 +57,8 @@ pub struct Attempt {
     pub coefficients: Coefficients,
     /// Time at its start, s.
     pub time: f64,
+    /// It is halved no more if it fails.
+    pub smallest: bool,
     /// Take an unconverged iterate, and count it.
     pub accept_unconverged: bool,
 }
@@ -73,9 +75,13 @@ pub fn step(
     let Attempt {
         coefficients,
         time,
+        smallest,
         accept_unconverged,
     } = attempt;
-    let span = Span::new(*time, coefficients.h);
+    let span = Span {
+        smallest: *smallest,
+        ..Span::new(*time, coefficients.h)
+    };
     predict_and_smooth(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Predict);
     list_pairs(model, state, scratch, span.h)?;
@@ -263,6 +269,7 @@ pub(crate) fn finish(
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let (mut kinetic, mut potential) = (0.0, 0.0);
+    let per_step = 1.0 / span.h;
     for i in 0..model.spheres() {
         let v = scratch.linear[i].velocity + scratch.jump[i][0];
         let w = scratch.angular[i].velocity + scratch.jump[i][1];
@@ -272,15 +279,17 @@ pub(crate) fn finish(
             potential += force::weight_potential(model, i, scratch.position[i]);
         }
         // Rates of the whole step: what the position level did counts too.
-        let way = (scratch.position[i] - state.position[i]) / span.h;
-        // Accelerations are no velocities, but the next step begins with them.
-        let carried = [&scratch.linear[i], &scratch.angular[i]];
-        let goes_on =
-            |p: &&Prediction| p.acceleration.is_finite() && coefficients.finish(p).is_finite();
-        if !carried.iter().all(goes_on) {
+        let way = per_step * (scratch.position[i] - state.position[i]);
+        // Accelerations are no velocities, but the next step begins with them: their sum is a number if all of them are.
+        let (linear, angular) = (&scratch.linear[i], &scratch.angular[i]);
+        let carried = linear.acceleration
+            + angular.acceleration
+            + coefficients.finish(linear)
+            + coefficients.finish(angular);
+        if !carried.is_finite() {
             return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, i as u32)));
         }
-        let numbers = kinetic.is_finite() && potential.is_finite();
+        let numbers = (kinetic + potential).is_finite();
         if !(numbers && blow_up::within_bounds(v, w) && blow_up::within_bounds(way, DVec3::ZERO)) {
             return Err(Failure::BlowUp(blow_up::locate(
                 scratch,

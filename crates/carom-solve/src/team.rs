@@ -228,7 +228,13 @@ const SHARE: usize = 2_048;
 
 /// `value(k)` for every place `k` of `out`.
 pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T + Sync) {
-    let threads = threads.min(out.len() / SHARE).max(1);
+    let threads = threads.min(out.len() / SHARE);
+    if threads < 2 {
+        for (index, place) in out.iter_mut().enumerate() {
+            *place = value(index);
+        }
+        return;
+    }
     let shares = out.chunks_mut(SHARE).enumerate().collect();
     map(threads, shares, |(k, share): (usize, &mut [T])| {
         for (place, index) in share.iter_mut().zip(SHARE * k..) {

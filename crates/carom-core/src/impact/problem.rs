@@ -277,10 +277,27 @@ impl ImpactScratch {
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
         self.build(model, scratch.contacts, law);
-        if !self.solve_built(model, scratch, index.unwrap_or(0), warm, report) {
+        let problem = index.unwrap_or(0);
+        let scaled = index.is_some() && law == Law::Newton && model.options.energy_safeguard;
+        // Contacts that can jam (a ball in a corner with mu > 1/sqrt 2) may have no velocities that Newton's law asks for. Smaller
+        // parts of the step may take them one by one; where there are none, restitution goes: without it the measures are
+        // those of a motion, and the problem has a solution.
+        let without = scaled && self.span.smallest;
+        let accept = self.accept_unconverged;
+        self.accept_unconverged = accept && !without;
+        let mut solved = self.solve_built(model, scratch, problem, warm, report);
+        self.accept_unconverged = accept;
+        if !solved && without {
+            self.scale.fill(0.0);
+            self.build(model, scratch.contacts, law);
+            solved = self.solve_built(model, scratch, problem, warm, report);
+            report.restitution_scale = 0.0;
+            report.fallbacks += 1;
+        }
+        if !solved {
             return false;
         }
-        if index.is_some() && law == Law::Newton && model.options.energy_safeguard {
+        if scaled {
             let fine = self.safeguard(model, scratch, law, index.unwrap_or(0), report);
             if !fine {
                 return false;

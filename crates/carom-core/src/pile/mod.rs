@@ -25,6 +25,7 @@ use crate::options::{Impact, Solver};
 use crate::problem::Keeper;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Body, Place, Progress, SpheresError, Sweeps};
+use glam::DVec3;
 
 /// Sweeps and contact updates that one solve may take: what is more of both.
 const SWEEPS: usize = 4_000;
@@ -41,6 +42,10 @@ const COARSE: f64 = 1e-5;
 const TYPICAL: f64 = 2_500.0;
 /// Share of the closing tolerance that solvers may leave.
 const LEFT: f64 = 0.5;
+
+/// The levels keep to their own impulses of the last step as long as those of one are at most so many times those of the other, `nu` over h/2
+/// against the impulse of the loads. Where spheres are wedged a level alone may hold them by friction, for ever if it starts from there.
+const APART: f64 = 3.0;
 
 /// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many.
 const HUGE: usize = 1_000_000;
@@ -101,7 +106,7 @@ impl Pile {
         contacts: &[Contact],
         members: &[u32],
         node_of: &mut [u32],
-        position: &[glam::DVec3],
+        position: &[DVec3],
     ) {
         self.spheres.clear();
         self.bodies.clear();
@@ -159,6 +164,11 @@ impl Default for Pile {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// Whether an impulse of one level is beyond what the other level's stands for ([`APART`]).
+fn is_beyond(of_one: DVec3, of_other: DVec3) -> bool {
+    of_one.length_squared() > APART * APART * of_other.length_squared()
 }
 
 /// Whether an island is solved here.

@@ -2,7 +2,7 @@
 //! that the last one led to.
 
 use super::roll::{self, Turning};
-use super::{budget, keep, node, record, told, warm::Cursor, worst, Pile, PATIENCE};
+use super::{budget, is_beyond, keep, node, record, told, warm::Cursor, worst, Pile, PATIENCE};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
@@ -86,7 +86,12 @@ fn solve(
         } else {
             let warm = cursor.find((c.a, c.b));
             warm.map_or([DVec3::ZERO; 2], |w| {
-                [ratio * w.position, ratio * w.position_moment]
+                let of_load = 0.5 * span.h * span.h / state.warm_step;
+                if is_beyond(ratio * w.position, of_load * w.impulse) {
+                    [of_load * w.impulse, of_load * w.moment]
+                } else {
+                    [ratio * w.position, ratio * w.position_moment]
+                }
             })
         };
         pile.start.push(start[0].to_array());

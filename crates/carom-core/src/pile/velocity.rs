@@ -2,7 +2,7 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::roll::{self, Turning};
-use super::{node, record, warm::Cursor, Law, Pile, LEFT};
+use super::{is_beyond, node, record, warm::Cursor, Law, Pile, LEFT};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -380,11 +380,17 @@ impl Pile {
             for &slot in &self.velocity.chosen {
                 let c = &scratch.contacts[members[slot as usize].contact as usize];
                 let warm = cursor.find((c.a, c.b));
-                let start = warm.map_or([0.0; 3], |w| (ratio * w.impulse).to_array());
-                self.start.push(start);
+                let mut start =
+                    warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
+                // What holds a sphere in its place holds its velocity too.
+                let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
+                if is_beyond(holding[0], start[0]) {
+                    start = holding;
+                }
+                let [impulse, moment] = start;
+                self.start.push(impulse.to_array());
                 if rolls {
-                    let start = warm.map_or([0.0; 3], |w| (ratio * w.moment).to_array());
-                    self.start_moments.push(start);
+                    self.start_moments.push(moment.to_array());
                 }
             }
             debug_assert_eq!(island.contacts.len(), members.len());

@@ -11,6 +11,8 @@ pub struct Span {
     pub start: f64,
     pub end: f64,
     pub h: f64,
+    /// A part of a step that is halved no more if it fails.
+    pub smallest: bool,
 }
 
 impl Span {
@@ -19,6 +21,7 @@ impl Span {
             start,
             end: start + h,
             h,
+            smallest: false,
         }
     }
 }

@@ -51,6 +51,7 @@ pub fn step(
     let Attempt {
         coefficients,
         time,
+        smallest,
         accept_unconverged,
     } = attempt;
     let (h, end) = (coefficients.h, *time + coefficients.h);
@@ -77,6 +78,7 @@ pub fn step(
     let weight = coefficients.displacement_per_velocity;
     let weighted = if model.is_free() { h } else { weight };
     let span = Span {
+        smallest: *smallest,
         start: end - weighted,
         end,
         h: weighted,
