@@ -106,3 +106,37 @@ def test_a_ball_in_an_edge_and_in_a_corner_rests() -> None:
         solved(result)
         # Newton leaves a residual of rounding in m g h, though not always of a single one.
         below(1e-14, f"ball on {walls} walls: speed", fastest(result, slice(None)))
+
+
+@pytest.mark.parametrize("friction", [0.6, 0.72, 0.87, 1.0])
+def test_a_ball_thrown_into_a_corner(friction: float) -> None:
+    """From mu = 1/sqrt(2) three walls at right angles can hold a ball by friction alone, and no velocity may be as
+    Newton's law asks in all three. Parts of the step take the walls one by one, or restitution goes."""
+    for velocity, spin in (
+        ((-1, -1, -1), (0, 0, 0)),
+        ((-1, -0.9, -0.8), (1, -5, 8)),
+        ((-1, -0.5, -0.3), (0, 0, 0)),
+    ):
+        scene = carom.Scene(gravity=(0, 0, -G), run={"step": 1e-3})
+        scene.contact("ball", "wall", friction=friction, restitution=0.8)
+        start = tuple(0.01 - 5e-4 * v for v in velocity)
+        scene.sphere("ball", radius=0.01, mass=0.01, material="ball", position=start, velocity=velocity,
+                     angular_velocity=spin)  # fmt: skip
+        for k in range(3):
+            scene.plane(f"wall{k}", point=(0, 0, 0), normal=tuple(np.eye(3)[k]), material="wall")
+        result = run(scene, steps=20)
+        assert result.outcome.ok
+        assert result.summary["unconverged"] == 0
+        below(1e-9, f"corner, mu = {friction}: penetration / r", result.summary["penetration_max_relative"])
+        below(1e-12, f"corner, mu = {friction}: energy rise", result.summary["energy"]["max_rise_relative"])
+
+
+def test_a_wedged_ball_of_a_tower_gains_no_energy() -> None:
+    """Twenty-eight balls in a box three wide: one is wedged between a ball and two walls. The position level alone held
+    it, from its own impulses of the step before, and the velocity level let it fall: 5e-3 of the energy in a step."""
+    path = find("pile")
+    scene = carom.Scene.from_toml(path, set={"N": 28, "seed": 3})
+    result = run(scene, steps=500)
+    assert result.outcome.ok
+    assert result.summary["unconverged"] == 0
+    below(1e-4, "tower: energy rise", result.summary["energy"]["max_rise_relative"])

@@ -98,7 +98,7 @@ fn records_in_cones(seed: u64) -> (u32, u32) {
     let (mu, count, h, tolerance) = (0.4, 100, 5e-4, 1e-5);
     let input = drop(count, 4, [mu, 0.3], seed);
     let mut s = simulation(&input, options(h, tolerance));
-    let reports = go_on(&mut s, 1000);
+    let reports = converge(&mut s, 1000);
     let worst = reports.iter().map(|r| r.penetration).fold(0.0, f64::max);
     assert!(worst < 0.5 * tolerance * R, "{worst:e}");
     let block = s.take_block();

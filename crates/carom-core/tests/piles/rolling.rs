@@ -62,11 +62,11 @@ fn balls_in_a_pile_roll_and_spin_to_rest_as_they_do_alone() {
     let (slow, turn) = (5.0 / 7.0 * G * RHO / R, 2.5 * G * DELTA / (R * R));
     let steps = 200;
     let reports = go_on(&mut s, steps);
-    // One pile; where nothing changes the impulses of the last step are the solution and no sweep is due.
+    // One pile; where nothing changes the impulses of the last step, or of the other level, are the solution and no sweep is due.
     assert!(reports.iter().all(|r| r.largest_island == 23));
     assert!(reports
         .iter()
-        .any(|r| r.sweeps_velocity > 0 && r.sweeps_position > 0));
+        .any(|r| r.sweeps_velocity > 0 || r.sweeps_position > 0));
     let t = steps as f64 * 1e-3;
     let spin = (w0 - turn * t).max(0.0);
     assert!(v0 > slow * t && w0 > turn * t, "both still move");
