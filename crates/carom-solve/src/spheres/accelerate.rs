@@ -42,7 +42,7 @@ pub struct Change {
 /// Age of the momentum of the first sweep: there is nothing to go on from.
 const NEW: u64 = 0;
 
-/// A sweep that several threads make. All of them write the same numbers.
+/// A sweep that several threads make; the one that ends it writes.
 #[derive(Default)]
 struct Round {
     squared: AtomicU64,
@@ -87,13 +87,11 @@ impl Sweeps {
         let rounds: Vec<Round> = (0..=count).map(|_| Round::default()).collect();
         set(&rounds[0].squared, memory.last.squared);
         rounds[0].age.store(memory.age, Relaxed);
-        // Two rounds in turn: threads still sum up one while others are in the next.
-        let parts: [Vec<Part>; 2] =
-            [(); 2].map(|()| blocks.iter().map(|_| Part::default()).collect());
-        // Sums in the order of the blocks, whatever the threads.
-        let change = |round: usize| {
+        let parts: Vec<Part> = blocks.iter().map(|_| Part::default()).collect();
+        // Of the sweep that ends, summed in the order of the blocks, whatever the threads.
+        let change = || {
             let nothing = Change::default();
-            parts[round % 2].iter().fold(nothing, |sum, part| Change {
+            parts.iter().fold(nothing, |sum, part| Change {
                 squared: sum.squared + number(&part.squared),
                 closing: sum.closing.max(number(&part.closing)),
             })
@@ -133,7 +131,7 @@ impl Sweeps {
                 let right = &mut *lock(&chunks[block.right as usize]);
                 pass(*instructions, block, left.0, Some(right.0), along)
             };
-            let part = &parts[round % 2][index];
+            let part = &parts[index];
             set(&part.squared, done.squared.iter().sum());
             set(
                 &part.closing,
@@ -141,7 +139,7 @@ impl Sweeps {
             );
         };
         let done = |round: usize| {
-            let (now, [before, own]) = (change(round), [&rounds[round], &rounds[round + 1]]);
+            let (now, [before, own]) = (change(), [&rounds[round], &rounds[round + 1]]);
             let age = match before.age.load(Relaxed) {
                 NEW => NEW + 1,
                 _ if now.squared > GROWTH * number(&before.squared) => NEW + 1,
@@ -153,7 +151,7 @@ impl Sweeps {
         };
         let count = team::run_until(*threads, count, &stages, work, done);
         if count > 0 {
-            memory.last = change(count - 1);
+            memory.last = change();
             memory.age = rounds[count].age.load(Relaxed);
         }
         count
