@@ -116,7 +116,12 @@ def main(path: str) -> None:
             "kinetic": kinetic(mass, r, v, w),
         }
         np.savez(ask["end"], position=x, velocity=v, angular_velocity=w)
-        Path(ask["told"]).write_text(json.dumps(told))
+        beside = Path(ask["told"] + ".part")
+        beside.write_text(json.dumps(told))
+        beside.replace(ask["told"])
+    # One process that ends is the end of all: they wait for the first to have told.
+    while not Path(ask["told"]).exists():
+        time.sleep(0.05)
     program.close()
     os._exit(0)  # MPI's own end waits for nobody
 
