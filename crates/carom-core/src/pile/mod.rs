@@ -32,7 +32,8 @@ const SWEEPS: usize = 4_000;
 const LEAST_UPDATES: usize = 2_000_000;
 /// From this many spheres on neighbours in space are made neighbours in memory.
 const SORTED: usize = 2_000;
-/// Sweeps from which on the bound of the worst contact widens (`spheres::Goal::patience`; counted as a fallback).
+/// Sweeps from which on the bound of the worst contact widens (`spheres::Goal::patience`; counted as a fallback), or after which a
+/// position problem is given up for smaller parts of the step.
 const PATIENCE: usize = 1_000;
 /// Islands of more contacts than this have no other solver: a step that fails is halved.
 const ALONE: usize = 500;

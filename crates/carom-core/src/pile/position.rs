@@ -2,7 +2,9 @@
 //! that the last one led to.
 
 use super::roll::{self, Turning};
-use super::{budget, is_beyond, keep, node, record, told, warm::Cursor, worst, Pile, PATIENCE};
+use super::{
+    budget, is_beyond, keep, node, record, told, warm::Cursor, worst, Pile, COARSE, PATIENCE,
+};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
@@ -127,14 +129,21 @@ fn solve(
         .map(|&i| model.radius[i as usize])
         .fold(f64::INFINITY, f64::min);
     let tolerance = o.tolerance.max(o.pile_tolerance);
+    // What goes round in circles is mostly a wedge, which parts of the step pass one side after the other: no bound is widened
+    // while there are smaller parts. (Fine tolerances take thousands of sweeps as they are.)
+    let (patience, most) = if span.smallest || tolerance < COARSE {
+        (PATIENCE, budget(members.len()))
+    } else {
+        (usize::MAX, PATIENCE)
+    };
     let goal = Goal {
         tolerance,
         floor: pile.mean(|i| model.mass[i] * share * model.radius[i]),
         scale: 0.0,
         closing: overlap(tolerance, members.len()) * smallest,
         penalty_scale: o.penalty_scale,
-        patience: PATIENCE,
-        most: budget(members.len()),
+        patience,
+        most,
         had: 0,
     };
     let strict = Goal {
