@@ -7,7 +7,7 @@ use crate::options::Options;
 use crate::penalty;
 use crate::periodic;
 use crate::scalar::Scalar;
-use crate::wall::{checked, Shape, Wall, WallMotion};
+use crate::wall::{self, checked, Shape, Wall, WallMotion};
 use carom_geom::Periodic;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
@@ -181,10 +181,12 @@ impl Model {
         }
         check_lengths(input, n)?;
         for i in 0..n {
-            positive("sphere", i, "radius", input.radius[i])?;
+            let of_sphere = |(name, text)| entry("sphere", i, name, text);
+            wall::size("radius", input.radius[i]).map_err(of_sphere)?;
             positive("sphere", i, "mass", input.mass[i])?;
             positive("sphere", i, "inertia", input.inertia[i])?;
             finite("sphere", i, "position", &input.position[i])?;
+            wall::place("position", input.position[i].into()).map_err(of_sphere)?;
             finite("sphere", i, "velocity", &input.velocity[i])?;
             finite("sphere", i, "angular_velocity", &input.angular_velocity[i])?;
             finite("sphere", i, "orientation", &input.orientation[i])?;

@@ -3,6 +3,7 @@
 use crate::level::smooth_newton::initial_accelerations;
 use crate::model::{InitialState, Model, ModelError};
 use crate::penalty::Touch;
+use crate::wall;
 use glam::{DQuat, DVec3};
 
 /// Stable key of a contact: body indices, walls after spheres.
@@ -143,7 +144,12 @@ impl State {
                 .all(|v| v.is_finite())
         };
         for (name, numbers) in [
-            ("position", self.position.iter().all(|x| x.is_finite())),
+            (
+                "position",
+                self.position
+                    .iter()
+                    .all(|x| wall::place("position", *x).is_ok()),
+            ),
             ("velocity", self.velocity.iter().all(|x| x.is_finite())),
             (
                 "angular_velocity",
@@ -156,7 +162,7 @@ impl State {
             ("touch_value", self.touches.iter().all(touch)),
         ] {
             if !numbers {
-                return refuse(format!("{name} holds a number that is not finite"));
+                return refuse(format!("{name} holds a number that is not finite, or too large"));
             }
         }
         Ok(())

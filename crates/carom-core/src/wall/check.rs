@@ -83,7 +83,8 @@ pub fn checked(shape: &Shape) -> Result<Shape, Refusal> {
 /// Sizes between these have squares, and quotients of these, that are numbers.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-75..=1e75;
 
-fn positive(name: &'static str, value: f64) -> Result<(), Refusal> {
+/// A size that can be told from 0.
+pub fn positive(name: &'static str, value: f64) -> Result<(), Refusal> {
     if SIZES.contains(&value) {
         return Ok(());
     }
@@ -92,7 +93,8 @@ fn positive(name: &'static str, value: f64) -> Result<(), Refusal> {
     Err((name, text))
 }
 
-fn finite(name: &'static str, v: DVec3) -> Result<DVec3, Refusal> {
+/// A place.
+pub fn finite(name: &'static str, v: DVec3) -> Result<DVec3, Refusal> {
     if v.is_finite() && v.abs().max_element() <= *SIZES.end() {
         return Ok(v);
     }
