@@ -162,7 +162,9 @@ impl State {
             ("touch_value", self.touches.iter().all(touch)),
         ] {
             if !numbers {
-                return refuse(format!("{name} holds a number that is not finite, or too large"));
+                return refuse(format!(
+                    "{name} holds a number that is not finite, or too large"
+                ));
             }
         }
         Ok(())

@@ -2,9 +2,10 @@
 //!
 //! A stage is over when its tasks are done, not when all threads have arrived: a thread that the machine keeps away holds nothing
 //! up but the task it has, and one that comes late joins in. So nothing depends on how many threads there are, and nothing waits for one
-//! that has not started. The threads are those of a pool: to start one costs as much as some hundred sweeps of a thousand contacts.
+//! that has not started. A team within a task is one thread. The threads are those of a pool: to start one costs as much as some hundred sweeps of a thousand contacts.
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -15,6 +16,12 @@ const SPINS: u32 = 1 << 14;
 const TASK_BITS: u32 = 32;
 /// No stage has this number: all are over.
 const OVER: u64 = u64::MAX >> TASK_BITS;
+
+thread_local! {
+    /// Whether this thread is at a task. A team in it would be that thread alone: while it waited for others it might be given a
+    /// share in the team that waits for its task.
+    static AT_TASK: Cell<bool> = const { Cell::new(false) };
+}
 
 /// Stages on their way.
 struct Progress {
@@ -33,6 +40,7 @@ struct Alarm<'a>(&'a Progress);
 impl Drop for Alarm<'_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
+            AT_TASK.set(false);
             self.0.broken.store(true, Ordering::Relaxed);
         }
     }
@@ -65,7 +73,9 @@ impl<W: Fn(usize, usize) + Sync, D: Fn(usize) -> bool + Sync> Plan<'_, W, D> {
                 progress.wait(stage);
                 continue;
             }
+            AT_TASK.set(true);
             (self.work)(stage as usize / self.stages.len(), first + task);
+            AT_TASK.set(false);
             if progress.completed.fetch_add(1, Ordering::AcqRel) + 1 == count {
                 self.close(progress, stage);
             }
@@ -121,8 +131,9 @@ pub fn run_until(
     done: impl Fn(usize) -> bool + Sync,
 ) -> usize {
     let widest = stages.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0);
+    let asked = threads;
     let threads = threads.clamp(1, widest.max(1));
-    if threads == 1 || !has_threads(threads) {
+    if threads == 1 || AT_TASK.get() || !has_threads(asked) {
         for round in 0..rounds {
             for task in stages.first().copied().unwrap_or(0)..stages.last().copied().unwrap_or(0) {
                 work(round, task);
@@ -153,7 +164,7 @@ pub fn run_until(
         broken: AtomicBool::new(false),
         rounds: AtomicUsize::new(0),
     };
-    within(threads, || {
+    within(asked, || {
         rayon::scope(|scope| {
             for _ in 1..threads {
                 scope.spawn(|_| plan.join(&progress));

@@ -297,7 +297,8 @@ impl ImpactScratch {
         if !solved {
             return false;
         }
-        if scaled {
+        // What was given up cannot be scaled further.
+        if scaled && self.scale.iter().any(|&s| s > 0.0) {
             let fine = self.safeguard(model, scratch, law, index.unwrap_or(0), report);
             if !fine {
                 return false;

@@ -68,6 +68,8 @@ pub(super) struct Front {
     /// What Newton's law takes off the velocity of a node for `V_minus` (eq. 27): linear, surface.
     pub shift: Vec<[DVec3; 2]>,
     tallies: Vec<Tally>,
+    /// Members before the cascade, where what was added is looked at on the way.
+    base: Vec<Member>,
     /// Contacts at each node, node after node, and where each node's begin.
     at_node: Vec<u32>,
     starts: Vec<u32>,
@@ -92,6 +94,7 @@ impl Front {
         self.tallies.clear();
         self.tallies
             .resize(velocity.members.len(), Tally::default());
+        self.base.clear();
         self.nodes.clear();
         self.shift.clear();
         for (i, body) in bodies.iter().enumerate() {
@@ -228,11 +231,21 @@ impl Front {
         t.scale = t.scale.min(given.scale);
     }
 
-    /// Hands all that was added so far to the members, and the velocities to the jumps.
+    /// [`Front::hand_over`] with more to come: in the end the members have the same bits.
+    pub fn show(&mut self, velocity: &mut Velocity, bodies: &[Body]) {
+        if self.base.is_empty() {
+            self.base.clone_from(&velocity.members);
+        }
+        self.hand_over(velocity, bodies);
+    }
+
+    /// Hands all that was added to the members, and the velocities to the jumps.
     pub fn hand_over(&mut self, velocity: &mut Velocity, bodies: &[Body]) {
-        for (m, t) in velocity.members.iter_mut().zip(&mut self.tallies) {
-            let t = std::mem::take(t);
+        for (slot, (m, t)) in velocity.members.iter_mut().zip(&self.tallies).enumerate() {
             if t.problem != 0 {
+                if let Some(base) = self.base.get(slot) {
+                    *m = *base;
+                }
                 m.join(t.impulse, t.work, (t.problem, t.approach), t.scale);
             }
         }

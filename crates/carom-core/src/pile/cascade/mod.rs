@@ -132,7 +132,7 @@ impl Cascade<'_> {
     /// Cuts the chosen contacts into little islands, and these into batches.
     fn cut(&mut self, problem: u32, batches: usize) {
         if self.pile.keeper.wants(1) {
-            self.hand_over();
+            self.show();
             self.before = Some(self.pile.velocity.state_of(self.model, &self.chosen));
         }
         self.parts.cut(&mut self.front, &self.chosen, problem);
@@ -140,11 +140,11 @@ impl Cascade<'_> {
     }
 
     #[cold]
-    fn hand_over(&mut self) {
+    fn show(&mut self) {
         let Pile {
             velocity, bodies, ..
         } = &mut *self.pile;
-        self.front.hand_over(velocity, bodies);
+        self.front.show(velocity, bodies);
     }
 
     /// Solves the islands of a batch.
@@ -175,7 +175,6 @@ impl Cascade<'_> {
             report.restitution_scale = report.restitution_scale.min(batch.restitution_scale);
             pushed |= batch.pushed;
             failed += batch.failed;
-            // The list of a batch ends the zip: it must not take a contact of the next.
             for (k, given) in batch.given.iter().enumerate() {
                 let Some(&slot) = slots.next() else { break };
                 self.front.add(slot, problem, given);
@@ -196,7 +195,7 @@ impl Cascade<'_> {
             }
         }
         if let Some(before) = self.before.take() {
-            self.hand_over();
+            self.show();
             let (model, contacts) = (self.model, self.contacts);
             (self.pile).keep_round(model, contacts, problem, &self.chosen, before);
         }
