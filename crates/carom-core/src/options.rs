@@ -263,7 +263,8 @@ options! {
     penalty_slip_speed: f64 = 1e-3,
     /// Substeps per contact time.
     penalty_resolution: u32 = 50,
-    /// Worker threads of the search for pairs, of islands side by side and of sweeps in large ones; results never depend on this number.
+    /// Worker threads of the search for pairs and candidates, of islands side by side, and of sweeps and impact cascades in large ones;
+    /// results never depend on this number.
     threads: u32 = 1,
     /// Contacts of an island for each thread that sweeps it: below, another thread costs more than it gives.
     contacts_per_thread: u32 = 2_048,
