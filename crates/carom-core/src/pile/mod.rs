@@ -21,7 +21,7 @@ pub use velocity::solve_velocities;
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
-use crate::options::{Impact, Solver};
+use crate::options::{Impact, Options, Solver};
 use crate::problem::Keeper;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Body, Place, Progress, SpheresError, Sweeps};
@@ -39,6 +39,8 @@ const PATIENCE: usize = 1_000;
 const ALONE: usize = 500;
 /// Tolerance of piles from which on every island without dense matrix is swept.
 const COARSE: f64 = 1e-5;
+/// Tolerance that scenes of piles are advised to set.
+const USUAL: f64 = 1e-4;
 /// Contacts of a pile from which on its worst one may be worse.
 const TYPICAL: f64 = 2_500.0;
 /// Share of the closing tolerance that solvers may leave.
@@ -198,6 +200,12 @@ pub fn threads(model: &Model, contacts: usize) -> usize {
 /// very many is worse.
 fn worst(contacts: usize) -> f64 {
     (contacts as f64 / TYPICAL).powf(0.75).clamp(1.0, 5.0)
+}
+
+/// Closing tolerance of so many contacts over that of a small pile: a solution that is coarser than [`USUAL`] leaves closing speeds by which
+/// impacts would go round and round, and to make the worst of very many contacts as small takes twice the sweeps.
+fn coarser(o: &Options, contacts: usize) -> f64 {
+    worst(contacts).min((o.pile_tolerance / USUAL).max(1.0))
 }
 
 /// Sweeps that one solve of `contacts` contacts may take.

@@ -2,7 +2,7 @@
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
 use super::roll::{self, Turning};
-use super::{is_beyond, node, record, warm::Cursor, Law, Pile, LEFT};
+use super::{coarser, is_beyond, node, record, warm::Cursor, Law, Pile, LEFT};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -335,7 +335,8 @@ impl Pile {
         }
         let o = &model.options;
         memory.terms = 0.0;
-        memory.tol = speeds.closing_tolerance(o, memory.members.len());
+        let contacts = memory.members.len();
+        memory.tol = coarser(o, contacts) * speeds.closing_tolerance(o, contacts);
         let share = o.touching_tolerance / span.h;
         let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
         let mass = self.mean(|i| model.mass[i]);
