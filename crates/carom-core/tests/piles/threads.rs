@@ -33,7 +33,7 @@ fn the_number_of_threads_changes_no_bit() {
         let o = Options {
             threads,
             contacts_per_thread: 2_048,
-            ..options(1e-3, 1e-3)
+            ..options(1e-3, 1e-4)
         };
         let mut s = simulation(&large(), o);
         let reports = go_on(&mut s, 2);
