@@ -28,6 +28,19 @@ def two_balls(**law: float) -> carom.Scene:
     )
 
 
+def dull() -> carom.Scene:
+    """A ball thrown obliquely onto a floor that gives back next to nothing, and one that falls into its way."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    for other in ("ball", "wall"):
+        scene.contact("ball", other, friction=0.2, restitution=0.1)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    scene.sphere("thrown", radius=0.02, mass=0.1, material="ball", position=(0, 0, 0.03), velocity=(2, 0, -1))
+    scene.sphere(
+        "met", radius=0.02, mass=0.1, material="ball", position=(0.1, 0.01, 0.0301), velocity=(0, 0, -0.5)
+    )
+    return scene
+
+
 def pile() -> carom.Scene:
     """Twenty balls fall into a box and come to rest."""
     scene = carom.Scene(gravity=(0, 0, -9.8))

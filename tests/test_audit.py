@@ -31,6 +31,7 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "pile-coarse": (scenes.pile, 0.25, {"every": 7}),
     "pile-moreau": (scenes.pile, 0.15, {"method": "moreau"}),
     "pile-penalty": (scenes.pile, 0.15, {"method": "penalty"}),
+    "dull-penalty": (scenes.dull, 0.1, {"method": "penalty"}),
     "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4}),
     "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "impacts": "every"}),
     "pile-blind": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "impacts": "every", "contacts": False}),
