@@ -40,6 +40,8 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "shaken-moreau": (scenes.shaken, 0.3, {"method": "moreau"}),
     # Islands solved as piles for their places have one frame for their impacts too, however few touch.
     "shaken-layer": (scenes.shaken_layer, 0.115, {"impacts": "every"}),
+    "loose-layer": (scenes.loose_layer, 0.12, {}),
+    "landed-layer-moreau": (scenes.landed_layer, 0.08, {"method": "moreau"}),
     "drum": (scenes.drum, 0.2, {}),
     "drum-moreau": (scenes.drum, 0.2, {"method": "moreau"}),
     "drum-penalty": (scenes.drum, 0.2, {"method": "penalty"}),
