@@ -157,8 +157,8 @@ impl Pile {
     fn load_sweeps(&mut self) -> Result<(), SpheresError> {
         let (bodies, places) = self.part.of(&self.bodies, &self.places);
         let places = (places.len() >= SORTED).then_some(places);
-        self.sweeps.renew(bodies, &self.contacts, places)?;
-        self.sweeps.warm_start(&self.start);
+        self.sweeps
+            .renew_from(bodies, &self.contacts, places, &self.start)?;
         if self.rolls.is_empty() {
             return Ok(());
         }
