@@ -275,8 +275,8 @@ class Block:
 
     @cached_property
     def floor(self) -> F64:
-        """(B,) what the position level may leave besides (N s^2), however small its multipliers: `tolerance_floor m r`, and where
-        gaps may contradict one another, in islands of more than `dense_contacts`, `touching_tolerance m r`.
+        """(B,) what the position level may leave besides (N s^2), however small its multipliers: `tolerance_floor m r`, and
+        where gaps may contradict one another, in islands of more than `dense_contacts`, `touching_tolerance m r`.
         """
         o, run = self.run.options, self.run
         least = float(o["tolerance_floor"])

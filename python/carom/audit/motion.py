@@ -9,7 +9,8 @@ and of Moreau-Jean `x' = x + h (theta v' + (1 - theta) v) + sum nu/m`. Momentum 
 not: over several steps, or parts of one, a body is free to be where its recorded impulses, each at any time of the interval,
 can have brought it: within `2 dt sum |Lambda|/m` of free flight, twice as impulses of turning normals cancel in their sum.
 
-Bounds: `M U = G^T nu` is solved to the tolerance of eq. 44 (`Block.left`, `Block.floor`); velocities are sums of impulses to rounding.
+Bounds: `M U = G^T nu` is solved to the tolerance of eq. 44 (`Block.left`, `Block.floor`); velocities are sums of impulses to
+rounding.
 """
 
 from __future__ import annotations

@@ -105,8 +105,9 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     nsga: `gap_tolerance r` and 16 roundings of the largest coordinate in islands of up to 50 contacts; beyond, the
     solver aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then).
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
-    end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. Penalty: the elastic energy `K d^(n+1)/(n+1)` is at
-    most the largest kinetic energy of the run; twice the indentation under the whole weight comes on top.
+    end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. Penalty: the
+    elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of the run; twice the indentation under the
+    whole weight comes on top.
     """
     other = np.append(run.radius, np.inf)[np.minimum(b, run.bodies)]
     r = np.minimum(run.radius[a], other)
