@@ -37,6 +37,15 @@ impl Node {
     }
 }
 
+/// A contact as one of its spheres has it, so that all that a moved sphere looks at lies side by side.
+#[derive(Clone, Copy, Default)]
+struct Beside {
+    /// Towards this sphere.
+    normal: DVec3,
+    slot: u32,
+    other: u32,
+}
+
 /// What the problems of a cascade gave a contact.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
@@ -71,7 +80,7 @@ pub(super) struct Front {
     /// Members before the cascade, where what was added is looked at on the way.
     base: Vec<Member>,
     /// Contacts at each node, node after node, and where each node's begin.
-    at_node: Vec<u32>,
+    at_node: Vec<Beside>,
     starts: Vec<u32>,
     /// Problem in which a node was last moved, 0: never.
     pub touched: Vec<u32>,
@@ -118,19 +127,27 @@ impl Front {
         let nodes = self.nodes.len();
         self.starts.clear();
         self.starts.resize(nodes + 1, 0);
-        let ends = |e: &[u32; 2]| (*e).into_iter().filter(|&n| n != WORLD);
-        for e in &self.ends {
-            ends(e).for_each(|n| self.starts[n as usize + 1] += 1);
+        for node in self.ends.iter().flatten().filter(|&&n| n != WORLD) {
+            self.starts[*node as usize + 1] += 1;
         }
         for node in 0..nodes {
             self.starts[node + 1] += self.starts[node];
         }
         self.at_node.clear();
-        self.at_node.resize(self.starts[nodes] as usize, 0);
-        for (slot, e) in self.ends.iter().enumerate() {
-            for n in ends(e) {
-                let place = &mut self.starts[n as usize];
-                self.at_node[*place as usize] = slot as u32;
+        let entries = self.starts[nodes] as usize;
+        self.at_node.resize(entries, Beside::default());
+        for (slot, edge) in self.edges.iter().enumerate() {
+            let sides = [
+                (edge.a, edge.b, edge.normal),
+                (edge.b, edge.a, -edge.normal),
+            ];
+            for (node, other, normal) in sides.into_iter().filter(|side| side.0 != WORLD) {
+                let place = &mut self.starts[node as usize];
+                self.at_node[*place as usize] = Beside {
+                    normal,
+                    slot: slot as u32,
+                    other,
+                };
                 *place += 1;
             }
         }
@@ -138,20 +155,6 @@ impl Front {
             self.starts[node] = self.starts[node - 1];
         }
         self.starts[0] = 0;
-    }
-
-    /// Normal velocity of a contact; `velocity` knows how walls move.
-    #[inline]
-    pub fn normal_speed(&self, velocity: &Velocity, slot: u32) -> f64 {
-        let edge = &self.edges[slot as usize];
-        let mut d = self.nodes[edge.a as usize].linear;
-        if edge.b != WORLD {
-            d -= self.nodes[edge.b as usize].linear;
-        }
-        if let Some([_, wall]) = velocity.driven.get(edge.driven as usize) {
-            d -= *wall;
-        }
-        d.dot(edge.normal)
     }
 
     /// Marks in `closing` the contacts of `moved` spheres that close: those between two of them once, by the first.
@@ -163,18 +166,34 @@ impl Front {
         closing: &mut Slots,
     ) {
         for &node in moved {
+            let own = self.nodes[node as usize].linear;
             let (from, to) = (self.starts[node as usize], self.starts[node as usize + 1]);
-            for &slot in &self.at_node[from as usize..to as usize] {
-                let [a, b] = self.ends[slot as usize];
-                let other = if a == node { b } else { a };
-                if other < node && self.touched[other as usize] == problem {
-                    continue;
+            for beside in &self.at_node[from as usize..to as usize] {
+                let mut d = own;
+                if beside.other != WORLD {
+                    let other = beside.other as usize;
+                    if beside.other < node && self.touched[other] == problem {
+                        continue;
+                    }
+                    d -= self.nodes[other].linear;
+                } else if let Some(wall) = self.wall(velocity, beside.slot) {
+                    d -= wall;
                 }
-                if self.normal_speed(velocity, slot) < -velocity.tol {
-                    closing.insert(slot);
+                if d.dot(beside.normal) < -velocity.tol {
+                    closing.insert(beside.slot);
                 }
             }
         }
+    }
+
+    /// Velocity of a contact's wall, where it moves.
+    #[inline]
+    fn wall(&self, velocity: &Velocity, slot: u32) -> Option<DVec3> {
+        if velocity.driven.is_empty() {
+            return None;
+        }
+        let edge = &self.edges[slot as usize];
+        velocity.driven.get(edge.driven as usize).map(|v| v[1])
     }
 
     /// Relative angular velocity of a contact's spheres, less that of a wall.
@@ -191,28 +210,6 @@ impl Front {
             turn
         } else {
             turn - spin(b)
-        }
-    }
-
-    /// Relative velocity of a contact's surfaces: now, and `V_minus`.
-    #[inline]
-    pub fn relative(&self, velocity: &Velocity, edge: &Edge) -> [DVec3; 2] {
-        let (a, b) = (edge.a as usize, edge.b as usize);
-        let (node, [shift, shift_s]) = (&self.nodes[a], self.shift[a]);
-        let (mut d, mut s) = (node.linear, node.surface);
-        let (mut off, mut off_s) = (shift, shift_s);
-        if edge.b != WORLD {
-            let (node, [shift, shift_s]) = (&self.nodes[b], self.shift[b]);
-            d -= node.linear;
-            s += node.surface;
-            off -= shift;
-            off_s += shift_s;
-        }
-        let now = d + edge.normal.cross(s);
-        let minus = now - off - edge.normal.cross(off_s);
-        match velocity.driven.get(edge.driven as usize) {
-            Some([old, new]) => [now - *new, minus - *old],
-            None => [now, minus],
         }
     }
 

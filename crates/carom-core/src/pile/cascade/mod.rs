@@ -6,6 +6,7 @@
 mod front;
 mod group;
 mod little;
+mod near;
 mod parts;
 
 use super::velocity::Memory as Velocity;
