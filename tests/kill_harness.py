@@ -18,7 +18,8 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,10 +66,31 @@ def differences(
     return wrong
 
 
+class Rebuilt(RuntimeError):
+    """The core is another one than at the start: it makes other bits, and nothing can be said of kills."""
+
+
+def core() -> str:
+    """The build of the core that a new process would load; `checkpoint.build` remembers that of this one."""
+    return checkpoint.build.__wrapped__()
+
+
+@contextmanager
+def of_one_build(build: str) -> Iterator[None]:
+    """Where what is done inside fails and the core is no longer that `build`, this is what is said of it."""
+    try:
+        yield
+    except (AssertionError, CaromError) as error:
+        if core() == build:
+            raise
+        told = "the core was built anew while this ran, and another build makes other bits: run it again, and leave"
+        raise Rebuilt(f"{told} the build alone meanwhile") from error
+
+
 @dataclass(frozen=True)
 class Whole:
     """The run that nobody disturbed: its scenario file, what it recorded, its totals, how long it took, and how long of it
-    it computed and wrote (s).
+    it computed and wrote (s); and the build of the core that made it.
     """
 
     name: str
@@ -77,11 +99,13 @@ class Whole:
     totals: dict[str, Any]
     seconds: float
     driven: float
+    build: str
 
 
 def uninterrupted(name: str, root: Path, share: float = 1.0) -> Whole:
     """Run a scene of `kill_scenes`, or a `share` of its time, to its end."""
     scenario = kill_scenes.write(name, root, share)
+    build = checkpoint.build()
     run = root / f"{name}-whole"
     start = time.perf_counter()
     with warnings.catch_warnings():
@@ -89,7 +113,7 @@ def uninterrupted(name: str, root: Path, share: float = 1.0) -> Whole:
         result = carom.simulate(carom.Scene.from_toml(scenario), out=run)
     seconds = time.perf_counter() - start
     totals = {k: result.summary.get(k) for k in TOTALS}
-    return Whole(name, scenario, recorded(run), totals, seconds, result.summary["wall_s"])
+    return Whole(name, scenario, recorded(run), totals, seconds, result.summary["wall_s"], build)
 
 
 @functools.cache
@@ -222,6 +246,19 @@ def kill_once(whole: Whole, run: Path, rng: np.random.Generator, *, by_command: 
     def begin(*arguments: str) -> Process:
         return spawn(*arguments) if by_command else Forked([*arguments, "--quiet"])
 
+    with of_one_build(whole.build):
+        return _kill_once(whole, run, rng, begin, by_command=by_command, again=again)
+
+
+def _kill_once(
+    whole: Whole,
+    run: Path,
+    rng: np.random.Generator,
+    begin: Callable[..., Process],
+    *,
+    by_command: bool,
+    again: float,
+) -> str:
     begun = (startup() if by_command else 0.0) + whole.seconds - whole.driven  # s until it computes
     late = rng.random() < 0.8  # most of them after start-up, which takes as long as such a run
     span = 0.9 * whole.driven if late else begun
@@ -262,6 +299,9 @@ def main() -> int:
                 survived[whole.name] += 1
             except AssertionError as error:
                 met = f"FAILED: {error}"
+            except Rebuilt as stopped:
+                print(f"stopped after {k} kills: {stopped}")
+                return 2
             print(f"{k:4} {whole.name:15} {met}", flush=True)
     print(f"{sum(survived.values())} of {sum(tried.values())} survived", dict(survived))
     return 0 if survived == tried else 1

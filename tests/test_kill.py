@@ -8,6 +8,7 @@ import kill_harness
 import kill_scenes
 import numpy as np
 import pytest
+from carom import _core, checkpoint
 from trials import Trials
 
 SURVIVED = "runs continued bit for bit after kills at random moments"
@@ -37,3 +38,25 @@ def test_a_run_that_is_killed_again_and_again(name: str, tmp_path: Path, trials:
         rng = np.random.default_rng([2027, list(kill_scenes.SCENES).index(name), k])
         with trials(SURVIVED):
             kill_harness.kill_once(whole, tmp_path / f"run{k}", rng, by_command=True, again=0.4)
+
+
+def test_a_core_that_is_built_anew_is_no_broken_promise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build = checkpoint.build()
+    if not build:
+        pytest.skip("the linker gave the core no identity")
+    with pytest.raises(AssertionError, match="other bits"), kill_harness.of_one_build(build):
+        raise AssertionError("other bits")
+    with open(_core.__file__, "rb") as file:
+        head = file.read(4096)
+    anew = tmp_path / "anew.so"
+    anew.write_bytes(head.replace(bytes.fromhex(build), bytes(20)))
+    monkeypatch.setattr(_core, "__file__", str(anew))
+    with (
+        pytest.raises(kill_harness.Rebuilt, match="was built anew while this ran"),
+        kill_harness.of_one_build(build),
+    ):
+        raise AssertionError("other bits")
+    with kill_harness.of_one_build(build):
+        pass  # what held for all that is no failure

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from carom import checkpoint
 from carom.errors import CaromError
-from kill_harness import Whole, differences, examine, finish, recorded
+from kill_harness import Whole, differences, examine, finish, of_one_build, recorded
 from trials import Trials
 
 NO_SPACE = 28  # ENOSPC
@@ -70,7 +70,7 @@ def kill_at_calls(
         assert code in (0, -9), told  # batches depend on time, so a run may have fewer calls
         if code:
             struck_at_all += 1
-            with trials("runs continued bit for bit after kills in a system call"):
+            with trials("runs continued bit for bit after kills in a system call"), of_one_build(whole.build):
                 examine(run, whole)
                 finish(run, whole, by_command=False)
     assert struck_at_all > tries // 2
@@ -87,7 +87,7 @@ def fill_disk_at_calls(
         assert code in (0, 2), told
         if code:
             struck_at_all += 1
-            with trials("runs continued bit for bit after a full disk"):
+            with trials("runs continued bit for bit after a full disk"), of_one_build(whole.build):
                 assert "no space left on the disk; free some" in told
                 assert told.count("\n") == 1
                 if run.exists():

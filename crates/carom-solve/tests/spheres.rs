@@ -556,6 +556,34 @@ fn a_warm_start_goes_on_where_it_was_left() {
     assert!(bits(&s) == bits(&new));
 }
 
+/// Many contacts, some with their sides exchanged, read by one thread and by three into memory of another problem.
+#[test]
+fn impulses_come_back_in_the_order_of_the_contacts() {
+    let p = pile(23, 8, 1.0);
+    let mut rng = Rng(24);
+    let given: Vec<[f64; 3]> = p.contacts.iter().map(|_| rng.vector(1.0)).collect();
+    for threads in [1, 3] {
+        let mut s = sweeps(&p, threads);
+        s.warm_start(&given);
+        let (mut impulses, mut velocities) = (vec![[9.0; 3]; 5], vec![[9.0; 6]; 100_000]);
+        s.impulses_into(&mut impulses);
+        s.velocities_into(&mut velocities);
+        assert!(impulses == given);
+        assert_eq!(velocities.len(), p.bodies.len());
+        // Momentum of the contacts with the world alone: the others give and take.
+        for k in 0..3 {
+            let sum: f64 = velocities
+                .iter()
+                .zip(&p.bodies)
+                .map(|(u, b)| u[k] / b.inv_mass)
+                .sum();
+            let outer = p.contacts.iter().zip(&given).filter(|(c, _)| c.b == WORLD);
+            let expected: f64 = outer.map(|(_, r)| r[k]).sum();
+            assert!((sum - expected).abs() < 1e-9, "{sum} and {expected}");
+        }
+    }
+}
+
 /// One ball with more contacts than groups can be open at a time.
 #[test]
 fn a_hub_of_many_contacts() {

@@ -4,6 +4,7 @@ use super::kernel::{Group, State};
 use super::lanes::GROUP;
 use super::rolling::Rolls;
 use super::Contact;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Groups of a block that are open at a time.
 const WINDOW: usize = 64;
@@ -22,6 +23,33 @@ pub struct Block {
     pub ids: Vec<[u32; GROUP]>,
     /// Moments of the groups; empty where nothing rolls.
     pub rolls: Vec<Rolls>,
+}
+
+/// Where each contact is swept: its block, and its lane among those of the block's groups. Blocks on several threads write them.
+#[derive(Debug, Default)]
+pub struct Slots(Vec<AtomicU64>);
+
+impl Slots {
+    pub fn resize(&mut self, contacts: usize) {
+        self.0.resize_with(contacts, AtomicU64::default);
+    }
+
+    /// Enters the contacts of block number `index`.
+    pub fn enter(&self, index: usize, block: &Block) {
+        for (lane, &id) in block.ids.as_flattened().iter().enumerate() {
+            if id != EMPTY {
+                let slot = (index as u64) << 32 | lane as u64;
+                self.0[(id & !SWAPPED) as usize].store(slot, Relaxed);
+            }
+        }
+    }
+
+    /// Block, group and lane of a contact.
+    pub fn of(&self, contact: usize) -> (usize, usize, usize) {
+        let slot = self.0[contact].load(Relaxed);
+        let lane = slot as u32 as usize;
+        ((slot >> 32) as usize, lane / GROUP, lane % GROUP)
+    }
 }
 
 /// A contact on its way to a group: states within the chunks of its block, and its id.

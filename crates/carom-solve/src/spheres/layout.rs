@@ -5,7 +5,7 @@
 //! body depends on the problem alone, not on the threads. Inside a block contacts follow their bodies and fill groups that
 //! share no moving body. All is O(contacts) but for the sort of the bodies and of the few contacts between chunks.
 
-use super::groups::{pack, Block, Link, SWAPPED};
+use super::groups::{pack, Block, Link, Slots, SWAPPED};
 use super::kernel::State;
 use super::{Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;
@@ -80,6 +80,7 @@ impl Layout {
         states: &[State],
         threads: usize,
         old: Vec<Block>,
+        slots: &mut Slots,
     ) -> Result<Vec<Block>, SpheresError> {
         let pieces: Vec<(usize, &[Contact])> = contacts.chunks(PIECE).enumerate().collect();
         let pieces = team::map(threads, pieces, |(k, piece)| {
@@ -106,17 +107,22 @@ impl Layout {
         let old = old
             .into_iter()
             .chain(std::iter::repeat_with(Block::default));
+        slots.resize(contacts.len());
+        let slots = &*slots;
         let blocks = team::map(threads, (0..count).zip(old).collect(), |(index, old)| {
-            if index < self.chunks {
+            let block = if index < self.chunks {
                 let links = self.inner_links(index, &pieces);
                 let own = (index as u32, index as u32);
-                return pack(old, &links, own, chunk(own.0), None, contacts);
-            }
-            let pair = pairs[order[index - self.chunks] as usize];
-            let between = ends(pair[0].0);
-            let links: Vec<Link> = pair.iter().map(|p| p.1).collect();
-            let (left, right) = (chunk(between.0), chunk(between.1));
-            pack(old, &links, between, left, Some(right), contacts)
+                pack(old, &links, own, chunk(own.0), None, contacts)
+            } else {
+                let pair = pairs[order[index - self.chunks] as usize];
+                let between = ends(pair[0].0);
+                let links: Vec<Link> = pair.iter().map(|p| p.1).collect();
+                let (left, right) = (chunk(between.0), chunk(between.1));
+                pack(old, &links, between, left, Some(right), contacts)
+            };
+            slots.enter(index, &block);
+            block
         });
         Ok(blocks)
     }

@@ -27,7 +27,7 @@ pub use problem::{Body, Contact, Place, SpheresError};
 pub use rolling::Roll;
 
 use crate::team::{self, lock};
-use groups::{Block, EMPTY, SWAPPED};
+use groups::{Block, Slots, EMPTY, SWAPPED};
 use kernel::{One, Pass, Plain, State, Two};
 use layout::Layout;
 use moments::{CarryMoments, RollingPass};
@@ -39,6 +39,7 @@ pub struct Sweeps {
     layout: Layout,
     states: Vec<State>,
     blocks: Vec<Block>,
+    slots: Slots,
     radius: Vec<f64>,
     pairs: usize,
     memory: accelerate::Memory,
@@ -60,6 +61,7 @@ impl Sweeps {
             layout: Layout::default(),
             states: Vec::new(),
             blocks: Vec::new(),
+            slots: Slots::default(),
             radius: Vec::new(),
             pairs: 0,
             memory: accelerate::Memory::default(),
@@ -76,6 +78,7 @@ impl Sweeps {
             layout: Layout::default(),
             states: Vec::new(),
             blocks: Vec::new(),
+            slots: Slots::default(),
             radius: Vec::new(),
             pairs: 0,
             memory: accelerate::Memory::default(),
@@ -98,7 +101,7 @@ impl Sweeps {
         self.pairs = 0;
         problem::check(bodies, contacts.len(), places)?;
         let mut layout = Layout::new(bodies, places, &mut self.states);
-        self.blocks = layout.blocks(contacts, &self.states, self.threads, old)?;
+        self.blocks = layout.blocks(contacts, &self.states, self.threads, old, &mut self.slots)?;
         self.layout = layout;
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
@@ -254,36 +257,54 @@ impl Sweeps {
 
     /// Impulse on body `a` of each contact, N s.
     pub fn impulses(&self) -> Vec<[f64; 3]> {
-        let mut impulses = vec![[0.0; 3]; self.pairs];
-        for block in &self.blocks {
-            for (group, ids) in block.groups.iter().zip(&block.ids) {
-                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
-                    let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
-                    impulses[(id & !SWAPPED) as usize] =
-                        [0, 1, 2].map(|k| sign * group.impulse[k][lane]);
-                }
-            }
-        }
+        let mut impulses = Vec::new();
+        self.impulses_into(&mut impulses);
         impulses
+    }
+
+    /// [`Sweeps::impulses`] in memory that is there.
+    pub fn impulses_into(&self, out: &mut Vec<[f64; 3]>) {
+        self.gather(out, |block, group, lane| {
+            residual::vector(&block.groups[group].impulse, lane).to_array()
+        });
     }
 
     /// Corrections of velocity, m/s, and angular velocity, 1/s, of each body.
     pub fn velocities(&self) -> Vec<[f64; 6]> {
-        let one = |(&at, &radius): (&u32, &f64)| {
+        let mut velocities = Vec::new();
+        self.velocities_into(&mut velocities);
+        velocities
+    }
+
+    /// [`Sweeps::velocities`] in memory that is there.
+    pub fn velocities_into(&self, out: &mut Vec<[f64; 6]>) {
+        out.resize(self.radius.len(), [0.0; 6]);
+        team::fill(self.threads, out, |body| {
             let State {
                 linear: v,
                 surface: s,
-            } = self.states[at as usize];
+            } = self.states[self.layout.state[body] as usize];
             // A body without lever arm is never turned.
+            let radius = self.radius[body];
             let turn = if radius > 0.0 { 1.0 / radius } else { 0.0 };
             [v[0], v[1], v[2], turn * s[0], turn * s[1], turn * s[2]]
-        };
-        self.layout
-            .state
-            .iter()
-            .zip(&self.radius)
-            .map(one)
-            .collect()
+        });
+    }
+
+    /// Vectors on the bodies `a` of all contacts, of `vector(block, group, lane)` on the sides as they are swept.
+    fn gather(
+        &self,
+        out: &mut Vec<[f64; 3]>,
+        vector: impl Fn(&Block, usize, usize) -> [f64; 3] + Sync,
+    ) {
+        out.resize(self.pairs, [0.0; 3]);
+        team::fill(self.threads, out, |contact| {
+            let (block, group, lane) = self.slots.of(contact);
+            let block = &self.blocks[block];
+            let swapped = block.ids[group][lane] & SWAPPED != 0;
+            let sign = if swapped { -1.0 } else { 1.0 };
+            vector(block, group, lane).map(|x| sign * x)
+        });
     }
 
     /// Bytes a sweep moves at least: groups and bodies in, impulses and bodies out.

@@ -17,6 +17,7 @@
 use super::groups::{Block, EMPTY, SWAPPED};
 use super::kernel::Column;
 use super::lanes::GROUP;
+use super::residual::vector;
 use super::{Body, Contact, SpheresError, Sweeps};
 use crate::team;
 
@@ -143,15 +144,21 @@ impl Sweeps {
 
     /// Moment on body `a` of each contact, N m s; zeros where nothing rolls.
     pub fn moments(&self) -> Vec<[f64; 3]> {
-        let mut moments = vec![[0.0; 3]; self.pairs];
-        for block in &self.blocks {
-            for (own, ids) in block.rolls.iter().zip(&block.ids) {
-                for (lane, index, swapped) in filled(ids) {
-                    moments[index] = [0, 1, 2].map(|k| sign(swapped) * own.moment[k][lane]);
-                }
-            }
-        }
+        let mut moments = Vec::new();
+        self.moments_into(&mut moments);
         moments
+    }
+
+    /// [`Sweeps::moments`] in memory that is there.
+    pub fn moments_into(&self, out: &mut Vec<[f64; 3]>) {
+        if self.blocks.iter().all(|block| block.rolls.is_empty()) {
+            out.clear();
+            out.resize(self.pairs, [0.0; 3]);
+            return;
+        }
+        self.gather(out, |block, group, lane| {
+            vector(&block.rolls[group].moment, lane).to_array()
+        });
     }
 
     fn each_block(&mut self, work: impl Fn(&mut Block) + Sync) {
