@@ -44,11 +44,10 @@ impl Near {
         self.edges.extend(slots.map(|&s| front.edges[s as usize]));
         let nodes = &parts.nodes[n..n_end];
         self.nodes.clear();
-        self.nodes
-            .extend(nodes.iter().map(|&n| front.nodes[n as usize]));
+        self.nodes.extend(nodes.iter().map(|&n| front.node(n)));
         self.shift.clear();
-        self.shift
-            .extend(nodes.iter().map(|&n| front.shift[n as usize]));
+        let shifts = nodes.iter().map(|&n| front.shift[n as usize]);
+        self.shift.extend(shifts);
         end
     }
 

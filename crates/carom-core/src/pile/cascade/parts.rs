@@ -35,20 +35,20 @@ impl Parts {
         self.places.resize(nodes, Place::default());
     }
 
-    /// Cuts `chosen`, and marks its spheres as touched by the problem.
+    /// Cuts `chosen`, and marks its spheres as touched by the problem. What is new in it nobody can guess, so nothing branches on it.
     pub fn cut(&mut self, front: &mut Front, chosen: &[u32], problem: u32) {
         for &slot in chosen {
             let [a, b] = front.ends[slot as usize];
             for node in [a, b].into_iter().filter(|&n| n != WORLD) {
                 let touched = &mut front.touched[node as usize];
-                if *touched != problem {
-                    *touched = problem;
-                    self.places[node as usize] = Place {
-                        parent: node,
-                        island: NONE,
-                        local: NONE,
-                    };
-                }
+                let place = &mut self.places[node as usize];
+                let is_new = *touched != problem;
+                *touched = problem;
+                *place = Place {
+                    parent: if is_new { node } else { place.parent },
+                    island: NONE,
+                    local: NONE,
+                };
             }
             if b != WORLD {
                 let (a, b) = (self.root(a), self.root(b));
@@ -57,17 +57,19 @@ impl Parts {
         }
         self.of_chosen.clear();
         self.placed.clear();
+        self.placed.resize(chosen.len(), 0);
+        let mut islands = 0;
         for &slot in chosen {
             let root = self.root(front.ends[slot as usize][0]);
-            let island = &mut self.places[root as usize].island;
-            if *island == NONE {
-                *island = self.placed.len() as u32;
-                self.placed.push(0);
-            }
-            let island = *island;
+            let place = &mut self.places[root as usize];
+            let is_new = place.island == NONE;
+            let island = if is_new { islands } else { place.island };
+            islands += u32::from(is_new);
+            place.island = island;
             self.placed[island as usize] += 1;
             self.of_chosen.push(island);
         }
+        self.placed.truncate(islands as usize);
         let mut sum = 0;
         self.starts.clear();
         for size in &mut self.placed {
@@ -88,24 +90,26 @@ impl Parts {
 
     /// Numbers the spheres of each island in the order of its contacts.
     fn number(&mut self) {
-        self.nodes.clear();
+        self.nodes.resize(2 * self.sides.len(), 0);
+        let mut count = 0;
         for island in 0..self.starts.len() - 1 {
-            let first = self.nodes.len() as u32;
+            let first = count;
             self.starts[island][1] = first;
             let (from, to) = (self.starts[island][0], self.starts[island + 1][0]);
             let sides = self.sides[from as usize..to as usize].iter_mut();
             for side in sides.flatten().filter(|side| **side != WORLD) {
                 let local = &mut self.places[*side as usize].local;
-                if *local == NONE {
-                    *local = self.nodes.len() as u32 - first;
-                    self.nodes.push(*side);
-                }
+                let is_new = *local == NONE;
+                self.nodes[count as usize] = *side;
+                *local = if is_new { count - first } else { *local };
+                count += u32::from(is_new);
                 *side = *local;
             }
         }
         if let Some(last) = self.starts.last_mut() {
-            last[1] = self.nodes.len() as u32;
+            last[1] = count;
         }
+        self.nodes.truncate(count as usize);
     }
 
     fn root(&mut self, mut node: u32) -> u32 {
