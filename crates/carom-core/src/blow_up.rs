@@ -1,8 +1,13 @@
 //! Motions that leave the numbers: noticed before the state is written, and told with sphere, contact and level.
 
 use crate::contact::Contact;
+use crate::force;
+use crate::model::Model;
 use crate::report::Level;
 use crate::scratch::Scratch;
+use crate::state::State;
+use crate::step::Failure;
+use crate::stepper::Prediction;
 use glam::DVec3;
 
 /// Speeds (m/s, rad/s) beyond which a motion has blown up: a thousand times what a scenario may begin with. At 1e150 their
@@ -54,10 +59,62 @@ pub(crate) fn within_bounds(v: DVec3, w: DVec3) -> bool {
     v.length_squared() <= FASTEST * FASTEST && w.length_squared() <= FASTEST * FASTEST
 }
 
+/// Looks at every sphere of a step without a jump: where it is calm, [`find`] would find nothing.
+#[derive(Default)]
+pub(crate) struct Watch {
+    /// Sums of squares: of all velocities, and of what the spheres went by, m^2.
+    speed: f64,
+    way: f64,
+    carried: DVec3,
+}
+
+impl Watch {
+    /// A sphere with the sum of the squares of its velocities, that went by `way` in the step, with what the next begins with.
+    #[inline]
+    pub fn look(&mut self, speed: f64, way: DVec3, next: [&Prediction; 2]) {
+        self.speed += speed;
+        self.way += way.length_squared();
+        self.carried += carried(next);
+    }
+
+    /// After a step of `h`.
+    pub fn is_calm(&self, h: f64) -> bool {
+        // The way of the whole step: what the position level did counts too.
+        self.speed + self.way / (h * h) <= FASTEST * FASTEST && self.carried.is_finite()
+    }
+}
+
+/// Accelerations are no velocities, but the next step begins with them: their sum is a number if all of them are.
+#[inline]
+fn carried([linear, angular]: [&Prediction; 2]) -> DVec3 {
+    linear.acceleration + angular.acceleration + linear.pseudo + angular.pseudo
+}
+
+/// Fails at the first sphere whose motion has left the numbers in a step of `h`; `scratch.jump` holds the new velocities.
+#[cold]
+pub(crate) fn find(model: &Model, state: &State, scratch: &Scratch, h: f64) -> Result<(), Failure> {
+    let mut energy = 0.0;
+    for i in 0..model.spheres() {
+        let ([v, w], x) = (scratch.jump[i], scratch.position[i]);
+        energy += model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared();
+        if state.present[i] {
+            energy += force::weight_potential(model, i, x);
+        }
+        if !carried([&scratch.linear[i], &scratch.angular[i]]).is_finite() {
+            return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, i as u32)));
+        }
+        let way = (x - state.position[i]) / h;
+        let slow = within_bounds(v, w) && within_bounds(way, DVec3::ZERO);
+        if !(energy.is_finite() && slow) {
+            return Err(Failure::BlowUp(locate(scratch, i, (v, way), h)));
+        }
+    }
+    Ok(())
+}
+
 /// Where the motion of sphere `i`, of velocity `v` after a step of `h` in which it went `way` (a mean velocity), left the numbers:
 /// at which level, and at which contact.
-#[cold]
-pub(crate) fn locate(scratch: &Scratch, i: usize, (v, way): (DVec3, DVec3), h: f64) -> BlowUp {
+fn locate(scratch: &Scratch, i: usize, (v, way): (DVec3, DVec3), h: f64) -> BlowUp {
     let (linear, angular) = (&scratch.linear[i], &scratch.angular[i]);
     let body = i as u32;
     let smooth = within_bounds(linear.velocity, angular.velocity)

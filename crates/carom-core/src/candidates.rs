@@ -7,7 +7,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::step::Failure;
 use crate::wall::Walls;
-use carom_geom::tangent_frame;
+use carom_geom::{sphere_plane, tangent_frame};
 use carom_solve::{team, Bounds, Status};
 use glam::DVec3;
 
@@ -85,27 +85,31 @@ pub(crate) fn push_candidate(
     }
     if j >= n {
         let wall = &model.walls[j - n];
-        let gap = walls.meet(model, a, b, position[i]).gap;
+        let plane = wall.fixed_plane();
+        let gap = match plane {
+            Some((point, normal)) => sphere_plane(position[i], ra, point, normal).gap,
+            None => walls.meet(model, a, b, position[i]).gap,
+        };
         if gap > margin * ra {
             return Ok(false);
         }
         let Some(law) = law_or_miss(model, a, b, gap)? else {
             return Ok(false);
         };
-        let start = walls.meet_at_start(model, a, b, state.position[i]);
-        let (t1, t2) = if wall.is_fixed_plane() {
-            (wall.tangent1, wall.tangent2)
-        } else {
-            tangent_frame(start.normal)
+        let (start, (t1, t2)) = match plane {
+            Some((point, normal)) => (
+                sphere_plane(state.position[i], ra, point, normal),
+                (wall.tangent1, wall.tangent2),
+            ),
+            None => {
+                let start = walls.meet_at_start(model, a, b, state.position[i]);
+                (start, tangent_frame(start.normal))
+            }
         };
         let frame = (start.normal, t1, t2);
-        let mut contact = new_contact((a, b), law, frame, start.gap, gap, ra);
-        contact.bounds = match contact.law(model) {
-            law if law.friction_law.is_none() => law.bounds,
-            _ => bounds_at_start(model, state, walls, &contact)?,
-        };
+        let contact = new_contact(model, (a, b), law, frame, start.gap, gap, ra);
         contacts.push(contact);
-        return Ok(true);
+        return with_law(model, state, walls, contacts);
     }
     let length = ra.min(model.radius[j]);
     let reach = ra + model.radius[j] + margin * length;
@@ -123,12 +127,24 @@ pub(crate) fn push_candidate(
     let start = periodic.sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
     let (t1, t2) = tangent_frame(start.normal);
     let frame = (start.normal, t1, t2);
-    let mut contact = new_contact((a, b), law, frame, start.gap, gap, length);
-    contact.bounds = match contact.law(model) {
-        law if law.friction_law.is_none() => law.bounds,
-        _ => bounds_at_start(model, state, walls, &contact)?,
-    };
+    let contact = new_contact(model, (a, b), law, frame, start.gap, gap, length);
     contacts.push(contact);
+    with_law(model, state, walls, contacts)
+}
+
+/// Gives the contact that was added last the bounds of its friction law, if it has one.
+#[inline]
+fn with_law(
+    model: &Model,
+    state: &State,
+    walls: &Walls,
+    contacts: &mut [Contact],
+) -> Result<bool, Failure> {
+    if let Some(c) = contacts.last_mut() {
+        if c.law(model).friction_law.is_some() {
+            c.bounds = bounds_at_start(model, state, walls, c)?;
+        }
+    }
     Ok(true)
 }
 
@@ -176,6 +192,7 @@ fn law_or_miss(model: &Model, a: u32, b: u32, gap: f64) -> Result<Option<u32>, F
 
 #[inline]
 fn new_contact(
+    model: &Model,
     (a, b): (u32, u32),
     law: u32,
     (n0, t1, t2): (DVec3, DVec3, DVec3),
@@ -187,7 +204,7 @@ fn new_contact(
         a,
         b,
         law,
-        bounds: Bounds::default(),
+        bounds: model.laws[law as usize].bounds,
         n0,
         t1,
         t2,
@@ -213,8 +230,7 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
     if largest == 0.0 {
         return Ok(false);
     }
-    let smallest = model.radius.iter().copied().fold(f64::INFINITY, f64::min);
-    if 2.0 * largest.sqrt() < CANDIDATE_MARGIN * smallest {
+    if 2.0 * largest.sqrt() < CANDIDATE_MARGIN * scratch.smallest {
         return Ok(false);
     }
     let Scratch {

@@ -27,6 +27,13 @@ pub struct History {
     pub contacts: u32,
 }
 
+impl History {
+    pub(crate) fn clear(&mut self) {
+        self.values.clear();
+        (self.problem, self.contacts) = (0, 0);
+    }
+}
+
 /// One contact's share in one impact problem.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpactRecord {
@@ -54,6 +61,8 @@ pub struct Scratch {
     pub jump: Vec<[DVec3; 2]>,
     pub position: Vec<DVec3>,
     pub need: Vec<f64>,
+    /// Smallest radius, m.
+    pub smallest: f64,
     pub neighbours: NeighbourList,
     /// Where walls are in this step.
     pub walls: Walls,
@@ -141,6 +150,7 @@ impl Scratch {
             jump: vec![[DVec3::ZERO; 2]; n],
             position: vec![DVec3::ZERO; n],
             need: vec![0.0; n],
+            smallest: model.radius.iter().copied().fold(f64::INFINITY, f64::min),
             neighbours,
             walls: Walls::new(model),
             contacts: Vec::new(),
@@ -166,13 +176,13 @@ impl Scratch {
 }
 
 impl Scratch {
-    /// What islands of a level are solved with, in the step itself.
-    pub fn of_level(&mut self, level: Level) -> IslandScratch<'_> {
+    /// The islands of a level, and what they are solved with in the step itself.
+    pub fn of_level(&mut self, level: Level) -> (&Islands, IslandScratch<'_>) {
         let (shift, corrections): (&[_], _) = match level {
             Level::Position => (&[], &mut self.shift),
             _ => (&self.shift, &mut self.jump),
         };
-        IslandScratch {
+        let scratch = IslandScratch {
             linear: &self.linear,
             angular: &self.angular,
             position: &self.position,
@@ -189,7 +199,8 @@ impl Scratch {
             trial: &mut self.trial,
             impact: &mut self.impact,
             pile: &mut self.pile,
-        }
+        };
+        (&self.islands, scratch)
     }
 }
 

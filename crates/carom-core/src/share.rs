@@ -61,21 +61,16 @@ impl Task<'_> {
 }
 
 /// Solves the islands of a level. False: one was not solved, and those behind it do not count.
-pub fn solve(
-    task: &Task,
-    islands: &Islands,
-    scratch: &mut Scratch,
-    report: &mut StepReport,
-) -> bool {
+pub fn solve(task: &Task, scratch: &mut Scratch, report: &mut StepReport) -> bool {
     if task.model.options.threads < 2 {
-        let mut step = scratch.of_level(task.level);
+        let (islands, mut step) = scratch.of_level(task.level);
         return (0..islands.len()).all(|number| {
             step.keeper.island = number as u32;
             task.solve(&mut step, islands.island(number), report)
         });
     }
     let mut sharing = std::mem::take(&mut scratch.sharing);
-    let mut step = scratch.of_level(task.level);
+    let (islands, mut step) = scratch.of_level(task.level);
     sharing.solve_shared(task, islands, &step);
     let mut parts = sharing.parts.iter_mut().peekable();
     let mut solved = true;

@@ -22,6 +22,8 @@ use std::time::{Duration, Instant};
 
 /// Systems of this many spheres and more are timed and checked against the clock in every step.
 const LARGE: usize = 1000;
+/// Rows of the step table that one call makes room for in advance.
+const ROWS: u64 = 8192;
 
 /// What is recorded while advancing.
 #[derive(Clone, Copy, Debug)]
@@ -130,6 +132,8 @@ impl Simulation {
         } else {
             (LARGE / self.model.spheres()).max(1) as u64
         };
+        // The rows of short calls at once, of long ones by doubling.
+        self.recorder.block.steps.reserve(steps.min(ROWS) as usize);
         for done in 1..=steps {
             self.timers.start(large);
             if let Err(outcome) = self.one_step(recording) {

@@ -3,15 +3,16 @@
 //! predict and smooth -> broad -> meet -> position -> velocity -> finish. The state is written in `finish` alone: a
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
-use crate::blow_up::{self, BlowUp};
+use crate::blow_up::{self, BlowUp, Watch};
 use crate::candidates::{complete, meet, relist, CANDIDATE_MARGIN};
+use crate::contact::Contact;
 use crate::force::{self, Motion};
 use crate::level::{position, smooth};
 use crate::model::Model;
 use crate::options::Method;
 use crate::report::{Level, StepReport};
 use crate::rotation;
-use crate::scratch::{History, Scratch};
+use crate::scratch::Scratch;
 use crate::share::{self, Task};
 use crate::state::State;
 use crate::stepper::{Coefficients, Span};
@@ -84,8 +85,8 @@ pub fn step(
     };
     predict_and_smooth(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Predict);
-    list_pairs(model, state, scratch, span.h)?;
-    travel::check(model, state, scratch)?;
+    let fastest = list_pairs(model, state, scratch, span.h)?;
+    travel::check(model, state, scratch, fastest)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
@@ -112,7 +113,7 @@ pub(crate) fn predict_and_smooth(
     scratch.impacts.clear();
     scratch.warm.clear();
     for history in &mut scratch.history {
-        *history = History::default();
+        history.clear();
     }
     scratch.keeper.failed = None;
     scratch.joint_reaction.fill([DVec3::ZERO; 2]);
@@ -127,12 +128,15 @@ pub(crate) fn predict_and_smooth(
     smooth::solve(model, state, scratch, coefficients, span.start, report)
 }
 
-/// Pairs that may come within the candidate margin during the step.
-fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<(), Failure> {
+/// Pairs that may come within the candidate margin during the step. The largest way of a sphere in its smooth motion, m.
+fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<f64, Failure> {
     let moves = scratch.walls.any_moves();
+    let mut fastest = 0.0f64;
     for i in 0..model.spheres() {
         let (x, r) = (state.position[i], model.radius[i]);
-        let mut need = scratch.linear[i].displacement.length() + CANDIDATE_MARGIN * r;
+        let way = scratch.linear[i].displacement.length();
+        fastest = fastest.max(way);
+        let mut need = way + CANDIDATE_MARGIN * r;
         if moves {
             // A fast wall may be past a sphere at the end of the step.
             let swept = scratch.walls.speed_at(x) * h;
@@ -146,7 +150,8 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Re
         &scratch.walls.now,
         &scratch.need,
     );
-    complete(&scratch.neighbours)
+    complete(&scratch.neighbours)?;
+    Ok(fastest)
 }
 
 /// Step 2: position corrections island by island; pairs that overlap only now join, and the solve is repeated.
@@ -184,8 +189,10 @@ pub(crate) fn solve_positions(
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
-    let mut islands = std::mem::take(&mut scratch.islands);
-    islands.build(model.spheres(), &scratch.contacts, &model.links, |_| true);
+    let (spheres, links) = (model.spheres(), &model.links);
+    scratch
+        .islands
+        .build(spheres, &scratch.contacts, links, |_| true);
     scratch.keeper.discard(Some(Level::Position));
     let task = Task {
         model,
@@ -194,9 +201,7 @@ pub(crate) fn solve_positions(
         span,
         accept_unconverged: accept,
     };
-    let converged = share::solve(&task, &islands, scratch, report);
-    scratch.islands = islands;
-    if converged {
+    if share::solve(&task, scratch, report) {
         Ok(())
     } else {
         Err(Failure::NotConverged(Level::Position))
@@ -216,13 +221,17 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
     for i in 0..model.spheres() {
         position[i] = state.position[i] + linear[i].displacement + shift[i][0];
     }
-    team::each(model.options.threads as usize, contacts, |c| {
-        let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-        let p = position::proximity(model, walls, c, position[c.a as usize], xb);
-        c.gap = p.gap;
-        c.n1 = p.normal;
-        c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
-    });
+    team::each(
+        model.options.threads as usize,
+        contacts,
+        |c: &mut Contact| {
+            let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
+            let p = position::proximity(model, walls, c, position[c.a as usize], xb);
+            c.gap = p.gap;
+            c.n1 = p.normal;
+            c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
+        },
+    );
 }
 
 /// Step 3: velocity corrections by the impact law, island by island of closed contacts.
@@ -234,11 +243,11 @@ pub(crate) fn correct_velocities(
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
-    let mut islands = std::mem::take(&mut scratch.islands);
-    islands.build(model.spheres(), &scratch.contacts, &model.links, |c| {
-        c.closed
-    });
-    for members in islands.sizes() {
+    let (spheres, links) = (model.spheres(), &model.links);
+    scratch
+        .islands
+        .build(spheres, &scratch.contacts, links, |c| c.closed);
+    for members in scratch.islands.sizes() {
         report.contacts += members;
         report.islands += u32::from(members > 0);
         report.largest_island = report.largest_island.max(members);
@@ -250,9 +259,7 @@ pub(crate) fn correct_velocities(
         span,
         accept_unconverged: accept,
     };
-    let converged = share::solve(&task, &islands, scratch, report);
-    scratch.islands = islands;
-    if converged {
+    if share::solve(&task, scratch, report) {
         Ok(())
     } else {
         Err(Failure::NotConverged(Level::Velocity))
@@ -269,36 +276,27 @@ pub(crate) fn finish(
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let (mut kinetic, mut potential) = (0.0, 0.0);
-    let per_step = 1.0 / span.h;
-    for i in 0..model.spheres() {
-        let v = scratch.linear[i].velocity + scratch.jump[i][0];
-        let w = scratch.angular[i].velocity + scratch.jump[i][1];
-        kinetic +=
-            0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
+    let mut watch = Watch::default();
+    let n = model.spheres();
+    let (linear, angular) = (&mut scratch.linear[..n], &mut scratch.angular[..n]);
+    let (jump, position) = (&mut scratch.jump[..n], &scratch.position[..n]);
+    for i in 0..n {
+        let (linear, angular) = (&mut linear[i], &mut angular[i]);
+        let v = linear.velocity + jump[i][0];
+        let w = angular.velocity + jump[i][1];
+        let (v2, w2) = (v.length_squared(), w.length_squared());
+        kinetic += 0.5 * (model.mass[i] * v2 + model.inertia[i] * w2);
         if state.present[i] {
-            potential += force::weight_potential(model, i, scratch.position[i]);
+            potential += force::weight_potential(model, i, position[i]);
         }
-        // Rates of the whole step: what the position level did counts too.
-        let way = per_step * (scratch.position[i] - state.position[i]);
-        // Accelerations are no velocities, but the next step begins with them: their sum is a number if all of them are.
-        let (linear, angular) = (&scratch.linear[i], &scratch.angular[i]);
-        let carried = linear.acceleration
-            + angular.acceleration
-            + coefficients.finish(linear)
-            + coefficients.finish(angular);
-        if !carried.is_finite() {
-            return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, i as u32)));
-        }
-        let numbers = (kinetic + potential).is_finite();
-        if !(numbers && blow_up::within_bounds(v, w) && blow_up::within_bounds(way, DVec3::ZERO)) {
-            return Err(Failure::BlowUp(blow_up::locate(
-                scratch,
-                i,
-                (v, way),
-                span.h,
-            )));
-        }
-        scratch.jump[i] = [v, w];
+        linear.pseudo = coefficients.finish(linear);
+        angular.pseudo = coefficients.finish(angular);
+        let way = position[i] - state.position[i];
+        watch.look(v2 + w2, way, [linear, angular]);
+        jump[i] = [v, w];
+    }
+    if !(watch.is_calm(span.h) && (kinetic + potential).is_finite()) {
+        blow_up::find(model, state, scratch, span.h)?;
     }
     if model.record_walls {
         let Scratch {
@@ -315,10 +313,7 @@ pub(crate) fn finish(
         state.position[i] = scratch.position[i];
         let rot_incr_world = scratch.angular[i].displacement + scratch.shift[i][1];
         state.orientation[i] = rotation::advance(rot_incr_world, state.orientation[i]);
-        state.pseudo[i] = [
-            coefficients.finish(&scratch.linear[i]),
-            coefficients.finish(&scratch.angular[i]),
-        ];
+        state.pseudo[i] = [scratch.linear[i].pseudo, scratch.angular[i].pseudo];
         state.acceleration[i] = [
             scratch.linear[i].acceleration,
             scratch.angular[i].acceleration,

@@ -15,18 +15,23 @@ use glam::DVec3;
 const WAY_POINTS: f64 = 1e3;
 
 /// Refuses the step if a sphere would travel its radius or more against a body on its way; names the worst pair. After the
-/// smooth step and the listing of pairs.
-pub(crate) fn check(model: &Model, state: &State, scratch: &Scratch) -> Result<(), Failure> {
-    let travelled = scratch.linear.iter().map(|p| p.displacement);
-    let (mut fastest, mut smallest) = (0.0f64, f64::INFINITY);
-    for (d, &r) in travelled.zip(&model.radius) {
-        fastest = fastest.max(d.length_squared());
-        smallest = smallest.min(r);
-    }
+/// smooth step, in which the spheres go by `fastest` (m) at most, and the listing of pairs.
+#[inline]
+pub(crate) fn check(
+    model: &Model,
+    state: &State,
+    scratch: &Scratch,
+    fastest: f64,
+) -> Result<(), Failure> {
     // Relative to one another two spheres travel at most twice as far as the faster.
-    if 4.0 * fastest < smallest * smallest && !scratch.walls.any_moves() {
+    if 2.0 * fastest < scratch.smallest && !scratch.walls.any_moves() {
         return Ok(());
     }
+    find(model, state, scratch)
+}
+
+#[inline(never)]
+fn find(model: &Model, state: &State, scratch: &Scratch) -> Result<(), Failure> {
     let mut worst: Option<((u32, u32), f64, f64)> = None;
     for &(a, b) in scratch.neighbours.pairs() {
         let (travel, length) = match met(model, state, scratch, a, b) {

@@ -3,8 +3,11 @@
 use crate::{coupling, flow, walls, ModelError};
 use carom_core::model::ModelInput;
 use carom_core::options::{Options, Value};
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
-use pyo3::exceptions::PyTypeError;
+use numpy::ndarray::ArrayView;
+use numpy::{
+    PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, ToPyArray,
+};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
 
@@ -158,18 +161,29 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
     })
 }
 
-/// Puts a vector into a dict as an array of the given shape, moving it.
+/// Numbers up to which a copy costs less than an object that owns the vector.
+const COPIED: usize = 1024;
+
+/// Puts a vector into a dict as an array of the given shape, moving it if it is long.
 pub fn put<'py, T: numpy::Element>(
     out: &Bound<'py, PyDict>,
     name: &str,
     values: Vec<T>,
     shape: &[usize],
 ) -> PyResult<()> {
-    let array = PyArray1::from_vec(out.py(), values);
-    if shape.len() == 1 {
-        return out.set_item(name, array);
+    let py = out.py();
+    match (shape.len(), values.len() <= COPIED) {
+        (1, true) => out.set_item(name, PyArray1::from_slice(py, &values)),
+        (1, false) => out.set_item(name, PyArray1::from_vec(py, values)),
+        (_, true) => match ArrayView::from_shape(shape, &values) {
+            Ok(view) => out.set_item(name, view.to_pyarray(py)),
+            Err(error) => Err(PyValueError::new_err(error.to_string())),
+        },
+        (_, false) => {
+            let array = PyArray1::from_vec(py, values).reshape(shape.to_vec())?;
+            out.set_item(name, array)
+        }
     }
-    out.set_item(name, array.reshape(shape.to_vec())?)
 }
 
 /// Arrays of K numbers, one after the other.

@@ -255,8 +255,13 @@ pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T +
 }
 
 /// `work` on every item.
+#[inline]
 pub fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(&mut T) + Sync) {
-    let threads = threads.min(items.len() / SHARE).max(1);
+    let threads = threads.min(items.len() / SHARE);
+    if threads < 2 {
+        items.iter_mut().for_each(work);
+        return;
+    }
     map(
         threads,
         items.chunks_mut(SHARE).collect(),

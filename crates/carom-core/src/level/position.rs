@@ -24,7 +24,7 @@ use carom_solve::{SolveReport, Status};
 use glam::DVec3;
 
 /// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.
-#[inline]
+#[inline(always)]
 pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
     if c.is_wall(model) {
         walls.meet(model, c.a, c.b, xa)

@@ -29,15 +29,18 @@ pub fn solve(
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
-    for i in 0..model.spheres() {
+    let n = model.spheres();
+    let (linears, angulars) = (&mut scratch.linear[..n], &mut scratch.angular[..n]);
+    let positions = &mut scratch.position[..n];
+    for i in 0..n {
         let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
         let mut linear = coefficients.predict(state.velocity[i], a, acc);
         let angular = coefficients.predict(state.angular_velocity[i], alpha, ang);
         let f = force::weight(model, i);
         coefficients.correct(&mut linear, per_velocity * model.inv_mass[i] * f);
-        scratch.position[i] = state.position[i] + linear.displacement;
-        scratch.linear[i] = linear;
-        scratch.angular[i] = angular;
+        positions[i] = state.position[i] + linear.displacement;
+        linears[i] = linear;
+        angulars[i] = angular;
     }
     report.iterations_smooth = 1;
     if !model.is_free() {

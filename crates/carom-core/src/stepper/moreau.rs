@@ -65,8 +65,8 @@ pub fn step(
     }
     timers.mark(Phase::Predict);
     scratch.walls.place(model, *time + 0.5 * h);
-    list_pairs(model, state, scratch)?;
-    travel::check(model, state, scratch)?;
+    let fastest = list_pairs(model, state, scratch)?;
+    travel::check(model, state, scratch, fastest)?;
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     report.candidates = scratch.contacts.len() as u32;
@@ -123,12 +123,15 @@ fn weigh_loads(
     Ok(())
 }
 
-/// Lists every pair that may overlap at `scratch.position`.
-fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
+/// Lists every pair that may overlap at `scratch.position`. The largest way of a sphere in its smooth motion, m.
+fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64, Failure> {
+    let mut fastest = 0.0f64;
     for i in 0..model.spheres() {
         // The whole way of the smooth step too: what lies on it must be known.
+        let smooth = scratch.linear[i].displacement.length();
+        fastest = fastest.max(smooth);
         let way = (scratch.position[i] - state.position[i]).length();
-        let way = way.max(scratch.linear[i].displacement.length());
+        let way = way.max(smooth);
         let need = way + candidates::CANDIDATE_MARGIN * model.radius[i];
         scratch.need[i] = state.need(model, i, need);
     }
@@ -138,7 +141,8 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(),
         &scratch.walls.now,
         &scratch.need,
     );
-    candidates::complete(&scratch.neighbours)
+    candidates::complete(&scratch.neighbours)?;
+    Ok(fastest)
 }
 
 /// The closed contacts: gap at the midpoint within the touching tolerance, with the frame of the midpoint.

@@ -17,7 +17,7 @@ use crate::force::LoadError;
 use crate::model::Model;
 use crate::state::State;
 use crate::stepper::Span;
-use carom_geom::Proximity;
+use carom_geom::{sphere_plane, Proximity};
 use glam::DVec3;
 use motion::Instant;
 
@@ -85,6 +85,15 @@ impl Wall {
     #[inline]
     pub fn is_fixed_plane(&self) -> bool {
         self.fixed_plane
+    }
+
+    /// Point and normal of a plane that never moves.
+    #[inline]
+    pub(crate) fn fixed_plane(&self) -> Option<(DVec3, DVec3)> {
+        match self.shape {
+            Shape::HalfSpace { point, normal } if self.fixed_plane => Some((point, normal)),
+            _ => None,
+        }
     }
 
     /// A plane whose normal never turns: a lone contact with it has a closed form.
@@ -321,6 +330,10 @@ impl Walls {
 /// A shape that is no wall meets nobody.
 #[inline]
 fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
+    // As in `Shape::meet`: planes are in every scene.
+    if let Shape::HalfSpace { point, normal } = *shape {
+        return sphere_plane(x, r, point, normal);
+    }
     shape.meet(x, r).unwrap_or(Proximity {
         gap: f64::INFINITY,
         normal: DVec3::Z,

@@ -7,9 +7,9 @@ use super::near::{Island, Near};
 use super::parts::Parts;
 use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::model::Model;
+use crate::pile::member::{self, Memory as Velocity};
 use crate::pile::roll;
 use crate::pile::solve::GAIN_SHARE;
-use crate::pile::velocity::{self, Memory as Velocity};
 use carom_solve::spheres::{Body, Goal};
 use glam::DVec3;
 use std::ops::Range;
@@ -200,7 +200,7 @@ impl Batch {
             let normal = edge.normal;
             let impulse = self.group.impulse(k);
             let after = before + self.group.change(k);
-            let work = velocity::work(normal, impulse, before, after);
+            let work = member::work(normal, impulse, before, after);
             done += work[0] + work[1];
             self.given.push(Given {
                 impulse,

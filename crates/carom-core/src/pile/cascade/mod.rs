@@ -9,7 +9,7 @@ mod little;
 mod near;
 mod parts;
 
-use super::velocity::Memory as Velocity;
+use super::member::Memory as Velocity;
 use super::{keep, Law, Pile};
 use crate::contact::Contact;
 use crate::model::Model;

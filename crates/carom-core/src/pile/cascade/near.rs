@@ -2,7 +2,7 @@
 
 use super::front::{Edge, Front, Node};
 use super::parts::Parts;
-use crate::pile::velocity::Memory as Velocity;
+use crate::pile::member::Memory as Velocity;
 use carom_solve::rows::WORLD;
 use glam::DVec3;
 use std::ops::Range;
