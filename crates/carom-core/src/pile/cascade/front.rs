@@ -37,6 +37,24 @@ impl Node {
     }
 }
 
+/// What the front has of a sphere besides its linear velocity.
+#[derive(Clone, Copy)]
+pub(super) struct Sphere {
+    pub surface: DVec3,
+    inv_mass: f64,
+    inv_surface: f64,
+}
+
+/// A contact as one of its spheres has it, so that all that a moved sphere looks at lies side by side.
+#[derive(Clone, Copy, Default)]
+struct Beside {
+    /// Towards this sphere.
+    normal: DVec3,
+    slot: u32,
+    /// Place of the other side's velocity.
+    other: u32,
+}
+
 /// What the problems of a cascade gave a contact.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
@@ -64,14 +82,16 @@ pub(super) struct Given {
 pub(super) struct Front {
     pub edges: Vec<Edge>,
     pub ends: Vec<[u32; 2]>,
-    pub nodes: Vec<Node>,
-    /// What Newton's law takes off the velocity of a node for `V_minus` (eq. 27): linear, surface.
+    pub spheres: Vec<Sphere>,
+    /// What Newton's law takes off the velocity of a sphere for `V_minus` (eq. 27): linear, surface.
     pub shift: Vec<[DVec3; 2]>,
+    /// Linear velocities of the spheres, of what rests, and of moving walls: little memory, since most looks end here.
+    pub linear: Vec<DVec3>,
     tallies: Vec<Tally>,
     /// Members before the cascade, where what was added is looked at on the way.
     base: Vec<Member>,
     /// Contacts at each node, node after node, and where each node's begin.
-    at_node: Vec<u32>,
+    at_node: Vec<Beside>,
     starts: Vec<u32>,
     /// Problem in which a node was last moved, 0: never.
     pub touched: Vec<u32>,
@@ -95,43 +115,61 @@ impl Front {
         self.tallies
             .resize(velocity.members.len(), Tally::default());
         self.base.clear();
-        self.nodes.clear();
+        self.spheres.clear();
         self.shift.clear();
+        self.linear.clear();
         for (i, body) in bodies.iter().enumerate() {
             let [check, jump] = [&velocity.check[i], &velocity.jump[i]];
             let [old, offset] = [&velocity.old[i], &velocity.offset[i]];
-            self.nodes.push(Node {
-                linear: check[0] + jump[0],
-                inv_mass: body.inv_mass,
+            let [v, w] = [0, 1].map(|k| check[k] + offset[k] - old[k]);
+            self.linear.push(check[0] + jump[0]);
+            self.spheres.push(Sphere {
                 surface: body.radius * (check[1] + jump[1]),
+                inv_mass: body.inv_mass,
                 inv_surface: body.radius * body.radius * body.inv_inertia,
             });
-            let [v, w] = [0, 1].map(|k| check[k] + offset[k] - old[k]);
             self.shift.push([v, body.radius * w]);
         }
+        self.linear.push(DVec3::ZERO);
+        let walls = velocity.driven.iter();
+        self.linear.extend(walls.map(|[_, new]| *new));
         self.touched.clear();
         self.touched.resize(bodies.len(), 0);
         self.list();
     }
 
     fn list(&mut self) {
-        let nodes = self.nodes.len();
+        let nodes = self.spheres.len();
         self.starts.clear();
         self.starts.resize(nodes + 1, 0);
-        let ends = |e: &[u32; 2]| (*e).into_iter().filter(|&n| n != WORLD);
-        for e in &self.ends {
-            ends(e).for_each(|n| self.starts[n as usize + 1] += 1);
+        for node in self.ends.iter().flatten().filter(|&&n| n != WORLD) {
+            self.starts[*node as usize + 1] += 1;
         }
         for node in 0..nodes {
             self.starts[node + 1] += self.starts[node];
         }
         self.at_node.clear();
-        self.at_node.resize(self.starts[nodes] as usize, 0);
-        for (slot, e) in self.ends.iter().enumerate() {
-            for n in ends(e) {
-                let place = &mut self.starts[n as usize];
-                self.at_node[*place as usize] = slot as u32;
-                *place += 1;
+        let entries = self.starts[nodes] as usize;
+        self.at_node.resize(entries, Beside::default());
+        let walls = self.linear.len() - nodes - 1;
+        let mut add = |node: u32, slot: usize, other: u32, normal: DVec3| {
+            let place = &mut self.starts[node as usize];
+            let slot = slot as u32;
+            self.at_node[*place as usize] = Beside {
+                normal,
+                slot,
+                other,
+            };
+            *place += 1;
+        };
+        for (slot, edge) in self.edges.iter().enumerate() {
+            if edge.b != WORLD {
+                add(edge.a, slot, edge.b, edge.normal);
+                add(edge.b, slot, edge.a, -edge.normal);
+            } else if (edge.driven as usize) < walls {
+                add(edge.a, slot, nodes as u32 + 1 + edge.driven, edge.normal);
+            } else {
+                add(edge.a, slot, nodes as u32, edge.normal);
             }
         }
         for node in (1..=nodes).rev() {
@@ -140,39 +178,26 @@ impl Front {
         self.starts[0] = 0;
     }
 
-    /// Normal velocity of a contact; `velocity` knows how walls move.
     #[inline]
-    pub fn normal_speed(&self, velocity: &Velocity, slot: u32) -> f64 {
-        let edge = &self.edges[slot as usize];
-        let mut d = self.nodes[edge.a as usize].linear;
-        if edge.b != WORLD {
-            d -= self.nodes[edge.b as usize].linear;
+    pub fn node(&self, node: u32) -> Node {
+        let sphere = &self.spheres[node as usize];
+        Node {
+            linear: self.linear[node as usize],
+            inv_mass: sphere.inv_mass,
+            surface: sphere.surface,
+            inv_surface: sphere.inv_surface,
         }
-        if let Some([_, wall]) = velocity.driven.get(edge.driven as usize) {
-            d -= *wall;
-        }
-        d.dot(edge.normal)
     }
 
-    /// Marks in `closing` the contacts of `moved` spheres that close: those between two of them once, by the first.
-    pub fn mark_closing(
-        &self,
-        velocity: &Velocity,
-        moved: &[u32],
-        problem: u32,
-        closing: &mut Slots,
-    ) {
+    /// Marks in `closing` the contacts of `moved` spheres that close. Those between two of them are looked at twice: to know which
+    /// costs more.
+    pub fn mark_closing(&self, velocity: &Velocity, moved: &[u32], closing: &mut Slots) {
         for &node in moved {
+            let own = self.linear[node as usize];
             let (from, to) = (self.starts[node as usize], self.starts[node as usize + 1]);
-            for &slot in &self.at_node[from as usize..to as usize] {
-                let [a, b] = self.ends[slot as usize];
-                let other = if a == node { b } else { a };
-                if other < node && self.touched[other as usize] == problem {
-                    continue;
-                }
-                if self.normal_speed(velocity, slot) < -velocity.tol {
-                    closing.insert(slot);
-                }
+            for beside in &self.at_node[from as usize..to as usize] {
+                let speed = (own - self.linear[beside.other as usize]).dot(beside.normal);
+                closing.insert_if(speed < -velocity.tol, beside.slot);
             }
         }
     }
@@ -181,7 +206,7 @@ impl Front {
     pub fn turn(&self, velocity: &Velocity, bodies: &[Body], slot: u32) -> DVec3 {
         let spin = |node: u32| {
             over(
-                self.nodes[node as usize].surface,
+                self.spheres[node as usize].surface,
                 bodies[node as usize].radius,
             )
         };
@@ -191,28 +216,6 @@ impl Front {
             turn
         } else {
             turn - spin(b)
-        }
-    }
-
-    /// Relative velocity of a contact's surfaces: now, and `V_minus`.
-    #[inline]
-    pub fn relative(&self, velocity: &Velocity, edge: &Edge) -> [DVec3; 2] {
-        let (a, b) = (edge.a as usize, edge.b as usize);
-        let (node, [shift, shift_s]) = (&self.nodes[a], self.shift[a]);
-        let (mut d, mut s) = (node.linear, node.surface);
-        let (mut off, mut off_s) = (shift, shift_s);
-        if edge.b != WORLD {
-            let (node, [shift, shift_s]) = (&self.nodes[b], self.shift[b]);
-            d -= node.linear;
-            s += node.surface;
-            off -= shift;
-            off_s += shift_s;
-        }
-        let now = d + edge.normal.cross(s);
-        let minus = now - off - edge.normal.cross(off_s);
-        match velocity.driven.get(edge.driven as usize) {
-            Some([old, new]) => [now - *new, minus - *old],
-            None => [now, minus],
         }
     }
 
@@ -249,10 +252,11 @@ impl Front {
                 m.join(t.impulse, t.work, (t.problem, t.approach), t.scale);
             }
         }
-        for (i, node) in self.nodes.iter().enumerate() {
+        for (i, sphere) in self.spheres.iter().enumerate() {
             if self.touched[i] != 0 {
                 let [v, w] = velocity.check[i];
-                velocity.jump[i] = [node.linear - v, over(node.surface, bodies[i].radius) - w];
+                let spin = over(sphere.surface, bodies[i].radius);
+                velocity.jump[i] = [self.linear[i] - v, spin - w];
             }
         }
     }
@@ -280,8 +284,8 @@ impl Slots {
     }
 
     #[inline]
-    pub fn insert(&mut self, slot: u32) {
-        self.words[slot as usize / 64] |= 1 << (slot % 64);
+    pub fn insert_if(&mut self, belongs: bool, slot: u32) {
+        self.words[slot as usize / 64] |= u64::from(belongs) << (slot % 64);
     }
 
     pub fn join(&mut self, other: &Slots) {

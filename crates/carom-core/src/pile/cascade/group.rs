@@ -64,22 +64,7 @@ impl Group {
 
     /// Adds a contact between local nodes.
     pub fn push_contact(&mut self, edge: &Edge, [a, b]: [u32; 2], slip: DVec3) {
-        let of_a = &self.u[a as usize];
-        let (mut w_n, mut surface) = (of_a.inv_mass, of_a.inv_surface);
-        if b != WORLD {
-            let of_b = &self.u[b as usize];
-            w_n += of_b.inv_mass;
-            surface += of_b.inv_surface;
-        }
-        self.contacts.push(Local {
-            a,
-            b,
-            normal: edge.normal,
-            friction: edge.friction,
-            mass: [1.0 / w_n, 1.0 / (w_n + surface)],
-            slip,
-            r: DVec3::ZERO,
-        });
+        self.contacts.push(Local::new(edge, [a, b], &self.u, slip));
     }
 
     /// The bodies of the nodes in their order, where something rolls.
@@ -151,14 +136,7 @@ impl Group {
 
     #[inline]
     fn measure(&self, c: &Local) -> DVec3 {
-        let of_a = &self.u[c.a as usize];
-        let (mut d, mut s) = (of_a.linear, of_a.surface);
-        if c.b != WORLD {
-            let of_b = &self.u[c.b as usize];
-            d -= of_b.linear;
-            s += of_b.surface;
-        }
-        d + c.normal.cross(s) + c.slip
+        c.measure(&self.u)
     }
 
     /// Solves to the goal; the relative residual and whether it was reached.
@@ -175,11 +153,15 @@ impl Group {
                 self.sweep();
                 sweeps += 1;
             }
-            let norms = self.norms(goal.penalty_scale);
-            let residual = goal.relative(&norms);
-            let reached = residual < goal.tolerance && norms.closing <= goal.closing;
-            if reached || sweeps >= MOST_SWEEPS || !residual.is_finite() {
-                return (residual, reached);
+            let given_up = sweeps >= MOST_SWEEPS;
+            // What is still closing tells by itself, and sooner.
+            if given_up || !self.closes(goal.closing) {
+                let norms = self.norms(goal.penalty_scale);
+                let residual = goal.relative(&norms);
+                let reached = residual < goal.tolerance && norms.closing <= goal.closing;
+                if reached || given_up || !residual.is_finite() {
+                    return (residual, reached);
+                }
             }
             look = (sweeps + sweeps / 2 + 1).min(MOST_SWEEPS);
         }
@@ -187,29 +169,26 @@ impl Group {
 
     /// Each contact by the closed form of `carom_solve::spheres`, in order.
     fn sweep(&mut self) {
+        let rolls = self.rolls();
         for k in 0..self.contacts.len() {
-            let c = &self.contacts[k];
-            let new = projected(c, self.measure(c), 1.0);
+            let c = &mut self.contacts[k];
+            let new = projected(c, c.measure(&self.u), 1.0);
             let d = new - c.r;
             if d != DVec3::ZERO {
-                let (a, b, turn) = (c.a, c.b, c.normal.cross(d));
-                self.contacts[k].r = new;
-                self.push(a, 1.0, d, turn);
-                if b != WORLD {
-                    self.push(b, -1.0, d, turn);
-                }
+                c.r = new;
+                c.push(&mut self.u, d);
             }
-            if !self.rolls.is_empty() {
+            if rolls {
                 self.roll(k);
             }
         }
     }
 
-    #[inline]
-    fn push(&mut self, node: u32, sign: f64, d: DVec3, turn: DVec3) {
-        let u = &mut self.u[node as usize];
-        u.linear += sign * u.inv_mass * d;
-        u.surface -= u.inv_surface * turn;
+    /// Whether a contact closes faster than `most`.
+    fn closes(&self, most: f64) -> bool {
+        self.contacts
+            .iter()
+            .any(|c| -self.measure(c).dot(c.normal) > most)
     }
 
     /// Moments of a contact at its present normal impulse.
@@ -259,6 +238,56 @@ impl Group {
             residual: rr.sqrt(),
             terms: 2.0 * momentum.sqrt() + pp.sqrt() + ll.sqrt(),
             closing,
+        }
+    }
+}
+
+impl Local {
+    /// A contact between nodes of `u`, without impulse.
+    #[inline]
+    fn new(edge: &Edge, [a, b]: [u32; 2], u: &[Node], slip: DVec3) -> Local {
+        let of_a = &u[a as usize];
+        let (mut w_n, mut surface) = (of_a.inv_mass, of_a.inv_surface);
+        if b != WORLD {
+            let of_b = &u[b as usize];
+            w_n += of_b.inv_mass;
+            surface += of_b.inv_surface;
+        }
+        Local {
+            a,
+            b,
+            normal: edge.normal,
+            friction: edge.friction,
+            mass: [1.0 / w_n, 1.0 / (w_n + surface)],
+            slip,
+            r: DVec3::ZERO,
+        }
+    }
+
+    #[inline]
+    fn measure(&self, u: &[Node]) -> DVec3 {
+        let of_a = &u[self.a as usize];
+        let (mut d, mut s) = (of_a.linear, of_a.surface);
+        if self.b != WORLD {
+            let of_b = &u[self.b as usize];
+            d -= of_b.linear;
+            s += of_b.surface;
+        }
+        d + self.normal.cross(s) + self.slip
+    }
+
+    /// Corrections of the nodes by an impulse.
+    #[inline]
+    fn push(&self, u: &mut [Node], d: DVec3) {
+        let turn = self.normal.cross(d);
+        let mut push = |node: u32, sign: f64| {
+            let u = &mut u[node as usize];
+            u.linear += sign * u.inv_mass * d;
+            u.surface -= u.inv_surface * turn;
+        };
+        push(self.a, 1.0);
+        if self.b != WORLD {
+            push(self.b, -1.0);
         }
     }
 }

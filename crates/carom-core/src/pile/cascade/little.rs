@@ -1,8 +1,9 @@
 //! The little islands of a problem, each solved alone. They share no sphere, so batches of them may be solved at the same time:
 //! what they find enters the front afterwards.
 
-use super::front::{Front, Given};
+use super::front::{Front, Given, Node};
 use super::group::Group;
+use super::near::{Island, Near};
 use super::parts::Parts;
 use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::model::Model;
@@ -26,6 +27,7 @@ pub(super) struct View<'a> {
 /// Consecutive islands, and what they gave, in the order of their contacts and spheres.
 #[derive(Default)]
 pub(super) struct Batch {
+    near: Near,
     group: Group,
     /// Relative velocities of the contacts of an island: now, and `V_minus`.
     before: Vec<[DVec3; 2]>,
@@ -50,19 +52,26 @@ impl Batch {
         self.moved.clear();
         (self.residual, self.restitution_scale) = (0.0, 1.0);
         (self.failed, self.pushed) = (0, false);
-        for island in islands {
-            let ([c, n], [c_end, n_end]) =
-                (view.parts.starts[island], view.parts.starts[island + 1]);
-            let (contacts, nodes) = (c as usize..c_end as usize, n as usize..n_end as usize);
-            let solved = self.solve_island(view, contacts.clone(), nodes.clone());
-            if solved.is_none() {
-                self.failed += 1;
-                self.give_nothing(view, contacts.len(), nodes.len());
+        let mut islands = islands;
+        while !islands.is_empty() {
+            let end = self.near.take(view.front, view.parts, islands.clone());
+            for k in islands.start..end {
+                let ([c, n], [c_end, n_end]) = (view.parts.starts[k], view.parts.starts[k + 1]);
+                let island = Island {
+                    contacts: c as usize..c_end as usize,
+                    nodes: n as usize..n_end as usize,
+                };
+                if self.solve_island(view, &island).is_none() {
+                    self.failed += 1;
+                    self.give_nothing(view, &island);
+                }
             }
+            islands.start = end;
         }
     }
 
-    fn give_nothing(&mut self, view: &View, contacts: usize, nodes: usize) {
+    fn give_nothing(&mut self, view: &View, island: &Island) {
+        let (contacts, nodes) = (island.contacts.len(), island.nodes.len());
         let nothing = Given {
             impulse: DVec3::ZERO,
             work: [0.0; 2],
@@ -78,60 +87,56 @@ impl Batch {
             .resize(self.moved.len() + nodes, [DVec3::ZERO; 2]);
     }
 
-    fn solve_island(
-        &mut self,
-        view: &View,
-        contacts: Range<usize>,
-        nodes: Range<usize>,
-    ) -> Option<()> {
+    fn solve_island(&mut self, view: &View, island: &Island) -> Option<()> {
         let View {
-            model,
-            velocity,
-            front,
-            ..
+            model, velocity, ..
         } = *view;
         let o = &model.options;
         let goal = Goal {
             tolerance: o.tolerance.max(o.pile_tolerance),
             floor: velocity.floor,
             // Its share of what the whole pile is judged by.
-            scale: velocity.terms * (contacts.len() as f64 / velocity.members.len() as f64).sqrt(),
+            scale: velocity.terms
+                * (island.contacts.len() as f64 / velocity.members.len() as f64).sqrt(),
             closing: velocity.left(o),
             penalty_scale: o.penalty_scale,
             patience: usize::MAX,
             most: 0,
             had: 0,
         };
-        let slots = &view.parts.slots[contacts.clone()];
-        self.state(view, contacts, &view.parts.nodes[nodes.clone()]);
+        self.state(view, island);
         let (residual, solved) = self.group.solve(&goal);
         if !solved {
             return None;
         }
-        let kinetic: f64 = view.parts.nodes[nodes]
-            .iter()
-            .map(|&node| front.nodes[node as usize].kinetic())
-            .sum();
-        let most = GAIN_TOLERANCE.max(GAIN_SHARE * goal.tolerance) * kinetic;
+        let from = [self.given.len(), self.turned.len()];
         let mut scale = 1.0;
-        if o.energy_safeguard && self.work(view, slots) > most {
-            scale = bisect_scale(BISECTIONS, |s| {
-                self.restitute(view, slots, s);
-                self.group.solve(&goal).1 && self.work(view, slots) <= most
-            });
-            self.restitute(view, slots, scale);
-            if !self.group.solve(&goal).1 {
-                return None;
+        let done = self.list(island);
+        // Most lose energy, and need no measure of it.
+        if o.energy_safeguard && done > 0.0 {
+            let kinetic: f64 = self.near.nodes(island).iter().map(Node::kinetic).sum();
+            let most = GAIN_TOLERANCE.max(GAIN_SHARE * goal.tolerance) * kinetic;
+            if done > most {
+                scale = bisect_scale(BISECTIONS, |s| {
+                    self.again(view, island, s, &goal, from)
+                        .is_some_and(|done| done <= most)
+                });
+                self.again(view, island, scale, &goal, from)?;
             }
         }
+        for given in &mut self.given[from[0]..] {
+            given.scale = scale;
+            self.pushed |= given.impulse != DVec3::ZERO;
+        }
+        let moved = self.group.corrections().iter();
+        self.moved.extend(moved.map(|u| [u.linear, u.surface]));
         self.residual = self.residual.max(residual);
         self.restitution_scale = self.restitution_scale.min(scale);
-        self.give(view, slots, scale);
         Some(())
     }
 
     /// States an island as a group.
-    fn state(&mut self, view: &View, contacts: Range<usize>, nodes: &[u32]) {
+    fn state(&mut self, view: &View, island: &Island) {
         let View {
             velocity,
             front,
@@ -142,16 +147,18 @@ impl Batch {
         self.group.clear();
         self.before.clear();
         self.turn.clear();
-        for &node in nodes {
-            self.group.push_node(&front.nodes[node as usize]);
-            if rolls {
+        for node in self.near.nodes(island) {
+            self.group.push_node(node);
+        }
+        if rolls {
+            for &node in &view.parts.nodes[island.nodes.clone()] {
                 self.group.push_body(bodies[node as usize]);
             }
         }
-        let all = view.parts.slots[contacts.clone()].iter();
-        for (&slot, &sides) in all.zip(&view.parts.sides[contacts]) {
-            let edge = &front.edges[slot as usize];
-            let [now, minus] = front.relative(velocity, edge);
+        let slots = &view.parts.slots[island.contacts.clone()];
+        let sides = &view.parts.sides[island.contacts.clone()];
+        for ((edge, &sides), &slot) in self.near.edges(island).iter().zip(sides).zip(slots) {
+            let [now, minus] = self.near.relative(velocity, island, edge, sides);
             self.before.push([now, minus]);
             let slip = velocity.newton(view.model, edge.normal, edge.restitution, 1.0, now, minus);
             self.group.push_contact(edge, sides, slip);
@@ -163,63 +170,52 @@ impl Batch {
         }
     }
 
-    /// Scales restitution; impulses stay as a start.
-    fn restitute(&mut self, view: &View, slots: &[u32], scale: f64) {
-        for (k, (&slot, &[now, minus])) in slots.iter().zip(&self.before).enumerate() {
-            let edge = &view.front.edges[slot as usize];
+    /// Solves again with scaled restitution, from the impulses at hand, and lists what that gives instead of what is listed
+    /// `from` there on: its work, if it was solved.
+    fn again(
+        &mut self,
+        view: &View,
+        island: &Island,
+        scale: f64,
+        goal: &Goal,
+        from: [usize; 2],
+    ) -> Option<f64> {
+        self.given.truncate(from[0]);
+        self.turned.truncate(from[1]);
+        let all = self.near.edges(island).iter().zip(&self.before);
+        for (k, (edge, &[now, minus])) in all.enumerate() {
             let law = edge.restitution;
             let slip = (view.velocity).newton(view.model, edge.normal, law, scale, now, minus);
             self.group.set_slip(k, slip);
         }
+        let (_, solved) = self.group.solve(goal);
+        solved.then(|| self.list(island))
     }
 
-    /// Work of the solution at hand.
-    fn work(&self, view: &View, slots: &[u32]) -> f64 {
+    /// Lists what the solution at hand gives; its work.
+    fn list(&mut self, island: &Island) -> f64 {
         let mut done = 0.0;
-        for (k, &slot) in slots.iter().enumerate() {
-            let [n, t] = self.work_of(view, k, slot);
-            done += n + t;
+        let all = self.near.edges(island).iter().zip(&self.before);
+        for (k, (edge, &[before, _])) in all.enumerate() {
+            let normal = edge.normal;
+            let impulse = self.group.impulse(k);
+            let after = before + self.group.change(k);
+            let work = member::work(normal, impulse, before, after);
+            done += work[0] + work[1];
+            self.given.push(Given {
+                impulse,
+                work,
+                speed: [before.dot(normal), after.dot(normal)],
+                scale: 1.0,
+            });
             if self.group.rolls() {
-                let [r, s] = self.turning_work_of(view, k, slot);
-                done += r + s;
+                let (moment, before) = (self.group.moment(k), self.turn[k]);
+                let after = before + self.group.turn_change(k);
+                let work = roll::work(normal, moment, before, after);
+                done += work[0] + work[1];
+                self.turned.push((moment, work));
             }
         }
         done
-    }
-
-    fn work_of(&self, view: &View, k: usize, slot: u32) -> [f64; 2] {
-        let [before, _] = self.before[k];
-        let after = before + self.group.change(k);
-        let normal = view.front.edges[slot as usize].normal;
-        member::work(normal, self.group.impulse(k), before, after)
-    }
-
-    fn turning_work_of(&self, view: &View, k: usize, slot: u32) -> [f64; 2] {
-        let (normal, before) = (view.front.edges[slot as usize].normal, self.turn[k]);
-        let after = before + self.group.turn_change(k);
-        roll::work(normal, self.group.moment(k), before, after)
-    }
-
-    /// Lists what the solution at hand gives.
-    fn give(&mut self, view: &View, slots: &[u32], scale: f64) {
-        for (k, &slot) in slots.iter().enumerate() {
-            let impulse = self.group.impulse(k);
-            let [before, _] = self.before[k];
-            let after = before + self.group.change(k);
-            let normal = view.front.edges[slot as usize].normal;
-            self.pushed |= impulse != DVec3::ZERO;
-            self.given.push(Given {
-                impulse,
-                work: self.work_of(view, k, slot),
-                speed: [before.dot(normal), after.dot(normal)],
-                scale,
-            });
-            if self.group.rolls() {
-                let done = self.turning_work_of(view, k, slot);
-                self.turned.push((self.group.moment(k), done));
-            }
-        }
-        let moved = self.group.corrections().iter();
-        self.moved.extend(moved.map(|u| [u.linear, u.surface]));
     }
 }

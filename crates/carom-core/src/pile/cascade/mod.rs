@@ -6,6 +6,7 @@
 mod front;
 mod group;
 mod little;
+mod near;
 mod parts;
 
 use super::member::Memory as Velocity;
@@ -111,7 +112,7 @@ impl Pile {
                 write(&shared).apply(&memory.batches, problem);
             } else if task < stages[3] {
                 let share = (task - stages[2], threads);
-                read(&shared).look(&mut lock(&memory.closing[share.0]), share, problem);
+                read(&shared).look(&mut lock(&memory.closing[share.0]), share);
             } else {
                 write(&shared).go_on(&memory.closing, problem, tasks);
             }
@@ -189,9 +190,8 @@ impl Cascade<'_> {
             }
             for change in &batch.moved {
                 let Some(&node) = nodes.next() else { break };
-                let node = &mut self.front.nodes[node as usize];
-                node.linear += change[0];
-                node.surface += change[1];
+                self.front.linear[node as usize] += change[0];
+                self.front.spheres[node as usize].surface += change[1];
             }
         }
         if let Some(before) = self.before.take() {
@@ -207,13 +207,13 @@ impl Cascade<'_> {
     }
 
     /// Marks the contacts of moved spheres that close.
-    fn look(&self, closing: &mut Slots, (share, of): (usize, usize), problem: u32) {
+    fn look(&self, closing: &mut Slots, (share, of): (usize, usize)) {
         closing.clear(self.front.ends.len());
         let moved = &self.parts.nodes;
         let bound = |k: usize| k * moved.len() / of;
         let moved = &moved[bound(share)..bound(share + 1)];
         let velocity = &self.pile.velocity;
-        self.front.mark_closing(velocity, moved, problem, closing);
+        self.front.mark_closing(velocity, moved, closing);
     }
 
     /// The next problem, if anything closes.

@@ -5,6 +5,14 @@ use carom_solve::rows::WORLD;
 
 const NONE: u32 = u32::MAX;
 
+/// Where a chosen contact's sphere belongs: its parent among united ones, the island of a root, its number within the island.
+#[derive(Clone, Copy, Default)]
+struct Place {
+    parent: u32,
+    island: u32,
+    local: u32,
+}
+
 /// Little islands in the order of their first contacts.
 #[derive(Default)]
 pub(super) struct Parts {
@@ -15,10 +23,7 @@ pub(super) struct Parts {
     pub nodes: Vec<u32>,
     /// Where contacts and spheres of an island begin; one more at the end.
     pub starts: Vec<[u32; 2]>,
-    /// Union-find over the nodes; island of a root; number of a node within its island.
-    parent: Vec<u32>,
-    island: Vec<u32>,
-    local: Vec<u32>,
+    places: Vec<Place>,
     /// Island of each chosen contact, and contacts placed so far.
     of_chosen: Vec<u32>,
     placed: Vec<u32>,
@@ -26,40 +31,45 @@ pub(super) struct Parts {
 
 impl Parts {
     pub fn open(&mut self, nodes: usize) {
-        for v in [&mut self.parent, &mut self.island, &mut self.local] {
-            v.clear();
-            v.resize(nodes, 0);
-        }
+        self.places.clear();
+        self.places.resize(nodes, Place::default());
     }
 
-    /// Cuts `chosen`, and marks its spheres as touched by the problem.
+    /// Cuts `chosen`, and marks its spheres as touched by the problem. What is new in it nobody can guess, so nothing branches on it.
     pub fn cut(&mut self, front: &mut Front, chosen: &[u32], problem: u32) {
-        let ends = |slot: u32| front.ends[slot as usize];
         for &slot in chosen {
-            for node in ends(slot).into_iter().filter(|&n| n != WORLD) {
-                self.parent[node as usize] = node;
-                self.island[node as usize] = NONE;
+            let [a, b] = front.ends[slot as usize];
+            for node in [a, b].into_iter().filter(|&n| n != WORLD) {
+                let touched = &mut front.touched[node as usize];
+                let place = &mut self.places[node as usize];
+                let is_new = *touched != problem;
+                *touched = problem;
+                *place = Place {
+                    parent: if is_new { node } else { place.parent },
+                    island: NONE,
+                    local: NONE,
+                };
             }
-        }
-        for &slot in chosen {
-            let [a, b] = ends(slot);
             if b != WORLD {
                 let (a, b) = (self.root(a), self.root(b));
-                self.parent[a.max(b) as usize] = a.min(b);
+                self.places[a.max(b) as usize].parent = a.min(b);
             }
         }
         self.of_chosen.clear();
         self.placed.clear();
+        self.placed.resize(chosen.len(), 0);
+        let mut islands = 0;
         for &slot in chosen {
-            let root = self.root(ends(slot)[0]) as usize;
-            if self.island[root] == NONE {
-                self.island[root] = self.placed.len() as u32;
-                self.placed.push(0);
-            }
-            let island = self.island[root];
+            let root = self.root(front.ends[slot as usize][0]);
+            let place = &mut self.places[root as usize];
+            let is_new = place.island == NONE;
+            let island = if is_new { islands } else { place.island };
+            islands += u32::from(is_new);
+            place.island = island;
             self.placed[island as usize] += 1;
             self.of_chosen.push(island);
         }
+        self.placed.truncate(islands as usize);
         let mut sum = 0;
         self.starts.clear();
         for size in &mut self.placed {
@@ -67,52 +77,51 @@ impl Parts {
             sum += std::mem::replace(size, sum);
         }
         self.starts.push([sum, 0]);
-        self.slots.clear();
         self.slots.resize(chosen.len(), 0);
+        self.sides.resize(chosen.len(), [WORLD; 2]);
         for (&slot, &island) in chosen.iter().zip(&self.of_chosen) {
             let place = &mut self.placed[island as usize];
             self.slots[*place as usize] = slot;
+            self.sides[*place as usize] = front.ends[slot as usize];
             *place += 1;
         }
-        self.number(front, problem);
+        self.number();
     }
 
     /// Numbers the spheres of each island in the order of its contacts.
-    fn number(&mut self, front: &mut Front, problem: u32) {
-        self.sides.clear();
-        self.nodes.clear();
+    fn number(&mut self) {
+        self.nodes.resize(2 * self.sides.len(), 0);
+        let mut count = 0;
         for island in 0..self.starts.len() - 1 {
-            let first = self.nodes.len() as u32;
+            let first = count;
             self.starts[island][1] = first;
             let (from, to) = (self.starts[island][0], self.starts[island + 1][0]);
-            for &slot in &self.slots[from as usize..to as usize] {
-                let ends = front.ends[slot as usize];
-                for &node in ends.iter().filter(|&&n| n != WORLD) {
-                    let touched = &mut front.touched[node as usize];
-                    if *touched != problem {
-                        *touched = problem;
-                        self.local[node as usize] = self.nodes.len() as u32 - first;
-                        self.nodes.push(node);
-                    }
-                }
-                self.sides.push(ends.map(|node| match node {
-                    WORLD => WORLD,
-                    node => self.local[node as usize],
-                }));
+            let sides = self.sides[from as usize..to as usize].iter_mut();
+            for side in sides.flatten().filter(|side| **side != WORLD) {
+                let local = &mut self.places[*side as usize].local;
+                let is_new = *local == NONE;
+                self.nodes[count as usize] = *side;
+                *local = if is_new { count - first } else { *local };
+                count += u32::from(is_new);
+                *side = *local;
             }
         }
         if let Some(last) = self.starts.last_mut() {
-            last[1] = self.nodes.len() as u32;
+            last[1] = count;
         }
+        self.nodes.truncate(count as usize);
     }
 
     fn root(&mut self, mut node: u32) -> u32 {
-        while self.parent[node as usize] != node {
-            let up = self.parent[self.parent[node as usize] as usize];
-            self.parent[node as usize] = up;
+        loop {
+            let parent = self.places[node as usize].parent;
+            if parent == node {
+                return node;
+            }
+            let up = self.places[parent as usize].parent;
+            self.places[node as usize].parent = up;
             node = up;
         }
-        node
     }
 
     /// Cuts the islands into at most `count` batches of about as many contacts: first island of each, one more at the end.
