@@ -201,11 +201,16 @@ impl Simulation {
                 flow::exchange(&self.model, &mut self.state, walls, number, time, events);
             report.add_exchange(&exchange);
         }
-        let h_speed = self.state.velocity.iter().zip(&self.model.radius);
-        let travel = h_speed
-            .map(|(v, r)| v.length_squared() / (r * r))
-            .fold(0.0f64, f64::max)
-            .sqrt();
+        let (velocity, radius) = (&self.state.velocity[..], &self.model.radius[..]);
+        let fastest = |_, (v, r): (&[DVec3], &[f64])| {
+            v.iter()
+                .zip(r)
+                .map(|(v, r)| v.length_squared() / (r * r))
+                .fold(0.0f64, f64::max)
+        };
+        let threads = self.model.options.threads as usize;
+        let whole = (velocity, radius);
+        let travel = team::reduce(threads, velocity.len(), whole, fastest, f64::max).sqrt();
         self.monitors
             .add(&report, self.static_scale, travel * self.model.options.step);
         self.recorder.block.steps.push(report);
