@@ -63,12 +63,18 @@ class Rows:
         return len(self.k)
 
 
-def pile_overlap(tolerance: float, contacts: F64) -> F64:
-    """Overlap over the radius that the solver of piles may leave: 0.9 `tolerance`, growing with the 3/4th power of the
-    contacts above 2500 up to five times, but not beyond 4.5e-4 (or twice the 0.9, if that is more).
+def of_many(contacts: F64) -> F64:
+    """How much worse than in a small pile the worst of so many contacts may be: the 3/4th power of the contacts above 2500,
+    at most five times.
     """
-    many = np.clip((np.asarray(contacts) / 2500.0) ** 0.75, 1.0, 5.0)
-    return np.asarray(np.minimum(0.9 * tolerance * many, max(4.5e-4, 1.8 * tolerance)))
+    return np.asarray(np.clip((np.asarray(contacts) / 2500.0) ** 0.75, 1.0, 5.0))
+
+
+def pile_overlap(tolerance: float, contacts: F64) -> F64:
+    """Overlap over the radius that the solver of piles may leave: 0.9 `tolerance`, more of many contacts, but not beyond
+    4.5e-4 (or twice the 0.9, if that is more).
+    """
+    return np.asarray(np.minimum(0.9 * tolerance * of_many(contacts), max(4.5e-4, 1.8 * tolerance)))
 
 
 class Block:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit import forces
-from carom.audit.block import Block
+from carom.audit.block import Block, of_many
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, deepest
 from carom.audit.rates import Pairs, compliance, rates
@@ -150,14 +150,15 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
 def closing(block: Block) -> F64:
     """(B,) closing tolerance of the largest island, m/s (rule R3).
 
-    `closing_tolerance_load` (in islands of more than 100 contacts `pile_closing_tolerance`) of the largest speed that loads
-    give in a step; in islands of up to `dense_contacts` contacts, and where no load acts, not more than
+    `closing_tolerance_load` (in islands of more than 100 contacts `pile_closing_tolerance`, and up to five times as much where
+    there are very many and `pile_tolerance` is above 1e-4) of the largest speed that loads give in a step; in islands of up to `dense_contacts` contacts, and where no load acts, not more than
     `closing_tolerance_speed` of the largest speed.
     """
     run, o = block.run, block.run.options
     largest = block.over(run.steps["largest_island"])
     small = o["closing_tolerance_load"]
-    share = np.where(largest > 100, max(o["pile_closing_tolerance"], small), small)
+    coarser = np.minimum(of_many(largest), max(1.0, o["pile_tolerance"] / 1e-4))
+    share = np.where(largest > 100, coarser * max(o["pile_closing_tolerance"], small), small)
     speed = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)
     load = _load(block) + _walls(block)
     by_speed = o["closing_tolerance_speed"] * np.maximum(np.nan_to_num(speed).max(axis=1), load)

@@ -3,7 +3,7 @@
 //! A row per problem and contact with an impulse in it. The simultaneous problem that ends a sequence has the number behind the
 //! bound of the sequence, as in `impact::sequence`: its law has no restitution, and the number tells it.
 
-use super::velocity::Member;
+use super::member::Member;
 use crate::contact::Contact;
 use crate::scratch::ImpactRecord;
 use carom_solve::Status;

@@ -1,7 +1,7 @@
 //! Problems of piles as data, on request (`carom_core::problem`).
 
+use super::member::{Member, Memory};
 use super::record;
-use super::velocity::{Member, Memory};
 use super::{Law, Pile};
 use crate::contact::{Contact, Rows};
 use crate::model::Model;
@@ -126,7 +126,7 @@ impl Pile {
         }
         let memory = &self.velocity;
         let moments = self.moments();
-        let solved = self.contacts.iter().zip(self.sweeps.impulses());
+        let solved = self.contacts.iter().zip(&self.impulses);
         let stated: Vec<Stated> = memory
             .chosen
             .iter()
@@ -137,7 +137,7 @@ impl Pile {
                 let turning = moments.get(k).map_or([DVec3::ZERO; 2], |&moment| {
                     [memory.turn(slot), DVec3::from(moment)]
                 });
-                Stated::of(m, DVec3::from(c.slip), DVec3::from(r), turning)
+                Stated::of(m, DVec3::from(c.slip), DVec3::from(*r), turning)
             })
             .collect();
         let at = Place {
@@ -150,8 +150,7 @@ impl Pile {
             report: report_of(sweeps, progress.residual, progress.converged),
         };
         let motion = memory.velocities();
-        let correction = self.sweeps.velocities();
-        keep(&mut self.keeper, &at, &stated, &correction, &motion);
+        keep(&mut self.keeper, &at, &stated, &self.corrections, &motion);
     }
 }
 

@@ -8,9 +8,12 @@
 mod cascade;
 mod every;
 mod keep;
+mod member;
+mod part;
 mod position;
 mod record;
 mod roll;
+mod shares;
 mod solve;
 mod velocity;
 mod warm;
@@ -21,7 +24,7 @@ pub use velocity::solve_velocities;
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
-use crate::options::{Impact, Solver};
+use crate::options::{Impact, Options, Solver};
 use crate::problem::Keeper;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Body, Place, Progress, SpheresError, Sweeps};
@@ -39,6 +42,8 @@ const PATIENCE: usize = 1_000;
 const ALONE: usize = 500;
 /// Tolerance of piles from which on every island without dense matrix is swept.
 const COARSE: f64 = 1e-5;
+/// Tolerance that scenes of piles are advised to set.
+const USUAL: f64 = 1e-4;
 /// Contacts of a pile from which on its worst one may be worse.
 const TYPICAL: f64 = 2_500.0;
 /// Share of the closing tolerance that solvers may leave.
@@ -76,7 +81,13 @@ pub struct Pile {
     start: Vec<[f64; 3]>,
     /// Moments, where something rolls.
     start_moments: Vec<[f64; 3]>,
-    velocity: velocity::Memory,
+    /// What a solve gave: impulses on the bodies A, and corrections of all nodes.
+    impulses: Vec<[f64; 3]>,
+    corrections: Vec<[f64; 6]>,
+    velocity: member::Memory,
+    part: part::Part,
+    /// Bodies of the contacts.
+    ends: Vec<[u32; 2]>,
     /// That of the step, while an island is solved.
     keeper: Keeper,
     /// Take what did not converge, and count it.
@@ -94,7 +105,11 @@ impl Pile {
             spheres: Vec::new(),
             start: Vec::new(),
             start_moments: Vec::new(),
-            velocity: velocity::Memory::default(),
+            impulses: Vec::new(),
+            corrections: Vec::new(),
+            velocity: member::Memory::default(),
+            part: part::Part::default(),
+            ends: Vec::new(),
             keeper: Keeper::default(),
             accept: false,
         }
@@ -109,40 +124,61 @@ impl Pile {
         node_of: &mut [u32],
         position: &[DVec3],
     ) {
+        let threads = threads(model, members.len());
+        self.sweeps.threads = threads;
+        self.part.take_all();
+        shares::refill(threads, &mut self.ends, members.len(), |k| {
+            let c = &contacts[members[k] as usize];
+            [c.a, c.b]
+        });
         self.spheres.clear();
-        self.bodies.clear();
-        self.places.clear();
-        self.sweeps.threads = threads(model, members.len());
-        for &m in members {
-            let c = &contacts[m as usize];
-            for body in [c.a, c.b] {
-                let i = body as usize;
-                if i >= model.spheres() || self.spheres.get(node_of[i] as usize) == Some(&body) {
-                    continue;
-                }
+        for &body in self.ends.iter().flatten() {
+            let i = body as usize;
+            if i < model.spheres() && self.spheres.get(node_of[i] as usize) != Some(&body) {
                 node_of[i] = self.spheres.len() as u32;
                 self.spheres.push(body);
-                self.bodies.push(Body {
-                    inv_mass: model.inv_mass[i],
-                    inv_inertia: model.inv_inertia[i],
-                    radius: model.radius[i],
-                });
-                self.places.push(position[i].to_array());
             }
         }
+        let spheres = &self.spheres;
+        shares::refill(threads, &mut self.bodies, spheres.len(), |k| {
+            let i = spheres[k] as usize;
+            Body {
+                inv_mass: model.inv_mass[i],
+                inv_inertia: model.inv_inertia[i],
+                radius: model.radius[i],
+            }
+        });
+        shares::refill(threads, &mut self.places, spheres.len(), |k| {
+            position[spheres[k] as usize].to_array()
+        });
     }
 
     /// Makes the problem at hand the one of the sweeps, started from `start`.
     fn load_sweeps(&mut self) -> Result<(), SpheresError> {
-        let places = (self.places.len() >= SORTED).then_some(&self.places[..]);
-        self.sweeps.renew(&self.bodies, &self.contacts, places)?;
+        let (bodies, places) = self.part.of(&self.bodies, &self.places);
+        let places = (places.len() >= SORTED).then_some(places);
+        self.sweeps.renew(bodies, &self.contacts, places)?;
         self.sweeps.warm_start(&self.start);
         if self.rolls.is_empty() {
             return Ok(());
         }
         let (rolls, moments) = (&self.rolls, &self.start_moments);
         self.sweeps
-            .set_rolls(&self.bodies, &self.contacts, rolls, moments)
+            .set_rolls(bodies, &self.contacts, rolls, moments)
+    }
+
+    /// Takes impulses and corrections from the sweeps.
+    fn take_solution(&mut self) {
+        let Self {
+            sweeps,
+            impulses,
+            corrections,
+            part,
+            bodies,
+            ..
+        } = self;
+        sweeps.impulses_into(impulses);
+        part.spread(sweeps, corrections, bodies.len());
     }
 
     /// Gives the memory of a huge problem's statement back: the sweeps have it.
@@ -155,9 +191,10 @@ impl Pile {
         }
     }
 
-    fn mean(&self, f: impl Fn(usize) -> f64) -> f64 {
-        let sum: f64 = self.spheres.iter().map(|&i| f(i as usize)).sum();
-        sum / self.spheres.len() as f64
+    fn mean(&self, f: impl Fn(usize) -> f64 + Sync) -> f64 {
+        let (threads, spheres) = (self.sweeps.threads, &self.spheres);
+        let sum = shares::sum(threads, spheres.len(), |k| f(spheres[k] as usize));
+        sum / spheres.len() as f64
     }
 }
 
@@ -198,6 +235,12 @@ pub fn threads(model: &Model, contacts: usize) -> usize {
 /// very many is worse.
 fn worst(contacts: usize) -> f64 {
     (contacts as f64 / TYPICAL).powf(0.75).clamp(1.0, 5.0)
+}
+
+/// Closing tolerance of so many contacts over that of a small pile: a solution that is coarser than [`USUAL`] leaves closing speeds by which
+/// impacts would go round and round, and to make the worst of very many contacts as small takes twice the sweeps.
+fn coarser(o: &Options, contacts: usize) -> f64 {
+    worst(contacts).min((o.pile_tolerance / USUAL).max(1.0))
 }
 
 /// Sweeps that one solve of `contacts` contacts may take.

@@ -3,7 +3,8 @@
 
 use super::roll::{self, Turning};
 use super::{
-    budget, is_beyond, keep, node, record, told, warm::Cursor, worst, Pile, COARSE, PATIENCE,
+    budget, is_beyond, keep, node, record, shares, told, warm::Cursor, worst, Pile, COARSE, HUGE,
+    PATIENCE,
 };
 use crate::contact::Contact;
 use crate::islands::Island;
@@ -74,36 +75,41 @@ fn solve(
     pile.begin(model, contacts, members, &mut solve.node_of, position);
     let node_of = &solve.node_of;
     let o = &model.options;
+    let threads = pile.sweeps.threads;
     let ratio = (span.h / state.warm_step).powi(2);
-    let mut cursor = Cursor::new(&state.warm);
     // Solved before in this step, but for contacts that have joined: only these are new.
     let again = members.iter().any(|&m| contacts[m as usize].nu[0] > 0.0);
-    pile.start.clear();
-    pile.start_moments.clear();
-    let rolls = members.iter().any(|&m| roll::rolls(&contacts[m as usize]));
-    for &m in members {
+    let begin = |cursor: &mut Cursor, m: u32| {
         let c = &contacts[m as usize];
-        let start = if again {
-            record::position(c, c.n1)
-        } else {
-            let warm = cursor.find((c.a, c.b));
-            warm.map_or([DVec3::ZERO; 2], |w| {
-                let of_load = 0.5 * span.h * span.h / state.warm_step;
-                if is_beyond(ratio * w.position, of_load * w.impulse) {
-                    [of_load * w.impulse, of_load * w.moment]
-                } else {
-                    [ratio * w.position, ratio * w.position_moment]
-                }
-            })
-        };
-        pile.start.push(start[0].to_array());
-        if rolls {
-            pile.start_moments.push(start[1].to_array());
+        if again {
+            return record::position(c, c.n1);
         }
+        let warm = cursor.find((c.a, c.b));
+        warm.map_or([DVec3::ZERO; 2], |w| {
+            let of_load = 0.5 * span.h * span.h / state.warm_step;
+            if is_beyond(ratio * w.position, of_load * w.impulse) {
+                [of_load * w.impulse, of_load * w.moment]
+            } else {
+                [ratio * w.position, ratio * w.position_moment]
+            }
+        })
+    };
+    shares::refill_parts(threads, &mut pile.start, members.len(), |first, part| {
+        let mut cursor = Cursor::new(&state.warm);
+        for (start, &m) in part.iter_mut().zip(&members[first..]) {
+            *start = begin(&mut cursor, m)[0].to_array();
+        }
+    });
+    let rolls = members.iter().any(|&m| roll::rolls(&contacts[m as usize]));
+    pile.start_moments.clear();
+    if rolls {
+        let mut cursor = Cursor::new(&state.warm);
+        let moments = members.iter().map(|&m| begin(&mut cursor, m)[1]);
+        pile.start_moments.extend(moments.map(|m| m.to_array()));
     }
     // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
     let at = Linearisation {
-        threads: o.threads as usize,
+        threads,
         model,
         state,
         walls,
@@ -163,7 +169,8 @@ fn solve(
             ..strict
         });
         sweeps += linear_problem.sweeps.max(1);
-        at.write(Some(&pile.sweeps.velocities()), &mut pile.contacts);
+        pile.sweeps.velocities_into(&mut pile.corrections);
+        at.write(Some(&pile.corrections), &mut pile.contacts);
         if pile.sweeps.set_contacts(&pile.contacts).is_err() {
             break;
         }
@@ -180,8 +187,8 @@ fn solve(
         }
     }
     report.sweeps_position = report.sweeps_position.max(sweeps as u32);
-    let velocities = pile.sweeps.velocities();
-    let impulses = pile.sweeps.impulses();
+    pile.take_solution();
+    let (velocities, impulses) = (&pile.corrections, &pile.impulses);
     let moments = if rolls {
         pile.sweeps.moments()
     } else {
@@ -225,25 +232,30 @@ fn solve(
             index: 0,
             report: keep::report_of(sweeps as u32, last.residual, last.converged),
         };
-        keep::keep(keeper, &at, &stated, &velocities, &motion);
+        keep::keep(keeper, &at, &stated, velocities, &motion);
     }
     if !last.converged && !accept {
         return false;
     }
     report.add_position(&told(&last, round));
     report.unconverged += u32::from(!last.converged);
-    for (&i, u) in pile.spheres.iter().zip(&velocities) {
+    for (&i, u) in pile.spheres.iter().zip(velocities) {
         corrections.set(
             i,
             [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])],
         );
     }
-    let solved = members.iter().zip(&impulses).zip(&pile.contacts);
-    for (slot, ((&m, r), z)) in solved.enumerate() {
-        let c = &mut contacts[m as usize];
-        let normal = DVec3::from(z.normal);
-        record::set_frame(c, normal);
-        c.nu = record::packed(c, normal, DVec3::from(*r), moment_of(slot));
+    let (stated, shares) = (&pile.contacts, shares::cut(members, contacts));
+    team::map(threads, shares, |mut share| {
+        for (slot, &m) in (share.first..).zip(share.list) {
+            let c = share.item(m);
+            let normal = DVec3::from(stated[slot].normal);
+            record::set_frame(c, normal);
+            c.nu = record::packed(c, normal, DVec3::from(impulses[slot]), moment_of(slot));
+        }
+    });
+    if members.len() >= HUGE {
+        (pile.impulses, pile.corrections) = (Vec::new(), Vec::new());
     }
     true
 }
@@ -274,9 +286,7 @@ struct Linearisation<'a> {
 impl Linearisation<'_> {
     /// Contacts with gaps and normals at the corrections `u` (at 0 without), as measures at `u = 0`.
     fn write(&self, u: Option<&[[f64; 6]]>, out: &mut Vec<spheres::Contact>) {
-        out.clear();
-        out.resize(self.members.len(), spheres::Contact::default());
-        team::fill(self.threads, out, |k| {
+        shares::refill(self.threads, out, self.members.len(), |k| {
             let c = &self.contacts[self.members[k] as usize];
             let [a, b] = [c.a, c.b].map(|body| node(self.model, self.node_of, body));
             let moved = |node: u32| match u {

@@ -4,7 +4,7 @@
 //! `delta lambda_N` (`docs/theory/algorithm.md`, section 2). Restitution does not act on them. In a pile in which nothing rolls the
 //! list is empty, and nothing here costs anything.
 
-use super::velocity::{Member, Memory};
+use super::member::{Member, Memory};
 use crate::contact::Contact;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Roll};
@@ -132,12 +132,14 @@ impl Memory {
         self.turning.iter().map(part).sum()
     }
 
-    /// Adds all moments to the jump.
-    pub fn push_moments(&mut self, bodies: &[Body]) {
-        for (m, t) in self.members.iter().zip(&self.turning) {
-            self.jump[m.a as usize][1] += bodies[m.a as usize].inv_inertia * t.moment;
+    /// Takes the moments of the chosen contacts off the jump.
+    pub fn drop_moments(&mut self, bodies: &[Body]) {
+        for &slot in &self.chosen {
+            let m = &self.members[slot as usize];
+            let moment = std::mem::take(&mut self.turning[slot as usize].moment);
+            self.jump[m.a as usize][1] -= bodies[m.a as usize].inv_inertia * moment;
             if m.b != WORLD {
-                self.jump[m.b as usize][1] -= bodies[m.b as usize].inv_inertia * t.moment;
+                self.jump[m.b as usize][1] += bodies[m.b as usize].inv_inertia * moment;
             }
         }
     }

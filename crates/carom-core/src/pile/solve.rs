@@ -1,8 +1,7 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts, and rule R4 on what they find.
 
-use super::roll;
-use super::velocity::{change, work};
-use super::{budget, worst, Law, Pile, PATIENCE};
+use super::member::{change, work};
+use super::{budget, roll, shares, worst, Law, Pile, HUGE, PATIENCE};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::model::Model;
@@ -28,7 +27,10 @@ impl Pile {
         problem: u32,
         report: &mut StepReport,
     ) -> Option<()> {
-        let scale = vec![1.0; self.velocity.chosen.len()];
+        let memory = &self.velocity;
+        let (bodies, places) = (&self.bodies, &self.places);
+        (self.part).take(&memory.members, &memory.chosen, bodies, places);
+        let scale = vec![1.0; memory.chosen.len()];
         self.write(model, law, &scale);
         self.load_sweeps().ok()?;
         let most = budget(self.contacts.len());
@@ -51,6 +53,7 @@ impl Pile {
             had: 0,
         };
         let mut progress = self.settle(&goal, report);
+        self.take_solution();
         if !progress.converged && !self.accept {
             self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
             return None;
@@ -77,15 +80,12 @@ impl Pile {
     /// The chosen contacts as spheres.
     pub(super) fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
         let memory = &self.velocity;
-        self.contacts.clear();
-        self.contacts
-            .resize(memory.chosen.len(), spheres::Contact::default());
-        let threads = model.options.threads as usize;
-        team::fill(threads, &mut self.contacts, |k| {
+        let (threads, part) = (self.sweeps.threads, &self.part);
+        shares::refill(threads, &mut self.contacts, memory.chosen.len(), |k| {
             let m = &memory.members[memory.chosen[k] as usize];
             spheres::Contact {
-                a: m.a,
-                b: m.b,
+                a: part.number(m.a),
+                b: part.number(m.b),
                 normal: m.normal.to_array(),
                 slip: memory.measures(model, m, law, scale[k]).to_array(),
                 friction: m.friction,
@@ -132,6 +132,7 @@ impl Pile {
             self.sweeps.set_contacts(&self.contacts).ok()?;
             // A trial is no part of the step: its counts are its own, and one that fails admits nothing.
             let trial = self.settle(goal, &mut StepReport::default());
+            self.take_solution();
             let gaining = self.gains_by(&member_of, goal);
             for (group, [low, high]) in &mut bounds {
                 let middle = 0.5 * (*low + *high);
@@ -146,6 +147,7 @@ impl Pile {
         self.write(model, law, &found);
         self.sweeps.set_contacts(&self.contacts).ok()?;
         *progress = self.settle(goal, report);
+        self.take_solution();
         if !progress.converged && !self.accept {
             return None;
         }
@@ -156,8 +158,9 @@ impl Pile {
 
     /// Groups of chosen contacts joined by spheres and impulses, whose problem gains energy; ascending.
     fn gaining(&mut self, goal: &Goal) -> Vec<u32> {
-        let impulses = self.sweeps.impulses();
-        let mut parent: Vec<u32> = (0..self.bodies.len() as u32).collect();
+        let (part, impulses) = (&self.part, &self.impulses);
+        let (bodies, _) = part.of(&self.bodies, &self.places);
+        let mut parent: Vec<u32> = (0..bodies.len() as u32).collect();
         let root = |parent: &mut Vec<u32>, mut i: u32| {
             while parent[i as usize] != i {
                 parent[i as usize] = parent[parent[i as usize] as usize];
@@ -166,20 +169,20 @@ impl Pile {
             i
         };
         let memory = &mut self.velocity;
-        for (&slot, r) in memory.chosen.iter().zip(&impulses) {
+        for (&slot, r) in memory.chosen.iter().zip(impulses) {
             let m = &memory.members[slot as usize];
             if m.b != WORLD && *r != [0.0; 3] {
-                let (a, b) = (root(&mut parent, m.a), root(&mut parent, m.b));
+                let [a, b] = [m.a, m.b].map(|node| root(&mut parent, part.number(node)));
                 parent[a.max(b) as usize] = a.min(b);
             }
         }
         memory.group.clear();
-        for (&slot, r) in memory.chosen.iter().zip(&impulses) {
+        for (&slot, r) in memory.chosen.iter().zip(impulses) {
             let m = &memory.members[slot as usize];
             let group = if *r == [0.0; 3] {
                 u32::MAX
             } else {
-                root(&mut parent, m.a)
+                root(&mut parent, part.number(m.a))
             };
             memory.group.push(group);
         }
@@ -189,30 +192,30 @@ impl Pile {
 
     /// Of the given groups those whose present solution does more work than rule R4 admits; ascending.
     fn gains_by(&self, groups: &[u32], goal: &Goal) -> Vec<u32> {
-        let impulses = self.sweeps.impulses();
-        let u = self.sweeps.velocities();
-        let memory = &self.velocity;
+        let (memory, part, u) = (&self.velocity, &self.part, &self.corrections);
+        let (bodies, _) = part.of(&self.bodies, &self.places);
         // Of the chosen contacts; none where nothing rolls.
         let moments = self.moments();
-        let mut sums = vec![[0.0f64; 2]; self.bodies.len()];
-        let mut seen = vec![false; self.bodies.len()];
-        let chosen = memory.chosen.iter().zip(&impulses).zip(groups);
+        let mut sums = vec![[0.0f64; 2]; bodies.len()];
+        let mut seen = vec![false; bodies.len()];
+        let chosen = memory.chosen.iter().zip(&self.impulses).zip(groups);
         for (k, ((&slot, r), &group)) in chosen.enumerate() {
             if group == u32::MAX {
                 continue;
             }
             let m = &memory.members[slot as usize];
             let before = memory.now(m);
-            let after = before + change(m, &u);
+            let after = before + change(m, u);
             let [normal, across] = work(m.normal, DVec3::from(*r), before, after);
             sums[group as usize][0] += normal + across;
             if let Some(&moment) = moments.get(k) {
-                let change = roll::change(m, &u);
+                let change = roll::change(m, u);
                 let [rolling, spinning] = memory.turning_work(slot, DVec3::from(moment), change);
                 sums[group as usize][0] += rolling + spinning;
             }
             for node in [m.a, m.b] {
-                if node == WORLD || std::mem::replace(&mut seen[node as usize], true) {
+                let number = part.number(node) as usize;
+                if node == WORLD || std::mem::replace(&mut seen[number], true) {
                     continue;
                 }
                 let body = &self.bodies[node as usize];
@@ -241,35 +244,47 @@ impl Pile {
 
     /// Adds the impulses of the solve at hand, and their work, to the totals.
     fn commit(&mut self, problem: u32, scale: &[f64]) {
-        let impulses = self.sweeps.impulses();
-        let u = self.sweeps.velocities();
         let moments = self.moments();
+        let threads = self.sweeps.threads;
+        let (impulses, u) = (&self.impulses, &self.corrections);
         let memory = &mut self.velocity;
-        for (k, ((&slot, r), &scale)) in
-            (memory.chosen.iter().zip(&impulses).zip(scale)).enumerate()
-        {
-            let r = DVec3::from(*r);
-            let m = memory.members[slot as usize];
-            let before = memory.now(&m);
-            let after = before + change(&m, &u);
-            let done = work(m.normal, r, before, after);
-            let speed = [before.dot(m.normal), after.dot(m.normal)];
-            let turned = moments.get(k).map(|&moment| DVec3::from(moment));
-            let given = [r, turned.unwrap_or_default()];
-            memory.every.push(slot, problem, given, speed, scale);
-            let member = &mut memory.members[slot as usize];
-            let hits = member.add(problem, r, speed[0], done, scale, memory.tol);
-            if let Some(moment) = turned {
-                let change = roll::change(&m, &u);
-                let done = memory.turning_work(slot, moment, change);
-                memory.turning[slot as usize].add(moment, done, hits);
+        if memory.every.wanted || !moments.is_empty() {
+            for (k, (r, &scale)) in impulses.iter().zip(scale).enumerate() {
+                let slot = memory.chosen[k];
+                let r = DVec3::from(*r);
+                let m = memory.members[slot as usize];
+                let given = memory.given(&m, r, u, scale);
+                let turned = moments.get(k).map(|&moment| DVec3::from(moment));
+                let pair = [r, turned.unwrap_or_default()];
+                memory.every.push(slot, problem, pair, given.speed, scale);
+                let hits = memory.members[slot as usize].add(problem, &given, memory.tol);
+                if let Some(moment) = turned {
+                    let change = roll::change(&m, u);
+                    let done = memory.turning_work(slot, moment, change);
+                    memory.turning[slot as usize].add(moment, done, hits);
+                }
             }
+        } else {
+            let mut members = std::mem::take(&mut memory.members);
+            let parts = shares::cut(&memory.chosen, &mut members);
+            team::map(threads, parts, |mut share| {
+                for (k, &slot) in (share.first..).zip(share.list) {
+                    let m = share.item(slot);
+                    let given = memory.given(m, DVec3::from(impulses[k]), u, scale[k]);
+                    m.add(problem, &given, memory.tol);
+                }
+            });
+            memory.members = members;
         }
-        for (jump, u) in memory.jump.iter_mut().zip(&u) {
+        for node in self.part.nodes(self.bodies.len()) {
+            let (jump, u) = (&mut memory.jump[node as usize], &u[node as usize]);
             jump[0] += DVec3::new(u[0], u[1], u[2]);
             jump[1] += DVec3::new(u[3], u[4], u[5]);
         }
         // Stage 1 replaces part of stage 0: the larger of both is what later problems add to.
-        memory.terms = memory.terms.max(memory.total(&self.bodies));
+        memory.terms = memory.terms.max(memory.total(&self.bodies, threads));
+        if impulses.len() >= HUGE {
+            (self.impulses, self.corrections) = (Vec::new(), Vec::new());
+        }
     }
 }

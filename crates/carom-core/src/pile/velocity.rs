@@ -1,199 +1,21 @@
 //! Velocity sub-problem of a pile (eqs. 1f-h): loads first, then the contacts that close together with what the loads press
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
+use super::member::{work, Member, Memory as Velocity, FIXED};
 use super::roll::{self, Turning};
-use super::{is_beyond, node, record, warm::Cursor, Law, Pile, LEFT};
+use super::{coarser, is_beyond, node, record, shares, warm::Cursor, Law, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
 use crate::model::Model;
-use crate::options::{Impact, Options};
+use crate::options::Impact;
 use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, IslandScratch};
 use crate::state::{State, Warm};
 use crate::stepper::Span;
-use carom_solve::rows::WORLD;
-use carom_solve::spheres;
+use carom_solve::spheres::Sweeps;
+use carom_solve::team;
 use glam::DVec3;
-
-/// No moving wall.
-const FIXED: u32 = u32::MAX;
-
-/// A closed contact of the pile.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Member {
-    /// Index among the contacts of the step.
-    pub contact: u32,
-    pub a: u32,
-    pub b: u32,
-    /// Place among the velocities of moving walls, [`FIXED`] where none moves.
-    pub driven: u32,
-    pub normal: DVec3,
-    /// Lever arms, m.
-    pub arms: [f64; 2],
-    pub friction: f64,
-    pub restitution: f64,
-    pub tangential: f64,
-    /// Impulse on A of all problems so far, and of the loads alone.
-    pub impulse: DVec3,
-    pub load: DVec3,
-    /// Work normal and across, J.
-    pub work: [f64; 2],
-    /// First impact problem in which it closed, 0: none; normal velocity before; impulse of impacts; least restitution scale.
-    pub problem: u32,
-    pub approach: f64,
-    pub hit: DVec3,
-    pub scale: f64,
-}
-
-/// Nodes and contacts at the velocity level. Velocities are (linear, angular) pairs.
-#[derive(Default)]
-pub(super) struct Memory {
-    pub members: Vec<Member>,
-    /// Moments of the members; empty where nothing rolls.
-    pub turning: Vec<Turning>,
-    pub check: Vec<[DVec3; 2]>,
-    pub old: Vec<[DVec3; 2]>,
-    pub jump: Vec<[DVec3; 2]>,
-    /// Jump of the loads alone.
-    pub offset: Vec<[DVec3; 2]>,
-    /// Velocities of moving walls at their contacts, at t_n and t_{n+1}: along the normal of the shape, across of the material.
-    pub driven: Vec<[DVec3; 2]>,
-    pub chosen: Vec<u32>,
-    pub tol: f64,
-    pub floor: f64,
-    /// Largest speed in the island, m/s.
-    pub speed: f64,
-    /// Terms of eq. 44 of what is solved already in this step.
-    pub terms: f64,
-    pub cascade: super::cascade::Memory,
-    /// Rows of the table of impacts, where every problem has its own.
-    pub every: super::every::Rows,
-    /// Group of energy of each chosen contact.
-    pub group: Vec<u32>,
-}
-
-impl Memory {
-    /// Closing speed that a solve may leave: clear of what counts as closing, and never below what the tolerance can tell at the
-    /// speeds there are.
-    pub fn left(&self, o: &Options) -> f64 {
-        LEFT * self.tol.max(o.pile_tolerance * self.speed)
-    }
-
-    /// Relative velocity of a contact's surfaces, of A against B.
-    pub fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
-        m.relative(|node| v[node as usize])
-    }
-
-    /// Velocity of a moving wall at a contact, at t_n (0) or t_{n+1} (1).
-    #[inline]
-    pub fn wall(&self, m: &Member, end: usize) -> DVec3 {
-        let moving = self.driven.get(m.driven as usize);
-        moving.map_or(DVec3::ZERO, |v| v[end])
-    }
-
-    /// Relative velocity at `v_n`, `v_check` and `v_check + jump`.
-    pub fn before(&self, m: &Member) -> DVec3 {
-        Self::relative(m, &self.old) - self.wall(m, 0)
-    }
-
-    pub fn free(&self, m: &Member) -> DVec3 {
-        Self::relative(m, &self.check) - self.wall(m, 1)
-    }
-
-    pub fn now(&self, m: &Member) -> DVec3 {
-        self.free(m) + Self::relative(m, &self.jump)
-    }
-
-    /// `now` along the normal: spins do not count.
-    #[inline]
-    pub fn normal_speed(&self, m: &Member) -> f64 {
-        let at = |node: u32| self.check[node as usize][0] + self.jump[node as usize][0];
-        let mut d = at(m.a) - self.wall(m, 1);
-        if m.b != WORLD {
-            d -= at(m.b);
-        }
-        d.dot(m.normal)
-    }
-
-    /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27), restitution scaled.
-    pub fn measures(&self, model: &Model, m: &Member, law: Law, scale: f64) -> DVec3 {
-        let z = self.now(m);
-        if law == Law::Plastic {
-            return z;
-        }
-        let mut minus = self.before(m);
-        if law == Law::Later {
-            minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
-        }
-        self.newton(
-            model,
-            m.normal,
-            [m.restitution, m.tangential],
-            scale,
-            z,
-            minus,
-        )
-    }
-
-    /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.
-    #[inline]
-    pub fn newton(
-        &self,
-        model: &Model,
-        normal: DVec3,
-        [e_n, e_t]: [f64; 2],
-        scale: f64,
-        z: DVec3,
-        minus: DVec3,
-    ) -> DVec3 {
-        let approach = minus.dot(normal);
-        let e_n = if -approach < model.options.restitution_threshold {
-            0.0
-        } else {
-            e_n
-        };
-        let mut z = z + scale * e_n * approach.min(0.0) * normal;
-        if e_t != 0.0 && approach < -self.tol {
-            z += scale * e_t * (minus - approach * normal);
-        }
-        z
-    }
-
-    /// Terms of eq. 44 of all impulses so far.
-    pub fn total(&self, bodies: &[spheres::Body]) -> f64 {
-        let impulses: f64 = self
-            .members
-            .iter()
-            .map(|m| m.impulse.length_squared())
-            .sum();
-        let impulses = impulses + self.moments_squared();
-        let momenta: f64 = self
-            .jump
-            .iter()
-            .zip(bodies)
-            .map(|([v, w], b)| {
-                v.length_squared() / b.inv_mass.powi(2)
-                    + w.length_squared() / (b.inv_inertia * b.radius).powi(2)
-            })
-            .sum();
-        2.0 * (impulses.sqrt() + momenta.sqrt())
-    }
-
-    /// Adds an impulse on A to the jump.
-    pub fn push(bodies: &[spheres::Body], m: &Member, r: DVec3, jump: &mut [[DVec3; 2]]) {
-        let turn = m.normal.cross(r);
-        let mut add = |node: u32, sign: f64, arm: f64| {
-            let (body, at) = (&bodies[node as usize], &mut jump[node as usize]);
-            at[0] += sign * body.inv_mass * r;
-            at[1] -= body.inv_inertia * arm * turn;
-        };
-        add(m.a, 1.0, m.arms[0]);
-        if m.b != WORLD {
-            add(m.b, -1.0, m.arms[1]);
-        }
-    }
-}
 
 /// Solves one island; writes the corrections W of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.
 pub fn solve_velocities(
@@ -234,14 +56,14 @@ impl Pile {
         };
         let problems = match model.options.impact {
             Impact::OneShot => self.one_shot(model, scratch, &mut own),
-            _ => self.sequence(model, state, scratch, island, span, &mut own),
+            _ => self.sequence(model, state, scratch, span, &mut own),
         };
         let Some(problems) = problems else {
             return false;
         };
         (own.impact_problems, own.iterations_velocity) = (problems, 1);
         report.join(&own);
-        self.close(model, scratch, report);
+        self.close(model, scratch, island, report);
         true
     }
 
@@ -263,79 +85,89 @@ impl Pile {
             walls,
             ..
         } = scratch;
-        self.begin(
-            model,
-            contacts,
-            island.contacts,
-            &mut solve.node_of,
-            position,
-        );
+        let (contacts, position): (&[Contact], _) = (contacts, *position);
+        let list = island.contacts;
+        self.begin(model, contacts, list, &mut solve.node_of, position);
+        let threads = self.sweeps.threads;
         let memory = &mut self.velocity;
         memory.every.begin(model.every_impact);
         let mut speeds = Speeds::default();
-        let driven = &mut memory.driven;
-        driven.clear();
-        memory.members.clear();
-        memory.members.extend(island.contacts.iter().map(|&index| {
+        memory.driven.clear();
+        let mut places = Vec::new();
+        if walls.any_moves() {
+            places.extend(list.iter().map(|&index| {
+                let c = &contacts[index as usize];
+                let i = c.a as usize;
+                let ends = (
+                    walls.start_twist(model, c, state.position[i]),
+                    walls.end_twist(model, c, position[i]),
+                );
+                let (Some(old), Some(new)) = ends else {
+                    return FIXED;
+                };
+                speeds.add_wall(&old, &new);
+                memory.driven.push([old, new].map(|t| t.at(c.n1)));
+                memory.driven.len() as u32 - 1
+            }));
+        }
+        let node_of = &solve.node_of;
+        shares::refill(threads, &mut memory.members, list.len(), |k| {
+            let index = list[k];
             let c = &contacts[index as usize];
             let law = c.law(model);
-            let i = c.a as usize;
-            let mut place = FIXED;
-            if let (Some(old), Some(new)) = (
-                walls.start_twist(model, c, state.position[i]),
-                walls.end_twist(model, c, position[i]),
-            ) {
-                place = driven.len() as u32;
-                driven.push([old, new].map(|t| t.at(c.n1)));
-                speeds.add_wall(&old, &new);
-            }
             Member {
                 contact: index,
-                a: node(model, &solve.node_of, c.a),
-                b: node(model, &solve.node_of, c.b),
-                driven: place,
+                a: node(model, node_of, c.a),
+                b: node(model, node_of, c.b),
+                driven: places.get(k).copied().unwrap_or(FIXED),
                 normal: c.n1,
                 arms: [model.radius[c.a as usize], c.radius_b(model)],
                 friction: c.bounds.sliding,
                 restitution: law.restitution,
                 tangential: law.tangential_restitution,
-                impulse: DVec3::ZERO,
-                load: DVec3::ZERO,
-                work: [0.0; 2],
-                problem: 0,
-                approach: 0.0,
-                hit: DVec3::ZERO,
                 scale: 1.0,
+                ..Member::default()
             }
-        }));
+        });
         memory.turning.clear();
-        let turns = |&index: &u32| roll::rolls(&contacts[index as usize]);
-        if island.contacts.iter().any(turns) {
-            memory.turning.extend(island.contacts.iter().map(|&index| {
+        if list
+            .iter()
+            .any(|&index| roll::rolls(&contacts[index as usize]))
+        {
+            memory.turning.extend(list.iter().map(|&index| {
                 let c = &contacts[index as usize];
                 let wall = walls.end_twist(model, c, position[c.a as usize]);
                 Turning::new(c, wall.map_or(DVec3::ZERO, |t| t.spin))
             }));
         }
-        let nodes = self.spheres.len();
-        for v in [&mut memory.check, &mut memory.old] {
-            v.clear();
-        }
+        let (spheres, nodes) = (&self.spheres, self.spheres.len());
+        shares::refill(threads, &mut memory.check, nodes, |k| {
+            let i = spheres[k] as usize;
+            [linear[i].velocity, angular[i].velocity]
+        });
+        shares::refill(threads, &mut memory.old, nodes, |k| {
+            let i = spheres[k] as usize;
+            [state.velocity[i], state.angular_velocity[i]]
+        });
         for v in [&mut memory.jump, &mut memory.offset] {
             v.clear();
             v.resize(nodes, [DVec3::ZERO; 2]);
         }
-        for &body in &self.spheres {
-            let i = body as usize;
-            memory.check.push([linear[i].velocity, angular[i].velocity]);
-            memory
-                .old
-                .push([state.velocity[i], state.angular_velocity[i]]);
-            speeds.add(model, state, linear[i].velocity, i);
+        let parts = shares::map(threads, nodes, |range| {
+            let mut own = Speeds::default();
+            for &body in &spheres[range] {
+                let i = body as usize;
+                own.add(model, state, linear[i].velocity, i);
+            }
+            own
+        });
+        for own in parts {
+            speeds.load = speeds.load.max(own.load);
+            speeds.speed = speeds.speed.max(own.speed);
         }
         let o = &model.options;
         memory.terms = 0.0;
-        memory.tol = speeds.closing_tolerance(o, memory.members.len());
+        memory.tol = coarser(o, list.len()) * speeds.closing_tolerance(o, list.len());
         let share = o.touching_tolerance / span.h;
         let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
         let mass = self.mean(|i| model.mass[i]);
@@ -350,73 +182,37 @@ impl Pile {
         model: &Model,
         state: &State,
         scratch: &IslandScratch,
-        island: Island,
         span: Span,
         report: &mut StepReport,
     ) -> Option<u32> {
         let mut problems = 0;
         let memory = &mut self.velocity;
         let tol = memory.tol;
-        let resting: Vec<bool> = memory
-            .members
-            .iter()
-            .map(|m| memory.before(m).dot(m.normal) >= -tol)
-            .collect();
-        let loaded: Vec<bool> = memory
-            .members
-            .iter()
-            .zip(&resting)
-            .map(|(m, &resting)| resting && memory.normal_speed(m) < -tol)
-            .collect();
+        let threads = self.sweeps.threads;
+        let resting = memory.flags(threads, |_, m| memory.before(m).dot(m.normal) >= -tol);
+        let loaded = memory.flags(threads, |slot, m| {
+            resting[slot] && memory.normal_speed(m) < -tol
+        });
         // Stage 0: the load of this step on contacts that were not approaching, without restitution.
         if loaded.contains(&true) {
             problems += 1;
-            memory.choose(|slot, _| resting[slot]);
-            let ratio = span.h / state.warm_step;
-            let mut cursor = Cursor::new(&state.warm);
-            self.start.clear();
-            self.start_moments.clear();
-            let (members, rolls) = (&self.velocity.members, !self.velocity.turning.is_empty());
-            for &slot in &self.velocity.chosen {
-                let c = &scratch.contacts[members[slot as usize].contact as usize];
-                let warm = cursor.find((c.a, c.b));
-                let mut start =
-                    warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
-                // What holds a sphere in its place holds its velocity too.
-                let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
-                if is_beyond(holding[0], start[0]) {
-                    start = holding;
-                }
-                let [impulse, moment] = start;
-                self.start.push(impulse.to_array());
-                if rolls {
-                    self.start_moments.push(moment.to_array());
-                }
-            }
-            debug_assert_eq!(island.contacts.len(), members.len());
+            memory.choose(|slot| resting[slot]);
+            self.start_loads(state, scratch.contacts, span);
             self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
             let memory = &mut self.velocity;
-            for &slot in &memory.chosen {
-                let member = &mut memory.members[slot as usize];
-                member.load = member.impulse;
-                if let Some(turning) = memory.turning.get_mut(slot as usize) {
-                    turning.load = turning.moment;
-                }
+            for turning in &mut memory.turning {
+                turning.load = turning.moment;
             }
             memory.offset.clone_from(&memory.jump);
         }
         // Stage 1: what closes now, together with the resting contacts that the load closes.
         let memory = &mut self.velocity;
-        let closing: Vec<bool> = memory
-            .members
-            .iter()
-            .map(|m| memory.normal_speed(m) < -tol)
-            .collect();
+        let closing = memory.flags(threads, |_, m| memory.normal_speed(m) < -tol);
         if !closing.contains(&true) {
             return Some(problems);
         }
         problems += 1;
-        memory.choose(|slot, _| closing[slot] || loaded[slot]);
+        memory.choose(|slot| closing[slot] || loaded[slot]);
         self.drop_chosen();
         let memory = &mut self.velocity;
         self.start.clear();
@@ -443,9 +239,45 @@ impl Pile {
         Some(problems + 1)
     }
 
+    /// Starts of the chosen contacts under the loads of the step: from those of the last one.
+    fn start_loads(&mut self, state: &State, contacts: &[Contact], span: Span) {
+        let ratio = span.h / state.warm_step;
+        let Velocity {
+            members,
+            chosen,
+            turning,
+            ..
+        } = &self.velocity;
+        let begin = |cursor: &mut Cursor, slot: u32| {
+            let c = &contacts[members[slot as usize].contact as usize];
+            let warm = cursor.find((c.a, c.b));
+            let start = warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
+            // What holds a sphere in its place holds its velocity too.
+            let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
+            if is_beyond(holding[0], start[0]) {
+                holding
+            } else {
+                start
+            }
+        };
+        let threads = self.sweeps.threads;
+        shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
+            let mut cursor = Cursor::new(&state.warm);
+            for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
+                *start = begin(&mut cursor, slot)[0].to_array();
+            }
+        });
+        self.start_moments.clear();
+        if !turning.is_empty() {
+            let mut cursor = Cursor::new(&state.warm);
+            let moments = chosen.iter().map(|&slot| begin(&mut cursor, slot)[1]);
+            self.start_moments.extend(moments.map(|m| m.to_array()));
+        }
+    }
+
     /// All closed contacts, started from nothing.
     fn choose_all(&mut self) {
-        self.velocity.choose(|_, _| true);
+        self.velocity.choose(|_| true);
         for start in [&mut self.start, &mut self.start_moments] {
             start.clear();
             start.resize(self.velocity.chosen.len(), [0.0; 3]);
@@ -472,162 +304,113 @@ impl Pile {
 
     /// Forgets the impulses of the chosen contacts; the kept ones' work is restated.
     fn drop_chosen(&mut self) {
+        let threads = self.sweeps.threads;
         let memory = &mut self.velocity;
         for &slot in &memory.chosen {
-            memory.members[slot as usize].impulse = DVec3::ZERO;
-            if let Some(turning) = memory.turning.get_mut(slot as usize) {
-                turning.moment = DVec3::ZERO;
+            let member = &mut memory.members[slot as usize];
+            let dropped = std::mem::take(&mut member.impulse);
+            if dropped != DVec3::ZERO {
+                Velocity::push(&self.bodies, member, -dropped, &mut memory.jump);
             }
         }
-        memory.jump.fill([DVec3::ZERO; 2]);
-        for m in &memory.members {
-            if m.impulse != DVec3::ZERO {
-                Memory::push(&self.bodies, m, m.impulse, &mut memory.jump);
-            }
+        if !memory.turning.is_empty() {
+            memory.drop_moments(&self.bodies);
         }
-        memory.push_moments(&self.bodies);
+        let mut members = std::mem::take(&mut memory.members);
+        team::each(threads, &mut members, |m| {
+            let before = memory.free(m);
+            m.work = work(m.normal, m.impulse, before, memory.now(m));
+        });
+        memory.members = members;
         memory.restate_turning_work();
-        for slot in 0..memory.members.len() {
-            let m = memory.members[slot];
-            let before = memory.free(&m);
-            let work = work(m.normal, m.impulse, before, memory.now(&m));
-            memory.members[slot].work = work;
-        }
     }
 
     /// Writes the island's result into the step's scratch.
-    fn close(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
+    fn close(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        island: Island,
+        report: &mut StepReport,
+    ) {
         let huge = self.velocity.members.len() >= super::HUGE;
         if huge {
-            self.sweeps = spheres::Sweeps::empty();
+            self.sweeps = Sweeps::empty();
         }
         let memory = &self.velocity;
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);
         }
-        for (slot, m) in memory.members.iter().enumerate() {
-            // Of a contact without moments.
-            let nothing = Turning::default();
-            let turning = memory.turning.get(slot).unwrap_or(&nothing);
-            let c: &mut Contact = &mut scratch.contacts[m.contact as usize];
-            record::turn_frame(c, m.normal);
-            c.lambda = record::packed(c, m.normal, m.impulse, turning.moment);
-            c.work = [m.work[0], m.work[1], turning.work[0], turning.work[1]];
-            c.status = m.status(m.impulse);
-            if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
-                let [position, position_moment] = record::position(c, m.normal);
-                scratch.warm.push(Warm {
-                    key: (c.a, c.b),
-                    impulse: m.load,
-                    moment: turning.load,
-                    position,
-                    position_moment,
-                });
+        let shares = shares::cut(island.contacts, scratch.contacts);
+        let parts = team::map(self.sweeps.threads, shares, |mut share| {
+            let mut found = Found::default();
+            for (slot, &index) in (share.first..).zip(share.list) {
+                found.take(model, memory, slot, share.item(index));
             }
-            let free = memory.free(m).dot(m.normal);
-            let touching = c.gap_start <= model.options.touching_tolerance * c.length;
-            if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > memory.tol && !touching {
-                report.missed_impacts += 1;
-            }
-            if m.problem == 0 || memory.every.wanted {
-                continue;
-            }
-            scratch.impacts.push(ImpactRecord {
-                problem: m.problem,
-                a: c.a,
-                b: c.b,
-                status: c.status as u8,
-                normal: m.normal,
-                impulse: m.hit,
-                moment: turning.hit,
-                approach: m.approach,
-                separation: memory.normal_speed(m),
-                restitution_scale: m.scale,
-            });
+            found
+        });
+        for mut found in parts {
+            scratch.warm.append(&mut found.warm);
+            scratch.impacts.append(&mut found.impacts);
+            report.missed_impacts += found.missed;
         }
         memory
             .every
             .hand_over(&memory.members, scratch.contacts, scratch.impacts);
         if huge {
-            self.velocity = Memory::default();
+            self.velocity = Velocity::default();
         }
     }
 }
 
-impl Memory {
-    fn choose(&mut self, select: impl Fn(usize, &Member) -> bool) {
-        self.chosen.clear();
-        let members = self.members.iter().enumerate();
-        self.chosen.extend(
-            members
-                .filter(|(slot, m)| select(*slot, m))
-                .map(|(slot, _)| slot as u32),
-        );
-    }
+/// What is found at the contacts of a share.
+#[derive(Default)]
+struct Found {
+    warm: Vec<Warm>,
+    impacts: Vec<ImpactRecord>,
+    missed: u32,
 }
 
-impl Member {
-    /// Relative velocity of the surfaces, of A against B, by the velocities of nodes.
-    #[inline]
-    pub fn relative(&self, at: impl Fn(u32) -> [DVec3; 2]) -> DVec3 {
-        let [mut d, wa] = at(self.a);
-        let mut spin = self.arms[0] * wa;
-        if self.b != WORLD {
-            let [lb, wb] = at(self.b);
-            d -= lb;
-            spin += self.arms[1] * wb;
+impl Found {
+    /// Writes the result of a contact, and lists what it gives the next step and the table of impacts.
+    fn take(&mut self, model: &Model, memory: &Velocity, slot: usize, c: &mut Contact) {
+        let m = &memory.members[slot];
+        // Of a contact without moments.
+        let nothing = Turning::default();
+        let turning = memory.turning.get(slot).unwrap_or(&nothing);
+        record::turn_frame(c, m.normal);
+        c.lambda = record::packed(c, m.normal, m.impulse, turning.moment);
+        c.work = [m.work[0], m.work[1], turning.work[0], turning.work[1]];
+        c.status = m.status(m.impulse);
+        if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
+            let [position, position_moment] = record::position(c, m.normal);
+            self.warm.push(Warm {
+                key: (c.a, c.b),
+                impulse: m.load,
+                moment: turning.load,
+                position,
+                position_moment,
+            });
         }
-        d + self.normal.cross(spin)
-    }
-
-    /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not; whether this
-    /// is a part of an impact.
-    pub fn add(
-        &mut self,
-        problem: u32,
-        r: DVec3,
-        before: f64,
-        work: [f64; 2],
-        scale: f64,
-        tol: f64,
-    ) -> bool {
-        self.impulse += r;
-        self.work[0] += work[0];
-        self.work[1] += work[1];
-        if problem == 0 || r == DVec3::ZERO {
-            return false;
+        let free = memory.free(m).dot(m.normal);
+        let touching = c.gap_start <= model.options.touching_tolerance * c.length;
+        if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > memory.tol && !touching {
+            self.missed += 1;
         }
-        if self.problem == 0 {
-            if before >= -tol {
-                return false;
-            }
-            (self.problem, self.approach) = (problem, before);
+        if m.problem == 0 || memory.every.wanted {
+            return;
         }
-        self.hit += r;
-        self.scale = self.scale.min(scale);
-        true
+        self.impacts.push(ImpactRecord {
+            problem: m.problem,
+            a: c.a,
+            b: c.b,
+            status: c.status as u8,
+            normal: m.normal,
+            impulse: m.hit,
+            moment: turning.hit,
+            approach: m.approach,
+            separation: memory.normal_speed(m),
+            restitution_scale: m.scale,
+        });
     }
-}
-
-/// Work of an impulse, normal and across, by the mean of the velocities before and after.
-pub(super) fn work(normal: DVec3, r: DVec3, before: DVec3, after: DVec3) -> [f64; 2] {
-    let mean = 0.5 * (before + after);
-    let (r_n, v_n) = (r.dot(normal), mean.dot(normal));
-    [r_n * v_n, r.dot(mean) - r_n * v_n]
-}
-
-/// Change of a contact's relative velocity by corrections of the nodes.
-pub(super) fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
-    let part = |node: u32| {
-        let u = &u[node as usize];
-        (DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5]))
-    };
-    let (mut d, wa) = part(m.a);
-    let mut spin = m.arms[0] * wa;
-    if m.b != WORLD {
-        let (v, w) = part(m.b);
-        d -= v;
-        spin += m.arms[1] * w;
-    }
-    d + m.normal.cross(spin)
 }

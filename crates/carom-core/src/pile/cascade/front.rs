@@ -1,6 +1,6 @@
 //! What a cascade works on: contacts and spheres in a few lines of memory each, since it looks far more often than it solves.
 
-use crate::pile::velocity::{Member, Memory as Velocity};
+use crate::pile::member::{Member, Memory as Velocity};
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
 use glam::DVec3;

@@ -6,9 +6,9 @@ use super::group::Group;
 use super::parts::Parts;
 use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::model::Model;
+use crate::pile::member::{self, Memory as Velocity};
 use crate::pile::roll;
 use crate::pile::solve::GAIN_SHARE;
-use crate::pile::velocity::{self, Memory as Velocity};
 use carom_solve::spheres::{Body, Goal};
 use glam::DVec3;
 use std::ops::Range;
@@ -191,7 +191,7 @@ impl Batch {
         let [before, _] = self.before[k];
         let after = before + self.group.change(k);
         let normal = view.front.edges[slot as usize].normal;
-        velocity::work(normal, self.group.impulse(k), before, after)
+        member::work(normal, self.group.impulse(k), before, after)
     }
 
     fn turning_work_of(&self, view: &View, k: usize, slot: u32) -> [f64; 2] {

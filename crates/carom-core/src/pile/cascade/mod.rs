@@ -8,7 +8,7 @@ mod group;
 mod little;
 mod parts;
 
-use super::velocity::Memory as Velocity;
+use super::member::Memory as Velocity;
 use super::{keep, Law, Pile};
 use crate::contact::Contact;
 use crate::model::Model;

@@ -1,0 +1,125 @@
+//! Lists of contacts and spheres cut into shares of a fixed size: threads take them in turn, and sums over them are the same for any
+//! number of threads.
+
+use carom_solve::team;
+use std::ops::Range;
+
+/// Items of a share.
+const SIZE: usize = 2_048;
+
+/// A part of an ascending list of places in a slice, with the part of the slice that they are in.
+pub(super) struct Share<'a, T> {
+    /// Where the list has its first one.
+    pub first: usize,
+    pub list: &'a [u32],
+    items: &'a mut [T],
+    offset: usize,
+}
+
+impl<T> Share<'_, T> {
+    /// The item that `place`, one of the list, names.
+    #[inline]
+    pub fn item(&mut self, place: u32) -> &mut T {
+        &mut self.items[place as usize - self.offset]
+    }
+}
+
+/// Cuts `list`, ascending places in `items`.
+pub(super) fn cut<'a, T>(list: &'a [u32], mut items: &'a mut [T]) -> Vec<Share<'a, T>> {
+    let (mut offset, mut shares) = (0, Vec::with_capacity(list.len().div_ceil(SIZE)));
+    for (number, part) in list.chunks(SIZE).enumerate() {
+        let first = SIZE * number;
+        let next = list.get(first + SIZE);
+        let end = next.map_or(offset + items.len(), |&place| place as usize);
+        let (own, rest) = items.split_at_mut(end - offset);
+        shares.push(Share {
+            first,
+            list: part,
+            items: own,
+            offset,
+        });
+        (items, offset) = (rest, end);
+    }
+    shares
+}
+
+/// `work` on every share of `0..count`, in order.
+pub(super) fn map<R: Send>(
+    threads: usize,
+    count: usize,
+    work: impl Fn(Range<usize>) -> R + Sync,
+) -> Vec<R> {
+    let part = |k: usize| SIZE * k..count.min(SIZE * (k + 1));
+    let parts = (0..count.div_ceil(SIZE)).map(part).collect();
+    team::map(threads, parts, work)
+}
+
+/// Sum of `value` over `0..count`, share by share.
+pub(super) fn sum(threads: usize, count: usize, value: impl Fn(usize) -> f64 + Sync) -> f64 {
+    let parts = map(threads, count, |range| range.map(&value).sum::<f64>());
+    parts.into_iter().sum()
+}
+
+/// Makes `out` as long as `count` and fills it with `value` of every place, whatever it held.
+pub(super) fn refill<T: Send + Clone>(
+    threads: usize,
+    out: &mut Vec<T>,
+    count: usize,
+    value: impl Fn(usize) -> T + Sync,
+) {
+    out.truncate(count);
+    if out.len() < count {
+        out.resize(count, value(0));
+    }
+    team::fill(threads, out, value);
+}
+
+/// [`refill`] by parts: `work(first place, part)` writes them.
+pub(super) fn refill_parts<T: Send + Clone + Default>(
+    threads: usize,
+    out: &mut Vec<T>,
+    count: usize,
+    work: impl Fn(usize, &mut [T]) + Sync,
+) {
+    out.resize(count, T::default());
+    let parts: Vec<_> = out.chunks_mut(SIZE).enumerate().collect();
+    team::map(threads, parts, |(k, part)| work(SIZE * k, part));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_of_the_list_is_in_one_share() {
+        for (count, every) in [(0, 1), (5, 3), (SIZE, 1), (3 * SIZE + 7, 1), (9000, 2)] {
+            let list: Vec<u32> = (0..count as u32).map(|k| every * k + 1).collect();
+            let mut items = vec![0u32; every as usize * count + 2];
+            let shares = cut(&list, &mut items);
+            team::map(2, shares, |mut share| {
+                let list = share.list;
+                for (k, &place) in (share.first..).zip(list) {
+                    *share.item(place) += 1 + k as u32;
+                }
+            });
+            let mut expected = vec![0; items.len()];
+            for (k, &place) in list.iter().enumerate() {
+                expected[place as usize] = 1 + k as u32;
+            }
+            assert_eq!(items, expected);
+        }
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_threads() {
+        let value = |k: usize| 1.0 / (k as f64 + 0.1);
+        let one = sum(1, 10_000, value);
+        for threads in 2..5 {
+            assert_eq!(sum(threads, 10_000, value).to_bits(), one.to_bits());
+        }
+        assert!((one - (0..10_000).map(value).sum::<f64>()).abs() < 1e-12 * one);
+        let mut out = vec![7.0; 3];
+        refill(2, &mut out, 5000, value);
+        assert!(out.iter().enumerate().all(|(k, &x)| x == value(k)));
+    }
+}
