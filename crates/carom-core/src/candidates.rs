@@ -111,7 +111,7 @@ pub(crate) fn push_candidate(
 }
 
 /// The pair, if its gap at `position` is below `margin r_c`.
-#[inline]
+#[inline(always)]
 fn near(
     model: &Model,
     state: &State,
@@ -154,7 +154,7 @@ fn near(
 }
 
 /// The contact of a near pair, with the frame of t_n.
-#[inline]
+#[inline(always)]
 fn new_contact(model: &Model, state: &State, walls: &Walls, near: &Near) -> Contact {
     let (a, b) = near.pair;
     let (i, j, n) = (a as usize, b as usize, model.spheres());
@@ -238,6 +238,7 @@ fn bounds_at_start(
 }
 
 /// Adds pairs that overlap at the corrected positions and were no candidates. True: solve again from the start.
+#[inline]
 pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
     // A pair that was beyond the margin stays apart unless its spheres were pushed by as much together.
     let threads = model.options.threads as usize;
@@ -258,6 +259,13 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
     if 2.0 * largest.sqrt() < CANDIDATE_MARGIN * scratch.smallest {
         return Ok(false);
     }
+    join_overlapping(model, state, scratch)
+}
+
+/// The rest of [`relist`], where spheres were pushed far enough.
+#[inline(never)]
+fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
+    let threads = model.options.threads as usize;
     let Scratch {
         contacts,
         neighbours,

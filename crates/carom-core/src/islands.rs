@@ -61,19 +61,19 @@ impl Islands {
         links: &[Link],
         select: impl Fn(&Contact) -> bool + Sync,
     ) {
+        for groups in [&mut self.contacts, &mut self.joints, &mut self.loads] {
+            groups.members.clear();
+            groups.starts.clear();
+        }
+        if links.is_empty() && contacts.iter().all(|c| c.b as usize >= spheres) {
+            self.build_apart(contacts, select);
+            return;
+        }
         self.ends.resize(contacts.len(), NONE);
         team::fill(self.threads, &mut self.ends, |k| match &contacts[k] {
             c if select(c) => [c.a, c.b],
             _ => NONE,
         });
-        for groups in [&mut self.contacts, &mut self.joints, &mut self.loads] {
-            groups.members.clear();
-            groups.starts.clear();
-        }
-        if links.is_empty() && self.ends.iter().all(|&[_, b]| b as usize >= spheres) {
-            self.build_apart();
-            return;
-        }
         self.parent.clear();
         self.parent.extend(0..spheres as u32);
         let ends = std::mem::take(&mut self.ends);
@@ -129,14 +129,13 @@ impl Islands {
     }
 
     /// Only walls are touched: an island per sphere, and contacts are sorted by sphere already.
-    fn build_apart(&mut self) {
+    fn build_apart(&mut self, contacts: &[Contact], select: impl Fn(&Contact) -> bool) {
         let groups = &mut self.contacts;
         let mut last = u32::MAX;
-        let admitted = self.ends.iter().enumerate().filter(|(_, e)| **e != NONE);
-        for (index, &[a, _]) in admitted {
-            if a != last {
+        for (index, c) in contacts.iter().enumerate().filter(|(_, c)| select(c)) {
+            if c.a != last {
                 groups.starts.push(groups.members.len() as u32);
-                last = a;
+                last = c.a;
             }
             groups.members.push(index as u32);
         }

@@ -270,7 +270,7 @@ impl<A: Cut, B: Cut, C: Cut> Cut for (A, B, C) {
 
 /// `work(first, share)` of shares of `whole`, which are `count` places, from place `first` on; what they give is joined in their
 /// order. Shares do not depend on the threads, and so no result does.
-#[inline]
+#[inline(always)]
 pub fn reduce<S: Cut, R: Send + Default>(
     threads: usize,
     count: usize,
@@ -278,9 +278,21 @@ pub fn reduce<S: Cut, R: Send + Default>(
     work: impl Fn(usize, S) -> R + Sync,
     join: impl Fn(R, R) -> R,
 ) -> R {
+    // Small scenes have no more than one share, and their work where it is asked for.
     if count <= SHARE {
         return work(0, whole);
     }
+    in_shares(threads, count, whole, &work, join)
+}
+
+#[inline(never)]
+fn in_shares<S: Cut, R: Send + Default>(
+    threads: usize,
+    count: usize,
+    whole: S,
+    work: &(impl Fn(usize, S) -> R + Sync),
+    join: impl Fn(R, R) -> R,
+) -> R {
     let mut shares = Vec::with_capacity(count.div_ceil(SHARE));
     let (mut first, mut rest) = (0, whole);
     while count - first > SHARE {
@@ -294,7 +306,7 @@ pub fn reduce<S: Cut, R: Send + Default>(
 }
 
 /// `value(k)` for every place `k` of `out`.
-#[inline]
+#[inline(always)]
 pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T + Sync) {
     let work = |first, share: &mut [T]| {
         for (place, index) in share.iter_mut().zip(first..) {
@@ -305,9 +317,13 @@ pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T +
 }
 
 /// `work` on every item.
-#[inline]
+#[inline(always)]
 pub fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(&mut T) + Sync) {
-    let all = |_, share: &mut [T]| share.iter_mut().for_each(&work);
+    let all = |_, share: &mut [T]| {
+        for item in share {
+            work(item);
+        }
+    };
     reduce(threads, items.len(), items, all, |(), ()| ());
 }
 
