@@ -37,9 +37,6 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
             "friction": float(rng.choice([0.0, 0.1, 0.3, 0.8])),
             "restitution": float(rng.choice([0.0, 0.5, 0.9, 1.0])),
         }
-        if method == "penalty":
-            # Its nearly inelastic collisions end with a pull, and friction beyond its cone, which the auditor finds.
-            law["restitution"] = max(law["restitution"], 0.5)
         if often(0.25) and method != "penalty":  # which has none
             law["tangential_restitution"] = float(rng.choice([0.3, 0.6, -0.3]))
         if often(0.3):

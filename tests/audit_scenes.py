@@ -28,6 +28,19 @@ def two_balls(**law: float) -> carom.Scene:
     )
 
 
+def dull() -> carom.Scene:
+    """A ball thrown obliquely onto a floor that gives back next to nothing, and one that falls into its way."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    for other in ("ball", "wall"):
+        scene.contact("ball", other, friction=0.2, restitution=0.1)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    scene.sphere("thrown", radius=0.02, mass=0.1, material="ball", position=(0, 0, 0.03), velocity=(2, 0, -1))
+    scene.sphere(
+        "met", radius=0.02, mass=0.1, material="ball", position=(0.1, 0.01, 0.0301), velocity=(0, 0, -0.5)
+    )
+    return scene
+
+
 def pile() -> carom.Scene:
     """Twenty balls fall into a box and come to rest."""
     scene = carom.Scene(gravity=(0, 0, -9.8))
@@ -54,16 +67,36 @@ def shaken() -> carom.Scene:
     return scene
 
 
-def shaken_layer() -> carom.Scene:
-    """108 balls that restore slip, on a floor that shakes: more pairs than contacts of a pile, and smaller islands."""
-    scene = carom.Scene(gravity=(0, 0, -9.8), run={"step": 1e-3})
-    scene.contact("ball", "ball", friction=0.6, restitution=0.4, tangential_restitution=0.6)
-    scene.contact("ball", "wall", friction=0.3, restitution=0.8, tangential_restitution=0.6)
-    motion = {"translation": [0, 0, {"expression": "0.001*sin(30*t)"}]}
+Law = tuple[float, float, float]
+
+
+def layer(
+    ball: Law, wall: Law, shaken: str, counts: tuple[int, int, int], seed: int, step: float
+) -> carom.Scene:
+    """Balls that restore slip, of some laws `mu, e_N, e_T`, on a floor whose height is `shaken`."""
+    scene = carom.Scene(gravity=(0, 0, -9.8), run={"step": step})
+    for other, (friction, normal, tangential) in (("ball", ball), ("wall", wall)):
+        scene.contact("ball", other, friction=friction, restitution=normal, tangential_restitution=tangential)
+    motion = {"translation": [0, 0, {"expression": shaken}]}
     scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall", motion=motion)
-    scene.lattice("ball", material="ball", radius=0.01, density=2500, counts=(6, 6, 3), origin=(0, 0, 0.0105),
-                  spacing=0.0215, jitter=0.0005, seed=1)  # fmt: skip
+    scene.lattice("ball", material="ball", radius=0.01, density=2500, counts=counts, origin=(0, 0, 0.0105),
+                  spacing=0.0215, jitter=0.0005, seed=seed)  # fmt: skip
     return scene
+
+
+def shaken_layer() -> carom.Scene:
+    """108 balls: more pairs than contacts of a pile, and smaller islands."""
+    return layer((0.6, 0.4, 0.6), (0.3, 0.8, 0.6), "0.001*sin(30*t)", (6, 6, 3), 1, 1e-3)
+
+
+def loose_layer() -> carom.Scene:
+    """Fifty balls, most of whose candidates are apart: the floor of the position level's rule is above its tolerance."""
+    return layer((0.1, 0.8, 0.6), (0.3, 0.4, -0.3), "0.002*sin(60*t)", (5, 5, 2), 10, 5e-4)
+
+
+def landed_layer() -> carom.Scene:
+    """Nine balls that land on a floor in motion and stay: with `moreau` they overlap as much when it turns."""
+    return layer((0.6, 0.0, -0.3), (0.6, 0.0, -0.3), "0.002*sin(60*t)", (3, 3, 1), 28, 5e-4)
 
 
 def drum() -> carom.Scene:

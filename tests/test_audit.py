@@ -31,6 +31,7 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "pile-coarse": (scenes.pile, 0.25, {"every": 7}),
     "pile-moreau": (scenes.pile, 0.15, {"method": "moreau"}),
     "pile-penalty": (scenes.pile, 0.15, {"method": "penalty"}),
+    "dull-penalty": (scenes.dull, 0.1, {"method": "penalty"}),
     "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4}),
     "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "impacts": "every"}),
     "pile-blind": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "impacts": "every", "contacts": False}),
@@ -39,6 +40,8 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "shaken-moreau": (scenes.shaken, 0.3, {"method": "moreau"}),
     # Islands solved as piles for their places have one frame for their impacts too, however few touch.
     "shaken-layer": (scenes.shaken_layer, 0.115, {"impacts": "every"}),
+    "loose-layer": (scenes.loose_layer, 0.12, {}),
+    "landed-layer-moreau": (scenes.landed_layer, 0.08, {"method": "moreau"}),
     "drum": (scenes.drum, 0.2, {}),
     "drum-moreau": (scenes.drum, 0.2, {"method": "moreau"}),
     "drum-penalty": (scenes.drum, 0.2, {"method": "penalty"}),

@@ -131,7 +131,7 @@ class TestOnACluster:
         def deadly(result: carom.Result) -> dict[str, float]:
             if result["cue"].velocity[0, 0] == 2.0:
                 os.kill(os.getpid(), signal.SIGKILL)
-            return {"v": 1.0}
+            return {"done": 1.0}
 
         study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0, 3.0, 4.0]}, measure=deadly)
         found = carom.sweep(study, files / "out", workers=2)
@@ -160,7 +160,7 @@ class TestOnACluster:
         def waits(result: carom.Result) -> dict[str, float]:
             while not go.exists():
                 time.sleep(0.02)
-            return {"v": 1.0}
+            return {"done": 1.0}
 
         study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0, 3.0]}, measure=waits)
         end = threading.Timer(2.0, process.kill)
@@ -173,4 +173,5 @@ class TestOnACluster:
             process.kill()
             process.wait()
             go.touch()
-        assert len(carom.sweep(study, files / "out", workers=0)) == 3
+        rest = carom.sweep(study, files / "out", workers=0)
+        assert len(rest) == rest.ok.sum() == 3

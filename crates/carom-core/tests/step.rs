@@ -279,3 +279,28 @@ fn a_pair_without_a_law_may_come_near_but_not_touch() {
     );
     assert_eq!(s.state.step, 3);
 }
+
+#[test]
+fn a_problem_solved_without_restitution_is_no_failure() {
+    // Walls as rough as these can hold the ball in their corner, and no velocity is as Newton's law asks in all three.
+    let axes = DVec3::AXES.map(|n| ([0.0; 3], n.to_array()));
+    let mut input = carom_core::ModelInput {
+        laws: vec![(0, 1, [1.0, 0.8, 0.0, 0.0, 0.0])],
+        ..balls(&[[R + 5e-4; 3]], &axes)
+    };
+    input.velocity[0] = [-1.0; 3];
+    let o = Options {
+        max_halvings: 0,
+        ..options(1e-3)
+    };
+    let mut s = simulation(&input, o);
+    let mut given_up = 0;
+    for _ in 0..20 {
+        assert!(advance(&mut s, 1).is_none());
+        let block = s.take_block();
+        assert_eq!(block.steps[0].unconverged, 0);
+        given_up += u32::from(block.steps[0].restitution_scale == 0.0);
+        assert!(s.keeper().failed.is_none());
+    }
+    assert!(given_up > 0);
+}

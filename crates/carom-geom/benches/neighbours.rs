@@ -167,9 +167,12 @@ fn report_threads(name: &str, scene: &Scene, runs: usize, times: usize, threads:
     let mut list = NeighbourList::new();
     list.set_skin(0.3);
     list.set_threads(threads);
-    let rebuild = best(runs, times, || {
-        list.invalidate();
-        black_box(list.refresh(x, radius, walls, need));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let rebuild = pool.expect("threads").install(|| {
+        best(runs, times, || {
+            list.invalidate();
+            black_box(list.refresh(x, radius, walls, need));
+        })
     });
     let times = times.max(1_000_000 / x.len() / 10);
     let refresh = best(runs, times, || {

@@ -382,7 +382,8 @@ fn the_list_is_the_same_for_any_number_of_threads() {
     let lists = [1, 2, 3, 8].map(|threads| {
         let mut list = NeighbourList::new();
         list.set_threads(threads);
-        scene.refresh(&mut list);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads").install(|| scene.refresh(&mut list));
         list.pairs().to_vec()
     });
     assert!(lists[0].len() > 3 * 27_000);

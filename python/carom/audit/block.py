@@ -272,3 +272,13 @@ class Block:
         """
         squares = np.bincount(self.rows.k, size * size, minlength=self.count)
         return np.asarray(8.0 * self.tolerance * np.sqrt(squares))
+
+    @cached_property
+    def floor(self) -> F64:
+        """(B,) what the position level may leave besides (N s^2), however small its multipliers: `tolerance_floor m r`, and
+        where gaps may contradict one another, in islands of more than `dense_contacts`, `touching_tolerance m r`.
+        """
+        o, run = self.run.options, self.run
+        least = float(o["tolerance_floor"])
+        share = np.where(self.large, max(least, float(o["touching_tolerance"])), least)
+        return np.asarray(share * (run.mass * run.radius).max())

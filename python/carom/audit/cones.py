@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from carom.audit import forces
 from carom.audit.block import Block, once
 from carom.audit.bounds import gain
-from carom.audit.near import stiffness
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, across, dot, norm
@@ -113,12 +112,6 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     bound = left * (1.0 + np.where(np.isfinite(slope), slope, 0.0))
     noise = _regularised(block)
     bound = bound + noise[0]
-    if run.method == "penalty":
-        # Friction goes with the normal force before or after it within a substep, also with that of the first frame.
-        depth = np.maximum(0.0, -block.start[0])
-        force = stiffness(run, c.a, c.b) * depth ** float(run.options["penalty_exponent"])
-        substep = (block.dt / np.maximum(block.updates - block.n, 1))[c.k]
-        bound = bound + mu * (size / float(run.options["penalty_resolution"]) + 2.0 * force * substep)
     tally.measure("friction cone", np.maximum(excess[judged], 0.0), bound[judged], open_place)
     index = run.law_index(c.a, c.b)
     for kind, name in (("rolling cone", "rolling_radius"), ("spinning cone", "spinning_radius")):

@@ -185,6 +185,20 @@ class Run:
         return best
 
     @cached_property
+    def top_wall_speeds(self) -> F64:
+        """(W, N) largest speed of each moving wall at the place of each body at any frame, m/s."""
+        best = np.zeros((len(self.walls), self.bodies))
+        size = max(1, 1_000_000 // self.bodies)
+        for first in range(0, self.frames, size):
+            x = np.asarray(self.result.position[first : first + size])
+            time = np.repeat(self.time[first : first + size], self.bodies)
+            for w, wall in enumerate(self.walls):
+                if wall.travels:
+                    speed = np.nan_to_num(norm(wall.velocity(time, x.reshape(-1, 3))[0]))
+                    best[w] = np.maximum(best[w], speed.reshape(-1, self.bodies).max(axis=0))
+        return best
+
+    @cached_property
     def cut(self) -> NDArray[np.bool_]:
         """(S,) steps that were made in parts: halved for convergence, or cut for travel."""
         parts = np.zeros(len(self.steps["step"])) if self.method == "penalty" else self.steps["substeps"]

@@ -9,7 +9,8 @@ and of Moreau-Jean `x' = x + h (theta v' + (1 - theta) v) + sum nu/m`. Momentum 
 not: over several steps, or parts of one, a body is free to be where its recorded impulses, each at any time of the interval,
 can have brought it: within `2 dt sum |Lambda|/m` of free flight, twice as impulses of turning normals cancel in their sum.
 
-Bounds: `M U = G^T nu` is solved to the tolerance of eq. 44 (`Block.left`); velocities are sums of impulses to rounding.
+Bounds: `M U = G^T nu` is solved to the tolerance of eq. 44 (`Block.left`, `Block.floor`); velocities are sums of impulses to
+rounding.
 """
 
 from __future__ import annotations
@@ -130,7 +131,7 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
         c = block.rows
         tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
                       lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))  # fmt: skip
-    left = block.left(norm(block.rows.position_impulse))[:, None] / run.mass
+    left = (block.left(norm(block.rows.position_impulse)) + block.floor)[:, None] / run.mass
     reach = 2.0 * (s.size * block.dt[:, None] + s.shift_size) / run.mass
     # Piles turn their normals while they solve: second order in the correction.
     turned = np.where(block.piled[:, None], (s.shift_size / run.mass) ** 2 / run.radius, 0.0)
@@ -161,7 +162,7 @@ def _rotation(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
         (norm(loads.impulse[..., 3:]) + loads.spread[..., 1]) / inertia[:, 0] * block.dt[:, None],
     )
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
-    left = block.left(size)[:, None] / inertia[:, 0]
+    left = (block.left(size)[:, None] + block.floor[:, None] * run.radius) / inertia[:, 0]
     reach = 2.0 * (s.moment_size * block.dt[:, None] + s.shift_size * run.radius) / inertia[:, 0]
     bound = bound + np.where(s.count > 0, left + np.where(single[:, None], 0.0, reach), 0.0)
     _take(block, tally, "rotation", value, bound, known)

@@ -285,6 +285,7 @@ impl ImpactScratch {
         let without = scaled && self.span.smallest;
         let accept = self.accept_unconverged;
         self.accept_unconverged = accept && !without;
+        let failed_before = scratch.keeper.failed.take();
         let mut solved = self.solve_built(model, scratch, problem, warm, report);
         self.accept_unconverged = accept;
         if !solved && without {
@@ -303,6 +304,10 @@ impl ImpactScratch {
             if !fine {
                 return false;
             }
+        }
+        if self.last.converged {
+            // What was tried on the way, with more restitution, is no failure.
+            scratch.keeper.failed = failed_before;
         }
         if scratch.keeper.wants(self.last.iterations) {
             self.keep(model, scratch, index.unwrap_or(0));

@@ -10,13 +10,7 @@ use carom_solve::Bounds;
 use glam::DVec3;
 
 impl Pair {
-    /// Whether the force pushes at the closing speed `s`: faster apart than `v_in/chi` it would pull, and is 0 instead.
-    #[inline]
-    fn pushes(&self, s: f64) -> bool {
-        self.values.damping == 0.0 || s > -self.touch.approach / self.values.damping
-    }
-
-    /// The first half of a substep before the kick: the force at the speed of the substep's start.
+    /// The first half of a substep before the kick.
     #[inline]
     pub fn dissipate_before(
         &mut self,
@@ -27,30 +21,17 @@ impl Pair {
     ) {
         let s = self.closing_speed(bodies);
         self.touch.approach = self.touch.approach.max(s);
-        self.active = self.pushes(s);
-        if !self.active {
-            self.touch.spring = DVec3::ZERO;
-        } else {
-            let normal = self.elastic * tau + self.damp(bodies, s, tau);
-            self.rub(bodies, model, elastic, normal, tau);
-            self.resist_turning(bodies, &model.options, normal);
-        }
+        let middle = s + 0.5 * tau * self.closing_acceleration(bodies);
+        let normal = self.elastic * tau + self.damp(bodies, s, middle, tau);
+        self.rub(bodies, model, elastic, normal, tau);
+        self.resist_turning(bodies, &model.options, normal);
     }
 
     /// Half a kick: the elastic impulse over `tau`.
     #[inline]
     pub fn push(&mut self, bodies: &mut Bodies, tau: f64) {
-        if self.active {
-            let s = self.closing_speed(bodies);
-            self.apply_normal(bodies, self.elastic * tau, s);
-        }
-    }
-
-    /// Half a kick after the drift, from whose speed it follows whether the force pushes.
-    #[inline]
-    pub fn push_after(&mut self, bodies: &mut Bodies, tau: f64) {
-        self.active = self.pushes(self.closing_speed(bodies));
-        self.push(bodies, tau);
+        let s = self.closing_speed(bodies);
+        self.apply_normal(bodies, self.elastic * tau, s);
     }
 
     /// The mirror image of [`Pair::dissipate_before`].
@@ -64,23 +45,32 @@ impl Pair {
     ) {
         let s = self.closing_speed(bodies);
         self.touch.approach = self.touch.approach.max(s);
-        if !self.active {
-            self.touch.spring = DVec3::ZERO;
-        } else {
-            let normal = self.elastic * tau + self.damp(bodies, s, tau);
-            self.resist_turning(bodies, &model.options, normal);
-            self.rub(bodies, model, elastic, normal, tau);
-        }
+        let middle = s - 0.5 * tau * self.closing_acceleration(bodies);
+        let normal = self.elastic * tau + self.damp(bodies, s, middle, tau);
+        self.resist_turning(bodies, &model.options, normal);
+        self.rub(bodies, model, elastic, normal, tau);
     }
 
-    /// Damping over `tau`, the flow of `s' = -D chi F s/v_in`. Returns its impulse, N s.
+    /// By elastic forces and loads, m/s^2.
     #[inline]
-    fn damp(&mut self, bodies: &mut Bodies, s: f64, tau: f64) -> f64 {
+    fn closing_acceleration(&self, bodies: &Bodies) -> f64 {
+        let x = &bodies.acceleration;
+        self.normal.dot(x[self.b as usize] - x[self.a as usize])
+    }
+
+    /// Damping over `tau` at the closing speed `s`, the flow of `s' = -D chi F s/v_in`. Returns its impulse, N s.
+    ///
+    /// The flow is that of the speed in the `middle` of the kick beside it: with that of either end one half of a substep
+    /// would push too much and the other pull, which cancels in the normal impulse and not in the friction that it holds. It
+    /// takes no more than the elastic impulse gives, so that the force never pulls.
+    #[inline]
+    fn damp(&mut self, bodies: &mut Bodies, s: f64, middle: f64, tau: f64) -> f64 {
         if self.values.damping == 0.0 || self.touch.approach == 0.0 {
             return 0.0;
         }
         let rate = self.values.damping * self.elastic * self.inv_mass / self.touch.approach;
-        let impulse = -s * (-rate * tau).exp_m1() / self.inv_mass;
+        let full = -middle * (-rate * tau).exp_m1() / self.inv_mass;
+        let impulse = full.max(-self.elastic * tau);
         self.apply_normal(bodies, impulse, s);
         impulse
     }

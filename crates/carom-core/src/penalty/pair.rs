@@ -49,8 +49,6 @@ pub struct Pair {
     /// mu of the last sweep, and whether the contact slipped in it.
     pub(super) friction: f64,
     pub(super) slips: bool,
-    /// Whether its force pushes in this half of the substep.
-    pub(super) active: bool,
     /// Work of the moving wall in this step, J.
     pub driven_work: f64,
 }
@@ -102,7 +100,6 @@ impl Pair {
             step: Sum::default(),
             friction: 0.0,
             slips: false,
-            active: false,
             driven_work: 0.0,
         };
         pair.place(model, elastic, bodies);

@@ -86,8 +86,8 @@ fn advance(
     work.load_limit = load_limit(model, state, attempt.time);
     timers.mark(Phase::Predict);
     let mut left = h;
+    work.accelerate();
     loop {
-        work.accelerate();
         let (dt, last) = choose(model, work, elastic, &mut scratch.neighbours, left)?;
         timers.mark(Phase::Broad);
         report.substeps += 1;
@@ -291,9 +291,10 @@ fn substep(
         work.accelerate();
         evaluated(scratch, work.load(model, end, tau))?;
     }
+    work.accelerate();
     accelerate(model, work, tau);
     for pair in work.pairs.iter_mut().filter(|p| p.closed) {
-        pair.push_after(&mut work.bodies, tau);
+        pair.push(&mut work.bodies, tau);
     }
     for pair in work.pairs.iter_mut().rev().filter(|p| p.closed) {
         pair.dissipate_after(&mut work.bodies, model, elastic, tau);

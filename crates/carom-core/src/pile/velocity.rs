@@ -17,6 +17,9 @@ use carom_solve::spheres::Sweeps;
 use carom_solve::team;
 use glam::DVec3;
 
+/// Shares of contacts whose results are on their way.
+const AT_A_TIME: usize = 64;
+
 /// Solves one island; writes the corrections W of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.
 pub fn solve_velocities(
     model: &Model,
@@ -341,18 +344,22 @@ impl Pile {
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);
         }
-        let shares = shares::cut(island.contacts, scratch.contacts);
-        let parts = team::map(self.sweeps.threads, shares, |mut share| {
-            let mut found = Found::default();
-            for (slot, &index) in (share.first..).zip(share.list) {
-                found.take(model, memory, slot, share.item(index));
+        let mut shares = shares::cut(island.contacts, scratch.contacts);
+        // Some at a time: what is found of millions of contacts is not held twice.
+        while !shares.is_empty() {
+            let some = shares.drain(..shares.len().min(AT_A_TIME)).collect();
+            let found = team::map(self.sweeps.threads, some, |mut share| {
+                let mut found = Found::default();
+                for (slot, &index) in (share.first..).zip(share.list) {
+                    found.take(model, memory, slot, share.item(index));
+                }
+                found
+            });
+            for mut found in found {
+                scratch.warm.append(&mut found.warm);
+                scratch.impacts.append(&mut found.impacts);
+                report.missed_impacts += found.missed;
             }
-            found
-        });
-        for mut found in parts {
-            scratch.warm.append(&mut found.warm);
-            scratch.impacts.append(&mut found.impacts);
-            report.missed_impacts += found.missed;
         }
         memory
             .every

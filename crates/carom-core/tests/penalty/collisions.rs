@@ -187,7 +187,10 @@ fn the_planar_break_has_the_compliant_velocities() {
 #[test]
 fn the_order_in_the_substep_is_two() {
     let resolutions = [25, 50, 100, 200, 400];
-    let order = |errors: &[f64]| (errors[0] / errors[4]).log2() / 4.0;
+    let order = |errors: &[f64]| {
+        let last = errors.len() - 1;
+        (errors[0] / errors[last]).log2() / last as f64
+    };
     let velocities = |resolution: u32| {
         let o = Options {
             penalty_resolution: resolution,
@@ -203,7 +206,7 @@ fn the_order_in_the_substep_is_two() {
     });
     assert!((1.8..2.3).contains(&order(&several)), "{several:?}");
     // Damping, weak and so strong that it is faster than the motion.
-    for e in [0.5, 0.1] {
+    for e in [0.5, 0.1, 0.01] {
         let damped = resolutions.map(|resolution| {
             let o = Options {
                 penalty_resolution: resolution,
@@ -212,8 +215,9 @@ fn the_order_in_the_substep_is_two() {
             let v = run(&line(2, e, 1.0), o, 0.03).state.velocity;
             (v[1].x - v[0].x - e).abs()
         });
-        assert!(order(&damped) > 1.5, "{e}: {damped:?}");
-        assert!(damped[1] < 1e-4 && damped[4] < 2e-6, "{e}: {damped:?}");
+        // At 25 the error of e = 0.5 is near a change of its sign.
+        assert!(order(&damped[1..]) > 1.8, "{e}: {damped:?}");
+        assert!(damped[1] < 5e-5 && damped[4] < 5e-7, "{e}: {damped:?}");
     }
 }
 

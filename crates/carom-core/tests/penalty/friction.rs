@@ -44,6 +44,43 @@ fn friction_is_coulombs_in_an_oblique_impact() {
 }
 
 #[test]
+fn friction_is_coulombs_to_second_order_where_the_force_ends_early() {
+    // With e near 0 the force is next to none over most of the rebound, and neither pulls nor holds more than mu of itself.
+    let mu = 0.2;
+    for (friction, e) in [
+        (PenaltyFriction::Regularised, 0.1),
+        (PenaltyFriction::Regularised, 0.0),
+        (PenaltyFriction::Spring, 0.1),
+    ] {
+        let made = |resolution: u32| {
+            let mut input = ModelInput {
+                laws: vec![(0, 1, [mu, e, 0.0, 0.0, 0.0])],
+                ..balls(&[[0.0, 0.0, 1.51234 * R]], &[([0.0; 3], [0.0, 0.0, 1.0])])
+            };
+            input.velocity[0] = [2.0, 0.0, -1.0];
+            let o = Options {
+                penalty_friction: friction,
+                penalty_resolution: resolution,
+                ..options(1e-3)
+            };
+            let mut s = run(&input, o, 0.03);
+            for c in s.take_block().contacts {
+                let p = c.impulse;
+                assert!(p.z >= 0.0);
+                // To a rounding of the momentum in each half of a substep.
+                assert!(p.x.abs() <= mu * p.z + 1e-13 * MASS, "{e}: {p}");
+            }
+            s.state.velocity[0].x
+        };
+        let fine = made(6400);
+        let errors = [50, 100, 200, 400].map(|resolution| (made(resolution) - fine).abs());
+        let order = (errors[0] / errors[3]).log2() / 3.0;
+        assert!((1.8..2.3).contains(&order), "{friction:?} {e}: {errors:?}");
+        assert!(errors[0] < 5e-5, "{friction:?} {e}: {errors:?}");
+    }
+}
+
+#[test]
 fn a_sliding_ball_comes_to_roll_at_five_sevenths() {
     let (mu, v0) = (0.25, 2.0);
     for friction in [PenaltyFriction::Regularised, PenaltyFriction::Spring] {

@@ -4,10 +4,11 @@
 
 use std::sync::{Mutex, PoisonError};
 
-/// `work(piece)` for every piece, on up to `threads` threads, the calling one among them. They live for this call alone:
-/// starting one takes some 20 us, so callers ask for several only where there is more to do than that.
+/// `work(piece)` for every piece, on up to `threads` threads, the calling one among them: those of the pool of rayon it belongs to. Called
+/// from elsewhere, one thread does all; to start others for one search costs as much as a small one.
 pub(super) fn share<T: Send>(threads: usize, pieces: Vec<T>, work: impl Fn(T) + Sync) {
-    let threads = threads.min(pieces.len());
+    let pool = rayon::current_thread_index().map_or(1, |_| rayon::current_num_threads());
+    let threads = threads.min(pieces.len()).min(pool);
     if threads <= 1 {
         pieces.into_iter().for_each(work);
         return;
@@ -20,9 +21,9 @@ pub(super) fn share<T: Send>(threads: usize, pieces: Vec<T>, work: impl Fn(T) + 
             None => break,
         }
     };
-    std::thread::scope(|scope| {
+    rayon::scope(|scope| {
         for _ in 1..threads {
-            scope.spawn(member);
+            scope.spawn(|_| member());
         }
         member();
     });
@@ -42,21 +43,47 @@ pub(super) fn cut<T>(mut all: &mut [T], lengths: impl Iterator<Item = usize>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+    use std::time::Instant;
 
     #[test]
-    fn every_piece_is_worked_once() {
+    fn every_piece_is_worked_once_in_a_pool_and_outside() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
+        let pool = pool.expect("threads");
         for threads in [1, 2, 5] {
-            let mut out = vec![0; 100];
-            let pieces: Vec<_> = cut(&mut out, [10, 0, 70, 20].into_iter())
-                .into_iter()
-                .enumerate()
-                .collect();
-            share(threads, pieces, |(k, slice)| {
-                for x in slice {
-                    *x += k;
-                }
-            });
-            assert_eq!(out.iter().sum::<usize>(), 140 + 60);
+            let work = || {
+                let mut out = vec![0; 100];
+                let pieces: Vec<_> = cut(&mut out, [10, 0, 70, 20].into_iter())
+                    .into_iter()
+                    .enumerate()
+                    .collect();
+                share(threads, pieces, |(k, slice)| {
+                    for x in slice {
+                        *x += k;
+                    }
+                });
+                assert_eq!(out.iter().sum::<usize>(), 140 + 60);
+            };
+            work();
+            pool.install(work);
         }
+    }
+
+    /// Two pieces meet only where each has a thread.
+    #[test]
+    fn threads_of_the_pool_take_part() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
+        let (here, met) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let work = |()| {
+            here.fetch_add(1, Relaxed);
+            let begin = Instant::now();
+            while here.load(Relaxed) < 2 && begin.elapsed().as_secs() < 20 {
+                std::thread::yield_now();
+            }
+            met.fetch_add(usize::from(begin.elapsed().as_secs() < 20), Relaxed);
+        };
+        pool.expect("threads")
+            .install(|| share(2, vec![(), ()], work));
+        assert_eq!(met.into_inner(), 2);
     }
 }

@@ -129,7 +129,7 @@ impl NeighbourList {
         -2.0 * radius
     }
 
-    /// Sets how many threads a rebuild may use (default 1). The list is the same for any number.
+    /// Sets how many threads of the pool of rayon it runs on a rebuild may use (default 1). The list is the same for any number.
     pub fn set_threads(&mut self, threads: usize) {
         self.threads = threads.max(1);
     }

@@ -73,6 +73,7 @@ impl Sweeps {
 
     /// Up to `count` sweeps with `beta <= cap`, until one changes no more than `enough`; how many there were.
     pub(super) fn accelerated(&mut self, count: usize, cap: f64, enough: Change) -> usize {
+        self.norms = None;
         let Sweeps {
             layout,
             states,

@@ -100,8 +100,14 @@ impl Goal {
 
 impl Sweeps {
     /// Where the present impulses stand after so many sweeps.
-    pub fn judge(&self, goal: &Goal, sweeps: usize) -> Progress {
-        goal.judge(&self.norms(goal.penalty_scale), sweeps)
+    pub fn judge(&mut self, goal: &Goal, sweeps: usize) -> Progress {
+        let norms = match self.norms {
+            // Nothing has changed since.
+            Some((scale, norms)) if scale == goal.penalty_scale => norms,
+            _ => self.norms(goal.penalty_scale),
+        };
+        self.norms = Some((goal.penalty_scale, norms));
+        goal.judge(&norms, sweeps)
     }
 
     /// Sweeps until the goal is met or its sweeps are used up. When to look follows from what the sweeps change.
@@ -115,7 +121,7 @@ impl Sweeps {
             let cap = momentum(goal.had + now.sweeps);
             self.accelerated(least, cap, NEVER);
             let done = least + self.accelerated(count - least, cap, enough);
-            now = goal.judge(&self.norms(goal.penalty_scale), now.sweeps + done);
+            now = self.judge(goal, now.sweeps + done);
             most = MOST_BETWEEN;
             enough = likely(&self.memory.last, &now, goal);
         }

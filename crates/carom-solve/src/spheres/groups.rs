@@ -34,17 +34,13 @@ impl Slots {
         self.0.resize_with(contacts, AtomicU64::default);
     }
 
-    /// Enters the contacts of block number `index`.
-    pub fn enter(&self, index: usize, block: &Block) {
-        for (lane, &id) in block.ids.as_flattened().iter().enumerate() {
-            if id != EMPTY {
-                let slot = (index as u64) << 32 | lane as u64;
-                self.0[(id & !SWAPPED) as usize].store(slot, Relaxed);
-            }
-        }
+    #[inline]
+    fn enter(&self, contact: usize, block: usize, lane: usize) {
+        self.0[contact].store((block as u64) << 32 | lane as u64, Relaxed);
     }
 
     /// Block, group and lane of a contact.
+    #[inline]
     pub fn of(&self, contact: usize) -> (usize, usize, usize) {
         let slot = self.0[contact].load(Relaxed);
         let lane = slot as u32 as usize;
@@ -53,104 +49,121 @@ impl Slots {
 }
 
 /// A contact on its way to a group: states within the chunks of its block, and its id.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Link {
     pub a: u32,
     pub b: u32,
     pub id: u32,
 }
 
-/// A group that is being filled.
-#[derive(Clone, Default)]
-struct Open {
-    links: [Link; GROUP],
-    contacts: [Contact; GROUP],
-    filled: usize,
+/// A lane without contact: the world on both sides.
+const NOBODY: Link = Link {
+    a: 0,
+    b: 0,
+    id: EMPTY,
+};
+
+/// Memory of a thread that packs.
+#[derive(Debug, Default)]
+pub struct Packing {
+    /// Links of the groups, in order.
+    groups: Vec<[Link; GROUP]>,
+    /// Per state of the block: the open groups it is in. All 0 when no group is open.
+    masks: Vec<u64>,
 }
 
-/// Packs links, in order, into groups that share no moving body: first fit into a window of open groups. The memory is that
-/// of an old block.
-pub fn pack(
-    old: Block,
-    links: &[Link],
-    ends: (u32, u32),
-    left: &[State],
-    right: Option<&[State]>,
-    contacts: &[Contact],
-) -> Block {
-    let mut block = Block {
-        left: ends.0,
-        right: ends.1,
-        ..old
-    };
-    block.rolls.clear();
-    block.groups.clear();
-    block.groups.reserve(links.len() / GROUP + 16);
-    block.ids.clear();
-    block.ids.reserve(links.len() / GROUP + 16);
-    // Per state: the open groups it is in. The right chunk's states follow the left one's.
-    let offset = if right.is_some() { left.len() } else { 0 };
-    let right = right.unwrap_or(left);
-    let mut masks = vec![0u64; offset + right.len()];
-    let mut open = vec![Open::default(); WINDOW];
-    let mut close = |slot: usize, open: &mut [Open], masks: &mut [u64]| {
-        let (links, filled) = (&open[slot].links, &open[slot].filled);
-        for link in &links[..*filled] {
-            masks[link.a as usize] &= !(1 << slot);
-            masks[link.b as usize + offset] &= !(1 << slot);
+impl Packing {
+    /// Packs links, in order, into groups that share no moving body: first fit into a window of open groups. There are so many states,
+    /// those of the sides `b` from number `offset` on.
+    fn pack(&mut self, links: &[Link], states: usize, offset: usize) {
+        let Self { groups, masks } = self;
+        groups.clear();
+        if masks.len() < states {
+            masks.resize(states, 0);
         }
-        // Lanes without contact keep the link 0: any contact, and the world on both sides.
-        let sides = links.map(|link| [&left[link.a as usize], &right[link.b as usize]]);
-        block
-            .groups
-            .push(Group::new(links.map(|link| [link.a, link.b]), sides));
-        block.ids.push(std::array::from_fn(|lane| {
-            if lane < *filled {
-                links[lane].id
-            } else {
-                EMPTY
+        let mut open = [[NOBODY; GROUP]; WINDOW];
+        let mut filled = [0usize; WINDOW];
+        let mut close = |group: &mut [Link; GROUP], slot: usize, masks: &mut [u64]| {
+            for link in &*group {
+                masks[link.a as usize] &= !(1 << slot);
+                masks[link.b as usize + offset] &= !(1 << slot);
             }
-        }));
-        if let Some(group) = block.groups.last_mut() {
-            for lane in 0..*filled {
-                group.set_contact(
-                    lane,
-                    &open[slot].contacts[lane],
-                    links[lane].id & SWAPPED != 0,
-                );
+            groups.push(std::mem::replace(group, [NOBODY; GROUP]));
+        };
+        for link in links {
+            let (a, b) = (link.a as usize, link.b as usize + offset);
+            let mut taken = masks[a] | masks[b];
+            if taken == u64::MAX {
+                // A body with more contacts than open groups.
+                close(&mut open[0], 0, masks);
+                filled[0] = 0;
+                taken &= !1;
+            }
+            let slot = taken.trailing_ones() as usize;
+            open[slot][filled[slot]] = *link;
+            filled[slot] += 1;
+            // State 0 of a chunk is the world: shared freely.
+            for (state, mask) in [(link.a, a), (link.b, b)] {
+                if state != 0 {
+                    masks[mask] |= 1 << slot;
+                }
+            }
+            if filled[slot] == GROUP {
+                close(&mut open[slot], slot, masks);
+                filled[slot] = 0;
             }
         }
-        open[slot].links = [Link::default(); GROUP];
-        open[slot].filled = 0;
-    };
-    for link in links {
-        let (a, b) = (link.a as usize, link.b as usize + offset);
-        let mut taken = masks[a] | masks[b];
-        if taken == u64::MAX {
-            // A body with more contacts than open groups.
-            close(0, &mut open, &mut masks);
-            taken &= !1;
-        }
-        let slot = taken.trailing_ones() as usize;
-        let group = &mut open[slot];
-        group.links[group.filled] = *link;
-        // Read now, many at a time: the caller's contacts may be in any order.
-        group.contacts[group.filled] = contacts[(link.id & !SWAPPED) as usize];
-        group.filled += 1;
-        // State 0 of a chunk is the world: shared freely.
-        for state in [(link.a, a), (link.b, b)] {
-            if state.0 != 0 {
-                masks[state.1] |= 1 << slot;
-            }
-        }
-        if group.filled == GROUP {
-            close(slot, &mut open, &mut masks);
+        for slot in (0..WINDOW).filter(|&slot| filled[slot] > 0) {
+            close(&mut open[slot], slot, masks);
         }
     }
-    for slot in 0..WINDOW {
-        if open[slot].filled > 0 {
-            close(slot, &mut open, &mut masks);
+}
+
+/// What groups are made of: the contacts, the impulses to start from (none: 0), and where to enter the lanes of the contacts.
+#[derive(Clone, Copy)]
+pub struct Source<'a> {
+    pub contacts: &'a [Contact],
+    pub impulses: Option<&'a [[f64; 3]]>,
+    pub slots: &'a Slots,
+}
+
+impl Block {
+    /// Block number `index` of these links, in the memory of an old one.
+    pub fn fill(
+        &mut self,
+        index: usize,
+        links: &[Link],
+        left: &[State],
+        right: Option<&[State]>,
+        source: Source,
+        packing: &mut Packing,
+    ) {
+        // The right chunk's states follow the left one's.
+        let offset = if right.is_some() { left.len() } else { 0 };
+        let right = right.unwrap_or(left);
+        packing.pack(links, offset + right.len(), offset);
+        self.rolls.clear();
+        self.ids.clear();
+        let ids = packing.groups.iter().map(|links| links.map(|link| link.id));
+        self.ids.extend(ids);
+        // Every number of a group is written anew.
+        self.groups.resize(packing.groups.len(), Group::default());
+        for (number, (group, links)) in self.groups.iter_mut().zip(&packing.groups).enumerate() {
+            let sides = links.map(|link| [&left[link.a as usize], &right[link.b as usize]]);
+            group.set_bodies(links.map(|link| [link.a, link.b]), sides);
+            group.way = Default::default();
+            for (lane, link) in links.iter().enumerate() {
+                if link.id == EMPTY {
+                    group.set_contact(lane, &Contact::default(), false);
+                    group.set_impulse(lane, [0.0; 3], false);
+                    continue;
+                }
+                let (contact, swapped) = ((link.id & !SWAPPED) as usize, link.id & SWAPPED != 0);
+                group.set_contact(lane, &source.contacts[contact], swapped);
+                let impulse = source.impulses.map_or([0.0; 3], |all| all[contact]);
+                group.set_impulse(lane, impulse, swapped);
+                source.slots.enter(contact, index, GROUP * number + lane);
+            }
         }
     }
-    block
 }

@@ -53,21 +53,18 @@ pub struct Group {
 }
 
 impl Group {
-    /// A group of lanes with sides `a` and `b`: numbers within their chunks, and states. The rest is zeros.
+    /// Sides `a` and `b` of the lanes: numbers within their chunks, and states.
     #[inline]
-    pub fn new(numbers: [[u32; 2]; GROUP], states: [[&State; 2]; GROUP]) -> Self {
+    pub fn set_bodies(&mut self, numbers: [[u32; 2]; GROUP], states: [[&State; 2]; GROUP]) {
         let linear = states.map(|[a, b]| a.linear[3] + b.linear[3]);
         let surface = states.map(|[a, b]| a.surface[3] + b.surface[3]);
         // The world on both sides: no contact.
         let inverse = |w: f64| if w > 0.0 { 1.0 / w } else { 0.0 };
-        Self {
-            a: numbers.map(|[a, _]| a),
-            b: numbers.map(|[_, b]| b),
-            mass_normal: linear.map(inverse),
-            weight: linear,
-            mass_tangential: std::array::from_fn(|lane| inverse(linear[lane] + surface[lane])),
-            ..Self::default()
-        }
+        self.a = numbers.map(|[a, _]| a);
+        self.b = numbers.map(|[_, b]| b);
+        self.mass_normal = linear.map(inverse);
+        self.weight = linear;
+        self.mass_tangential = std::array::from_fn(|lane| inverse(linear[lane] + surface[lane]));
     }
 
     /// Numbers of a lane, of the contact with its sides exchanged where asked for.
@@ -78,6 +75,14 @@ impl Group {
             self.slip[k][lane] = sign * contact.slip[k];
         }
         self.friction[lane] = contact.friction;
+    }
+
+    /// The impulse of a lane, on side `a` of its contact.
+    pub fn set_impulse(&mut self, lane: usize, impulse: [f64; 3], swapped: bool) {
+        let sign = if swapped { -1.0 } else { 1.0 };
+        for k in 0..3 {
+            self.impulse[k][lane] = sign * impulse[k];
+        }
     }
 }
 
@@ -431,5 +436,27 @@ pub fn sweep_group<S: Lanes>(
         let two = solve(simd, carry, two, group, next);
         scatter(simd, one, bodies, group, at);
         scatter(simd, two, bodies, group, next);
+    }
+}
+
+/// Adds `M^-1 G^T r` of the groups' impulses to their bodies.
+pub struct Push<'a, B> {
+    pub bodies: B,
+    pub groups: &'a [Group],
+}
+
+impl<B: Bodies> Work for Push<'_, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(mut self, simd: S) {
+        for group in self.groups {
+            for at in (0..GROUP).step_by(S::F64_LANES) {
+                let n = parts::<S>(&group.normal, at);
+                let r = parts::<S>(&group.impulse, at);
+                let turn = cross(simd, n, r);
+                scatter(simd, [r, turn], &mut self.bodies, group, at);
+            }
+        }
     }
 }

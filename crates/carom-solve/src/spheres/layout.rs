@@ -5,19 +5,27 @@
 //! body depends on the problem alone, not on the threads. Inside a block contacts follow their bodies and fill groups that
 //! share no moving body. All is O(contacts) but for the sort of the bodies and of the few contacts between chunks.
 
-use super::groups::{pack, Block, Link, Slots, SWAPPED};
+use super::curve::Curve;
+use super::groups::{Block, Link, Packing, Source, SWAPPED};
 use super::kernel::State;
 use super::{Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;
-use crate::team;
+use crate::team::{self, lock};
+use std::ops::Range;
+use std::sync::Mutex;
 
 /// Chunks aimed at: enough for many threads. Bodies of a chunk: so many that few contacts lie between chunks, so few that
 /// a chunk stays in cache.
 const CHUNKS: usize = 64;
 const CHUNK_LEAST: usize = 1024;
 const CHUNK_MOST: usize = 16384;
-/// Contacts that are looked at in one go.
-const PIECE: usize = 1 << 16;
+/// Pieces of the contacts aimed at, and contacts of a piece.
+const PIECES: usize = 64;
+const PIECE_LEAST: usize = 2048;
+const PIECE_MOST: usize = 1 << 16;
+/// Contacts from which on the memory of the layout is given back: getting it again is cheap beside the sweeps of so many.
+const HUGE: usize = 1_000_000;
+
 /// Where bodies lie.
 #[derive(Debug)]
 pub struct Layout {
@@ -30,8 +38,28 @@ pub struct Layout {
     pub stages: Vec<usize>,
 }
 
-/// The links of a piece of the contacts: inside each chunk, and between chunks with their pair.
-type Sorted = (Vec<Vec<Link>>, Vec<(u64, Link)>);
+/// The links of a piece of the contacts.
+#[derive(Debug, Default)]
+struct Piece {
+    /// Inside each chunk.
+    inside: Vec<Vec<Link>>,
+    /// Between chunks, with their pair.
+    between: Vec<([u32; 2], Link)>,
+}
+
+/// Two chunks with contacts between them, and which of the links between chunks these are.
+struct Pair {
+    ends: (u32, u32),
+    links: Range<usize>,
+}
+
+/// Memory in which layouts are made; what is in it says nothing about the next one.
+#[derive(Debug, Default)]
+pub struct Desk {
+    curve: Curve,
+    pieces: Vec<Piece>,
+    packings: Mutex<Vec<Packing>>,
+}
 
 impl Default for Layout {
     /// No bodies, no contacts.
@@ -47,88 +75,98 @@ impl Default for Layout {
 
 impl Layout {
     /// Places the bodies; `states` are theirs afterwards, at rest.
-    pub fn new(bodies: &[Body], places: Option<&[Place]>, states: &mut Vec<State>) -> Self {
-        let order = sorted(bodies, places);
+    pub fn place(
+        &mut self,
+        bodies: &[Body],
+        places: Option<&[Place]>,
+        states: &mut Vec<State>,
+        desk: &mut Desk,
+        threads: usize,
+    ) {
+        let order = desk.curve.order(bodies, places, threads);
         let moving = order.len();
         let size = moving.div_ceil(CHUNKS).clamp(CHUNK_LEAST, CHUNK_MOST);
         let chunks = moving.div_ceil(size).max(1);
         // Even chunks.
         let size = moving.div_ceil(chunks).max(1);
         let chunks = moving.div_ceil(size).max(1);
-        let mut state = vec![0; bodies.len()];
+        self.state.clear();
+        self.state.resize(bodies.len(), 0);
         states.clear();
         states.resize(moving + chunks, State::default());
-        for (rank, &body) in order.iter().enumerate() {
+        for (rank, body) in order.enumerate() {
             let at = rank + rank / size + 1;
-            state[body as usize] = at as u32;
+            self.state[body as usize] = at as u32;
             let body = &bodies[body as usize];
             states[at].linear[3] = body.inv_mass;
             states[at].surface[3] = body.radius * body.radius * body.inv_inertia;
         }
-        Self {
-            state,
-            stride: size + 1,
-            chunks,
-            stages: Vec::new(),
-        }
+        (self.stride, self.chunks) = (size + 1, chunks);
     }
 
-    /// Cuts the contacts into blocks, by stages, in the memory of `old` ones.
-    pub fn blocks(
+    /// Cuts the contacts into blocks, by stages, in the memory of old ones.
+    pub fn cut(
         &mut self,
-        contacts: &[Contact],
+        source: Source,
         states: &[State],
+        blocks: &mut Vec<Block>,
+        desk: &mut Desk,
         threads: usize,
-        old: Vec<Block>,
-        slots: &mut Slots,
-    ) -> Result<Vec<Block>, SpheresError> {
-        let pieces: Vec<(usize, &[Contact])> = contacts.chunks(PIECE).enumerate().collect();
-        let pieces = team::map(threads, pieces, |(k, piece)| {
-            self.sort_piece(k * PIECE, piece)
+    ) -> Result<(), SpheresError> {
+        let contacts = source.contacts;
+        let size = contacts.len().div_ceil(PIECES);
+        let size = size.clamp(PIECE_LEAST, PIECE_MOST);
+        let count = contacts.len().div_ceil(size);
+        if desk.pieces.len() < count {
+            desk.pieces.resize_with(count, Piece::default);
+        }
+        let pieces = contacts.chunks(size).zip(&mut desk.pieces);
+        let pieces = pieces.enumerate().collect();
+        let sorted = team::map(threads, pieces, |(k, (contacts, piece))| {
+            self.sort_piece(k * size, contacts, piece)
         });
-        let mut pieces = pieces
-            .into_iter()
-            .collect::<Result<Vec<Sorted>, SpheresError>>()?;
-        let mut between: Vec<(u64, Link)> = pieces
-            .iter_mut()
-            .flat_map(|p| std::mem::take(&mut p.1))
-            .collect();
-        between.sort_unstable_by_key(|(pair, link)| (*pair, link.b, link.id));
-        let pairs: Vec<&[(u64, Link)]> = between.chunk_by(|x, y| x.0 == y.0).collect();
-        let ends = |pair: u64| ((pair >> 32) as u32, pair as u32);
-        let (order, starts) = colour(pairs.iter().map(|p| ends(p[0].0)), self.chunks);
-        self.stages = vec![0];
-        self.stages.extend(starts.iter().map(|s| self.chunks + s));
+        sorted.into_iter().collect::<Result<(), SpheresError>>()?;
+        let pieces = &desk.pieces[..count];
+        let (between, pairs) = self.sort_between(pieces);
+        let (order, colours) = colour(pairs.iter().map(|p| p.ends), self.chunks);
+        self.stages.clear();
+        self.stages.push(0);
+        self.stages.extend(colours.iter().map(|s| self.chunks + s));
         let chunk = |k: u32| {
             let first = k as usize * self.stride;
             &states[first..states.len().min(first + self.stride)]
         };
-        let count = self.chunks + order.len();
-        let old = old
-            .into_iter()
-            .chain(std::iter::repeat_with(Block::default));
-        slots.resize(contacts.len());
-        let slots = &*slots;
-        let blocks = team::map(threads, (0..count).zip(old).collect(), |(index, old)| {
-            let block = if index < self.chunks {
-                let links = self.inner_links(index, &pieces);
-                let own = (index as u32, index as u32);
-                pack(old, &links, own, chunk(own.0), None, contacts)
+        blocks.resize_with(self.chunks + order.len(), Block::default);
+        let tasks = blocks.iter_mut().enumerate().collect();
+        team::map(threads, tasks, |(index, block): (usize, &mut Block)| {
+            let mut packing = lock(&desk.packings).pop().unwrap_or_default();
+            if index < self.chunks {
+                let links = self.inner_links(index, pieces);
+                (block.left, block.right) = (index as u32, index as u32);
+                block.fill(index, &links, chunk(block.left), None, source, &mut packing);
             } else {
-                let pair = pairs[order[index - self.chunks] as usize];
-                let between = ends(pair[0].0);
-                let links: Vec<Link> = pair.iter().map(|p| p.1).collect();
-                let (left, right) = (chunk(between.0), chunk(between.1));
-                pack(old, &links, between, left, Some(right), contacts)
-            };
-            slots.enter(index, &block);
-            block
+                let pair = &pairs[order[index - self.chunks] as usize];
+                (block.left, block.right) = pair.ends;
+                let mut links = between[pair.links.clone()].to_vec();
+                links.sort_unstable_by_key(|link| u64::from(link.b) << 32 | u64::from(link.id));
+                let (left, right) = (chunk(block.left), chunk(block.right));
+                block.fill(index, &links, left, Some(right), source, &mut packing);
+            }
+            lock(&desk.packings).push(packing);
         });
-        Ok(blocks)
+        if contacts.len() >= HUGE {
+            *desk = Desk::default();
+        }
+        Ok(())
     }
 
     /// Sends contacts, the first of them number `first`, to their chunks.
-    fn sort_piece(&self, first: usize, contacts: &[Contact]) -> Result<Sorted, SpheresError> {
+    fn sort_piece(
+        &self,
+        first: usize,
+        contacts: &[Contact],
+        piece: &mut Piece,
+    ) -> Result<(), SpheresError> {
         let state = |contact: u32, body: u32| match self.state.get(body as usize) {
             Some(&state) => Ok(state),
             None if body == WORLD => Ok(0),
@@ -138,8 +176,9 @@ impl Layout {
             }),
         };
         let stride = self.stride as u32;
-        let mut inside: Vec<Vec<Link>> = vec![Vec::new(); self.chunks];
-        let mut between = Vec::new();
+        piece.inside.iter_mut().for_each(Vec::clear);
+        piece.inside.resize_with(self.chunks, Vec::new);
+        piece.between.clear();
         for (id, c) in (first as u32..).zip(contacts) {
             let (a, b) = (state(id, c.a)?, state(id, c.b)?);
             if a == b {
@@ -150,35 +189,50 @@ impl Layout {
             c.check(id as usize)?;
             let (chunk_a, chunk_b) = (a / stride, b / stride);
             let (a_in, b_in) = (a - chunk_a * stride, b - chunk_b * stride);
+            let link = |a, b, id| Link { a, b, id };
             if a == 0 || b == 0 || chunk_a == chunk_b {
-                inside[chunk_a.max(chunk_b) as usize].push(Link {
-                    a: a_in,
-                    b: b_in,
-                    id,
-                });
+                piece.inside[chunk_a.max(chunk_b) as usize].push(link(a_in, b_in, id));
             } else if chunk_a < chunk_b {
-                let link = Link {
-                    a: a_in,
-                    b: b_in,
-                    id,
-                };
-                between.push((u64::from(chunk_a) << 32 | u64::from(chunk_b), link));
+                let pair = [chunk_a, chunk_b];
+                piece.between.push((pair, link(a_in, b_in, id)));
             } else {
-                let id = id | SWAPPED;
-                let link = Link {
-                    a: b_in,
-                    b: a_in,
-                    id,
-                };
-                between.push((u64::from(chunk_b) << 32 | u64::from(chunk_a), link));
+                let pair = [chunk_b, chunk_a];
+                piece.between.push((pair, link(b_in, a_in, id | SWAPPED)));
             }
         }
-        Ok((inside, between))
+        Ok(())
+    }
+
+    /// All links between chunks, by pairs, in the order of the contacts; and the pairs.
+    fn sort_between(&self, pieces: &[Piece]) -> (Vec<Link>, Vec<Pair>) {
+        let all = || pieces.iter().flat_map(|p| &p.between);
+        let number = |ends: [u32; 2]| ends[0] as usize * self.chunks + ends[1] as usize;
+        let mut next = vec![0; self.chunks * self.chunks];
+        for (ends, _) in all() {
+            next[number(*ends)] += 1;
+        }
+        let (mut pairs, mut sum) = (Vec::new(), 0);
+        for (k, next) in next.iter_mut().enumerate().filter(|(_, count)| **count > 0) {
+            let first = sum;
+            sum += std::mem::replace(next, first);
+            let ends = ((k / self.chunks) as u32, (k % self.chunks) as u32);
+            pairs.push(Pair {
+                ends,
+                links: first..sum,
+            });
+        }
+        let mut links = vec![Link::default(); sum];
+        for (ends, link) in all() {
+            let next = &mut next[number(*ends)];
+            links[*next] = *link;
+            *next += 1;
+        }
+        (links, pairs)
     }
 
     /// All links inside a chunk, each at the later of its bodies.
-    fn inner_links(&self, chunk: usize, pieces: &[Sorted]) -> Vec<Link> {
-        let all = || pieces.iter().flat_map(|p| &p.0[chunk]);
+    fn inner_links(&self, chunk: usize, pieces: &[Piece]) -> Vec<Link> {
+        let all = || pieces.iter().flat_map(|p| &p.inside[chunk]);
         let mut start = vec![0u32; self.stride + 1];
         for link in all() {
             start[link.a.max(link.b) as usize + 1] += 1;
@@ -194,48 +248,6 @@ impl Layout {
         }
         links
     }
-}
-
-/// Moving bodies along a Morton curve through the places; in the given order without places.
-fn sorted(bodies: &[Body], places: Option<&[Place]>) -> Vec<u32> {
-    let moving = (0..bodies.len() as u32).filter(|&i| !bodies[i as usize].is_fixed());
-    let Some(places) = places else {
-        return moving.collect();
-    };
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    for body in moving.clone() {
-        for (k, x) in places[body as usize].iter().enumerate() {
-            low[k] = low[k].min(*x);
-            high[k] = high[k].max(*x);
-        }
-    }
-    let span = (0..3).fold(0.0f64, |s, k| s.max(high[k] - low[k]));
-    // Key and body in one number: as fine a grid as the bits beside the body allow.
-    let name = usize::BITS - bodies.len().leading_zeros();
-    let cells = ((1u64 << ((u64::BITS - name) / 3).min(21)) - 1) as f64;
-    let scale = if span > 0.0 { cells / span } else { 0.0 };
-    let mut keys: Vec<u64> = moving
-        .map(|body| {
-            let place = &places[body as usize];
-            let cell = |k: usize| spread(((place[k] - low[k]) * scale) as u64);
-            (cell(0) << 2 | cell(1) << 1 | cell(2)) << name | u64::from(body)
-        })
-        .collect();
-    keys.sort_unstable();
-    keys.into_iter()
-        .map(|key| (key & ((1 << name) - 1)) as u32)
-        .collect()
-}
-
-/// The lower 21 bits, each followed by two zeros.
-fn spread(x: u64) -> u64 {
-    let x = x & 0x1f_ffff;
-    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
-    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
 }
 
 /// First-fit colouring of pairs of chunks: pairs of one colour share no chunk. The pairs by colour, and where each colour

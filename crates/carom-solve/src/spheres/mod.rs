@@ -9,6 +9,7 @@
 
 mod accelerate;
 mod convert;
+mod curve;
 mod goal;
 mod groups;
 mod kernel;
@@ -27,9 +28,9 @@ pub use problem::{Body, Contact, Place, SpheresError};
 pub use rolling::Roll;
 
 use crate::team::{self, lock};
-use groups::{Block, Slots, EMPTY, SWAPPED};
-use kernel::{One, Pass, Plain, State, Two};
-use layout::Layout;
+use groups::{Block, Slots, Source, EMPTY, SWAPPED};
+use kernel::{One, Pass, Plain, Push, State, Two};
+use layout::{Desk, Layout};
 use moments::{CarryMoments, RollingPass};
 use std::sync::Mutex;
 
@@ -40,8 +41,11 @@ pub struct Sweeps {
     states: Vec<State>,
     blocks: Vec<Block>,
     slots: Slots,
+    desk: Desk,
     radius: Vec<f64>,
     pairs: usize,
+    /// Norms at the present impulses, by their penalty scale, once they were asked for.
+    norms: Option<(f64, Norms)>,
     memory: accelerate::Memory,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
@@ -57,17 +61,8 @@ impl Sweeps {
         places: Option<&[Place]>,
         threads: usize,
     ) -> Result<Self, SpheresError> {
-        let mut sweeps = Self {
-            layout: Layout::default(),
-            states: Vec::new(),
-            blocks: Vec::new(),
-            slots: Slots::default(),
-            radius: Vec::new(),
-            pairs: 0,
-            memory: accelerate::Memory::default(),
-            threads,
-            instructions: Instructions::default(),
-        };
+        let mut sweeps = Self::empty();
+        sweeps.threads = threads;
         sweeps.renew(bodies, contacts, places)?;
         Ok(sweeps)
     }
@@ -79,8 +74,10 @@ impl Sweeps {
             states: Vec::new(),
             blocks: Vec::new(),
             slots: Slots::default(),
+            desk: Desk::default(),
             radius: Vec::new(),
             pairs: 0,
+            norms: None,
             memory: accelerate::Memory::default(),
             threads: 1,
             instructions: Instructions::default(),
@@ -95,69 +92,103 @@ impl Sweeps {
         contacts: &[Contact],
         places: Option<&[Place]>,
     ) -> Result<(), SpheresError> {
-        let old = std::mem::take(&mut self.blocks);
-        self.layout = Layout::default();
+        self.prepare(bodies, contacts, places, None)
+    }
+
+    /// [`Sweeps::renew`] and [`Sweeps::warm_start`] in one: what is started from is written as the groups are made.
+    pub fn renew_from(
+        &mut self,
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+        impulses: &[[f64; 3]],
+    ) -> Result<(), SpheresError> {
+        assert_eq!(impulses.len(), contacts.len(), "one impulse per contact");
+        self.prepare(bodies, contacts, places, Some(impulses))?;
+        self.push();
+        Ok(())
+    }
+
+    fn prepare(
+        &mut self,
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+        impulses: Option<&[[f64; 3]]>,
+    ) -> Result<(), SpheresError> {
+        // Empty until all is well.
+        let mut blocks = std::mem::take(&mut self.blocks);
+        let mut layout = std::mem::take(&mut self.layout);
         self.radius.clear();
         self.pairs = 0;
+        self.norms = None;
         problem::check(bodies, contacts.len(), places)?;
-        let mut layout = Layout::new(bodies, places, &mut self.states);
-        self.blocks = layout.blocks(contacts, &self.states, self.threads, old, &mut self.slots)?;
-        self.layout = layout;
+        layout.place(
+            bodies,
+            places,
+            &mut self.states,
+            &mut self.desk,
+            self.threads,
+        );
+        self.slots.resize(contacts.len());
+        let source = Source {
+            contacts,
+            impulses,
+            slots: &self.slots,
+        };
+        layout.cut(
+            source,
+            &self.states,
+            &mut blocks,
+            &mut self.desk,
+            self.threads,
+        )?;
+        (self.blocks, self.layout) = (blocks, layout);
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
         Ok(())
     }
 
-    /// New normals, slips and friction of the same pairs of bodies; impulses stay, velocity corrections follow.
+    /// New normals, slips and friction of the same pairs of bodies; impulses stay, velocity corrections follow. After an error some
+    /// contacts are new and some are not.
     pub fn set_contacts(&mut self, contacts: &[Contact]) -> Result<(), SpheresError> {
         if contacts.len() != self.pairs {
             return Err(SpheresError::Changed {
                 contact: self.pairs.min(contacts.len()),
             });
         }
-        contacts
-            .iter()
-            .enumerate()
-            .try_for_each(|(index, c)| c.check(index))?;
-        let threads = self.threads;
-        let changed = team::map(
-            threads,
-            self.blocks.iter_mut().collect(),
-            |block: &mut Block| {
-                for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
-                    for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
-                        group.set_contact(
-                            lane,
-                            &contacts[(id & !SWAPPED) as usize],
-                            id & SWAPPED != 0,
-                        );
+        let set = |block: &mut Block| {
+            let mut bad = usize::MAX;
+            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    let (index, swapped) = ((id & !SWAPPED) as usize, id & SWAPPED != 0);
+                    let contact = &contacts[index];
+                    if contact.check(index).is_err() {
+                        bad = bad.min(index);
                     }
+                    group.set_contact(lane, contact, swapped);
                 }
-            },
-        );
-        debug_assert_eq!(changed.len(), self.blocks.len());
+            }
+            bad
+        };
+        let bad = team::map(self.threads, self.blocks.iter_mut().collect(), set);
         self.refresh();
-        Ok(())
+        let bad = bad.into_iter().min().unwrap_or(usize::MAX);
+        contacts.get(bad).map_or(Ok(()), |c| c.check(bad))
     }
 
     /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
     pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
         assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
-        let threads = self.threads;
-        team::map(
-            threads,
-            self.blocks.iter_mut().collect(),
-            |block: &mut Block| {
-                for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
-                    for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
-                        let sign = if id & SWAPPED == 0 { 1.0 } else { -1.0 };
-                        for k in 0..3 {
-                            group.impulse[k][lane] = sign * impulses[(id & !SWAPPED) as usize][k];
-                        }
-                    }
+        let set = |block: &mut Block| {
+            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    let impulse = impulses[(id & !SWAPPED) as usize];
+                    group.set_impulse(lane, impulse, id & SWAPPED != 0);
                 }
-            },
-        );
+            }
+        };
+        team::map(self.threads, self.blocks.iter_mut().collect(), set);
         self.refresh();
     }
 
@@ -167,14 +198,32 @@ impl Sweeps {
             state.linear[..3].fill(0.0);
             state.surface[..3].fill(0.0);
         }
+        self.push();
+    }
+
+    /// Adds `M^-1 G^T r` to bodies at rest.
+    fn push(&mut self) {
+        self.norms = None;
+        let instructions = self.instructions;
         self.stages(1, |block, left, mut right| {
-            residual::push(block, left, right.as_deref_mut());
+            let groups = &block.groups[..];
+            match right.as_deref_mut() {
+                None => instructions.run(Push {
+                    bodies: One(left),
+                    groups,
+                }),
+                Some(right) => instructions.run(Push {
+                    bodies: Two(left, right),
+                    groups,
+                }),
+            }
             moments::push(block, left, right);
         });
     }
 
     /// Runs `count` sweeps.
     pub fn sweep(&mut self, count: usize) {
+        self.norms = None;
         let instructions = self.instructions;
         self.stages(count, |block, left, right| {
             pass(instructions, block, left, right, Plain);

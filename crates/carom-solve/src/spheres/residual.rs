@@ -49,27 +49,6 @@ pub fn largest(block: &Block, left: &[State], right: &[State]) -> f64 {
     worst
 }
 
-/// Adds `M^-1 G^T r` to the states.
-pub fn push(block: &Block, left: &mut [State], mut right: Option<&mut [State]>) {
-    for (group, lane) in lanes(block) {
-        let (n, r) = (vector(&group.normal, lane), vector(&group.impulse, lane));
-        let turn = n.cross(r);
-        let add = |state: &mut State, sign: f64| {
-            let (v, s) = (sign * state.linear[3] * r, state.surface[3] * turn);
-            for k in 0..3 {
-                state.linear[k] += v[k];
-                state.surface[k] -= s[k];
-            }
-        };
-        add(&mut left[group.a[lane] as usize], 1.0);
-        let b = group.b[lane] as usize;
-        match &mut right {
-            Some(right) => add(&mut right[b], -1.0),
-            None => add(&mut left[b], -1.0),
-        }
-    }
-}
-
 /// Sums of squares of eq. 44 over a block, and its worst closing measure.
 #[derive(Clone, Copy, Default)]
 pub struct Sums {

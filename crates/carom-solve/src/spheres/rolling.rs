@@ -132,6 +132,7 @@ impl Sweeps {
     /// New measures of the same contacts with the same bounds; moments stay.
     pub fn change_rolls(&mut self, rolls: &[Roll]) -> Result<(), SpheresError> {
         self.check_rolls(rolls)?;
+        self.norms = None;
         self.each_block(|block| {
             for (own, ids) in block.rolls.iter_mut().zip(&block.ids) {
                 for (lane, index, swapped) in filled(ids) {
