@@ -77,6 +77,12 @@ impl Watch {
         self.carried += carried(next);
     }
 
+    pub fn join(&mut self, other: &Watch) {
+        self.speed += other.speed;
+        self.way += other.way;
+        self.carried += other.carried;
+    }
+
     /// After a step of `h`.
     pub fn is_calm(&self, h: f64) -> bool {
         // The way of the whole step: what the position level did counts too.

@@ -8,7 +8,7 @@ use crate::state::State;
 use crate::step::Failure;
 use crate::wall::Walls;
 use carom_geom::{sphere_plane, tangent_frame};
-use carom_solve::{team, Bounds, Status};
+use carom_solve::{team, Bounds};
 use glam::DVec3;
 
 /// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
@@ -26,6 +26,14 @@ pub(crate) fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> 
     Ok(())
 }
 
+/// A pair that is near, with the gap (m) at the positions that were asked for and the law of its materials.
+#[derive(Clone, Copy)]
+struct Near {
+    pair: (u32, u32),
+    gap: f64,
+    law: u32,
+}
+
 /// Turns listed pairs into candidate contacts, with frames of t_n.
 pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     let Scratch {
@@ -35,35 +43,50 @@ pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Resul
         walls,
         ..
     } = scratch;
-    contacts.clear();
-    for_each_share(model, neighbours.pairs(), contacts, |pairs, found| {
+    let (pairs, margin) = (neighbours.pairs(), CANDIDATE_MARGIN);
+    if pairs.len() <= PAIRS {
+        contacts.clear();
         for &pair in pairs {
-            let margin = CANDIDATE_MARGIN;
-            push_candidate(model, state, walls, position, pair, margin, found)?;
+            push_candidate(model, state, walls, position, pair, margin, contacts)?;
+        }
+        return Ok(());
+    }
+    let found = for_each_share(model, pairs, |pairs, found| {
+        for &pair in pairs {
+            found.extend(near(model, state, walls, position, pair, margin)?);
         }
         Ok(())
-    })
+    })?;
+    // Contacts are large: each is written where it stays.
+    contacts.resize(found.iter().map(Vec::len).sum(), Contact::default());
+    let (mut shares, mut rest) = (Vec::new(), &mut contacts[..]);
+    for near in found {
+        let (places, behind) = rest.split_at_mut(near.len());
+        shares.push((near, places));
+        rest = behind;
+    }
+    let made = team::map(model.options.threads as usize, shares, |(near, places)| {
+        for (near, place) in near.iter().zip(places) {
+            *place = new_contact(model, state, walls, near);
+            follow_law(model, state, walls, place)?;
+        }
+        Ok(())
+    });
+    made.into_iter().collect()
 }
 
-/// Adds to `contacts` what `look` finds in all pairs, in their order; threads share the pairs out.
+/// What `look` finds in shares of the pairs, in their order; threads take one after the other.
 fn for_each_share(
     model: &Model,
     pairs: &[(u32, u32)],
-    contacts: &mut Vec<Contact>,
-    look: impl Fn(&[(u32, u32)], &mut Vec<Contact>) -> Result<(), Failure> + Sync,
-) -> Result<(), Failure> {
-    let threads = (model.options.threads as usize).min(pairs.len() / PAIRS);
-    if threads < 2 {
-        return look(pairs, contacts);
-    }
-    let found = team::map(threads, pairs.chunks(PAIRS).collect(), |pairs| {
+    look: impl Fn(&[(u32, u32)], &mut Vec<Near>) -> Result<(), Failure> + Sync,
+) -> Result<Vec<Vec<Near>>, Failure> {
+    let shares = pairs.chunks(PAIRS).collect();
+    let found = team::map(model.options.threads as usize, shares, |pairs| {
         let mut found = Vec::new();
         look(pairs, &mut found).map(|()| found)
     });
-    for found in found {
-        contacts.extend(found?);
-    }
-    Ok(())
+    found.into_iter().collect()
 }
 
 /// Adds the contact of a pair if its gap at `position` is below `margin r_c`; false: it is not.
@@ -73,79 +96,113 @@ pub(crate) fn push_candidate(
     state: &State,
     walls: &Walls,
     position: &[DVec3],
-    (a, b): (u32, u32),
+    pair: (u32, u32),
     margin: f64,
     contacts: &mut Vec<Contact>,
 ) -> Result<bool, Failure> {
-    let (i, j, n) = (a as usize, b as usize, model.spheres());
-    let ra = model.radius[i];
-    // A list may be older than the removal of a ball.
-    if !state.present[i] || state.present.get(j) == Some(&false) {
-        return Ok(false);
-    }
-    if j >= n {
-        let wall = &model.walls[j - n];
-        let plane = wall.fixed_plane();
-        let gap = match plane {
-            Some((point, normal)) => sphere_plane(position[i], ra, point, normal).gap,
-            None => walls.meet(model, a, b, position[i]).gap,
-        };
-        if gap > margin * ra {
-            return Ok(false);
-        }
-        let Some(law) = law_or_miss(model, a, b, gap)? else {
-            return Ok(false);
-        };
-        let (start, (t1, t2)) = match plane {
-            Some((point, normal)) => (
-                sphere_plane(state.position[i], ra, point, normal),
-                (wall.tangent1, wall.tangent2),
-            ),
-            None => {
-                let start = walls.meet_at_start(model, a, b, state.position[i]);
-                (start, tangent_frame(start.normal))
-            }
-        };
-        let frame = (start.normal, t1, t2);
-        let contact = new_contact(model, (a, b), law, frame, start.gap, gap, ra);
-        contacts.push(contact);
-        return with_law(model, state, walls, contacts);
-    }
-    let length = ra.min(model.radius[j]);
-    let reach = ra + model.radius[j] + margin * length;
-    let periodic = &model.periodic;
-    let between = periodic.nearest(position[i] - position[j]);
-    if between.length_squared() > reach * reach {
-        return Ok(false);
-    }
-    let gap = periodic
-        .sphere_sphere(position[i], ra, position[j], model.radius[j])
-        .gap;
-    let Some(law) = law_or_miss(model, a, b, gap)? else {
+    let Some(near) = near(model, state, walls, position, pair, margin)? else {
         return Ok(false);
     };
-    let start = periodic.sphere_sphere(state.position[i], ra, state.position[j], model.radius[j]);
-    let (t1, t2) = tangent_frame(start.normal);
-    let frame = (start.normal, t1, t2);
-    let contact = new_contact(model, (a, b), law, frame, start.gap, gap, length);
-    contacts.push(contact);
-    with_law(model, state, walls, contacts)
+    contacts.push(new_contact(model, state, walls, &near));
+    if let Some(c) = contacts.last_mut() {
+        follow_law(model, state, walls, c)?;
+    }
+    Ok(true)
 }
 
-/// Gives the contact that was added last the bounds of its friction law, if it has one.
-#[inline]
-fn with_law(
+/// The pair, if its gap at `position` is below `margin r_c`.
+#[inline(always)]
+fn near(
     model: &Model,
     state: &State,
     walls: &Walls,
-    contacts: &mut [Contact],
-) -> Result<bool, Failure> {
-    if let Some(c) = contacts.last_mut() {
-        if c.law(model).friction_law.is_some() {
-            c.bounds = bounds_at_start(model, state, walls, c)?;
-        }
+    position: &[DVec3],
+    pair: (u32, u32),
+    margin: f64,
+) -> Result<Option<Near>, Failure> {
+    let (i, j, n) = (pair.0 as usize, pair.1 as usize, model.spheres());
+    let ra = model.radius[i];
+    // A list may be older than the removal of a ball.
+    if !state.present[i] || state.present.get(j) == Some(&false) {
+        return Ok(None);
     }
-    Ok(true)
+    let gap;
+    if j >= n {
+        gap = match model.walls[j - n].fixed_plane() {
+            Some((point, normal)) => sphere_plane(position[i], ra, point, normal).gap,
+            None => walls.meet(model, pair.0, pair.1, position[i]).gap,
+        };
+        if gap > margin * ra {
+            return Ok(None);
+        }
+    } else {
+        let rb = model.radius[j];
+        let reach = ra + rb + margin * ra.min(rb);
+        let periodic = &model.periodic;
+        let between = periodic.nearest(position[i] - position[j]);
+        if between.length_squared() > reach * reach {
+            return Ok(None);
+        }
+        gap = periodic.sphere_sphere(position[i], ra, position[j], rb).gap;
+    }
+    // A pair without a law may come near, not touch.
+    match model.law_of(i, j) {
+        Some(law) => Ok(Some(Near { pair, gap, law })),
+        None if gap < 0.0 => Err(Failure::MissingLaw(pair.0, pair.1)),
+        None => Ok(None),
+    }
+}
+
+/// The contact of a near pair, with the frame of t_n.
+#[inline(always)]
+fn new_contact(model: &Model, state: &State, walls: &Walls, near: &Near) -> Contact {
+    let (a, b) = near.pair;
+    let (i, j, n) = (a as usize, b as usize, model.spheres());
+    let (ra, x) = (model.radius[i], state.position[i]);
+    let (start, (t1, t2), length);
+    if j >= n {
+        let wall = &model.walls[j - n];
+        length = ra;
+        match wall.fixed_plane() {
+            Some((point, normal)) => {
+                start = sphere_plane(x, ra, point, normal);
+                (t1, t2) = (wall.tangent1, wall.tangent2);
+            }
+            None => {
+                start = walls.meet_at_start(model, a, b, x);
+                (t1, t2) = tangent_frame(start.normal);
+            }
+        }
+    } else {
+        let rb = model.radius[j];
+        length = ra.min(rb);
+        start = model.periodic.sphere_sphere(x, ra, state.position[j], rb);
+        (t1, t2) = tangent_frame(start.normal);
+    }
+    Contact {
+        a,
+        b,
+        law: near.law,
+        bounds: model.laws[near.law as usize].bounds,
+        n0: start.normal,
+        t1,
+        t2,
+        n1: start.normal,
+        gap_start: start.gap,
+        gap_check: near.gap,
+        gap: near.gap,
+        length,
+        ..Contact::default()
+    }
+}
+
+/// Gives a contact the bounds of its friction law, if it has one.
+#[inline]
+fn follow_law(model: &Model, state: &State, walls: &Walls, c: &mut Contact) -> Result<(), Failure> {
+    if c.law(model).friction_law.is_some() {
+        c.bounds = bounds_at_start(model, state, walls, c)?;
+    }
+    Ok(())
 }
 
 /// Bounds of a contact in this step with a friction law, which is evaluated at the slip of t_n.
@@ -180,59 +237,35 @@ fn bounds_at_start(
     })
 }
 
-/// The law of a pair; a pair without one may come near, not touch.
-#[inline]
-fn law_or_miss(model: &Model, a: u32, b: u32, gap: f64) -> Result<Option<u32>, Failure> {
-    match model.law_of(a as usize, b as usize) {
-        Some(law) => Ok(Some(law)),
-        None if gap < 0.0 => Err(Failure::MissingLaw(a, b)),
-        None => Ok(None),
-    }
-}
-
-#[inline]
-fn new_contact(
-    model: &Model,
-    (a, b): (u32, u32),
-    law: u32,
-    (n0, t1, t2): (DVec3, DVec3, DVec3),
-    gap_start: f64,
-    gap_check: f64,
-    length: f64,
-) -> Contact {
-    Contact {
-        a,
-        b,
-        law,
-        bounds: model.laws[law as usize].bounds,
-        n0,
-        t1,
-        t2,
-        n1: n0,
-        gap_start,
-        gap_check,
-        gap: gap_check,
-        length,
-        nu: [0.0; 6],
-        lambda: [0.0; 6],
-        work: [0.0; 4],
-        closed: false,
-        end_frame: false,
-        status: Status::Gap,
-    }
-}
-
 /// Adds pairs that overlap at the corrected positions and were no candidates. True: solve again from the start.
+#[inline]
 pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
     // A pair that was beyond the margin stays apart unless its spheres were pushed by as much together.
-    let pushed = scratch.shift.iter().map(|s| s[0].length_squared());
-    let largest = pushed.fold(0.0f64, f64::max);
+    let threads = model.options.threads as usize;
+    let pushed = |_, shift: &[[DVec3; 2]]| {
+        let pushed = shift.iter().map(|s| s[0].length_squared());
+        pushed.fold(0.0f64, f64::max)
+    };
+    let largest = team::reduce(
+        threads,
+        scratch.shift.len(),
+        &scratch.shift[..],
+        pushed,
+        f64::max,
+    );
     if largest == 0.0 {
         return Ok(false);
     }
     if 2.0 * largest.sqrt() < CANDIDATE_MARGIN * scratch.smallest {
         return Ok(false);
     }
+    join_overlapping(model, state, scratch)
+}
+
+/// The rest of [`relist`], where spheres were pushed far enough.
+#[inline(never)]
+fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
+    let threads = model.options.threads as usize;
     let Scratch {
         contacts,
         neighbours,
@@ -250,15 +283,14 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
     } else {
         0.0
     };
-    for i in 0..model.spheres() {
+    team::fill(threads, need, |i| {
         let way = linear[i].displacement + shift[i][0];
         let near = margin.max(CANDIDATE_MARGIN) * model.radius[i];
-        need[i] = state.need(model, i, way.length() + near);
-    }
+        state.need(model, i, way.length() + near)
+    });
     neighbours.refresh(&state.position, &model.radius, &walls.now, need);
     complete(neighbours)?;
-    let mut joining = Vec::new();
-    for_each_share(model, neighbours.pairs(), &mut joining, |pairs, found| {
+    let found = for_each_share(model, neighbours.pairs(), |pairs, found| {
         // Both lists are sorted by key.
         let from = match pairs.first() {
             Some(first) => contacts.partition_point(|c| (c.a, c.b) < *first),
@@ -268,11 +300,17 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
         for &pair in pairs {
             while known.next_if(|key| *key < pair).is_some() {}
             if known.next_if_eq(&pair).is_none() {
-                push_candidate(model, state, walls, position, pair, margin, found)?;
+                found.extend(near(model, state, walls, position, pair, margin)?);
             }
         }
         Ok(())
     })?;
+    let mut joining = Vec::new();
+    for near in found.iter().flatten() {
+        let mut contact = new_contact(model, state, walls, near);
+        follow_law(model, state, walls, &mut contact)?;
+        joining.push(contact);
+    }
     let overlapping = |c: &Contact| c.gap_check < -model.options.gap_tolerance * c.length;
     if margin == 0.0 {
         joining.retain(overlapping);
@@ -288,11 +326,12 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
         c.gap_check = position::proximity(model, walls, c, smooth(c.a), smooth(c.b)).gap;
     }
     contacts.append(&mut joining);
-    contacts.sort_unstable_by_key(|c| (c.a, c.b));
+    // Stable: of two sorted runs, which are merged.
+    contacts.sort_by_key(|c| (c.a, c.b));
     // Multipliers stay: piles are swept on from them.
-    for i in 0..model.spheres() {
-        shift[i] = [DVec3::ZERO; 2];
-        position[i] = state.position[i] + linear[i].displacement;
-    }
+    team::fill(threads, shift, |_| [DVec3::ZERO; 2]);
+    team::fill(threads, position, |i| {
+        state.position[i] + linear[i].displacement
+    });
     Ok(true)
 }

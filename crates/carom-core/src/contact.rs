@@ -12,7 +12,7 @@ use glam::DVec3;
 pub type Rows = [[[f64; NODE_DOF]; 2]; 6];
 
 /// One candidate contact of a step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Contact {
     /// Body A: a sphere.
     pub a: u32,

@@ -2,10 +2,17 @@
 
 use crate::contact::Contact;
 use crate::model::{Link, LinkKind};
+use carom_solve::team;
+
+/// Ends of a contact that is not admitted.
+const NONE: [u32; 2] = [u32::MAX; 2];
 
 /// Contacts, joints and loads grouped by island. Buffers are reused.
 #[derive(Default)]
 pub struct Islands {
+    threads: usize,
+    /// Bodies of the contacts, [`NONE`] where one is not admitted: what a contact says besides would fill the caches.
+    ends: Vec<[u32; 2]>,
     parent: Vec<u32>,
     /// Island of each root body, `u32::MAX` where none.
     slot: Vec<u32>,
@@ -38,6 +45,13 @@ impl Island<'_> {
 }
 
 impl Islands {
+    pub fn new(threads: usize) -> Islands {
+        Islands {
+            threads,
+            ..Islands::default()
+        }
+    }
+
     /// Groups those of `contacts` that `select` admits, with the joints and the loads that depend on the motion. Islands
     /// appear in the order of their first contact, then of their first joint; a load alone makes none.
     pub fn build(
@@ -45,7 +59,7 @@ impl Islands {
         spheres: usize,
         contacts: &[Contact],
         links: &[Link],
-        select: impl Fn(&Contact) -> bool,
+        select: impl Fn(&Contact) -> bool + Sync,
     ) {
         for groups in [&mut self.contacts, &mut self.joints, &mut self.loads] {
             groups.members.clear();
@@ -55,38 +69,46 @@ impl Islands {
             self.build_apart(contacts, select);
             return;
         }
+        self.ends.resize(contacts.len(), NONE);
+        team::fill(self.threads, &mut self.ends, |k| match &contacts[k] {
+            c if select(c) => [c.a, c.b],
+            _ => NONE,
+        });
         self.parent.clear();
         self.parent.extend(0..spheres as u32);
-        for c in contacts.iter().filter(|c| select(c)) {
-            if (c.b as usize) < spheres {
-                self.unite(c.a, c.b);
+        let ends = std::mem::take(&mut self.ends);
+        for &[a, b] in &ends {
+            if (b as usize) < spheres {
+                self.unite(a, b);
             }
         }
         for link in links {
             self.unite(link.a, link.b);
         }
+        // Roots are the smallest of their islands: each is known before those that lead to it.
+        for body in 0..spheres {
+            self.parent[body] = self.parent[self.parent[body] as usize];
+        }
         self.slot.clear();
         self.slot.resize(spheres, u32::MAX);
         let mut islands = 0;
-        let with_contact = contacts.iter().filter(|c| select(c)).map(|c| c.a);
+        let admitted =
+            |(k, ends): (usize, &[u32; 2])| (*ends != NONE).then_some((k as u32, ends[0]));
+        let contacts = ends.iter().enumerate().filter_map(admitted);
         let with_joint = links
             .iter()
             .filter(|l| matches!(l.kind, LinkKind::Joint(_)))
             .map(|l| l.a);
-        for body in with_contact.chain(with_joint) {
-            let root = self.root(body) as usize;
+        for body in contacts.clone().map(|(_, a)| a).chain(with_joint) {
+            let root = self.parent[body as usize] as usize;
             if self.slot[root] == u32::MAX {
                 self.slot[root] = islands;
                 islands += 1;
             }
         }
         let mut groups = std::mem::take(&mut self.contacts);
-        let selected = contacts.iter().enumerate().filter(|(_, c)| select(c));
-        groups.fill(
-            islands,
-            selected.map(|(i, c)| (i as u32, self.island_of(c.a))),
-        );
-        self.contacts = groups;
+        groups.fill(islands, contacts.map(|(k, a)| (k, self.island_of(a))));
+        (self.contacts, self.ends) = (groups, ends);
         if links.is_empty() {
             return;
         }
@@ -149,11 +171,8 @@ impl Islands {
     }
 
     /// Island of a body, `u32::MAX` if it has none.
-    fn island_of(&self, mut body: u32) -> u32 {
-        while self.parent[body as usize] != body {
-            body = self.parent[body as usize];
-        }
-        self.slot[body as usize]
+    fn island_of(&self, body: u32) -> u32 {
+        self.slot[self.parent[body as usize] as usize]
     }
 
     fn root(&mut self, mut body: u32) -> u32 {

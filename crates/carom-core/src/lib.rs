@@ -6,6 +6,7 @@
 pub mod blow_up;
 mod candidates;
 pub mod contact;
+mod finish;
 pub mod flow;
 pub mod force;
 pub mod impact;

@@ -294,6 +294,9 @@ impl Keeper {
     /// Forgets what was solved in vain: the problems of this attempt and level (all levels without one), since pairs were
     /// listed anew or the attempt failed. What could not be solved stays.
     pub(crate) fn discard(&mut self, level: Option<Level>) {
+        if self.kept.is_empty() && self.ranking.is_empty() {
+            return;
+        }
         let (step, part) = (self.step, self.part);
         let stays = |p: &KeptProblem| {
             let here = p.step == step && p.part == part && level.is_none_or(|l| l == p.level);

@@ -30,7 +30,7 @@ fn polynomial(x: f64, c: &[f64; 6]) -> f64 {
 }
 
 /// `exp(psi) q`, normalised.
-#[inline]
+#[inline(always)]
 pub fn advance(rot_incr_world: DVec3, q: DQuat) -> DQuat {
     let half = 0.5 * rot_incr_world;
     let x = half.length_squared();

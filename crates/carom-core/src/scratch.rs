@@ -155,7 +155,7 @@ impl Scratch {
             walls: Walls::new(model),
             contacts: Vec::new(),
             overlaps: Vec::new(),
-            islands: Islands::default(),
+            islands: Islands::new(model.options.threads as usize),
             sharing: Sharing::default(),
             impact: ImpactScratch::default(),
             smooth: SmoothScratch::new(model),

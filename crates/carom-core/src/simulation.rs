@@ -201,11 +201,16 @@ impl Simulation {
                 flow::exchange(&self.model, &mut self.state, walls, number, time, events);
             report.add_exchange(&exchange);
         }
-        let h_speed = self.state.velocity.iter().zip(&self.model.radius);
-        let travel = h_speed
-            .map(|(v, r)| v.length_squared() / (r * r))
-            .fold(0.0f64, f64::max)
-            .sqrt();
+        let (velocity, radius) = (&self.state.velocity[..], &self.model.radius[..]);
+        let fastest = |_, (v, r): (&[DVec3], &[f64])| {
+            v.iter()
+                .zip(r)
+                .map(|(v, r)| v.length_squared() / (r * r))
+                .fold(0.0f64, f64::max)
+        };
+        let threads = self.model.options.threads as usize;
+        let whole = (velocity, radius);
+        let travel = team::reduce(threads, velocity.len(), whole, fastest, f64::max).sqrt();
         self.monitors
             .add(&report, self.static_scale, travel * self.model.options.step);
         self.recorder.block.steps.push(report);
@@ -239,30 +244,43 @@ impl Simulation {
             accept_unconverged: last
                 && self.model.options.on_nonconvergence == OnNonconvergence::Warn,
         };
-        let mut local = StepReport::new(report.step, report.time);
         let (number, time) = (report.step, report.time);
         let method = match self.model.options.method {
             Method::Nsga => step,
             Method::MoreauJean => moreau::step,
             Method::Penalty => penalty::step,
         };
-        let made = method(
-            &self.model,
-            &mut self.state,
-            &mut self.scratch,
-            &mut self.timers,
-            &attempt,
-            &mut local,
-        );
+        let mut make = |report: &mut StepReport| {
+            method(
+                &self.model,
+                &mut self.state,
+                &mut self.scratch,
+                &mut self.timers,
+                &attempt,
+                report,
+            )
+        };
+        // A whole step tells of itself, a part of one beside what the others told.
+        let (made, part) = if depth == 0 {
+            (make(report), None)
+        } else {
+            let mut local = StepReport::new(number, time);
+            (make(&mut local), Some(local))
+        };
+        if part.is_none() && made.is_err() {
+            *report = StepReport::new(number, time);
+        }
         match made {
             Ok(()) => {
-                // The first sub-step that is made has nothing to merge with but the counts of those who cut it.
-                if report.iterations_smooth == 0 {
-                    local.halvings = report.halvings;
-                    local.take_substeps(report.substeps, report.substep_min);
-                    *report = local;
-                } else {
-                    report.merge(&local);
+                match part {
+                    None => {}
+                    // The first sub-step that is made has nothing to merge with but the counts of those who cut it.
+                    Some(mut local) if report.iterations_smooth == 0 => {
+                        local.halvings = report.halvings;
+                        local.take_substeps(report.substeps, report.substep_min);
+                        *report = local;
+                    }
+                    Some(local) => report.merge(&local),
                 }
                 self.recorder
                     .add_step(&self.scratch, number, time, recording.contacts);

@@ -3,15 +3,13 @@
 //! predict and smooth -> broad -> meet -> position -> velocity -> finish. The state is written in `finish` alone: a
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
-use crate::blow_up::{self, BlowUp, Watch};
+use crate::blow_up::BlowUp;
 use crate::candidates::{complete, meet, relist, CANDIDATE_MARGIN};
-use crate::contact::Contact;
-use crate::force::{self, Motion};
+use crate::finish::finish;
+use crate::force::Motion;
 use crate::level::{position, smooth};
 use crate::model::Model;
-use crate::options::Method;
 use crate::report::{Level, StepReport};
-use crate::rotation;
 use crate::scratch::Scratch;
 use crate::share::{self, Task};
 use crate::state::State;
@@ -108,8 +106,9 @@ pub(crate) fn predict_and_smooth(
     span: Span,
     report: &mut StepReport,
 ) -> Result<(), Failure> {
-    scratch.shift.fill([DVec3::ZERO; 2]);
-    scratch.jump.fill([DVec3::ZERO; 2]);
+    let threads = model.options.threads as usize;
+    team::fill(threads, &mut scratch.shift, |_| [DVec3::ZERO; 2]);
+    team::fill(threads, &mut scratch.jump, |_| [DVec3::ZERO; 2]);
     scratch.impacts.clear();
     scratch.warm.clear();
     for history in &mut scratch.history {
@@ -130,20 +129,30 @@ pub(crate) fn predict_and_smooth(
 
 /// Pairs that may come within the candidate margin during the step. The largest way of a sphere in its smooth motion, m.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<f64, Failure> {
-    let moves = scratch.walls.any_moves();
-    let mut fastest = 0.0f64;
-    for i in 0..model.spheres() {
-        let (x, r) = (state.position[i], model.radius[i]);
-        let way = scratch.linear[i].displacement.length();
-        fastest = fastest.max(way);
-        let mut need = way + CANDIDATE_MARGIN * r;
-        if moves {
-            // A fast wall may be past a sphere at the end of the step.
-            let swept = scratch.walls.speed_at(x) * h;
-            need += if swept > 0.5 * r { swept } else { 0.0 };
+    let Scratch {
+        linear,
+        walls,
+        need,
+        ..
+    } = scratch;
+    let (threads, moves) = (model.options.threads as usize, walls.any_moves());
+    let each = |first: usize, needs: &mut [f64]| {
+        let mut fastest = 0.0f64;
+        for (i, need) in (first..).zip(needs) {
+            let (x, r) = (state.position[i], model.radius[i]);
+            let way = linear[i].displacement.length();
+            fastest = fastest.max(way);
+            let mut reach = way + CANDIDATE_MARGIN * r;
+            if moves {
+                // A fast wall may be past a sphere at the end of the step.
+                let swept = walls.speed_at(x) * h;
+                reach += if swept > 0.5 * r { swept } else { 0.0 };
+            }
+            *need = state.need(model, i, reach);
         }
-        scratch.need[i] = state.need(model, i, need);
-    }
+        fastest
+    };
+    let fastest = team::reduce(threads, need.len(), &mut need[..], each, f64::max);
     scratch.neighbours.refresh(
         &state.position,
         &model.radius,
@@ -218,20 +227,17 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
         walls,
         ..
     } = scratch;
-    for i in 0..model.spheres() {
-        position[i] = state.position[i] + linear[i].displacement + shift[i][0];
-    }
-    team::each(
-        model.options.threads as usize,
-        contacts,
-        |c: &mut Contact| {
-            let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-            let p = position::proximity(model, walls, c, position[c.a as usize], xb);
-            c.gap = p.gap;
-            c.n1 = p.normal;
-            c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
-        },
-    );
+    let threads = model.options.threads as usize;
+    team::fill(threads, position, |i| {
+        state.position[i] + linear[i].displacement + shift[i][0]
+    });
+    team::each(threads, contacts, |c| {
+        let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
+        let p = position::proximity(model, walls, c, position[c.a as usize], xb);
+        c.gap = p.gap;
+        c.n1 = p.normal;
+        c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
+    });
 }
 
 /// Step 3: velocity corrections by the impact law, island by island of closed contacts.
@@ -266,115 +272,6 @@ pub(crate) fn correct_velocities(
     }
 }
 
-/// Line 41 and the new state, energies and penetration.
-pub(crate) fn finish(
-    model: &Model,
-    state: &mut State,
-    scratch: &mut Scratch,
-    coefficients: &Coefficients,
-    span: Span,
-    report: &mut StepReport,
-) -> Result<(), Failure> {
-    let (mut kinetic, mut potential) = (0.0, 0.0);
-    let mut watch = Watch::default();
-    let n = model.spheres();
-    let (linear, angular) = (&mut scratch.linear[..n], &mut scratch.angular[..n]);
-    let (jump, position) = (&mut scratch.jump[..n], &scratch.position[..n]);
-    for i in 0..n {
-        let (linear, angular) = (&mut linear[i], &mut angular[i]);
-        let v = linear.velocity + jump[i][0];
-        let w = angular.velocity + jump[i][1];
-        let (v2, w2) = (v.length_squared(), w.length_squared());
-        kinetic += 0.5 * (model.mass[i] * v2 + model.inertia[i] * w2);
-        if state.present[i] {
-            potential += force::weight_potential(model, i, position[i]);
-        }
-        linear.pseudo = coefficients.finish(linear);
-        angular.pseudo = coefficients.finish(angular);
-        let way = position[i] - state.position[i];
-        watch.look(v2 + w2, way, [linear, angular]);
-        jump[i] = [v, w];
-    }
-    if !(watch.is_calm(span.h) && (kinetic + potential).is_finite()) {
-        blow_up::find(model, state, scratch, span.h)?;
-    }
-    if model.record_walls {
-        let Scratch {
-            walls,
-            position,
-            contacts,
-            wall_impulse,
-            ..
-        } = scratch;
-        report.energy_work = walls.collect(model, state, position, contacts, wall_impulse);
-    }
-    for i in 0..model.spheres() {
-        [state.velocity[i], state.angular_velocity[i]] = scratch.jump[i];
-        state.position[i] = scratch.position[i];
-        let rot_incr_world = scratch.angular[i].displacement + scratch.shift[i][1];
-        state.orientation[i] = rotation::advance(rot_incr_world, state.orientation[i]);
-        state.pseudo[i] = [scratch.linear[i].pseudo, scratch.angular[i].pseudo];
-        state.acceleration[i] = [
-            scratch.linear[i].acceleration,
-            scratch.angular[i].acceleration,
-        ];
-    }
-    if !model.is_free() {
-        let at = motion_of(state, span.end);
-        potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
-        let mean = 0.5 * (scratch.power + power(model, &at));
-        add_smooth_reactions(model, state, scratch, coefficients);
-        report.energy_work += span.h * mean + joint_work(model, scratch, span);
-    }
-    std::mem::swap(&mut state.warm, &mut scratch.warm);
-    state.warm.sort_unstable_by_key(|w| w.key);
-    state.warm_step = coefficients.h;
-    report.energy_kinetic = kinetic;
-    report.energy_potential = potential;
-    for c in &scratch.contacts {
-        report.penetration = report.penetration.max(-c.gap);
-        report.penetration_relative = report.penetration_relative.max(-c.gap / c.length);
-    }
-    Ok(())
-}
-
-/// Adds the impulses of the smooth reactions to the joints' totals. In the nonsmooth generalized-alpha scheme they are
-/// those of the filtered reactions (eq. 6), as velocities are of filtered accelerations.
-fn add_smooth_reactions(
-    model: &Model,
-    state: &mut State,
-    scratch: &mut Scratch,
-    coefficients: &Coefficients,
-) {
-    let Scratch {
-        smooth,
-        joint_reaction,
-        ..
-    } = scratch;
-    if model.options.method != Method::Nsga {
-        smooth.add_reactions(model, coefficients.h, joint_reaction);
-        return;
-    }
-    let mut reactions = vec![[DVec3::ZERO; 2]; model.joints.len()];
-    smooth.add_reactions(model, 1.0, &mut reactions);
-    let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
-    for ((now, kept), total) in reactions
-        .iter()
-        .zip(&mut state.reaction)
-        .zip(joint_reaction)
-    {
-        let [last, pseudo] = *kept;
-        for k in 0..2 {
-            // Reactions instead of accelerations: the "velocity" is the impulse.
-            let mut p = coefficients.predict(DVec3::ZERO, pseudo[k], last[k]);
-            coefficients.correct(&mut p, per_velocity * now[k]);
-            total[k] += p.velocity;
-            kept[0][k] = now[k];
-            kept[1][k] = coefficients.finish(&p);
-        }
-    }
-}
-
 /// The motion of a state, as loads see it.
 pub(crate) fn motion_of(state: &State, time: f64) -> Motion<'_> {
     Motion {
@@ -387,25 +284,6 @@ pub(crate) fn motion_of(state: &State, time: f64) -> Motion<'_> {
 }
 
 /// Power of the loads that have no potential, W.
-fn power(model: &Model, at: &Motion) -> f64 {
+pub(crate) fn power(model: &Model, at: &Motion) -> f64 {
     model.loads.iter().map(|load| load.power(at)).sum()
-}
-
-/// Work of joints with a prescribed motion: the impulse along each such row times the mean of its rates at both ends. Of
-/// second order in smooth motion, and right where a law has a kink. (A joint prescribes one row, or rows at right angles.)
-fn joint_work(model: &Model, scratch: &Scratch, span: Span) -> f64 {
-    let mut work = 0.0;
-    for (index, joint) in model.joints.iter().enumerate() {
-        for (r, row) in joint.rows.iter().enumerate() {
-            if !joint.prescribes(r) {
-                continue;
-            }
-            let rate = 0.5 * (row.law.slope(span.start) + row.law.slope(span.end));
-            work += rate
-                * scratch
-                    .smooth
-                    .along(joint, index, r, &scratch.joint_reaction[index]);
-        }
-    }
-    work
 }

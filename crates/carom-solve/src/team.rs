@@ -237,38 +237,94 @@ pub fn map<T: Send, R: Send>(
 /// Items that a thread takes at a time from a list of small ones.
 const SHARE: usize = 2_048;
 
-/// `value(k)` for every place `k` of `out`.
-pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T + Sync) {
-    let threads = threads.min(out.len() / SHARE);
-    if threads < 2 {
-        for (index, place) in out.iter_mut().enumerate() {
-            *place = value(index);
-        }
-        return;
+/// Slices, of which several may be cut at the same place.
+pub trait Cut: Sized + Send {
+    fn cut(self, at: usize) -> (Self, Self);
+}
+
+impl<T: Send> Cut for &mut [T] {
+    fn cut(self, at: usize) -> (Self, Self) {
+        self.split_at_mut(at)
     }
-    let shares = out.chunks_mut(SHARE).enumerate().collect();
-    map(threads, shares, |(k, share): (usize, &mut [T])| {
-        for (place, index) in share.iter_mut().zip(SHARE * k..) {
+}
+
+impl<T: Sync> Cut for &[T] {
+    fn cut(self, at: usize) -> (Self, Self) {
+        self.split_at(at)
+    }
+}
+
+impl<A: Cut, B: Cut> Cut for (A, B) {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let (a, b) = (self.0.cut(at), self.1.cut(at));
+        ((a.0, b.0), (a.1, b.1))
+    }
+}
+
+impl<A: Cut, B: Cut, C: Cut> Cut for (A, B, C) {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let (a, b, c) = (self.0.cut(at), self.1.cut(at), self.2.cut(at));
+        ((a.0, b.0, c.0), (a.1, b.1, c.1))
+    }
+}
+
+/// `work(first, share)` of shares of `whole`, which are `count` places, from place `first` on; what they give is joined in their
+/// order. Shares do not depend on the threads, and so no result does.
+#[inline(always)]
+pub fn reduce<S: Cut, R: Send + Default>(
+    threads: usize,
+    count: usize,
+    whole: S,
+    work: impl Fn(usize, S) -> R + Sync,
+    join: impl Fn(R, R) -> R,
+) -> R {
+    // Small scenes have no more than one share, and their work where it is asked for.
+    if count <= SHARE {
+        return work(0, whole);
+    }
+    in_shares(threads, count, whole, &work, join)
+}
+
+#[inline(never)]
+fn in_shares<S: Cut, R: Send + Default>(
+    threads: usize,
+    count: usize,
+    whole: S,
+    work: &(impl Fn(usize, S) -> R + Sync),
+    join: impl Fn(R, R) -> R,
+) -> R {
+    let mut shares = Vec::with_capacity(count.div_ceil(SHARE));
+    let (mut first, mut rest) = (0, whole);
+    while count - first > SHARE {
+        let (share, behind) = rest.cut(SHARE);
+        shares.push((first, share));
+        (first, rest) = (first + SHARE, behind);
+    }
+    shares.push((first, rest));
+    let found = map(threads, shares, |(first, share)| work(first, share));
+    found.into_iter().reduce(join).unwrap_or_default()
+}
+
+/// `value(k)` for every place `k` of `out`.
+#[inline(always)]
+pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T + Sync) {
+    let work = |first, share: &mut [T]| {
+        for (place, index) in share.iter_mut().zip(first..) {
             *place = value(index);
         }
-    });
+    };
+    reduce(threads, out.len(), out, work, |(), ()| ());
 }
 
 /// `work` on every item.
-#[inline]
+#[inline(always)]
 pub fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(&mut T) + Sync) {
-    let threads = threads.min(items.len() / SHARE);
-    if threads < 2 {
-        items.iter_mut().for_each(work);
-        return;
-    }
-    map(
-        threads,
-        items.chunks_mut(SHARE).collect(),
-        |share: &mut [T]| {
-            share.iter_mut().for_each(&work);
-        },
-    );
+    let all = |_, share: &mut [T]| {
+        for item in share {
+            work(item);
+        }
+    };
+    reduce(threads, items.len(), items, all, |(), ()| ());
 }
 
 /// A lock that is never waited for: the stages see to that.

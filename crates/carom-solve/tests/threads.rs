@@ -190,3 +190,30 @@ fn a_panic_ends_the_team() {
     // The pool is none the worse.
     assert_eq!(team::map(4, vec![1, 2, 3], |x| 2 * x), [2, 4, 6]);
 }
+
+#[test]
+fn shares_reach_every_place_once_and_join_in_their_order() {
+    for count in [0, 1, 2_048, 2_049, 10_000] {
+        let given: Vec<f64> = (0..count).map(|k| 1.0 / f64::from(k + 1)).collect();
+        let of = |threads| {
+            let mut seen = vec![0usize; count as usize];
+            let whole = (&mut seen[..], (&given[..], &given[..]));
+            let work = |first, (seen, (given, same)): (&mut [usize], (&[f64], &[f64]))| {
+                for (k, place) in seen.iter_mut().enumerate() {
+                    *place += first + k + 1;
+                }
+                assert_eq!(given, same);
+                (vec![first], given.iter().sum::<f64>())
+            };
+            let join = |mut a: (Vec<usize>, f64), b: (Vec<usize>, f64)| {
+                a.0.extend(b.0);
+                (a.0, a.1 + b.1)
+            };
+            let (firsts, sum) = team::reduce(threads, count as usize, whole, work, join);
+            assert!(firsts.is_sorted() && seen.iter().enumerate().all(|(k, s)| *s == k + 1));
+            (firsts, sum.to_bits())
+        };
+        let one = of(1);
+        assert!([2, 3, 8].iter().all(|&threads| of(threads) == one));
+    }
+}

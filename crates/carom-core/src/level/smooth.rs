@@ -13,6 +13,7 @@ use crate::state::State;
 use crate::step::Failure;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Coefficients;
+use carom_solve::team;
 
 pub use super::smooth_newton::SmoothScratch;
 
@@ -29,19 +30,26 @@ pub fn solve(
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
-    let n = model.spheres();
-    let (linears, angulars) = (&mut scratch.linear[..n], &mut scratch.angular[..n]);
-    let positions = &mut scratch.position[..n];
-    for i in 0..n {
-        let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
-        let mut linear = coefficients.predict(state.velocity[i], a, acc);
-        let angular = coefficients.predict(state.angular_velocity[i], alpha, ang);
-        let f = force::weight(model, i);
-        coefficients.correct(&mut linear, per_velocity * model.inv_mass[i] * f);
-        positions[i] = state.position[i] + linear.displacement;
-        linears[i] = linear;
-        angulars[i] = angular;
-    }
+    let (threads, n) = (model.options.threads as usize, model.spheres());
+    let Scratch {
+        linear,
+        angular,
+        position,
+        ..
+    } = scratch;
+    let out = (&mut linear[..n], &mut angular[..n], &mut position[..n]);
+    let predict = |first: usize, (linear, angular, position): (&mut [_], &mut [_], &mut [_])| {
+        for (k, i) in (first..first + linear.len()).enumerate() {
+            let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
+            let mut p = coefficients.predict(state.velocity[i], a, acc);
+            let f = force::weight(model, i);
+            coefficients.correct(&mut p, per_velocity * model.inv_mass[i] * f);
+            position[k] = state.position[i] + p.displacement;
+            linear[k] = p;
+            angular[k] = coefficients.predict(state.angular_velocity[i], alpha, ang);
+        }
+    };
+    team::reduce(threads, n, out, predict, |(), ()| ());
     report.iterations_smooth = 1;
     if !model.is_free() {
         iterate(model, state, scratch, coefficients, time, report)?;

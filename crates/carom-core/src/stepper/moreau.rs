@@ -8,6 +8,7 @@
 use super::{Coefficients, Span};
 use crate::candidates;
 use crate::contact::Contact;
+use crate::finish;
 use crate::force;
 use crate::level::position;
 use crate::model::Model;
@@ -95,7 +96,7 @@ pub fn step(
     for lambda in &mut scratch.smooth.lambda {
         *lambda *= weight / h;
     }
-    step::finish(model, state, scratch, coefficients, span, report)?;
+    finish::finish(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Finish);
     Ok(())
 }

@@ -1,0 +1,207 @@
+//! The end of a step: line 41 of Algorithm 1, the new state, energies and penetration. Nothing of the state was written before.
+
+use crate::blow_up::{self, Watch};
+use crate::contact::Contact;
+use crate::force;
+use crate::model::Model;
+use crate::options::Method;
+use crate::report::StepReport;
+use crate::rotation;
+use crate::scratch::Scratch;
+use crate::state::State;
+use crate::step::{motion_of, power, Failure};
+use crate::stepper::{Coefficients, Prediction, Span};
+use carom_solve::team;
+use glam::{DQuat, DVec3};
+
+/// Of some spheres.
+#[derive(Default)]
+struct Sums {
+    /// J.
+    kinetic: f64,
+    potential: f64,
+    watch: Watch,
+}
+
+impl Sums {
+    fn join(mut self, other: Sums) -> Sums {
+        self.kinetic += other.kinetic;
+        self.potential += other.potential;
+        self.watch.join(&other.watch);
+        self
+    }
+}
+
+/// Ends a step, or finds that its motion left the numbers.
+pub(crate) fn finish(
+    model: &Model,
+    state: &mut State,
+    scratch: &mut Scratch,
+    coefficients: &Coefficients,
+    span: Span,
+    report: &mut StepReport,
+) -> Result<(), Failure> {
+    let sums = end_motion(model, state, scratch, coefficients);
+    let mut potential = sums.potential;
+    if !(sums.watch.is_calm(span.h) && (sums.kinetic + potential).is_finite()) {
+        blow_up::find(model, state, scratch, span.h)?;
+    }
+    if model.record_walls {
+        let Scratch {
+            walls,
+            position,
+            contacts,
+            wall_impulse,
+            ..
+        } = scratch;
+        report.energy_work = walls.collect(model, state, position, contacts, wall_impulse);
+    }
+    write(model, state, scratch);
+    if !model.is_free() {
+        let at = motion_of(state, span.end);
+        potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
+        let mean = 0.5 * (scratch.power + power(model, &at));
+        add_smooth_reactions(model, state, scratch, coefficients);
+        report.energy_work += span.h * mean + joint_work(model, scratch, span);
+    }
+    std::mem::swap(&mut state.warm, &mut scratch.warm);
+    // Stable, for islands one after the other are few sorted runs.
+    state.warm.sort_by_key(|w| w.key);
+    state.warm_step = coefficients.h;
+    report.energy_kinetic = sums.kinetic;
+    report.energy_potential = potential;
+    let deepest = |_, contacts: &[Contact]| {
+        contacts.iter().fold((0.0f64, 0.0f64), |most, c| {
+            (most.0.max(-c.gap), most.1.max(-c.gap / c.length))
+        })
+    };
+    let (threads, contacts) = (model.options.threads as usize, &scratch.contacts[..]);
+    let larger = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+    (report.penetration, report.penetration_relative) =
+        team::reduce(threads, contacts.len(), contacts, deepest, larger);
+    Ok(())
+}
+
+/// New velocities into `scratch.jump`, `a_{n+1}` into the predictions.
+fn end_motion(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    coefficients: &Coefficients,
+) -> Sums {
+    let Scratch {
+        linear,
+        angular,
+        jump,
+        position,
+        ..
+    } = scratch;
+    let (threads, n) = (model.options.threads as usize, model.spheres());
+    let whole = (&mut linear[..n], &mut angular[..n], &mut jump[..n]);
+    type Share<'a> = (
+        &'a mut [Prediction],
+        &'a mut [Prediction],
+        &'a mut [[DVec3; 2]],
+    );
+    let end = |first: usize, (linear, angular, jump): Share| {
+        let mut sums = Sums::default();
+        for (k, i) in (first..first + linear.len()).enumerate() {
+            let (linear, angular) = (&mut linear[k], &mut angular[k]);
+            let v = linear.velocity + jump[k][0];
+            let w = angular.velocity + jump[k][1];
+            let (v2, w2) = (v.length_squared(), w.length_squared());
+            sums.kinetic += 0.5 * (model.mass[i] * v2 + model.inertia[i] * w2);
+            if state.present[i] {
+                sums.potential += force::weight_potential(model, i, position[i]);
+            }
+            linear.pseudo = coefficients.finish(linear);
+            angular.pseudo = coefficients.finish(angular);
+            let way = position[i] - state.position[i];
+            sums.watch.look(v2 + w2, way, [linear, angular]);
+            jump[k] = [v, w];
+        }
+        sums
+    };
+    team::reduce(threads, n, whole, end, Sums::join)
+}
+
+/// The new state of all spheres.
+fn write(model: &Model, state: &mut State, scratch: &Scratch) {
+    let (threads, n) = (model.options.threads as usize, model.spheres());
+    let motion = (
+        &mut state.position[..n],
+        &mut state.orientation[..n],
+        (&mut state.velocity[..n], &mut state.angular_velocity[..n]),
+    );
+    let accelerations = (&mut state.pseudo[..n], &mut state.acceleration[..n]);
+    type Two<'a, A, B> = (&'a mut [A], &'a mut [B]);
+    type Motion<'a> = (&'a mut [DVec3], &'a mut [DQuat], Two<'a, DVec3, DVec3>);
+    let each = |first: usize, (to, then): (Motion, Two<[DVec3; 2], [DVec3; 2]>)| {
+        let ((x, q, (v, w)), (pseudo, acceleration)) = (to, then);
+        for (k, i) in (first..first + x.len()).enumerate() {
+            let (linear, angular) = (&scratch.linear[i], &scratch.angular[i]);
+            [v[k], w[k]] = scratch.jump[i];
+            x[k] = scratch.position[i];
+            q[k] = rotation::advance(angular.displacement + scratch.shift[i][1], q[k]);
+            pseudo[k] = [linear.pseudo, angular.pseudo];
+            acceleration[k] = [linear.acceleration, angular.acceleration];
+        }
+    };
+    team::reduce(threads, n, (motion, accelerations), each, |(), ()| ());
+}
+
+/// Adds the impulses of the smooth reactions to the joints' totals. In the nonsmooth generalized-alpha scheme they are
+/// those of the filtered reactions (eq. 6), as velocities are of filtered accelerations.
+fn add_smooth_reactions(
+    model: &Model,
+    state: &mut State,
+    scratch: &mut Scratch,
+    coefficients: &Coefficients,
+) {
+    let Scratch {
+        smooth,
+        joint_reaction,
+        ..
+    } = scratch;
+    if model.options.method != Method::Nsga {
+        smooth.add_reactions(model, coefficients.h, joint_reaction);
+        return;
+    }
+    let mut reactions = vec![[DVec3::ZERO; 2]; model.joints.len()];
+    smooth.add_reactions(model, 1.0, &mut reactions);
+    let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
+    for ((now, kept), total) in reactions
+        .iter()
+        .zip(&mut state.reaction)
+        .zip(joint_reaction)
+    {
+        let [last, pseudo] = *kept;
+        for k in 0..2 {
+            // Reactions instead of accelerations: the "velocity" is the impulse.
+            let mut p = coefficients.predict(DVec3::ZERO, pseudo[k], last[k]);
+            coefficients.correct(&mut p, per_velocity * now[k]);
+            total[k] += p.velocity;
+            kept[0][k] = now[k];
+            kept[1][k] = coefficients.finish(&p);
+        }
+    }
+}
+
+/// Work of joints with a prescribed motion: the impulse along each such row times the mean of its rates at both ends. Of
+/// second order in smooth motion, and right where a law has a kink. (A joint prescribes one row, or rows at right angles.)
+fn joint_work(model: &Model, scratch: &Scratch, span: Span) -> f64 {
+    let mut work = 0.0;
+    for (index, joint) in model.joints.iter().enumerate() {
+        for (r, row) in joint.rows.iter().enumerate() {
+            if !joint.prescribes(r) {
+                continue;
+            }
+            let rate = 0.5 * (row.law.slope(span.start) + row.law.slope(span.end));
+            work += rate
+                * scratch
+                    .smooth
+                    .along(joint, index, r, &scratch.joint_reaction[index]);
+        }
+    }
+    work
+}
