@@ -1,6 +1,6 @@
 //! What a cascade works on: contacts and spheres in a few lines of memory each, since it looks far more often than it solves.
 
-use crate::pile::member::{Member, Memory as Velocity};
+use crate::pile::member::{Given, Member, Memory as Velocity};
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
 use glam::DVec3;
@@ -65,16 +65,6 @@ struct Tally {
     scale: f64,
     /// The first problem, 0: none.
     problem: u32,
-}
-
-/// What one problem gave a contact.
-#[derive(Clone, Copy)]
-pub(super) struct Given {
-    pub impulse: DVec3,
-    pub work: [f64; 2],
-    /// Along the normal, before and after.
-    pub speed: [f64; 2],
-    pub scale: f64,
 }
 
 /// Contacts and spheres of the pile in a cascade.

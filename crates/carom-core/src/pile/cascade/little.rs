@@ -1,13 +1,13 @@
 //! The little islands of a problem, each solved alone. They share no sphere, so batches of them may be solved at the same time:
 //! what they find enters the front afterwards.
 
-use super::front::{Front, Given, Node};
+use super::front::{Front, Node};
 use super::group::Group;
 use super::near::{Island, Near};
 use super::parts::Parts;
 use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::model::Model;
-use crate::pile::member::{self, Memory as Velocity};
+use crate::pile::member::{self, Given, Memory as Velocity};
 use crate::pile::roll;
 use crate::pile::solve::GAIN_SHARE;
 use carom_solve::spheres::{Body, Goal};
