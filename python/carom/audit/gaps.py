@@ -150,9 +150,10 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
 def closing(block: Block) -> F64:
     """(B,) closing tolerance of the largest island, m/s (rule R3).
 
-    `closing_tolerance_load` (in islands of more than 100 contacts `pile_closing_tolerance`, and up to five times as much where
-    there are very many and `pile_tolerance` is above 1e-4) of the largest speed that loads give in a step; in islands of up to `dense_contacts` contacts, and where no load acts, not more than
-    `closing_tolerance_speed` of the largest speed.
+    `closing_tolerance_load` of the largest speed that loads give in a step. In islands of more than 100 contacts
+    `pile_closing_tolerance`, and up to five times as much where there are very many and `pile_tolerance` is above 1e-4. In
+    islands of up to `dense_contacts` contacts, and where no load acts, not more than `closing_tolerance_speed` of the
+    largest speed.
     """
     run, o = block.run, block.run.options
     largest = block.over(run.steps["largest_island"])
