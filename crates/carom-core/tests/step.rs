@@ -299,6 +299,8 @@ fn a_problem_solved_without_restitution_is_no_failure() {
         assert!(advance(&mut s, 1).is_none());
         let block = s.take_block();
         assert_eq!(block.steps[0].unconverged, 0);
+        // What was given up leaves no residual behind.
+        assert!(block.steps[0].residual_velocity < 1e-9);
         given_up += u32::from(block.steps[0].restitution_scale == 0.0);
         assert!(s.keeper().failed.is_none());
     }

@@ -286,9 +286,12 @@ impl ImpactScratch {
         let accept = self.accept_unconverged;
         self.accept_unconverged = accept && !without;
         let failed_before = scratch.keeper.failed.take();
+        let residual_before = report.residual_velocity;
         let mut solved = self.solve_built(model, scratch, problem, warm, report);
         self.accept_unconverged = accept;
         if !solved && without {
+            // What is given up is no part of the step.
+            report.residual_velocity = residual_before;
             self.scale.fill(0.0);
             self.build(model, scratch.contacts, law);
             solved = self.solve_built(model, scratch, problem, warm, report);
