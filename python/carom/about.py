@@ -78,8 +78,8 @@ def continued(directory: RunDir) -> dict[str, Any]:
         if not isinstance(found, kinds) and (key in CONTINUED or found is not None):
             raise CaromError(_altered(directory, key, found))
     for key, entry in ENTRIES.items():
-        found = within(key) or []
-        for one in found if isinstance(found, list) else [found]:
+        found = within(key)
+        for one in found if isinstance(found, list) else [] if found is None else [found]:
             if not isinstance(one, dict) or any(
                 not isinstance(one.get(k), kinds) for k, kinds in entry.items()
             ):

@@ -1,7 +1,7 @@
 //! `cargo bench -p carom-core --bench pile -- [N] [seed] [threads] [steps] [tolerance] [option=value ...]`: the scene `scenarios/pile.toml` without Python.
 //!
 //! N grains fall from a jittered lattice into an open box that they fill about as high as it is wide. Per 100 steps: time by phase,
-//! sweeps, impact problems, residual, overlap, energy; at the end the hash of the state. `rolling=0.1` and `spinning=0.1` are friction too,
+//! sweeps, impact problems, residual, overlap, energy; at the end the hash of the state and the five steps in which the energy rose most. `rolling=0.1` and `spinning=0.1` are friction too,
 //! over the radius.
 
 use carom_core::{Model, ModelInput, Options, Recording, Simulation, Value};
@@ -111,6 +111,9 @@ fn main() {
     };
     let begin = Instant::now();
     let mut step = 0;
+    // Rise, step, kinetic energy after it, impact problems.
+    let mut rises: Vec<(f64, u64, f64, u32)> = Vec::new();
+    let mut energy = f64::INFINITY;
     while step < steps {
         let batch = (steps - step).min(100.min(steps / 4).max(1));
         let start = Instant::now();
@@ -123,6 +126,19 @@ fn main() {
         let most = |f: &dyn Fn(&carom_core::StepReport) -> f64| {
             block.steps.iter().map(f).fold(0.0, f64::max)
         };
+        for (k, r) in block.steps.iter().enumerate() {
+            let now = r.energy_kinetic + r.energy_potential;
+            let rise = now - energy - r.energy_work;
+            rises.push((
+                rise,
+                step + k as u64 + 1,
+                r.energy_kinetic,
+                r.impact_problems,
+            ));
+            energy = now;
+        }
+        rises.sort_by(|a, b| b.0.total_cmp(&a.0));
+        rises.truncate(5);
         step += batch;
         println!(
             "{step:>6} {:>8.3} ms/step contacts {:>7.0} sweeps p {:>5.0} ({:>5.0}) v {:>5.0} ({:>5.0}) problems {:>4.1} truncated {:>3} fallbacks {:>4} unconverged {} overlap {:.1e} residual {:.0e} {:.0e} T {:.3e} impacts {}",
@@ -155,6 +171,9 @@ fn main() {
         s.monitors.energy_rises,
         hash(&s)
     );
+    for (rise, step, kinetic, problems) in rises {
+        println!("rise of {rise:.1e} J in step {step}: T {kinetic:.3e} J, {problems} problems");
+    }
     for (phase, time) in s.timers.estimate() {
         print!("{phase} {time:.3} s  ");
     }

@@ -167,7 +167,10 @@ class Segments:
     @property
     def attributes(self) -> Mapping[str, Any]:
         """Attributes of the first segment: gravity, step, versions."""
-        return dict(self._files[0].attrs)
+        try:
+            return dict(self._files[0].attrs)
+        except DAMAGED as error:
+            raise damaged(self._files[0], "its attributes", error) from error
 
     def columns(self, table: str) -> list[str]:
         """Names of the columns of a table; none of one that the run has not."""
@@ -189,7 +192,10 @@ class Segments:
             datasets = [
                 column_of(file, f"{table}/{name}", n) for file, n in zip(self._files, counts, strict=True)
             ]
-            unit = _text(datasets[0].attrs.get("unit", ""))
+            try:
+                unit = _text(datasets[0].attrs.get("unit", ""))
+            except DAMAGED as error:
+                raise damaged(self._files[0], f"/{table}/{name}: its unit", error) from error
             found = self._found[table, name] = (list(zip(datasets, counts, strict=True)), unit, [])
         parts, unit, kept = found
         return Column(parts, unit, self, kept)
