@@ -17,6 +17,9 @@ const BISECTIONS: u32 = 6;
 /// solution does a little work.
 pub(super) const GAIN_SHARE: f64 = 1e-2;
 
+/// Sweeps after which impulses are scaled chunk by chunk: what takes fewer has little to tell from one end of the pile to the other.
+const RESCALE: usize = 30;
+
 impl Pile {
     /// Solves the chosen contacts from `start` with all present impulses fixed and adds the new ones.
     pub(super) fn solve_chosen(
@@ -51,6 +54,7 @@ impl Pile {
             patience: PATIENCE,
             most,
             had: 0,
+            rescale: RESCALE,
         };
         let mut progress = self.settle(&goal, report);
         self.take_solution();

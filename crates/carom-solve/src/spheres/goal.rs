@@ -21,6 +21,8 @@ const NEVER: Change = Change {
     squared: -1.0,
     closing: -1.0,
 };
+/// No sweep has this number.
+pub const NEVER_AGAIN: usize = usize::MAX;
 /// Most that the absolute floor counts for, over the terms of eq. 44; and the share of it that stands where there are none (as in
 /// `newton`).
 const FLOOR_OVER_TERMS: f64 = 9.0;
@@ -53,6 +55,8 @@ pub struct Goal {
     pub most: usize,
     /// Sweeps that the same problem, linearised elsewhere, has had already.
     pub had: usize,
+    /// Sweeps after which the impulses of chunks are scaled for the first time (`coarse`).
+    pub rescale: usize,
 }
 
 /// What was reached.
@@ -115,9 +119,19 @@ impl Sweeps {
         let mut now = self.judge(goal, 0);
         let (mut most, mut enough) = (FIRST, Change::default());
         self.restart();
+        let mut rescale = goal.rescale;
         while !now.converged && now.sweeps < goal.most && now.residual.is_finite() {
-            let least = LEAST_BETWEEN.min(goal.most - now.sweeps);
-            let count = (most.min(goal.most - now.sweeps)).max(least);
+            if now.sweeps >= rescale {
+                rescale = if self.rescale() {
+                    2 * now.sweeps
+                } else {
+                    NEVER_AGAIN
+                };
+                (most, enough) = (FIRST, Change::default());
+            }
+            let until = goal.most.min(rescale.max(now.sweeps + 1)) - now.sweeps;
+            let least = LEAST_BETWEEN.min(until);
+            let count = (most.min(until)).max(least);
             let cap = momentum(goal.had + now.sweeps);
             self.accelerated(least, cap, NEVER);
             let done = least + self.accelerated(count - least, cap, enough);

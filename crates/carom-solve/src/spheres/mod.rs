@@ -8,6 +8,7 @@
 //! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
 
 mod accelerate;
+mod coarse;
 mod convert;
 mod curve;
 mod goal;

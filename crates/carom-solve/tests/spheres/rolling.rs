@@ -249,6 +249,7 @@ fn the_bits_of_rolling_do_not_depend_on_threads_or_instructions() {
         patience: 1000,
         most: 20,
         had: 0,
+        rescale: usize::MAX,
     };
     let run = |threads: usize, instructions| {
         let mut s = rolling(&p, &rolls, threads);
@@ -281,6 +282,7 @@ fn rolling_sweeps_with_momentum_settle() {
         patience: 10_000,
         most: 10_000,
         had: 0,
+        rescale: usize::MAX,
     };
     let mut s = rolling(&p, &rolls, 1);
     let progress = s.settle(&goal);

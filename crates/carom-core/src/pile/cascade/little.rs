@@ -103,6 +103,7 @@ impl Batch {
             patience: usize::MAX,
             most: 0,
             had: 0,
+            rescale: usize::MAX,
         };
         self.state(view, island);
         let (residual, solved) = self.group.solve(&goal);

@@ -1,0 +1,341 @@
+//! Impulses of whole chunks, scaled: what sweeps take longest to tell from one end of a pile to the other.
+//!
+//! Sweeps settle a contact with its neighbours at once, and the weight of a pile layer by layer. What they leave longest is an impulse that is a
+//! few per cent too large everywhere, where it counts for little in the norm of eq. 44 but lifts the pile. So once in a while the
+//! impulses of each chunk `c` are multiplied by `1 + s_c` (those between two chunks by the mean of both), which leaves them in
+//! their cones, such that `sum q.z = 0` over each chunk: `q` is the impulse where it sticks and its normal part where it slides, since these do
+//! no work at solutions. The factors solve a linear system of one row per chunk, Galerkin's
+//! aggregation (Vanek, Mandel and Brezina, Computing 56, 179, 1996) with the present impulses as its vectors.
+
+use super::groups::{Block, EMPTY};
+use super::kernel::{Group, State};
+use super::residual::{head, vector};
+use super::Sweeps;
+use crate::team;
+use faer::linalg::solvers::Solve;
+use glam::DVec3;
+
+/// Bounds of a factor: chunks that should lose all would never come back.
+const BOUNDS: [f64; 2] = [-0.7, 2.0];
+/// Changes that are not worth the momentum that is lost with them.
+const LEAST: f64 = 1e-2;
+/// Of the norm of a chunk's impulses one by one, added to what they are together: balanced impulses have no factor.
+const REGULAR: f64 = 1e-6;
+/// An impulse as close to its cone slides.
+const SLIDES: f64 = 0.999;
+/// No entry.
+const NONE: u32 = u32::MAX;
+
+/// Sums over contacts at a body, of impulses and of `q`: forces, and moments over the radius.
+type Sums = [DVec3; 4];
+
+/// A contact as the chunks see it.
+struct Link {
+    /// Bodies, within their chunks.
+    ends: [usize; 2],
+    sums: Sums,
+    /// `q.z`, and `q.q` over the mass.
+    slack: f64,
+    alone: f64,
+}
+
+/// One body's sums by one chunk's factor.
+struct Entry {
+    /// The chunk, among those near.
+    of: usize,
+    sums: Sums,
+    next: u32,
+}
+
+/// What the bodies of a chunk say of the system: the entries of all chunks with which it has contacts, row by row, and of its own row the rest.
+#[derive(Default)]
+struct Share {
+    near: Vec<usize>,
+    entries: Vec<f64>,
+    slack: f64,
+    alone: f64,
+}
+
+impl Sweeps {
+    /// Scales the impulses of chunks, and forgets the momentum. Whether anything was changed.
+    pub(super) fn rescale(&mut self) -> bool {
+        let count = self.layout.chunks;
+        if count < 2 || self.blocks.iter().any(|b| !b.rolls.is_empty()) {
+            return false;
+        }
+        let Some(factors) = self.factors(count) else {
+            return false;
+        };
+        team::map(
+            self.threads,
+            self.blocks.iter_mut().collect(),
+            |block: &mut Block| {
+                let ends = [block.left, block.right].map(|c| factors[c as usize]);
+                let factor = 1.0 + 0.5 * (ends[0] + ends[1]);
+                let columns = block.groups.iter_mut().flat_map(|g| &mut g.impulse);
+                columns.flatten().for_each(|r| *r *= factor);
+            },
+        );
+        self.refresh();
+        self.restart();
+        true
+    }
+
+    /// `s_c` of each chunk; nothing if all are close to 0.
+    fn factors(&self, count: usize) -> Option<Vec<f64>> {
+        let shares = team::map(self.threads, (0..count).collect(), |chunk| {
+            self.share(chunk)
+        });
+        let mut matrix = faer::Mat::<f64>::zeros(count, count);
+        for share in &shares {
+            let entries = share
+                .near
+                .iter()
+                .flat_map(|&row| share.near.iter().map(move |&column| (row, column)));
+            for (at, x) in entries.zip(&share.entries) {
+                matrix[at] += x;
+            }
+        }
+        for (c, share) in shares.iter().enumerate() {
+            // A chunk without impulses has a row of its own.
+            let alone = REGULAR * share.alone;
+            matrix[(c, c)] += if alone > 0.0 { alone } else { 1.0 };
+        }
+        let slack = faer::Col::from_fn(count, |c| -shares[c].slack);
+        let found = matrix.partial_piv_lu().solve(&slack);
+        let [low, high] = BOUNDS;
+        let factors: Vec<f64> = found.iter().map(|s| s.clamp(low, high)).collect();
+        let largest = factors.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+        (factors.iter().all(|s| s.is_finite()) && largest >= LEAST).then_some(factors)
+    }
+
+    /// What the bodies of a chunk say.
+    fn share(&self, chunk: usize) -> Share {
+        let mut share = Share::default();
+        let mut first = vec![NONE; self.layout.stride];
+        let mut entries: Vec<Entry> = Vec::new();
+        let touching = |b: &&Block| b.left as usize == chunk || b.right as usize == chunk;
+        for block in self.blocks.iter().filter(touching) {
+            let chunks = [block.left as usize, block.right as usize];
+            let inside = chunks[0] == chunks[1];
+            let local = chunks.map(|c| match share.near.iter().position(|&near| near == c) {
+                Some(k) => k,
+                None => {
+                    share.near.push(c);
+                    share.near.len() - 1
+                }
+            });
+            let weight = if inside { 1.0 } else { 0.5 };
+            self.each(block, |link| {
+                share.slack += weight * link.slack;
+                share.alone += weight * weight * link.alone;
+                for (side, &body) in link.ends.iter().enumerate() {
+                    // State 0 is the world.
+                    if chunks[side] != chunk || body == 0 {
+                        continue;
+                    }
+                    let sign = if side == 0 { weight } else { -weight };
+                    let [r, turn, q, turn_q] = link.sums;
+                    // Surface velocities of both sides enter alike.
+                    let own = [sign * r, -weight * turn, sign * q, -weight * turn_q];
+                    for &of in if inside { &local[..1] } else { &local[..] } {
+                        enter(&mut entries, &mut first[body], of, &own);
+                    }
+                }
+            });
+        }
+        let near = share.near.len();
+        share.entries.resize(near * near, 0.0);
+        let states = &self.states[chunk * self.layout.stride..];
+        for (state, &head) in states.iter().zip(&first) {
+            let [mass, inertia] = [state.linear[3], state.surface[3]];
+            for row in chain(&entries, head) {
+                for column in chain(&entries, head) {
+                    let (q, r) = (&row.sums, &column.sums);
+                    let work = mass * q[2].dot(r[0]) + inertia * q[3].dot(r[1]);
+                    share.entries[near * row.of + column.of] += work;
+                }
+            }
+        }
+        share
+    }
+
+    /// Calls `look` for each contact of a block with impulse.
+    fn each(&self, block: &Block, mut look: impl FnMut(&Link)) {
+        let stride = self.layout.stride;
+        let [left, right] = [block.left, block.right].map(|c| &self.states[c as usize * stride..]);
+        for (group, ids) in block.groups.iter().zip(&block.ids) {
+            for lane in (0..ids.len()).filter(|&lane| ids[lane] != EMPTY) {
+                if let Some(link) = link(group, lane, left, right) {
+                    look(&link);
+                }
+            }
+        }
+    }
+}
+
+/// A contact with impulse.
+fn link(group: &Group, lane: usize, left: &[State], right: &[State]) -> Option<Link> {
+    let (n, r) = (vector(&group.normal, lane), vector(&group.impulse, lane));
+    let normal = r.dot(n);
+    if normal <= 0.0 {
+        return None;
+    }
+    let ends = [group.a[lane] as usize, group.b[lane] as usize];
+    let (a, b) = (&left[ends[0]], &right[ends[1]]);
+    let spin = head(&a.surface) + head(&b.surface);
+    let z = head(&a.linear) - head(&b.linear) + n.cross(spin) + vector(&group.slip, lane);
+    let slides = (r - normal * n).length() >= SLIDES * group.friction[lane] * normal;
+    let q = if slides { normal * n } else { r };
+    Some(Link {
+        ends,
+        sums: [r, n.cross(r), q, n.cross(q)],
+        slack: q.dot(z),
+        alone: q.length_squared() * group.weight[lane],
+    })
+}
+
+/// Adds sums to a body's entry of a chunk.
+fn enter(entries: &mut Vec<Entry>, first: &mut u32, of: usize, sums: &Sums) {
+    let mut at = *first;
+    while let Some(entry) = entries.get_mut(at as usize) {
+        if entry.of == of {
+            for (sum, x) in entry.sums.iter_mut().zip(sums) {
+                *sum += *x;
+            }
+            return;
+        }
+        at = entry.next;
+    }
+    entries.push(Entry {
+        of,
+        sums: *sums,
+        next: *first,
+    });
+    *first = entries.len() as u32 - 1;
+}
+
+/// Entries of a body.
+fn chain(entries: &[Entry], first: u32) -> impl Iterator<Item = &Entry> {
+    std::iter::successors(entries.get(first as usize), |e| {
+        entries.get(e.next as usize)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Body, Contact, Goal, Place};
+    use super::*;
+    use crate::rows::WORLD;
+
+    /// Towers of 16 spheres on a floor, 12 by 12 of them, under a load of 1 m/s.
+    const HIGH: usize = 16;
+
+    struct Towers {
+        sweeps: Sweeps,
+        /// What holds the towers.
+        holding: Vec<[f64; 3]>,
+    }
+
+    fn towers(threads: usize) -> Towers {
+        let place = |i: usize| -> Place {
+            let [x, y, z] = [i / HIGH % 12, i / HIGH / 12, i % HIGH];
+            [x, y, z].map(|k| 2.5 * k as f64)
+        };
+        let bodies = vec![
+            Body {
+                inv_mass: 0.5,
+                inv_inertia: 1.0,
+                radius: 1.0,
+            };
+            144 * HIGH
+        ];
+        let places: Vec<Place> = (0..bodies.len()).map(place).collect();
+        let contacts: Vec<Contact> = (0..bodies.len())
+            .map(|i| {
+                let bottom = i % HIGH == 0;
+                Contact {
+                    a: i as u32,
+                    b: if bottom { WORLD } else { i as u32 - 1 },
+                    normal: [0.0, 0.0, 1.0],
+                    slip: [0.0, 0.0, if bottom { -1.0 } else { 0.0 }],
+                    friction: 0.5,
+                }
+            })
+            .collect();
+        let holding = (0..bodies.len()).map(|i| [0.0, 0.0, 2.0 * (HIGH - i % HIGH) as f64]);
+        Towers {
+            sweeps: Sweeps::new(&bodies, &contacts, Some(&places), threads).unwrap(),
+            holding: holding.collect(),
+        }
+    }
+
+    const GOAL: Goal = Goal {
+        tolerance: 1e-8,
+        floor: 0.0,
+        scale: 0.0,
+        closing: 1e-8,
+        penalty_scale: 0.5,
+        patience: usize::MAX,
+        most: 2_000,
+        had: 0,
+        rescale: usize::MAX,
+    };
+
+    /// What is off by the same factor everywhere is found at once, and nothing is done where nothing is off.
+    #[test]
+    fn a_common_factor_is_found() {
+        for factor in [0.6, 1.0, 1.5] {
+            let Towers {
+                mut sweeps,
+                holding,
+            } = towers(1);
+            assert!(sweeps.layout.chunks > 1);
+            let start: Vec<[f64; 3]> = holding.iter().map(|r| r.map(|x| factor * x)).collect();
+            sweeps.warm_start(&start);
+            assert_eq!(sweeps.rescale(), factor != 1.0);
+            // But for what keeps the system regular.
+            let residual = sweeps.judge(&GOAL, 0).residual;
+            assert!(
+                residual < 1e-3 * (factor - 1.0f64).abs() + 1e-12,
+                "{factor}: {residual}"
+            );
+        }
+    }
+
+    /// Factors leave impulses in their cones, whatever they are, and a solution is one with and without them.
+    #[test]
+    fn fewer_sweeps_for_the_same_solution_and_the_same_bits_for_any_threads() {
+        let mut sweeps_of = Vec::new();
+        let mut bits: Vec<Vec<[f64; 3]>> = Vec::new();
+        for (threads, rescale) in [(1, usize::MAX), (1, 8), (2, 8), (3, 8)] {
+            let Towers {
+                mut sweeps,
+                holding,
+            } = towers(threads);
+            // Each tower off by nearly the same factor, and across.
+            let start: Vec<[f64; 3]> = holding
+                .iter()
+                .enumerate()
+                .map(|(i, r)| {
+                    [
+                        0.1 * r[2],
+                        0.0,
+                        r[2] * (2.0 + 0.001 * (i / HIGH % 7) as f64),
+                    ]
+                })
+                .collect();
+            sweeps.warm_start(&start);
+            let progress = sweeps.settle(&Goal { rescale, ..GOAL });
+            assert!(progress.converged, "{progress:?}");
+            for (found, r) in sweeps.impulses().iter().zip(&holding) {
+                let off = DVec3::from(*found) - DVec3::from(*r);
+                assert!(off.length() < 1e-4 * r[2], "{found:?} instead of {r:?}");
+            }
+            sweeps_of.push(progress.sweeps);
+            bits.push(sweeps.impulses());
+        }
+        assert!(sweeps_of[1] < sweeps_of[0], "{sweeps_of:?}");
+        assert!(bits[1] == bits[2] && bits[1] == bits[3]);
+    }
+}
