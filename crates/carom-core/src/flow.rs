@@ -10,7 +10,7 @@ use crate::force;
 use crate::model::Model;
 use crate::model::{entry, finite, ModelError, ModelInput};
 use crate::state::State;
-use crate::wall::Walls;
+use crate::wall::{self, Walls};
 use carom_geom::tangent_frame;
 use glam::DVec3;
 use room::Room;
@@ -107,23 +107,21 @@ impl Flow {
                 return refuse("bodies", "are those of another inflow too".to_owned());
             }
             taken[first..end].fill(true);
-            let (corners, fits) = match flow.region {
-                Region::Box { low, high } => ([low, high], low.cmple(high).all()),
-                Region::Disc {
-                    centre,
-                    normal,
-                    radius,
-                } => (
-                    [centre, normal],
-                    normal.is_normalized() && radius >= 0.0 && radius.is_finite(),
-                ),
+            let fits = match flow.region {
+                Region::Box { low, high } => low.cmple(high).all(),
+                Region::Disc { normal, radius, .. } => normal.is_normalized() && radius >= 0.0,
             };
-            if !fits || !corners.iter().all(|c| c.is_finite()) {
+            if !fits {
                 let text = format!(
                     "is {:?}; it must be a box (low, high) or a disc (centre, unit normal, radius)",
                     flow.region
                 );
                 return refuse("region", text);
+            }
+            // Balls enter where balls may be from the start.
+            for corner in flow.region.bounds() {
+                wall::place("region", corner)
+                    .map_err(|(quantity, text)| entry("inflow", index, quantity, text))?;
             }
             finite("inflow", index, "velocity", &flow.velocity.to_array())?;
             for (quantity, value) in [

@@ -357,9 +357,13 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
             let text = "must be 1 to 6, points and distances before rotations".to_owned();
             return Err(entry("joint", index, "rows", text));
         }
+        let of_joint = |(quantity, text)| entry("joint", index, quantity, text);
+        wall::size("length", j.length).map_err(of_joint)?;
         for row in &j.rows {
-            finite("joint", index, "arms", &row.arm_a.to_array())?;
-            finite("joint", index, "arms", &row.arm_b.to_array())?;
+            // Where a ball may be, its points may be: distances and levers are squared.
+            for arm in [row.arm_a, row.arm_b] {
+                wall::place("arms", arm).map_err(of_joint)?;
+            }
             let unit = (row.direction.length() - 1.0).abs() < 1e-9;
             if row.kind != RowKind::Distance && !unit {
                 let text = "must be a unit vector".to_owned();

@@ -258,6 +258,40 @@ fn the_ball_above_one_that_is_taken_falls() {
     }
 }
 
+#[test]
+fn room_is_looked_for_at_any_place_where_balls_may_be() {
+    // Farther from the origin than an integer counts cells, too, and many images away in a periodic box.
+    for far in [0.0, 1e3, 1e9, 1e15, 1e18, 1e30, 9e74] {
+        for sign in [1.0, -1.0] {
+            for periodic in [[0.0; 3], [0.4, 0.0, 0.0], [0.4, 0.4, 1e300]] {
+                let mut input = rain(40);
+                (input.plane_point, input.plane_normal) = (Vec::new(), Vec::new());
+                (input.plane_material, input.outlet) = (Vec::new(), Vec::new());
+                input.gravity = [0.0; 3];
+                input.periodic = periodic;
+                input.periodic_origin = [1e60, 0.0, -1e60];
+                let low = DVec3::splat(sign * far);
+                input.inflow[0].region = Region::Box {
+                    low,
+                    high: low + DVec3::splat(0.3),
+                };
+                let s = simulation(&input, options(Method::Nsga));
+                let there: Vec<usize> = (1..41).filter(|&i| s.state.present[i]).collect();
+                let most = if far > 1e16 { 1 } else { 40 };
+                assert!((1..=most).contains(&there.len()), "{far}: {there:?}");
+                assert!(far > 1e8 || there.len() > 10, "{far}: {there:?}");
+                for (k, &i) in there.iter().enumerate() {
+                    for &j in &there[..k] {
+                        let (x, y) = (s.state.position[i], s.state.position[j]);
+                        let met = s.model.periodic.sphere_sphere(x, R, y, R);
+                        assert!(met.gap >= 0.0, "{far} {periodic:?}: {x} {y}");
+                    }
+                }
+            }
+        }
+    }
+}
+
 fn refusal(change: impl FnOnce(&mut ModelInput)) -> String {
     let mut input = rain(5);
     change(&mut input);
@@ -281,4 +315,32 @@ fn unusable_flows_are_refused() {
         }
     })
     .contains("region"));
+    // Where no ball may be at the start, none enters: the square of such a place is no number.
+    let far = DVec3::new(0.3, -5.5e303, 0.0);
+    for region in [
+        Region::Disc {
+            centre: far,
+            normal: DVec3::Z,
+            radius: 0.06,
+        },
+        Region::Disc {
+            centre: DVec3::ZERO,
+            normal: DVec3::Z,
+            radius: 1e80,
+        },
+        Region::Box {
+            low: far,
+            high: DVec3::ONE,
+        },
+        Region::Box {
+            low: DVec3::ZERO,
+            high: DVec3::INFINITY,
+        },
+    ] {
+        let told = refusal(|i| i.inflow[0].region = region);
+        assert!(
+            told.contains("region") && told.contains("not above 1e75 m"),
+            "{told}"
+        );
+    }
 }

@@ -7,13 +7,19 @@ use carom_geom::Periodic;
 use glam::DVec3;
 use std::collections::HashMap;
 
+/// Cells are numbered up to here, either way, since balls may enter farther away than an integer counts cells. Those beyond share
+/// the last cell, which parts no two that touch.
+const FAR: f64 = (1u64 << 40) as f64;
+/// Wider cells than needed, relatively: covers the rounding of their numbers up to [`FAR`].
+const MARGIN: f64 = 1.0 / 256.0;
+
 /// Balls in and around the region of an inflow.
 pub struct Room {
     periodic: Periodic,
-    /// Width of a cell along each axis, m: a whole number of cells in a periodic length.
-    width: DVec3,
-    /// Cells along each periodic axis, 0 along the others.
-    repeat: [i64; 3],
+    /// Width of a cell, m, along axes that are not periodic.
+    width: f64,
+    /// Cells along each periodic axis, which are a whole number and may be wider, 0 along the others.
+    repeat: DVec3,
     cells: HashMap<[i64; 3], Vec<(DVec3, f64)>>,
 }
 
@@ -21,13 +27,15 @@ impl Room {
     /// The present balls that a ball of this inflow could overlap.
     pub fn new(model: &Model, state: &State, flow: &Inflow) -> Room {
         let largest = model.radius.iter().copied().fold(0.0, f64::max);
+        let width = 2.0 * largest * (1.0 + MARGIN);
         let length = model.periodic.length();
-        let cells = (length / (2.0 * largest)).floor().max(DVec3::ONE);
         let repeats = length.cmpgt(DVec3::ZERO);
+        let cells = (length / width).floor();
+        let cells = cells.clamp(DVec3::ONE, DVec3::splat(FAR));
         let mut room = Room {
             periodic: model.periodic,
-            width: DVec3::select(repeats, length / cells, DVec3::splat(2.0 * largest)),
-            repeat: std::array::from_fn(|k| if repeats.test(k) { cells[k] as i64 } else { 0 }),
+            width,
+            repeat: DVec3::select(repeats, cells, DVec3::ZERO),
             cells: HashMap::new(),
         };
         let margin = DVec3::splat(2.0 * largest);
@@ -43,12 +51,16 @@ impl Room {
     }
 
     fn cell(&self, x: DVec3) -> [i64; 3] {
-        let cell = (self.periodic.wrap(x) / self.width).floor();
-        std::array::from_fn(|k| cell[k] as i64)
+        let length = self.periodic.length();
+        std::array::from_fn(|k| match self.repeat[k] {
+            0.0 => (x[k] / self.width).floor().clamp(-FAR, FAR) as i64,
+            // The remainder is exact however many lengths away the ball is.
+            cells => (x[k].rem_euclid(length[k]) / length[k] * cells) as i64,
+        })
     }
 
     fn wrap(&self, cell: [i64; 3]) -> [i64; 3] {
-        std::array::from_fn(|k| match self.repeat[k] {
+        std::array::from_fn(|k| match self.repeat[k] as i64 {
             0 => cell[k],
             cells => cell[k].rem_euclid(cells),
         })

@@ -2,6 +2,7 @@
 
 use super::{coefficient, Dependence, Load, LoadError, Magnitude, Motion, Tangent};
 use crate::joint::{add_block, lever_blocks, outer, skew, Pose, Twist, GROUND};
+use crate::wall;
 use glam::{DMat3, DVec3};
 
 /// Between sphere `a` and sphere `b` or the ground.
@@ -79,11 +80,13 @@ impl Load for Spring {
         coefficient("stiffness", self.stiffness)?;
         coefficient("damping", self.damping)?;
         coefficient("rest_length", self.rest_length)?;
+        wall::length("rest_length", self.rest_length)?;
         if self.a == self.b {
             return Err(("between", "joins a sphere with itself".to_owned()));
         }
-        if !(self.arm_a.is_finite() && self.arm_b.is_finite()) {
-            return Err(("points", "must be finite".to_owned()));
+        // Where a ball may be, its ends may be: the spring's length is made of squares.
+        for arm in [self.arm_a, self.arm_b] {
+            wall::place("points", arm)?;
         }
         Ok(())
     }

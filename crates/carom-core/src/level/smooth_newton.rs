@@ -459,6 +459,12 @@ pub fn initial_accelerations(model: &Model, state: &State) -> (Vec<[DVec3; 2]>, 
         }
     }
     scratch.add_reactions(model, 1.0, &mut reactions);
+    // What overflows here stops the first step, which reports it; the state it leaves is to be one that can be saved and read.
+    for pair in accelerations.iter_mut().chain(&mut reactions) {
+        if !pair.iter().all(|x| x.is_finite()) {
+            *pair = [DVec3::ZERO; 2];
+        }
+    }
     (accelerations, reactions)
 }
 

@@ -6,6 +6,7 @@
 //! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
 use super::{Coefficients, Span};
+use crate::blow_up::BlowUp;
 use crate::candidates;
 use crate::contact::Contact;
 use crate::finish;
@@ -116,10 +117,15 @@ fn weigh_loads(
         return Err(Failure::Load);
     }
     for (i, [force, moment]) in wrench.into_iter().enumerate() {
-        state.pseudo[i] = [
+        let pair = [
             model.gravity + model.inv_mass[i] * force,
             model.inv_inertia[i] * moment,
         ];
+        // The state is saved where a run stops, and read again only if it holds nothing but numbers.
+        if !pair.iter().all(|x| x.is_finite()) {
+            return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, i as u32)));
+        }
+        state.pseudo[i] = pair;
     }
     Ok(())
 }

@@ -99,10 +99,22 @@ pub fn finite(name: &'static str, v: DVec3) -> Result<DVec3, Refusal> {
         return Ok(v);
     }
     let most = SIZES.end();
-    Err((
-        name,
-        format!("is {v}; it must be finite, and not above {most:e} m"),
-    ))
+    // Hundreds of digits are no help: `Debug` writes powers of ten.
+    let text = format!(
+        "is {:?}; it must be finite, and not above {most:e} m",
+        v.to_array()
+    );
+    Err((name, text))
+}
+
+/// A distance or a coordinate: of either sign, or none.
+pub fn length(name: &'static str, value: f64) -> Result<(), Refusal> {
+    if value.abs() <= *SIZES.end() {
+        return Ok(());
+    }
+    let most = SIZES.end();
+    let text = format!("is {value:e}; it must be finite, and not above {most:e} m");
+    Err((name, text))
 }
 
 /// Scaled before it is normalised: the square of a huge component is infinite.

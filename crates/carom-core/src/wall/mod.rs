@@ -8,7 +8,7 @@ mod check;
 mod motion;
 
 pub use carom_geom::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
-pub use check::{checked, finite as place, positive as size};
+pub use check::{checked, finite as place, length, positive as size};
 pub use motion::{WallMotion, WallRotation, WallTwist};
 
 use crate::blow_up::{within_bounds, FASTEST};

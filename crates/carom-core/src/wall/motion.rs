@@ -1,5 +1,6 @@
 //! Laws by which a wall moves, and its velocity at a point.
 
+use super::place;
 use crate::contact::Rows;
 use crate::level::position::along;
 use crate::scalar::Scalar;
@@ -140,9 +141,10 @@ impl WallMotion {
             axes.push(("surface_rotation", axis, point));
         }
         for (name, axis, point) in axes {
-            if !point.is_finite() || (axis.length() - 1.0).abs() >= 1e-9 {
-                let text = format!("needs a unit axis and a finite point, not {axis} and {point}");
-                return Err((name, text));
+            place(name, point)?;
+            let unit = (axis.length() - 1.0).abs() < 1e-9;
+            if !unit {
+                return Err((name, format!("needs a unit axis, not {axis}")));
             }
         }
         if !self.surface_velocity.is_finite() {

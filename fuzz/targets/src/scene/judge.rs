@@ -202,6 +202,10 @@ fn finite(state: &State, stepped: bool) {
         vectors.iter().all(|v| v.iter().all(|x| x.is_finite())),
         "{state:?}"
     );
+    // A gap is made of squares: a ball has no place where they are no numbers.
+    let far = |x: &&DVec3| !x.length_squared().is_finite();
+    let lost = state.position.iter().find(far);
+    assert!(lost.is_none(), "{lost:?}");
     for q in &state.orientation {
         assert!((q.length() - 1.0).abs() < 1e-6, "{q}");
     }
