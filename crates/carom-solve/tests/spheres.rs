@@ -6,7 +6,7 @@ mod rolling;
 
 use carom_solve::rows::{Linear, RowSystem, WORLD};
 use carom_solve::spheres::{
-    as_spheres, Body, Contact, Instructions, Place, Roll, SpheresError, Sweeps,
+    as_spheres, Body, Contact, Goal, Instructions, Place, Roll, SpheresError, Sweeps,
 };
 use carom_solve::Bounds;
 use common::{cross, dot, scaled, sharp, Rng};
@@ -399,6 +399,29 @@ fn the_bits_do_not_depend_on_threads_or_instructions() {
         s.instructions = Instructions::Scalar;
         s.sweep(7);
         assert!(bits(&s) == expected, "scalar, {threads} threads");
+    }
+    // With impulses scaled on the way.
+    let settle = |threads, instructions: Option<Instructions>, rescale| {
+        let mut s = sweeps(&p, threads);
+        s.instructions = instructions.unwrap_or(s.instructions);
+        s.settle(&Goal {
+            tolerance: 1e-12,
+            floor: 0.0,
+            scale: 0.0,
+            closing: 1e-12,
+            penalty_scale: 0.5,
+            patience: usize::MAX,
+            most: 24,
+            had: 0,
+            rescale,
+        });
+        bits(&s)
+    };
+    let scaled = settle(1, None, 6);
+    assert!(scaled != settle(1, None, usize::MAX));
+    for (threads, instructions) in [(3, None), (8, None), (3, Some(Instructions::Scalar))] {
+        let found = settle(threads, instructions, 6);
+        assert!(found == scaled, "{threads} threads, {instructions:?}");
     }
 }
 

@@ -1,26 +1,30 @@
 //! Impulses of whole chunks, scaled: what sweeps take longest to tell from one end of a pile to the other.
 //!
-//! Sweeps settle a contact with its neighbours at once, and the weight of a pile layer by layer. What they leave longest is an impulse that is a
-//! few per cent too large everywhere, where it counts for little in the norm of eq. 44 but lifts the pile. So once in a while the
-//! impulses of each chunk `c` are multiplied by `1 + s_c` (those between two chunks by the mean of both), which leaves them in
-//! their cones, such that `sum q.z = 0` over each chunk: `q` is the impulse where it sticks and its normal part where it slides, since these do
-//! no work at solutions. The factors solve a linear system of one row per chunk, Galerkin's
+//! Sweeps settle a contact with its neighbours at once, and the weight of a pile layer by layer. What they leave longest are impulses that are
+//! too large everywhere, which counts for little in the norm of eq. 44 but lifts the pile. So once in a while the
+//! impulses of each chunk `c` are multiplied by `1 + s_c` (those between two chunks by the mean of both), which leaves what is in
+//! its cone there, such that `sum q.z = 0` over each chunk, contacts between chunks counted half: `q` is the impulse where it sticks and its
+//! normal part where it slides, since these do no work at solutions. The factors solve a linear system of one row per chunk, Galerkin's
 //! aggregation (Vanek, Mandel and Brezina, Computing 56, 179, 1996) with the present impulses as its vectors.
+//!
+//! Not where something rolls, nor in problems of one chunk.
 
 use super::groups::{Block, EMPTY};
 use super::kernel::{Group, State};
 use super::residual::{head, vector};
 use super::Sweeps;
+use crate::direct::dense::{lu_factor, lu_solve};
 use crate::team;
-use faer::linalg::solvers::Solve;
 use glam::DVec3;
 
-/// Bounds of a factor: chunks that should lose all would never come back.
+/// Bounds of `s_c`: cones open and close long before the linear system knows of it.
 const BOUNDS: [f64; 2] = [-0.7, 2.0];
-/// Changes that are not worth the momentum that is lost with them.
+/// Changes (in the mean over the impulses) that are not worth the momentum that is lost with them.
 const LEAST: f64 = 1e-2;
+/// What has to be left at most of the sums after their linear system.
+const MOST_LEFT: f64 = 0.8;
 /// Of the norm of a chunk's impulses one by one, added to what they are together: balanced impulses have no factor.
-const REGULAR: f64 = 1e-6;
+const REGULAR: f64 = 1e-8;
 /// An impulse as close to its cone slides.
 const SLIDES: f64 = 0.999;
 /// No entry.
@@ -57,13 +61,14 @@ struct Share {
 }
 
 impl Sweeps {
+    /// Whether [`Sweeps::rescale`] can do anything.
+    pub(super) fn scales(&self) -> bool {
+        self.layout.chunks > 1 && self.blocks.iter().all(|b| b.rolls.is_empty())
+    }
+
     /// Scales the impulses of chunks, and forgets the momentum. Whether anything was changed.
     pub(super) fn rescale(&mut self) -> bool {
-        let count = self.layout.chunks;
-        if count < 2 || self.blocks.iter().any(|b| !b.rolls.is_empty()) {
-            return false;
-        }
-        let Some(factors) = self.factors(count) else {
+        let Some(factors) = self.factors() else {
             return false;
         };
         team::map(
@@ -81,39 +86,61 @@ impl Sweeps {
         true
     }
 
-    /// `s_c` of each chunk; nothing if all are close to 0.
-    fn factors(&self, count: usize) -> Option<Vec<f64>> {
-        let shares = team::map(self.threads, (0..count).collect(), |chunk| {
-            self.share(chunk)
-        });
-        let mut matrix = faer::Mat::<f64>::zeros(count, count);
+    /// What all chunks say.
+    fn shares(&self) -> Vec<Share> {
+        let chunks = (0..self.layout.chunks).collect();
+        team::map(self.threads, chunks, |chunk| self.share(chunk))
+    }
+
+    /// `s_c` of each chunk; nothing if it is not worth it.
+    fn factors(&self) -> Option<Vec<f64>> {
+        let shares = self.shares();
+        let count = shares.len();
+        let mut matrix = vec![0.0; count * count];
         for share in &shares {
-            let entries = share
-                .near
+            let near = &share.near;
+            let at = near
                 .iter()
-                .flat_map(|&row| share.near.iter().map(move |&column| (row, column)));
-            for (at, x) in entries.zip(&share.entries) {
+                .flat_map(|row| near.iter().map(move |column| count * row + column));
+            for (at, x) in at.zip(&share.entries) {
                 matrix[at] += x;
             }
         }
         for (c, share) in shares.iter().enumerate() {
             // A chunk without impulses has a row of its own.
             let alone = REGULAR * share.alone;
-            matrix[(c, c)] += if alone > 0.0 { alone } else { 1.0 };
+            matrix[count * c + c] += if alone > 0.0 { alone } else { 1.0 };
         }
-        let slack = faer::Col::from_fn(count, |c| -shares[c].slack);
-        let found = matrix.partial_piv_lu().solve(&slack);
+        let mut found: Vec<f64> = shares.iter().map(|share| -share.slack).collect();
+        let (mut factored, mut pivots) = (matrix.clone(), vec![0; count]);
+        lu_factor(&mut factored, count, &mut pivots).ok()?;
+        lu_solve(&factored, count, &pivots, &mut found);
+        if !found.iter().all(|s| s.is_finite()) {
+            return None;
+        }
         let [low, high] = BOUNDS;
-        let factors: Vec<f64> = found.iter().map(|s| s.clamp(low, high)).collect();
-        let largest = factors.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        (factors.iter().all(|s| s.is_finite()) && largest >= LEAST).then_some(factors)
+        found.iter_mut().for_each(|s| *s = s.clamp(low, high));
+        // Chunks with hardly any impulse may have any factor.
+        let all: f64 = shares.iter().map(|share| share.alone).sum();
+        let weighted = shares
+            .iter()
+            .zip(&found)
+            .map(|(share, s)| share.alone * s * s);
+        let changes = weighted.sum::<f64>() >= LEAST * LEAST * all;
+        let [mut before, mut after] = [0.0; 2];
+        for (row, share) in matrix.chunks(count).zip(&shares) {
+            let change: f64 = row.iter().zip(&found).map(|(x, s)| x * s).sum();
+            before += share.slack.abs();
+            after += (share.slack + change).abs();
+        }
+        (changes && after <= MOST_LEFT * before).then_some(found)
     }
 
     /// What the bodies of a chunk say.
     fn share(&self, chunk: usize) -> Share {
         let mut share = Share::default();
         let mut first = vec![NONE; self.layout.stride];
-        let mut entries: Vec<Entry> = Vec::new();
+        let mut entries: Vec<Entry> = Vec::with_capacity(self.layout.stride);
         let touching = |b: &&Block| b.left as usize == chunk || b.right as usize == chunk;
         for block in self.blocks.iter().filter(touching) {
             let chunks = [block.left as usize, block.right as usize];
@@ -237,7 +264,7 @@ mod tests {
         holding: Vec<[f64; 3]>,
     }
 
-    fn towers(threads: usize) -> Towers {
+    fn towers(threads: usize, friction: f64) -> Towers {
         let place = |i: usize| -> Place {
             let [x, y, z] = [i / HIGH % 12, i / HIGH / 12, i % HIGH];
             [x, y, z].map(|k| 2.5 * k as f64)
@@ -259,7 +286,7 @@ mod tests {
                     b: if bottom { WORLD } else { i as u32 - 1 },
                     normal: [0.0, 0.0, 1.0],
                     slip: [0.0, 0.0, if bottom { -1.0 } else { 0.0 }],
-                    friction: 0.5,
+                    friction,
                 }
             })
             .collect();
@@ -289,8 +316,8 @@ mod tests {
             let Towers {
                 mut sweeps,
                 holding,
-            } = towers(1);
-            assert!(sweeps.layout.chunks > 1);
+            } = towers(1, 0.5);
+            assert!(sweeps.scales());
             let start: Vec<[f64; 3]> = holding.iter().map(|r| r.map(|x| factor * x)).collect();
             sweeps.warm_start(&start);
             assert_eq!(sweeps.rescale(), factor != 1.0);
@@ -303,7 +330,60 @@ mod tests {
         }
     }
 
-    /// Factors leave impulses in their cones, whatever they are, and a solution is one with and without them.
+    /// Each chunk is off by another factor, and a third of the contacts slide.
+    #[test]
+    fn the_sums_of_all_chunks_vanish_and_cones_hold() {
+        let Towers {
+            mut sweeps,
+            holding,
+        } = towers(2, 0.01);
+        let start = holding.iter().enumerate().map(|(i, r)| {
+            let normal = r[2] * (1.2 + 0.01 * (i / HIGH / 12) as f64);
+            let across = if i % 3 == 0 { 0.01 } else { 0.001 };
+            [across * normal, 0.0, normal]
+        });
+        let start: Vec<[f64; 3]> = start.collect();
+        sweeps.warm_start(&start);
+        let before: Vec<f64> = sweeps.shares().iter().map(|share| share.slack).collect();
+        let factors = sweeps.factors().unwrap();
+        assert!(
+            factors.iter().all(|s| (-0.5..-0.05).contains(s)),
+            "{factors:?}"
+        );
+        assert!(
+            factors.windows(2).any(|s| (s[0] - s[1]).abs() > 1e-3),
+            "{factors:?}"
+        );
+        assert!(sweeps.rescale());
+        // The `q` of the next look are as much smaller: of second order.
+        for (share, before) in sweeps.shares().iter().zip(&before) {
+            assert!(
+                share.slack.abs() < 0.05 * before.abs(),
+                "{} of {before}",
+                share.slack
+            );
+        }
+        for r in sweeps.impulses() {
+            assert!(
+                r[2] > 0.0 && r[0].hypot(r[1]) <= 0.01 * r[2] * (1.0 + 1e-12),
+                "{r:?}"
+            );
+        }
+    }
+
+    /// Where there is nothing to tell from one end to the other, nothing is scaled.
+    #[test]
+    fn a_single_chunk_is_left_alone() {
+        let body = Body {
+            inv_mass: 1.0,
+            inv_inertia: 1.0,
+            radius: 1.0,
+        };
+        let sweeps = Sweeps::new(&[body; 3], &[], None, 1).unwrap();
+        assert!(!sweeps.scales());
+    }
+
+    /// Factors lead to the same solution sooner.
     #[test]
     fn fewer_sweeps_for_the_same_solution_and_the_same_bits_for_any_threads() {
         let mut sweeps_of = Vec::new();
@@ -312,7 +392,7 @@ mod tests {
             let Towers {
                 mut sweeps,
                 holding,
-            } = towers(threads);
+            } = towers(threads, 0.5);
             // Each tower off by nearly the same factor, and across.
             let start: Vec<[f64; 3]> = holding
                 .iter()

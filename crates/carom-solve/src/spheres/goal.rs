@@ -21,8 +21,6 @@ const NEVER: Change = Change {
     squared: -1.0,
     closing: -1.0,
 };
-/// No sweep has this number.
-pub const NEVER_AGAIN: usize = usize::MAX;
 /// Most that the absolute floor counts for, over the terms of eq. 44; and the share of it that stands where there are none (as in
 /// `newton`).
 const FLOOR_OVER_TERMS: f64 = 9.0;
@@ -55,7 +53,7 @@ pub struct Goal {
     pub most: usize,
     /// Sweeps that the same problem, linearised elsewhere, has had already.
     pub had: usize,
-    /// Sweeps after which the impulses of chunks are scaled for the first time (`coarse`).
+    /// Sweeps after which the impulses of chunks are scaled for the first time (`coarse`); `usize::MAX`: never.
     pub rescale: usize,
 }
 
@@ -119,15 +117,17 @@ impl Sweeps {
         let mut now = self.judge(goal, 0);
         let (mut most, mut enough) = (FIRST, Change::default());
         self.restart();
-        let mut rescale = goal.rescale;
+        let mut rescale = if self.scales() {
+            goal.rescale
+        } else {
+            usize::MAX
+        };
         while !now.converged && now.sweeps < goal.most && now.residual.is_finite() {
             if now.sweeps >= rescale {
-                rescale = if self.rescale() {
-                    2 * now.sweeps
-                } else {
-                    NEVER_AGAIN
-                };
-                (most, enough) = (FIRST, Change::default());
+                if self.rescale() {
+                    (most, enough) = (FIRST, Change::default());
+                }
+                rescale = 2 * now.sweeps.max(1);
             }
             let until = goal.most.min(rescale.max(now.sweeps + 1)) - now.sweeps;
             let least = LEAST_BETWEEN.min(until);
