@@ -4,7 +4,7 @@
 use super::roll::{self, Turning};
 use super::{
     budget, is_beyond, keep, node, record, shares, told, warm::Cursor, worst, Pile, COARSE, HUGE,
-    PATIENCE,
+    PATIENCE, TYPICAL,
 };
 use crate::contact::Contact;
 use crate::islands::Island;
@@ -24,8 +24,9 @@ use carom_solve::team;
 use glam::DVec3;
 
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
-/// sideways. (Of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000.)
-const SWEEPS_PER_LINEARISATION: usize = 48;
+/// sideways. In islands of many contacts ([`TYPICAL`]) of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000.
+const SWEEPS_PER_LINEARISATION: usize = 64;
+const OF_MANY: usize = 48;
 /// Overlap over the radius that no pile's size excuses.
 const MOST_OVERLAP: f64 = 4.5e-4;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
@@ -159,12 +160,17 @@ fn solve(
         closing: LINEAR_SHARE * goal.closing,
         ..goal
     };
+    let between = if (members.len() as f64) < TYPICAL {
+        SWEEPS_PER_LINEARISATION
+    } else {
+        OF_MANY
+    };
     let (mut sweeps, mut round) = (0, 0);
     let mut last = pile.sweeps.judge(&goal, 0);
     while sweeps < goal.most {
         round += 1;
         let linear_problem = pile.sweeps.settle(&Goal {
-            most: SWEEPS_PER_LINEARISATION.min(goal.most - sweeps),
+            most: between.min(goal.most - sweeps),
             patience: PATIENCE.saturating_sub(sweeps),
             had: sweeps,
             ..strict
