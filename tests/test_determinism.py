@@ -252,7 +252,7 @@ def test_one_to_eight_threads(name: str, trials: Trials) -> None:
 def test_a_large_island_on_one_to_eight_threads(method: str, trials: Trials) -> None:
     """9000 balls: nine chunks, and three threads at the search for pairs; 8 threads at the sweeps."""
     check_threads(
-        lattice(24, 20), 3, tuple(range(2, 9)), 24_000, trials, contacts_per_thread=1, method=method
+        lattice(24, 20), 3, tuple(range(2, 9)), 23_000, trials, contacts_per_thread=1, method=method
     )
 
 
