@@ -371,10 +371,10 @@ def _execute(
     if watch is not None:
         watch.begin(list(scene.names), start.model, plan.every)
     problems = None
-    if "save_problems" in about:
+    kept = about.get("save_problems")
+    if kept is not None:
         from carom.record.problem import Choice, Problems
 
-        kept = about["save_problems"]
         problems = Problems(directory, Choice.of(kept["choice"], kept["form"]))
     segment = {"file": writer.path.name, "from_step": simulation.step, "started": now()}
     directory.log(

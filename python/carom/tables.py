@@ -177,7 +177,10 @@ class Contacts(_Pairs):
     def _frame(self) -> Array:
         ends = np.asarray(self._segments.column("frames", "contact_end")).astype(np.int64)
         rows = np.arange(self._all_rows()) if self._chosen is None else self._chosen
-        return np.searchsorted(ends, rows, side="right")
+        frames = np.searchsorted(ends, rows, side="right")
+        if frames.size and frames.max() >= len(ends):
+            raise self._segments.damage("/frames/contact_end", "contacts belong to no frame")
+        return frames
 
     def _time(self) -> Array:
         return np.asarray(np.asarray(self._segments.column("frames", "time"))[self._frame()])

@@ -210,6 +210,10 @@ class Segments:
             raise damaged(self._files[0], f"/{table}", "its columns differ in length, or name is missing")
         return columns
 
+    def damage(self, place: str, cause: str) -> CaromError:
+        """What is said of a table that contradicts itself."""
+        return damaged(self._files[0], place, cause)
+
     def close(self) -> None:
         """Close the files; what was read stays."""
         self._closed = True
