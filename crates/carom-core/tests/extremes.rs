@@ -7,21 +7,11 @@ use carom_core::joint::{Joint, JointRow, RowKind, GROUND};
 use carom_core::options::Method;
 use carom_core::scalar::Scalar;
 use carom_core::wall::{Ball, Shape, WallMotion, WallRotation};
-use carom_core::{ModelInput, Options, Recording, Simulation};
-use common::{compile, on_floor};
+use carom_core::{Options, Recording, Simulation};
+use common::{compile, on_floor, refusal};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// The message with which the model is refused.
-fn refusal(change: impl Fn(&mut ModelInput)) -> String {
-    let mut input = on_floor([0.2, 0.5, 0.0, 1e-3, 1e-3]);
-    change(&mut input);
-    match compile(&input, Options::default()) {
-        Ok(_) => panic!("accepted"),
-        Err(error) => error.to_string(),
-    }
-}
 
 #[test]
 fn steps_and_walls_whose_squares_are_no_numbers_are_refused() {

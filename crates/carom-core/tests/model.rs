@@ -3,17 +3,7 @@
 mod common;
 
 use carom_core::{ModelError, ModelInput, Options};
-use common::{compile, on_floor};
-
-/// The message with which the model is refused.
-fn refusal(change: impl Fn(&mut ModelInput)) -> String {
-    let mut input = on_floor([0.2, 0.5, 0.0, 1e-3, 1e-3]);
-    change(&mut input);
-    match compile(&input, Options::default()) {
-        Ok(_) => panic!("accepted"),
-        Err(error) => error.to_string(),
-    }
-}
+use common::{compile, on_floor, refusal};
 
 #[test]
 fn what_is_not_finite_is_refused_by_name() {

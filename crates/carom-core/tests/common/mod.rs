@@ -98,3 +98,13 @@ pub fn bits(s: &Simulation) -> Vec<u64> {
     }
     out
 }
+
+/// The message with which a ball on a floor, changed, is refused.
+pub fn refusal(change: impl Fn(&mut ModelInput)) -> String {
+    let mut input = on_floor([0.2, 0.5, 0.0, 1e-3, 1e-3]);
+    change(&mut input);
+    match compile(&input, Options::default()) {
+        Ok(_) => panic!("accepted"),
+        Err(error) => error.to_string(),
+    }
+}
