@@ -7,7 +7,7 @@ use crate::level::coupling::Trial;
 use crate::level::smooth::SmoothScratch;
 use crate::model::Model;
 use crate::penalty::Workspace;
-use crate::pile::Pile;
+use crate::pile::{is_huge, Pile};
 use crate::problem::Keeper;
 use crate::report::Level;
 use crate::share::Sharing;
@@ -176,6 +176,27 @@ impl Scratch {
 }
 
 impl Scratch {
+    /// Gives back what a level was solved with, if it is much.
+    pub fn end_level(&mut self) {
+        if is_huge(&self.contacts) {
+            self.pile = Pile::new();
+            self.sharing = Sharing::default();
+        }
+    }
+
+    /// Forgets what the last step found.
+    pub fn begin_step(&mut self) {
+        if is_huge(&self.contacts) {
+            (self.warm, self.impacts) = (Vec::new(), Vec::new());
+        }
+        self.impacts.clear();
+        self.warm.clear();
+        for history in &mut self.history {
+            history.clear();
+        }
+        self.keeper.failed = None;
+    }
+
     /// The islands of a level, and what they are solved with in the step itself.
     pub fn of_level(&mut self, level: Level) -> (&Islands, IslandScratch<'_>) {
         let (shift, corrections): (&[_], _) = match level {

@@ -109,12 +109,7 @@ pub(crate) fn predict_and_smooth(
     let threads = model.options.threads as usize;
     team::fill(threads, &mut scratch.shift, |_| [DVec3::ZERO; 2]);
     team::fill(threads, &mut scratch.jump, |_| [DVec3::ZERO; 2]);
-    scratch.impacts.clear();
-    scratch.warm.clear();
-    for history in &mut scratch.history {
-        history.clear();
-    }
-    scratch.keeper.failed = None;
+    scratch.begin_step();
     scratch.joint_reaction.fill([DVec3::ZERO; 2]);
     if !model.loads.is_empty() {
         scratch.power = power(model, &motion_of(state, span.start));
@@ -186,6 +181,7 @@ fn correct_positions(
         report.relisted += 1;
     }
     report.candidates = scratch.contacts.len() as u32;
+    scratch.end_level();
     Ok(())
 }
 
@@ -265,7 +261,9 @@ pub(crate) fn correct_velocities(
         span,
         accept_unconverged: accept,
     };
-    if share::solve(&task, scratch, report) {
+    let solved = share::solve(&task, scratch, report);
+    scratch.end_level();
+    if solved {
         Ok(())
     } else {
         Err(Failure::NotConverged(Level::Velocity))

@@ -56,6 +56,11 @@ const APART: f64 = 3.0;
 /// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many.
 const HUGE: usize = 1_000_000;
 
+/// Whether memory is given back in a step with these candidates.
+pub fn is_huge(contacts: &[Contact]) -> bool {
+    contacts.len() >= HUGE
+}
+
 /// Restitution terms of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Law {

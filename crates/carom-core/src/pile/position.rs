@@ -3,7 +3,7 @@
 
 use super::roll::{self, Turning};
 use super::{
-    budget, is_beyond, keep, node, record, shares, told, warm::Cursor, worst, Pile, COARSE, HUGE,
+    budget, is_beyond, keep, node, record, shares, told, warm::Cursor, worst, Pile, COARSE,
     PATIENCE, TYPICAL,
 };
 use crate::contact::Contact;
@@ -261,9 +261,6 @@ fn solve(
             c.nu = record::packed(c, normal, DVec3::from(impulses[slot]), moment_of(slot));
         }
     });
-    if members.len() >= HUGE {
-        (pile.impulses, pile.corrections) = (Vec::new(), Vec::new());
-    }
     true
 }
 

@@ -3,7 +3,7 @@
 
 use super::member::{work, Member, Memory as Velocity, FIXED};
 use super::roll::{self, Turning};
-use super::{coarser, is_beyond, node, record, shares, warm::Cursor, Law, Pile};
+use super::{coarser, is_beyond, is_huge, node, record, shares, warm::Cursor, Law, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -336,8 +336,7 @@ impl Pile {
         island: Island,
         report: &mut StepReport,
     ) {
-        let huge = self.velocity.members.len() >= super::HUGE;
-        if huge {
+        if is_huge(scratch.contacts) {
             self.sweeps = Sweeps::empty();
         }
         let memory = &self.velocity;
@@ -364,9 +363,6 @@ impl Pile {
         memory
             .every
             .hand_over(&memory.members, scratch.contacts, scratch.impacts);
-        if huge {
-            self.velocity = Velocity::default();
-        }
     }
 }
 
