@@ -52,11 +52,23 @@ def tables(owner: Container[str]) -> tuple[str, ...]:
     return (*TABLES, EVENTS) if EVENTS in owner else TABLES
 
 
+#: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.
+AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2}
+
+
 class Meaning(NamedTuple):
-    """Unit (SI, "1" for a count or ratio) and one line of explanation of a column."""
+    """Unit (SI, "1" for a count or ratio) and one line of explanation of a column, which begins with its axes if it has
+    more than one.
+    """
 
     unit: str
     text: str
+
+    @property
+    def row(self) -> tuple[int | None, ...]:
+        """Shape of a row; None for an axis whose length is not always the same."""
+        axes = self.text[1:].partition(")")[0].split(", ")[1:] if self.text.startswith("(") else []
+        return tuple(AXES.get(axis) for axis in axes)
 
 
 _MOTION = "how it moves, as JSON: laws of the time and axes of rotation, nothing where it stands"

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.hdf5 import Untrusted, child, dataset, first_line
-from carom.record.layout import FORMAT, TABLES, VALUES, Rows, tables
+from carom.record.layout import FORMAT, MEANINGS, TABLES, VALUES, Rows, tables
 
 #: What h5py raises over damaged files.
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError)
@@ -203,15 +203,27 @@ def table_of(file: h5py.File, table: str) -> h5py.Group | None:
 def column_of(file: h5py.File, key: str, rows: int) -> h5py.Dataset:
     """A column of which `rows` rows count."""
     try:
-        return dataset(file, key, rows=rows)
+        return _as_laid_out(dataset(file, key, rows=rows), key)
     except Untrusted as error:
         raise damaged(file, error.place, error.cause) from error
+
+
+def _as_laid_out(found: h5py.Dataset, key: str) -> h5py.Dataset:
+    """A column whose rows have the shape that the layout says; one that it does not know may have any."""
+    meaning = MEANINGS.get(key)
+    if meaning is None:
+        return found
+    row, wanted = found.shape[1:], meaning.row
+    if len(row) != len(wanted) or any(w not in (None, n) for n, w in zip(row, wanted, strict=True)):
+        told = " x ".join("n" if n is None else str(n) for n in wanted) or "one number"
+        raise Untrusted(f"/{key}", f"its rows have shape {row}, not {told}", "the file is damaged")
+    return found
 
 
 def static_of(file: h5py.File, key: str, text: bool) -> NDArray[Any]:
     """A column of a table that does not change in a run."""
     try:
-        found = dataset(file, key, "OS" if text else "biuf")
+        found = _as_laid_out(dataset(file, key, "OS" if text else "biuf"), key)
         return np.array(found.asstr()[:], dtype=object) if text else np.asarray(found[()])
     except (Untrusted, AttributeError, *DAMAGED) as error:
         raise damaged(file, f"/{key}", error) from error

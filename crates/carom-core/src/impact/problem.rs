@@ -414,7 +414,7 @@ impl ImpactScratch {
         self.sub.apply_inverse_mass(&self.force, &mut self.u);
         let nodes = self.sub.nodes() as f64;
         let mass = self.sub.inv_mass.iter().map(|im| 1.0 / im).sum::<f64>() / nodes;
-        let mut speed = self.speeds.speed.max(self.speeds.load);
+        let mut speed = self.speeds.largest();
         if !self.joints.is_empty() {
             // Joints are solved at rest too, where every speed is 0.
             speed = speed.max(AT_REST * self.sub.node_length[0] / self.span.h);

@@ -25,6 +25,8 @@ pub(crate) const MANY: usize = 100;
 pub struct Speeds {
     /// Largest |v-check - v_n|, m/s.
     pub load: f64,
+    /// The same of walls that move: what they do to what they carry.
+    pub wall_load: f64,
     /// Largest |v_n| + r |w_n|, m/s.
     pub speed: f64,
 }
@@ -39,19 +41,33 @@ impl Speeds {
         self.speed = self.speed.max(speed);
     }
 
-    /// A wall that moves: a change of its velocity is a load on what it carries.
+    /// A wall that moves.
     #[inline]
     pub fn add_wall(&mut self, old: &WallTwist, new: &WallTwist) {
-        self.load = self.load.max((new.material - old.material).length());
+        let change = (new.material - old.material).length();
+        self.wall_load = self.wall_load.max(change);
         self.speed = self.speed.max(old.material.length());
         self.speed = self.speed.max(new.material.length());
     }
 
+    pub fn join(&mut self, other: &Speeds) {
+        self.load = self.load.max(other.load);
+        self.wall_load = self.wall_load.max(other.wall_load);
+        self.speed = self.speed.max(other.speed);
+    }
+
+    /// Largest speed that the island has or gets from its loads, m/s.
+    pub fn largest(&self) -> f64 {
+        self.speed.max(self.load).max(self.wall_load)
+    }
+
     /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls. Islands of more than
-    /// `dense_contacts` contacts go by the load alone (rule R3: fewer problems), and never below rounding.
+    /// `dense_contacts` contacts go by the load alone (rule R3: fewer problems), and never below rounding: by that of the bodies, if they
+    /// have any. A gate that is drawn away at once leaves a pile that weighs what it did.
     #[inline]
     pub fn closing_tolerance(&self, o: &Options, contacts: usize) -> f64 {
-        if self.load == 0.0 {
+        let load = self.load.max(self.wall_load);
+        if load == 0.0 {
             return o.closing_tolerance_speed * self.speed;
         }
         let share = if contacts > MANY {
@@ -59,13 +75,11 @@ impl Speeds {
         } else {
             o.closing_tolerance_load
         };
-        let by_load = share * self.load;
-        let by_speed = o.closing_tolerance_speed * self.speed.max(self.load);
         let large = contacts > o.dense_contacts as usize;
         let tolerance = if large {
-            by_load
+            share * if self.load > 0.0 { self.load } else { load }
         } else {
-            by_load.min(by_speed)
+            (share * load).min(o.closing_tolerance_speed * self.largest())
         };
         tolerance.max(ROUNDING * self.speed)
     }

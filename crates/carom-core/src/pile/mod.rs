@@ -97,6 +97,8 @@ pub struct Pile {
     keeper: Keeper,
     /// Take what did not converge, and count it.
     accept: bool,
+    /// Give memory back as soon as it was used ([`is_huge`]).
+    huge: bool,
 }
 
 impl Pile {
@@ -117,6 +119,7 @@ impl Pile {
             ends: Vec::new(),
             keeper: Keeper::default(),
             accept: false,
+            huge: false,
         }
     }
 
@@ -131,6 +134,7 @@ impl Pile {
     ) {
         let threads = threads(model, members.len());
         self.sweeps.threads = threads;
+        self.huge = is_huge(contacts);
         self.part.take_all();
         shares::refill(threads, &mut self.ends, members.len(), |k| {
             let c = &contacts[members[k] as usize];
@@ -164,6 +168,9 @@ impl Pile {
         let places = (places.len() >= SORTED).then_some(places);
         self.sweeps
             .renew_from(bodies, &self.contacts, places, &self.start)?;
+        if self.huge {
+            (self.start, self.ends) = (Vec::new(), Vec::new());
+        }
         if self.rolls.is_empty() {
             return Ok(());
         }
@@ -188,11 +195,20 @@ impl Pile {
 
     /// Gives the memory of a huge problem's statement back: the sweeps have it.
     fn forget_contacts(&mut self) {
-        if self.contacts.len() >= HUGE {
+        if self.huge {
             self.contacts = Vec::new();
             self.rolls = Vec::new();
-            self.start = Vec::new();
             self.start_moments = Vec::new();
+        }
+    }
+
+    /// Gives the memory of a huge problem's solution back.
+    fn forget_solution(&mut self) {
+        if self.huge {
+            let threads = self.sweeps.threads;
+            self.sweeps = Sweeps::empty();
+            self.sweeps.threads = threads;
+            (self.impulses, self.corrections) = (Vec::new(), Vec::new());
         }
     }
 

@@ -1,7 +1,7 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts, and rule R4 on what they find.
 
 use super::member::{change, work};
-use super::{budget, roll, shares, worst, Law, Pile, HUGE, PATIENCE};
+use super::{budget, roll, shares, worst, Law, Pile, PATIENCE};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::model::Model;
@@ -287,8 +287,6 @@ impl Pile {
         }
         // Stage 1 replaces part of stage 0: the larger of both is what later problems add to.
         memory.terms = memory.terms.max(memory.total(&self.bodies, threads));
-        if impulses.len() >= HUGE {
-            (self.impulses, self.corrections) = (Vec::new(), Vec::new());
-        }
+        self.forget_solution();
     }
 }

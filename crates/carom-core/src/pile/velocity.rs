@@ -3,7 +3,7 @@
 
 use super::member::{work, Member, Memory as Velocity, FIXED};
 use super::roll::{self, Turning};
-use super::{coarser, is_beyond, is_huge, node, record, shares, warm::Cursor, Law, Pile};
+use super::{coarser, is_beyond, node, record, shares, warm::Cursor, Law, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -13,7 +13,6 @@ use crate::report::StepReport;
 use crate::scratch::{ImpactRecord, IslandScratch};
 use crate::state::{State, Warm};
 use crate::stepper::Span;
-use carom_solve::spheres::Sweeps;
 use carom_solve::team;
 use glam::DVec3;
 
@@ -165,8 +164,7 @@ impl Pile {
             own
         });
         for own in parts {
-            speeds.load = speeds.load.max(own.load);
-            speeds.speed = speeds.speed.max(own.speed);
+            speeds.join(&own);
         }
         let o = &model.options;
         memory.terms = 0.0;
@@ -174,7 +172,7 @@ impl Pile {
         let share = o.touching_tolerance / span.h;
         let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
         let mass = self.mean(|i| model.mass[i]);
-        let speed = speeds.speed.max(speeds.load);
+        let speed = speeds.largest();
         self.velocity.floor = floor.max(o.tolerance_floor * mass * speed);
         self.velocity.speed = speed;
     }
@@ -336,9 +334,6 @@ impl Pile {
         island: Island,
         report: &mut StepReport,
     ) {
-        if is_huge(scratch.contacts) {
-            self.sweeps = Sweeps::empty();
-        }
         let memory = &self.velocity;
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);

@@ -15,7 +15,12 @@
 
 use super::lanes::{Lanes, Work, GROUP};
 use super::Contact;
+use prefetch_index::prefetch_index;
 use pulp::Simd;
+
+/// Groups between one that is swept and one whose bodies memory is asked for: what lies beyond the cache comes while others are
+/// solved. (Of 2 and 6; piles of 10^5 are swept a tenth faster than without.)
+const AHEAD: usize = 2;
 
 /// Velocity correction of a body: one cache line.
 #[derive(Clone, Copy, Debug, Default)]
@@ -95,6 +100,8 @@ pub trait Read {
 pub trait Bodies: Read {
     fn a(&mut self) -> &mut [State];
     fn b(&mut self) -> &mut [State];
+    /// Asks memory for the bodies of a group that comes soon.
+    fn fetch(&self, group: &Group);
 }
 
 pub struct One<'a>(pub &'a mut [State]);
@@ -116,7 +123,19 @@ impl Read for One<'_> {
     }
 }
 
+#[inline(always)]
+fn fetch(states: &[State], numbers: &[u32; GROUP]) {
+    for &number in numbers {
+        prefetch_index(states, number as usize);
+    }
+}
+
 impl Bodies for One<'_> {
+    #[inline(always)]
+    fn fetch(&self, group: &Group) {
+        fetch(self.0, &group.a);
+        fetch(self.0, &group.b);
+    }
     #[inline(always)]
     fn a(&mut self) -> &mut [State] {
         self.0
@@ -135,6 +154,11 @@ impl Read for Two<'_> {
 }
 
 impl Bodies for Two<'_> {
+    #[inline(always)]
+    fn fetch(&self, group: &Group) {
+        fetch(self.0, &group.a);
+        fetch(self.1, &group.b);
+    }
     #[inline(always)]
     fn a(&mut self) -> &mut [State] {
         self.0
@@ -410,7 +434,11 @@ impl<B: Bodies, C: Carry> Work for Pass<'_, B, C> {
 
     #[inline(always)]
     fn run<S: Lanes>(mut self, simd: S) -> C {
-        for group in self.groups.iter_mut() {
+        for k in 0..self.groups.len() {
+            if let Some(next) = self.groups.get(k + AHEAD) {
+                self.bodies.fetch(next);
+            }
+            let group = &mut self.groups[k];
             sweep_group(simd, &mut self.carry, &mut self.bodies, group);
         }
         self.carry
