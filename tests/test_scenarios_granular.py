@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 from math import exp, pi
+from pathlib import Path
 from typing import Any
 
 import carom
@@ -314,6 +315,20 @@ def test_a_column_runs_out_in_proportion_to_its_height() -> None:
     """Lube and others 2005, Lajeunesse and others 2005: 1.2 a for a below 2 to 3."""
     spread = collapsed(until=0.7)
     assert spread.ratio == pytest.approx(1.2 * spread.aspect, rel=0.25)
+
+
+def test_a_gate_that_is_drawn_away_at_once_leaves_the_column_its_weight(tmp_path: Path) -> None:
+    """Its speed is that of a hundred steps of falling: no measure of what the grains left behind may be allowed to fall."""
+    path = tmp_path / "column.toml"
+    path.write_text(find("column_collapse").read_text("utf-8").replace("every = 10", "every = 1"), "utf-8")
+    result = carom.simulate(carom.Scene.from_toml(path, set={"a": 0.5}), until=0.152)
+    floor = sum(
+        np.asarray(w.impulse)[-10:, 2] for name, w in result.walls.items() if name not in ("wall", "gate")
+    )
+    share = -floor / (weight(result) * 1e-3)
+    assert share[:7] == pytest.approx(1.0, abs=0.1)
+    assert np.all(share[7:] > 0.7)  # it begins to collapse
+    assert np.all(share[7:] < 1.0)
 
 
 @pytest.mark.long

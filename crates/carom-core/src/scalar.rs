@@ -1,7 +1,8 @@
 //! Laws of one variable: a number, a polynomial, a table or an expression, with value and slope.
 //!
 //! The variable is the time in loads and joints and the slip speed in friction; nothing here knows which. Slopes are
-//! those to the right, so that a kink reached at `t_n` already has the slope of the step that begins there.
+//! those to the right, so that a kink reached at `t_n` already has the slope of the step that begins there, unless that to
+//! the left is asked for.
 
 mod cure;
 mod expression;
@@ -51,12 +52,17 @@ impl Scalar {
         match self {
             Scalar::Constant(_) => 0.0,
             Scalar::Polynomial(c) => (1..c.len()).rev().fold(0.0, |y, k| y * x + k as f64 * c[k]),
-            Scalar::Table(points) => match points.partition_point(|p| p[0] <= x) {
-                0 => 0.0,
-                n if n == points.len() => 0.0,
-                n => chord(points, n),
-            },
+            Scalar::Table(points) => slope_behind(points, |p| p <= x + rounding(x)),
             Scalar::Expression(e) => e.slope(&[x], 0),
+        }
+    }
+
+    /// `dy/dx` to the left of `x`: at the end of a step that of the step, where the next one begins with a kink.
+    pub fn slope_before(&self, x: f64) -> f64 {
+        match self {
+            Scalar::Table(points) => slope_behind(points, |p| p < x - rounding(x)),
+            Scalar::Expression(e) => e.slope_before(&[x], 0),
+            smooth => smooth.slope(x),
         }
     }
 
@@ -106,6 +112,20 @@ fn finite_at_start(what: &str, found: f64) -> Result<(), String> {
     Err(format!(
         "has the {what} {found} at t = 0; it must be finite from there on"
     ))
+}
+
+/// The end of a step, `t_n + h`, and the point of a table that is meant may differ by so much.
+fn rounding(x: f64) -> f64 {
+    8.0 * f64::EPSILON * x.abs()
+}
+
+/// Slope behind the last point that has been `reached`.
+fn slope_behind(points: &[[f64; 2]], reached: impl Fn(f64) -> bool) -> f64 {
+    match points.partition_point(|p| reached(p[0])) {
+        0 => 0.0,
+        n if n == points.len() => 0.0,
+        n => chord(points, n),
+    }
 }
 
 /// Slope between the points `n - 1` and `n`.
@@ -202,6 +222,33 @@ mod tests {
         }
         for (x, y) in slopes {
             assert_eq!(table().slope(x), y, "slope at {x}");
+        }
+    }
+
+    #[test]
+    fn slopes_to_the_left_differ_at_kinks_alone() {
+        let kink = expression("min(0, 2*(0.15 - t))");
+        let smooth = expression("sin(3*t)");
+        for (x, left, right) in [
+            (0.0, 0.0, 2.0),
+            (1.0, 2.0, 2.0),
+            (2.0, 2.0, -1.0),
+            (3.0, -1.0, 0.0),
+        ] {
+            assert_eq!((table().slope_before(x), table().slope(x)), (left, right));
+        }
+        // As steps of 1e-3 reach it.
+        for x in [0.15, 0.149 + 1e-3, 150.0 * 1e-3] {
+            assert_eq!((kink.slope_before(x), kink.slope(x)), (0.0, -2.0), "{x:e}");
+        }
+        for third in [0.1 + 0.2, 0.3] {
+            let table = Scalar::Table(vec![[0.0, 0.0], [0.3, 0.0], [1.0, 0.7]]);
+            assert_eq!((table.slope_before(third), table.slope(third)), (0.0, 1.0));
+        }
+        for x in [0.1, 0.2, 5.0] {
+            assert_eq!(smooth.slope_before(x), smooth.slope(x));
+            let p = Scalar::Polynomial(vec![1.0, -2.0, 3.0]);
+            assert_eq!(p.slope_before(x), p.slope(x));
         }
     }
 

@@ -63,12 +63,22 @@ impl Expression {
     ///
     /// Exact but for rounding: value and slope are carried through the operations together.
     pub fn slope(&self, values: &[f64], variable: usize) -> f64 {
+        self.slope_on(values, variable, 1.0)
+    }
+
+    /// The same to the left.
+    pub fn slope_before(&self, values: &[f64], variable: usize) -> f64 {
+        -self.slope_on(values, variable, -1.0)
+    }
+
+    /// Rate of change on a path on which the variable changes at the rate `way`, 1 or -1.
+    fn slope_on(&self, values: &[f64], variable: usize, way: f64) -> f64 {
         let result: Dual = self.run(|stack: &mut [Dual], top, op| {
             stack[top] = match op {
                 Op::Number(value) => Dual { value, slope: 0.0 },
                 Op::Variable(k) => Dual {
                     value: values[k],
-                    slope: if k == variable { 1.0 } else { 0.0 },
+                    slope: if k == variable { way } else { 0.0 },
                 },
                 Op::One(f) => {
                     let x = stack[top];

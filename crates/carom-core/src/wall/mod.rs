@@ -154,7 +154,7 @@ impl Walls {
                 continue;
             };
             let (from, start) = motion.at(span.start);
-            let (to, end) = motion.at(span.end);
+            let (to, end) = motion.at_end(span.end);
             let axis = motion.rotation.as_ref().map_or(DVec3::ZERO, |r| r.axis);
             self.start[index] = wall.shape.moved(&from);
             self.now[index] = wall.shape.moved(&to);

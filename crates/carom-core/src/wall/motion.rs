@@ -89,8 +89,18 @@ impl Instant {
 }
 
 impl WallMotion {
-    /// Place against the given one, and motion, at a time.
+    /// Place against the given one, and motion, at a time. At a kink the motion is that after it.
     pub(super) fn at(&self, t: f64) -> (Displacement, Instant) {
+        self.by(t, &|law| law.slope(t))
+    }
+
+    /// The same at the end of a step: at a kink the motion is that of the step. A gate that is drawn away from then on has held
+    /// what lies on it until then.
+    pub(super) fn at_end(&self, t: f64) -> (Displacement, Instant) {
+        self.by(t, &|law| law.slope_before(t))
+    }
+
+    fn by(&self, t: f64, slope: &dyn Fn(&Scalar) -> f64) -> (Displacement, Instant) {
         let three = |f: &dyn Fn(&Scalar) -> f64| match &self.translation {
             Some([x, y, z]) => DVec3::new(f(x), f(y), f(z)),
             None => DVec3::ZERO,
@@ -102,14 +112,14 @@ impl WallMotion {
             shift,
         };
         let mut now = Instant {
-            velocity: three(&|law| law.slope(t)),
+            velocity: three(slope),
             ..Instant::default()
         };
         if let Some(r) = &self.rotation {
             now.angle = r.angle.value(t);
             by.turn = DQuat::from_axis_angle(r.axis, now.angle);
             by.about = r.point;
-            now.spin = r.angle.slope(t) * r.axis;
+            now.spin = slope(&r.angle) * r.axis;
         }
         now.centre = by.about + shift;
         now.surface = by.turn * self.surface_velocity;
