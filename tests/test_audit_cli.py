@@ -119,6 +119,18 @@ FORMULAS = [
 ]
 
 
+@pytest.mark.parametrize(
+    "form", [("table", [[-1.0, 5.0], [0.3, 5.0], [1.0, 1.5]]), ("expression", "5 - max(0, 5*(x - 0.3))")]
+)
+def test_at_a_kink_there_are_two_slopes(form: tuple[str, object]) -> None:
+    for x in (0.3, 0.1 + 0.2):  # as steps reach it
+        at = np.array([0.1, x, 0.9])
+        assert law(form, at)[1] == pytest.approx([0.0, -5.0, -5.0])
+        assert law(form, at, before=True)[1] == pytest.approx([0.0, 0.0, -5.0])
+    folded = ("expression", "abs(x - 0.3)")
+    assert [law(folded, np.array([0.3]), before=b)[1][0] for b in (True, False)] == [-1.0, 1.0]
+
+
 @pytest.mark.parametrize("text", FORMULAS)
 def test_formulas_are_read_as_the_core_reads_them_and_slopes_are_their_derivatives(text: str) -> None:
     x = np.linspace(0.06, 0.95, 7)  # not at a kink

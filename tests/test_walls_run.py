@@ -11,6 +11,7 @@ import carom
 import h5py
 import numpy as np
 import pytest
+from carom import audit
 from carom.errors import CaromError
 from carom.scenario.arrays import walls
 from carom.scenario.placing import motion_for_core
@@ -54,6 +55,28 @@ class TestClosedForms:
         assert np.isnan(wall.force[0]).all()
         assert wall.impulse[0].tolist() == [0, 0, 0]
         assert np.abs(wall.force[1:, :2]).max() < 1e-12 * weight
+
+    @pytest.mark.parametrize("method", ["nsga", "moreau"])
+    @pytest.mark.parametrize(
+        "law", [{"table": [[0.03, 0], [1, 0.485]]}, {"expression": "max(0, 0.5*(t - 0.03))"}]
+    )
+    def test_piston_that_starts_at_once(self, method: str, law: dict[str, Any], tmp_path: Path) -> None:
+        """A ball at rest on it is hit, whether that is at the start of the run or later; until then it is held."""
+        thrown = []
+        for motion, rest in (({"polynomial": [0, 0.5]}, 0.0), (law, 0.03)):
+            made = scene(restitution=0.5)
+            made.sphere("ball", radius=R, density=2500, at=(0, 0, R), material="sand")
+            motion = {"translation": [0, 0, motion]}
+            made.plane("piston", point=(0, 0, 0), normal=(0, 0, 1), material="steel", motion=motion)
+            options = {"method": method, "until": rest + 0.02, "every": 1, "impacts": "every"}
+            result = carom.simulate(made, out=tmp_path / str(rest), **options)
+            first = round(rest / 1e-3)
+            assert np.abs(result["ball"].velocity[: first + 1]).max() < 1e-15
+            assert result["ball"].velocity[first + 1, 2] == pytest.approx(0.75, rel=1e-12)
+            assert result.summary["energy"]["rises"] == 0
+            assert audit.check(result).ok
+            thrown.append(np.asarray(result["ball"].velocity[first:, 2]))
+        np.testing.assert_allclose(*thrown, rtol=1e-12, atol=1e-15)
 
     def test_conveyor(self) -> None:
         """A ball put on a belt slips until it rolls there with 2/7 of the belt's speed."""

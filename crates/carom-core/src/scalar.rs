@@ -61,7 +61,7 @@ impl Scalar {
     pub fn slope_before(&self, x: f64) -> f64 {
         match self {
             Scalar::Table(points) => slope_behind(points, |p| p < x - rounding(x)),
-            Scalar::Expression(e) => e.slope_before(&[x], 0),
+            Scalar::Expression(e) => e.slope_before(&[x - rounding(x)], 0),
             smooth => smooth.slope(x),
         }
     }
@@ -114,7 +114,7 @@ fn finite_at_start(what: &str, found: f64) -> Result<(), String> {
     ))
 }
 
-/// The end of a step, `t_n + h`, and the point of a table that is meant may differ by so much.
+/// The end of a step, `t_n + h`, and the kink that is meant may differ by so much.
 fn rounding(x: f64) -> f64 {
     8.0 * f64::EPSILON * x.abs()
 }
@@ -241,12 +241,14 @@ mod tests {
         for x in [0.15, 0.149 + 1e-3, 150.0 * 1e-3] {
             assert_eq!((kink.slope_before(x), kink.slope(x)), (0.0, -2.0), "{x:e}");
         }
+        let late = expression("max(0, t - 0.03)");
+        assert_eq!(late.slope_before(0.029 + 1e-3), 0.0);
         for third in [0.1 + 0.2, 0.3] {
             let table = Scalar::Table(vec![[0.0, 0.0], [0.3, 0.0], [1.0, 0.7]]);
             assert_eq!((table.slope_before(third), table.slope(third)), (0.0, 1.0));
         }
         for x in [0.1, 0.2, 5.0] {
-            assert_eq!(smooth.slope_before(x), smooth.slope(x));
+            assert!((smooth.slope_before(x) - smooth.slope(x)).abs() < 1e-13);
             let p = Scalar::Polynomial(vec![1.0, -2.0, 3.0]);
             assert_eq!(p.slope_before(x), p.slope(x));
         }

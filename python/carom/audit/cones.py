@@ -73,7 +73,7 @@ def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rat
     )
     ball = np.minimum(c.b, run.bodies - 1)
     motion = (v[c.k, c.a], w[c.k, c.a], v[c.k, ball], w[c.k, ball])
-    return rates(run, Pairs(c.a, c.b, t[c.k], x[c.k, c.a], normal), motion, normal, lever)
+    return rates(run, Pairs(c.a, c.b, t[c.k], x[c.k, c.a], normal, not start), motion, normal, lever)
 
 
 def _place(block: Block, rows: NDArray[np.int64] | None = None) -> Callable[[int], Place]:

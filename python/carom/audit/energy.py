@@ -190,8 +190,8 @@ def _walls(block: Block) -> F64:
         k, a = c.k[mine], c.a[mine]
         radius = run.radius[a][:, None]
         ends = []
-        for time, x in ((block.t0, block.x0), (block.t1, block.x1)):
-            shape, material, spin = wall.velocity(time[k], x[k, a] - radius * c.normal[mine])
+        for end, time, x in ((False, block.t0, block.x0), (True, block.t1, block.x1)):
+            shape, material, spin = wall.velocity(time[k], x[k, a] - radius * c.normal[mine], end=end)
             ends.append((shape, material, spin))
         change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
         size = norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a]
@@ -274,7 +274,8 @@ def _unsteady(run: Run) -> F64:
     for wall in run.walls:
         if wall.moves:
             p = np.broadcast_to(wall.point, (len(end), 3))
-            old, new = (np.hstack(list(wall.velocity(t, p))) for t in (end - run.h, end))
+            old = np.hstack(list(wall.velocity(end - run.h, p)))
+            new = np.hstack(list(wall.velocity(end, p, end=True)))
             size = norm(old) + norm(new)
             found = np.maximum(
                 found, np.divide(norm(new - old), size, out=np.zeros_like(size), where=size > 0.0)

@@ -171,8 +171,8 @@ def turn(block: Block) -> F64:
         wall, rows = run.walls[k - run.bodies], np.flatnonzero(c.b == k)
         curvature[rows] = wall.curvature
         if wall.travels:
-            for time in (block.t0, block.t1):
-                velocity, _, _ = wall.velocity(time[c.k[rows]], block.x1[c.k[rows], c.a[rows]])
+            for end, time in ((False, block.t0), (True, block.t1)):
+                velocity, _, _ = wall.velocity(time[c.k[rows]], block.x1[c.k[rows], c.a[rows]], end=end)
                 relative[rows] = np.maximum(relative[rows], speed[c.k[rows], c.a[rows]] + norm(velocity))
             if wall.rotation is not None:
                 rate = np.maximum(

@@ -10,7 +10,7 @@ import ast
 import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,6 @@ _FUNCTIONS: dict[str, tuple[Callable[[F64], F64], Callable[[F64], F64]]] = {
     "exp": (np.exp, np.exp),
     "ln": (np.log, lambda x: 1.0 / x),
     "log10": (np.log10, lambda x: 1.0 / (x * np.log(10.0))),
-    "abs": (np.abs, np.sign),
     "floor": (np.floor, np.zeros_like),
     "ceil": (np.ceil, np.zeros_like),
     "sign": (np.sign, np.zeros_like),
@@ -38,27 +37,32 @@ _FUNCTIONS: dict[str, tuple[Callable[[F64], F64], Callable[[F64], F64]]] = {
 """Functions of one value, with their derivatives."""
 
 
-def law(form: Sequence[Any], x: F64) -> Dual:
-    """Values and slopes of a law at `x`, of its shape; where a table has a kink, the slope to its right."""
+def law(form: Sequence[Any], x: F64, *, before: bool = False) -> Dual:
+    """Values and slopes of a law at `x`, of its shape; at a kink the slope to the right, with `before` that to the left."""
     kind, data = form
     x = np.asarray(x, dtype=np.float64)
+    rounding = 8.0 * np.finfo(np.float64).eps * np.abs(x)  # t_n + h and n h differ by so much
     if kind == "constant":
         return np.full(x.shape, float(data)), np.zeros(x.shape)
     if kind == "polynomial":
         polynomial = np.polynomial.Polynomial(data)
         return np.asarray(polynomial(x)), np.asarray(polynomial.deriv()(x))
     if kind == "table":
-        return _table(np.asarray(data, dtype=np.float64), x)
+        return _table(np.asarray(data, dtype=np.float64), x, rounding, before)
     with np.errstate(
         all="ignore"
     ):  # a formula may have no value somewhere; whoever needs it there will see a NaN
-        return _evaluate(_parsed(str(data)), x)
+        tree = _parsed(str(data))
+        value, slope = _evaluate(tree, x, 1.0)
+        return value, -_evaluate(tree, x - rounding, -1.0)[1] if before else slope
 
 
-def _table(points: F64, x: F64) -> Dual:
+def _table(points: F64, x: F64, rounding: F64, before: bool) -> Dual:
     knots, values = points[:, 0], points[:, 1]
     slopes = np.concatenate([[0.0], np.diff(values) / np.diff(knots), [0.0]])
-    return np.interp(x, knots, values), slopes[np.searchsorted(knots, x, side="right")]
+    side: Literal["left", "right"] = "left" if before else "right"
+    place = np.searchsorted(knots, x - rounding if before else x + rounding, side=side)
+    return np.interp(x, knots, values), slopes[place]
 
 
 @lru_cache(maxsize=256)
@@ -68,20 +72,21 @@ def _parsed(text: str) -> ast.expr:
     return ast.parse(plain.replace("^", "**"), mode="eval").body
 
 
-def _evaluate(node: ast.expr, x: F64) -> Dual:
+def _evaluate(node: ast.expr, x: F64, way: float) -> Dual:
+    """The value, and its change where `x` goes the way of 1 or -1."""
     if isinstance(node, ast.Constant):
         return np.full(x.shape, float(node.value)), np.zeros(x.shape)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
         if node.id in ("pi", "PI"):
             return np.full(x.shape, np.pi), np.zeros(x.shape)
-        return x, np.ones(x.shape)  # the one variable, whatever its name
+        return x, np.full(x.shape, way)  # the one variable, whatever its name
     if isinstance(node, ast.UnaryOp):
-        value, slope = _evaluate(node.operand, x)
+        value, slope = _evaluate(node.operand, x, way)
         return (-value, -slope) if isinstance(node.op, ast.USub) else (value, slope)
     if isinstance(node, ast.BinOp):
-        return _binary(node.op, _evaluate(node.left, x), _evaluate(node.right, x))
+        return _binary(node.op, _evaluate(node.left, x, way), _evaluate(node.right, x, way))
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return _call(node.func.id, [_evaluate(argument, x) for argument in node.args])
+        return _call(node.func.id, [_evaluate(argument, x, way) for argument in node.args])
     raise ValueError(f"cannot read {ast.unparse(node)!r} in a formula")
 
 
@@ -102,6 +107,9 @@ def _binary(op: ast.operator, left: Dual, right: Dual) -> Dual:
 
 
 def _call(name: str, given: list[Dual]) -> Dual:
+    if name == "abs":
+        ((a, da),) = given
+        return np.abs(a), np.where(a == 0.0, np.abs(da), np.sign(a) * da)
     if name in _FUNCTIONS:
         value, derivative = _FUNCTIONS[name]
         ((a, da),) = given
@@ -112,7 +120,8 @@ def _call(name: str, given: list[Dual]) -> Dual:
     if name in ("min", "max"):
         best, slope = given[0]
         for a, da in given[1:]:
-            better = a < best if name == "min" else a > best
+            sign = 1.0 if name == "min" else -1.0
+            better = (sign * a < sign * best) | ((a == best) & (sign * da < sign * slope))
             best, slope = np.where(better, a, best), np.where(better, da, slope)
         return best, slope
     raise ValueError(f"unknown function {name!r} in a formula")

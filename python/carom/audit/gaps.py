@@ -95,7 +95,11 @@ def complementarity(block: Block, tally: Tally) -> None:
         mine = c.b == run.bodies + w
         if wall.travels and mine.any():
             at = (c.k[mine], c.a[mine])
-            way[mine] += 2.0 * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at])[0]) * block.dt[c.k[mine]]
+            way[mine] += (
+                2.0
+                * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at], end=True)[0])
+                * block.dt[c.k[mine]]
+            )
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
     bound = np.maximum(touching, np.where(block.large[c.k], block.pile_overlap[c.k] * length, 0.0))
@@ -133,7 +137,7 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     k, a, b = near.k[rows], near.a[rows], near.b[rows]
     ball, normal = np.minimum(b, run.bodies - 1), near.normal1[rows]
     motion = (block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball])
-    found = rates(run, Pairs(a, b, block.t1[k], block.x1[k, a], normal), motion, normal, normal)
+    found = rates(run, Pairs(a, b, block.t1[k], block.x1[k, a], normal, end=True), motion, normal, normal)
     speed = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)
     fastest = np.nan_to_num(speed).max(axis=1)
     left = block.left(norm(block.rows.impulse))[k] * 2.0 * compliance(run, a, b)[0]
@@ -185,5 +189,5 @@ def _walls(block: Block) -> F64:
         if wall.travels:
             p = np.broadcast_to(wall.point, (block.count, 3))
             before = wall.velocity(block.t1 - run.h, p)[1]
-            found = np.maximum(found, norm(wall.velocity(block.t1, p)[1] - before))
+            found = np.maximum(found, norm(wall.velocity(block.t1, p, end=True)[1] - before))
     return found

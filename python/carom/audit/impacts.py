@@ -100,7 +100,7 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     if start:
         _, foot = run.meet(t[r.k], r.a, r.b, x[r.k, r.a], x[r.k, ball])
     motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])
-    return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot), motion, r.normal, r.normal)
+    return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot, not start), motion, r.normal, r.normal)
 
 
 def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
@@ -225,7 +225,7 @@ def _wall_change(block: Block, r: Hits, wall: Surface) -> F64:
     """
     run, then = block.run, block.t1[r.k]
     point = np.broadcast_to(wall.point, (len(r), 3))
-    change = norm(wall.velocity(then, point)[1] - wall.velocity(then - run.h, point)[1])
+    change = norm(wall.velocity(then, point, end=True)[1] - wall.velocity(then - run.h, point)[1])
     rate, radius = wall.turning(then), run.radius[r.a]
     way = run.h * forces.speeds(block)[r.k, r.a]
     bend = np.where(wall.curvature * radius < 1.0, wall.curvature / (1.0 - wall.curvature * radius), np.inf)

@@ -34,10 +34,13 @@ class Pairs(NamedTuple):
     """Centres of A, (K, 3)."""
     foot: F64
     """Normals at which A touches B, (K, 3): `centre - r foot` is the place of a wall that counts."""
+    end: bool
+    """Whether the times are those of the ends of steps."""
 
     def of(self, rows: slice) -> Pairs:
         """Some of them."""
-        return Pairs(self.a[rows], self.b[rows], self.time[rows], self.centre[rows], self.foot[rows])
+        a, b, time = self.a[rows], self.b[rows], self.time[rows]
+        return Pairs(a, b, time, self.centre[rows], self.foot[rows], self.end)
 
 
 def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, lever: F64) -> Rates:
@@ -55,7 +58,7 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
             continue
         rows = np.flatnonzero(p.b == run.bodies + w)
         point = p.centre[rows] - r_a[rows, None] * p.foot[rows]
-        shape, material, spin = surface.velocity(p.time[rows], point)
+        shape, material, spin = surface.velocity(p.time[rows], point, end=p.end)
         through[rows] -= shape
         slipping[rows] -= material
         turning[rows] -= spin

@@ -114,7 +114,7 @@ class Replay:
         self.at = r.k * run.bodies + r.a, r.k * run.bodies + ball
         start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, ball])[1]
         # Not of the contacts of the frame: one whose impulse was taken back has none there.
-        first = Pairs(r.a, r.b, block.t0[r.k], block.x0[r.k, r.a], start)
+        first = Pairs(r.a, r.b, block.t0[r.k], block.x0[r.k, r.a], start, end=False)
         motion = (block.v0[r.k, r.a], block.w0[r.k, r.a], block.v0[r.k, ball], block.w0[r.k, ball])
         self.law = run.law_index(r.a, r.b)
         self.mu = run.friction(self.law, norm(rates(run, first, motion, start, start).slip))
@@ -126,7 +126,7 @@ class Replay:
         # Places and times of the walls' own motion, at t_n and at t_{n+1}.
         self.pairs = (
             first._replace(foot=self.lever),
-            Pairs(r.a, r.b, block.t1[r.k], block.centres[r.k, r.a], r.normal),
+            Pairs(r.a, r.b, block.t1[r.k], block.centres[r.k, r.a], r.normal, end=True),
         )
         self.compliance = compliance(run, r.a, r.b)
         self.squares = bounds.squares(run, r)

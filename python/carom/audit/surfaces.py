@@ -93,16 +93,18 @@ class Surface:
             normal = rotated(self.pose(time)[2], normal)
         return gap, normal
 
-    def velocity(self, time: F64, p: F64) -> tuple[F64, F64, F64]:
-        """Velocity of the shape and of the material at points (K, 3), and angular velocity of the material, each (K, 3)."""
+    def velocity(self, time: F64, p: F64, *, end: bool = False) -> tuple[F64, F64, F64]:
+        """Velocity of the shape and of the material at points (K, 3), and angular velocity of the material, each (K, 3): as
+        the step has it that begins at the times (K,), or the one that ends there.
+        """
         time = np.broadcast_to(time, len(p))
         pivot, shift, turn = self.pose(time)
         shape, spin = np.zeros_like(p), np.zeros_like(p)
         if self.translation is not None:
-            shape = np.stack([law(form, time)[1] for form in self.translation], axis=1)
+            shape = np.stack([law(form, time, before=end)[1] for form in self.translation], axis=1)
         if self.rotation is not None:
             axis, _, form = self.rotation
-            spin = np.outer(law(form, time)[1], np.asarray(axis))
+            spin = np.outer(law(form, time, before=end)[1], np.asarray(axis))
             shape = shape + np.cross(spin, p - pivot - shift)
         material, of_material = np.array(shape), np.array(spin)
         if self.sliding is not None:

@@ -70,8 +70,8 @@ def _travel(block: Block, w: int, k: NDArray[np.int64], a: NDArray[np.int64]) ->
     wall = block.run.walls[w]
     if not wall.travels:
         return np.zeros(len(k))
-    ends = ((block.t0, block.x0), (block.t1, block.x1))
-    rate = np.maximum(*(norm(wall.velocity(t[k], x[k, a])[0]) for t, x in ends))
+    ends = ((False, block.t0, block.x0), (True, block.t1, block.x1))
+    rate = np.maximum(*(norm(wall.velocity(t[k], x[k, a], end=end)[0]) for end, t, x in ends))
     return np.asarray(2.0 * rate * block.dt[k])
 
 
