@@ -123,7 +123,7 @@ FORMULAS = [
     "form", [("table", [[-1.0, 5.0], [0.3, 5.0], [1.0, 1.5]]), ("expression", "5 - max(0, 5*(x - 0.3))")]
 )
 def test_at_a_kink_there_are_two_slopes(form: tuple[str, object]) -> None:
-    for x in (0.3, 0.1 + 0.2):  # as steps reach it
+    for x in (0.3, 0.1 + 0.2, 1000 * 3e-4):  # as steps reach it
         at = np.array([0.1, x, 0.9])
         assert law(form, at)[1] == pytest.approx([0.0, -5.0, -5.0])
         assert law(form, at, before=True)[1] == pytest.approx([0.0, 0.0, -5.0])

@@ -194,8 +194,9 @@ class Run:
             time = np.repeat(self.time[first : first + size], self.bodies)
             for w, wall in enumerate(self.walls):
                 if wall.travels:
-                    speed = np.nan_to_num(norm(wall.velocity(time, x.reshape(-1, 3))[0]))
-                    best[w] = np.maximum(best[w], speed.reshape(-1, self.bodies).max(axis=0))
+                    for end in (False, True):
+                        speed = np.nan_to_num(norm(wall.velocity(time, x.reshape(-1, 3), end=end)[0]))
+                        best[w] = np.maximum(best[w], speed.reshape(-1, self.bodies).max(axis=0))
         return best
 
     @cached_property

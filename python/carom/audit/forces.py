@@ -176,7 +176,10 @@ def turn(block: Block) -> F64:
                 relative[rows] = np.maximum(relative[rows], speed[c.k[rows], c.a[rows]] + norm(velocity))
             if wall.rotation is not None:
                 rate = np.maximum(
-                    *(np.abs(law(wall.rotation[2], t[c.k[rows]])[1]) for t in (block.t0, block.t1))
+                    *(
+                        np.abs(law(wall.rotation[2], t[c.k[rows]], before=end)[1])
+                        for end, t in ((False, block.t0), (True, block.t1))
+                    )
                 )
                 spin[rows] = 2.0 * rate
     with np.errstate(invalid="ignore"):

@@ -53,8 +53,8 @@ def law(form: Sequence[Any], x: F64, *, before: bool = False) -> Dual:
         all="ignore"
     ):  # a formula may have no value somewhere; whoever needs it there will see a NaN
         tree = _parsed(str(data))
-        value, slope = _evaluate(tree, x, 1.0)
-        return value, -_evaluate(tree, x - rounding, -1.0)[1] if before else slope
+        way = -1.0 if before else 1.0
+        return _evaluate(tree, x, way)[0], way * _evaluate(tree, x + way * rounding, way)[1]
 
 
 def _table(points: F64, x: F64, rounding: F64, before: bool) -> Dual:

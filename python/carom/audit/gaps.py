@@ -157,7 +157,7 @@ def closing(block: Block) -> F64:
     `closing_tolerance_load` of the largest speed that loads give in a step. In islands of more than 100 contacts
     `pile_closing_tolerance`, and up to five times as much where there are very many and `pile_tolerance` is above 1e-4. In
     islands of up to `dense_contacts` contacts, and where no load acts, not more than `closing_tolerance_speed` of the
-    largest speed.
+    largest speed. In larger ones walls that change their velocities count up to `pile_tolerance` of the largest speed.
     """
     run, o = block.run, block.run.options
     largest = block.over(run.steps["largest_island"])
@@ -165,9 +165,13 @@ def closing(block: Block) -> F64:
     coarser = np.minimum(of_many(largest), max(1.0, o["pile_tolerance"] / 1e-4))
     share = np.where(largest > 100, coarser * max(o["pile_closing_tolerance"], small), small)
     speed = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)
-    load = _load(block) + _walls(block)
-    by_speed = o["closing_tolerance_speed"] * np.maximum(np.nan_to_num(speed).max(axis=1), load)
-    tolerance = np.where(largest > o["dense_contacts"], share * load, np.minimum(share * load, by_speed))
+    of_bodies, of_walls = _load(block), _walls(block)
+    load = of_bodies + of_walls
+    fastest = np.maximum(np.nan_to_num(speed).max(axis=1), load)
+    by_speed = o["closing_tolerance_speed"] * fastest
+    left = max(o["closing_tolerance_speed"], o["pile_tolerance"]) * fastest
+    of_large = np.maximum(share * of_bodies, np.minimum(share * load, coarser * left))
+    tolerance = np.where(largest > o["dense_contacts"], of_large, np.minimum(share * load, by_speed))
     return np.asarray(np.where(load == 0.0, by_speed, tolerance))
 
 

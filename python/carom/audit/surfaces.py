@@ -118,10 +118,12 @@ class Surface:
         return shape, material, of_material
 
     def turning(self, time: F64) -> F64:
-        """Fastest turn of the shape and of its material at the times (K,), rad/s: by so much per metre velocities vary."""
+        """Fastest turn of the shape and of its material in the steps that end at the times (K,), rad/s: by so much per metre
+        velocities vary.
+        """
         rate = np.zeros(len(time))
         if self.rotation is not None:
-            rate = np.abs(law(self.rotation[2], time)[1])
+            rate = np.abs(law(self.rotation[2], time, before=True)[1])
         if self.spinning is not None:
             rate = rate + abs(float(self.spinning[2]))
         return rate

@@ -62,8 +62,8 @@ impl Speeds {
     }
 
     /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls. Islands of more than
-    /// `dense_contacts` contacts go by the load alone (rule R3: fewer problems), and never below rounding: by that of the bodies, if they
-    /// have any. A gate that is drawn away at once leaves a pile that weighs what it did.
+    /// `dense_contacts` contacts go by the load alone (rule R3: fewer problems), and never below rounding. There a wall that changes its
+    /// velocity counts up to what solvers leave of it: a gate that is drawn away at once leaves a pile that weighs what it did.
     #[inline]
     pub fn closing_tolerance(&self, o: &Options, contacts: usize) -> f64 {
         let load = self.load.max(self.wall_load);
@@ -77,7 +77,8 @@ impl Speeds {
         };
         let large = contacts > o.dense_contacts as usize;
         let tolerance = if large {
-            share * if self.load > 0.0 { self.load } else { load }
+            let left = o.closing_tolerance_speed.max(o.pile_tolerance) * self.largest();
+            (share * self.load).max((share * load).min(left))
         } else {
             (share * load).min(o.closing_tolerance_speed * self.largest())
         };
