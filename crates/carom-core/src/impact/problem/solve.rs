@@ -1,0 +1,285 @@
+//! Solves an impact problem, as it is stated for its chosen contacts.
+
+use super::{ImpactScratch, Law};
+use crate::contact::Contact;
+use crate::impact::coupled::Velocities;
+use crate::level::coupling::Trial;
+use crate::level::position::along;
+use crate::level::{newton_options, worst_group};
+use crate::model::Model;
+use crate::problem::Solve;
+use crate::report::{Level, StepReport};
+use crate::scratch::{IslandScratch, SolveScratch};
+use carom_solve::rows::{Linear, RowContact, Subproblem, NODE_DOF};
+
+/// Speed over r/h below which the multipliers of joints at rest are rounding.
+const AT_REST: f64 = 1e-3;
+
+impl ImpactScratch {
+    /// Solves the chosen contacts by `law` with all present impulses fixed, adds the new ones. With `index` the
+    /// problem is an impact (safeguarded and recorded); without it is stage 0. `warm` starts from given impulses.
+    pub fn solve_chosen(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        law: Law,
+        index: Option<u32>,
+        warm: Option<&[f64]>,
+        report: &mut StepReport,
+    ) -> bool {
+        self.problems += 1;
+        self.fixed.clone_from(&self.jump);
+        for (v, (c, j)) in self
+            .velocity
+            .iter_mut()
+            .zip(self.v_check.iter().zip(&self.fixed))
+        {
+            *v = c + j;
+        }
+        self.scale.clear();
+        self.scale.resize(self.chosen.len(), 1.0);
+        self.build(model, scratch.contacts, law);
+        let problem = index.unwrap_or(0);
+        let scaled = index.is_some() && law == Law::Newton && model.options.energy_safeguard;
+        // Contacts that can jam (a ball in a corner with mu > 1/sqrt 2) may have no velocities that Newton's law asks for. Smaller
+        // parts of the step may take them one by one; where there are none, restitution goes: without it the measures are
+        // those of a motion, and the problem has a solution.
+        let without = scaled && self.span.smallest;
+        let accept = self.accept_unconverged;
+        self.accept_unconverged = accept && !without;
+        let failed_before = scratch.keeper.failed.take();
+        let residual_before = report.residual_velocity;
+        let mut solved = self.solve_built(model, scratch, problem, warm, report);
+        self.accept_unconverged = accept;
+        if !solved && without {
+            // What is given up is no part of the step.
+            report.residual_velocity = residual_before;
+            self.scale.fill(0.0);
+            self.build(model, scratch.contacts, law);
+            solved = self.solve_built(model, scratch, problem, warm, report);
+            report.restitution_scale = 0.0;
+            report.fallbacks += 1;
+        }
+        if !solved {
+            return false;
+        }
+        // What was given up cannot be scaled further.
+        if scaled && self.scale.iter().any(|&s| s > 0.0) {
+            let fine = self.safeguard(model, scratch, law, index.unwrap_or(0), report);
+            if !fine {
+                return false;
+            }
+        }
+        if self.last.converged {
+            // What was tried on the way, with more restitution, is no failure.
+            scratch.keeper.failed = failed_before;
+        }
+        if scratch.keeper.wants(self.last.iterations) {
+            self.keep(model, scratch, index.unwrap_or(0));
+        }
+        self.commit(scratch.contacts);
+        self.record(scratch, index);
+        true
+    }
+
+    /// Whether the last problem gave no impulse at all: the next ones would be the same.
+    pub fn stands_still(&self) -> bool {
+        let contacts = self.sub.contacts.iter().filter(|c| !c.bilateral);
+        contacts
+            .flat_map(|c| &self.lambda[c.row as usize..(c.row + c.dim) as usize])
+            .all(|&l| l == 0.0)
+    }
+
+    /// Rows of the chosen contacts with their free measures `z0`.
+    pub(in crate::impact) fn build(&mut self, model: &Model, contacts: &[Contact], law: Law) {
+        let mut sub = std::mem::take(&mut self.sub);
+        sub.clear();
+        sub.inv_mass.extend_from_slice(&self.full.inv_mass);
+        sub.inv_inertia.extend_from_slice(&self.full.inv_inertia);
+        sub.node_length.extend_from_slice(&self.full.node_length);
+        for (position, &slot) in self.chosen.iter().enumerate() {
+            let c = self.full.contacts[slot];
+            let contact = &contacts[self.members[slot] as usize];
+            let row = sub.jac.len();
+            let rows = c.row as usize..(c.row + c.dim) as usize;
+            sub.jac.extend_from_slice(&self.full.jac[rows.clone()]);
+            sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
+            sub.z0.extend(
+                rows.clone()
+                    .map(|r| self.relative::<1>(&c, r, &self.velocity)),
+            );
+            sub.contacts.push(RowContact {
+                row: row as u32,
+                ..c
+            });
+            if law == Law::Plastic {
+                continue;
+            }
+            let material = contact.law(model);
+            let scale = self.scale[position];
+            let old = self.relative::<0>(&c, c.row as usize, &self.v_minus);
+            let (e_n, approach, tangential) = if law == Law::Printed {
+                (
+                    material.restitution,
+                    self.printed_approach(&c, contact),
+                    true,
+                )
+            } else {
+                let slow = -old < model.options.restitution_threshold;
+                (
+                    if slow { 0.0 } else { material.restitution },
+                    old.min(0.0),
+                    old < -self.tol,
+                )
+            };
+            sub.z0[row] += scale * e_n * approach;
+            if tangential && contact.bounds.sliding > 0.0 {
+                for r in 1..3 {
+                    let slip = self.relative::<0>(&c, c.row as usize + r, &self.v_minus);
+                    sub.z0[row + r] += scale * material.tangential_restitution * slip;
+                }
+            }
+        }
+        self.add_joints(&mut sub);
+        self.sub = sub;
+    }
+
+    /// `G_N(n) V_minus`: the normal of t_n, as eqs. 16, 24 and 43 print it.
+    fn printed_approach(&self, c: &RowContact, contact: &Contact) -> f64 {
+        let n = contact.n0;
+        let row = [n.x, n.y, n.z, 0.0, 0.0, 0.0];
+        let part = |node: u32| {
+            let v = &self.v_minus[NODE_DOF * node as usize..];
+            along(&row, glam::DVec3::new(v[0], v[1], v[2]), glam::DVec3::ZERO)
+        };
+        let mut sum = part(c.node_a);
+        if c.node_b != carom_solve::rows::WORLD {
+            sum -= part(c.node_b);
+        }
+        sum + self.driven[0].get(c.row as usize).copied().unwrap_or(0.0)
+    }
+
+    pub(in crate::impact) fn solve_built(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        problem: u32,
+        warm: Option<&[f64]>,
+        report: &mut StepReport,
+    ) -> bool {
+        self.lambda.clear();
+        self.lambda.resize(self.sub.rows(), 0.0);
+        if let Some(start) = warm {
+            self.lambda[..start.len()].copy_from_slice(start);
+        }
+        self.sub.impulses(&self.lambda, &mut self.force);
+        self.sub.apply_inverse_mass(&self.force, &mut self.u);
+        let nodes = self.sub.nodes() as f64;
+        let mass = self.sub.inv_mass.iter().map(|im| 1.0 / im).sum::<f64>() / nodes;
+        let mut speed = self.speeds.largest();
+        if !self.joints.is_empty() {
+            // Joints are solved at rest too, where every speed is 0.
+            speed = speed.max(AT_REST * self.sub.node_length[0] / self.span.h);
+        }
+        let groups = self.sub.contacts.len();
+        let mut floor = model.options.tolerance_floor * mass * speed;
+        if groups > model.options.dense_contacts as usize {
+            // The speed that would open or close the touching tolerance in this step (`position_floor`).
+            let length = self.sub.node_length.iter().sum::<f64>() / nodes;
+            floor = floor.max(model.options.touching_tolerance * length / self.span.h * mass);
+        }
+        let mut options = newton_options(&model.options, groups, floor, false);
+        // The closing tolerance must stand clear of what the solver leaves (rule R3).
+        if self.speeds.speed > 0.0 && !self.chosen.is_empty() {
+            options.tolerance = options.tolerance.min(self.tol / (10.0 * self.speeds.speed));
+        }
+        let [mut lambda, mut u] = [&mut self.lambda, &mut self.u].map(std::mem::take);
+        let mut sub = std::mem::take(&mut self.sub);
+        let SolveScratch {
+            newton,
+            bodies,
+            node_of,
+            ..
+        } = &mut scratch.solve;
+        let result = if self.loads.is_empty() {
+            newton.solve(&mut sub, &mut Linear, &options, &mut lambda, &mut u)
+        } else {
+            let mut problem = self.velocities(model, bodies, node_of, scratch.trial);
+            newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
+        };
+        (self.sub, self.lambda, self.u) = (sub, lambda, u);
+        report.add_velocity(&result);
+        let history = &mut scratch.history[2];
+        if newton.history.len() > history.values.len() {
+            history.values.clone_from(&newton.history);
+            history.problem = problem;
+            history.contacts = self.chosen.len() as u32;
+        }
+        self.last = result;
+        if result.converged {
+            return true;
+        }
+        self.keep(model, scratch, problem);
+        report.unconverged += u32::from(self.accept_unconverged);
+        self.accept_unconverged
+    }
+
+    /// Hands the problem at hand, with what was found, to the keeper.
+    #[cold]
+    fn keep(&mut self, model: &Model, scratch: &mut IslandScratch, index: u32) {
+        let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
+        let (mut multiplier, mut correction) = (self.lambda.clone(), self.u.clone());
+        if !multiplier.iter().chain(&correction).all(|x| x.is_finite()) {
+            multiplier.fill(0.0);
+            correction.fill(0.0);
+        }
+        // On a copy: the step goes on from what its last solve left.
+        let mut system = self.sub.clone();
+        let mut measures = vec![0.0; system.rows()];
+        if self.loads.is_empty() {
+            system.linear_measures(&correction, &mut measures);
+        } else {
+            let SolveScratch {
+                bodies, node_of, ..
+            } = &scratch.solve;
+            self.velocities(model, bodies, node_of, scratch.trial)
+                .evaluate(&mut system, &correction, &mut measures);
+        }
+        scratch.keeper.keep(&Solve {
+            model,
+            contacts: scratch.contacts,
+            members: &members,
+            spheres: &scratch.solve.bodies,
+            system: &system,
+            measures: &measures,
+            multiplier: &multiplier,
+            correction: &correction,
+            motion: &self.velocity,
+            level: Level::Velocity,
+            index,
+            report: self.last,
+            worst: worst_group(&self.sub, scratch.solve.newton.residual_rows()),
+        });
+    }
+
+    /// The problem at hand where loads depend on the velocities.
+    fn velocities<'a>(
+        &'a self,
+        model: &'a Model,
+        bodies: &'a [u32],
+        node_of: &'a [u32],
+        trial: &'a mut Trial,
+    ) -> Velocities<'a> {
+        Velocities {
+            model,
+            loads: &self.loads,
+            bodies,
+            node_of,
+            trial,
+            span: self.span,
+            before: &self.velocity,
+            base: &self.load_base,
+            known: &self.load_impulse,
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! What impact problems gave: totals of the island, the table of impacts, the results of the step.
+
+use super::ImpactScratch;
+use crate::contact::Contact;
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::scratch::{ImpactRecord, IslandScratch};
+use carom_solve::rows::NODE_DOF;
+use carom_solve::Status;
+
+impl ImpactScratch {
+    /// Adds the new impulses and their work to the totals.
+    pub(super) fn commit(&mut self, contacts: &[Contact]) {
+        for (position, &slot) in self.chosen.iter().enumerate() {
+            let (c, s) = (self.full.contacts[slot], self.sub.contacts[position]);
+            for r in 0..c.dim as usize {
+                let (row, sub_row) = (c.row as usize + r, s.row as usize + r);
+                let value = self.lambda[sub_row];
+                self.impulse[row] += value;
+                let before = self.relative::<1>(&c, row, &self.velocity);
+                let after = before + self.full.row_velocity(&c, row, &self.u);
+                let kind = contacts[self.members[slot] as usize].row_kind(r);
+                self.work[slot][kind] += 0.5 * value * (before + after);
+            }
+            if self.lambda[s.row as usize] > 0.0 {
+                let xi_slip = self.is_slipping(position);
+                self.status[slot] = if xi_slip { Status::Slip } else { Status::Stick };
+            }
+        }
+        let joints = self.full.contacts[self.members.len()..].iter();
+        for (c, s) in joints.zip(&self.sub.contacts[self.chosen.len()..]) {
+            for r in 0..c.dim as usize {
+                self.impulse[c.row as usize + r] += self.lambda[s.row as usize + r];
+            }
+        }
+        for (sum, b) in self.load_impulse.iter_mut().zip(&self.sub.load) {
+            *sum += b;
+        }
+        self.update_jump();
+    }
+
+    /// Whether the sliding disc of a chosen contact is saturated.
+    fn is_slipping(&self, position: usize) -> bool {
+        let c = &self.sub.contacts[position];
+        if c.bounds.sliding <= 0.0 {
+            return true;
+        }
+        let row = c.row as usize;
+        let friction = self.lambda[row + 1].hypot(self.lambda[row + 2]);
+        friction >= c.bounds.sliding * self.lambda[row] * (1.0 - 1e-12)
+    }
+
+    /// Keeps the problem in the table of impacts. Stage 0, and a first problem in which only loads act (laws without
+    /// stage 0 solve rest as an impact), enter it only if an impact follows in this island.
+    pub(super) fn record(&mut self, scratch: &mut IslandScratch, index: Option<u32>) {
+        let loads_only = |slot: &usize| self.old_normal_velocity(*slot) >= -self.tol;
+        let quiet = index.is_none() || (index == Some(1) && self.chosen.iter().all(loads_only));
+        let mut rows = std::mem::take(&mut self.resting);
+        for (position, &slot) in self.chosen.iter().enumerate() {
+            let s = &self.sub.contacts[position];
+            let row = s.row as usize;
+            if self.lambda[row] <= 0.0 {
+                continue;
+            }
+            let contact = scratch.contacts[self.members[slot] as usize];
+            let mut packed = [0.0; 6];
+            packed[..s.dim as usize].copy_from_slice(&self.lambda[row..row + s.dim as usize]);
+            let world = contact.to_world(contact.n1, &packed);
+            let full = &self.full.contacts[slot];
+            let approach = self.relative::<1>(full, full.row as usize, &self.velocity);
+            rows.push(ImpactRecord {
+                problem: index.unwrap_or(0),
+                a: contact.a,
+                b: contact.b,
+                status: self.status[slot] as u8,
+                normal: contact.n1,
+                impulse: world.impulse,
+                moment: world.moment,
+                approach,
+                separation: approach + self.sub.row_velocity(s, row, &self.u),
+                restitution_scale: self.scale[position],
+            });
+        }
+        if !quiet {
+            scratch.impacts.append(&mut rows);
+        }
+        self.resting = rows;
+    }
+
+    /// Writes the island's result into the step's scratch.
+    pub fn finish(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
+        report.impact_problems = report.impact_problems.max(self.problems);
+        for (node, &body) in scratch.solve.bodies.iter().enumerate() {
+            let at = NODE_DOF * node..NODE_DOF * (node + 1);
+            let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
+            let jump = [
+                glam::DVec3::new(j[0] + s[0], j[1] + s[1], j[2] + s[2]),
+                glam::DVec3::new(j[3] + s[3], j[4] + s[4], j[5] + s[5]),
+            ];
+            scratch.corrections.set(body, jump);
+        }
+        self.finish_joints(model, scratch);
+        for (slot, &m) in self.members.iter().enumerate() {
+            let c = &self.full.contacts[slot];
+            let contact = &mut scratch.contacts[m as usize];
+            contact.lambda = [0.0; 6];
+            contact.lambda[..c.dim as usize]
+                .copy_from_slice(&self.impulse[c.row as usize..(c.row + c.dim) as usize]);
+            contact.work = self.work[slot];
+            contact.status = self.status[slot];
+            let free = self.relative::<1>(c, c.row as usize, &self.v_check);
+            let touching = contact.gap_start <= model.options.touching_tolerance * contact.length;
+            // Overlap made by the smooth motion, not by a neighbour's position correction.
+            let overlapped = contact.gap_check < 0.0 && contact.nu[0] > 0.0;
+            if overlapped && free > self.tol && !touching {
+                report.missed_impacts += 1;
+            }
+        }
+    }
+}
