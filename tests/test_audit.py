@@ -234,6 +234,8 @@ def test_a_planted_fault_is_caught_by_its_law(run: Maker, tmp_path: Path, name: 
 #: Numbers that point to what is not there; with none of them may the auditor stumble.
 DANGLING = {
     "body of a contact": ("rolling", fault.write("contacts/body", (40, 1), 10**9)),
+    "status of a contact": ("two", fault.write("contacts/status", 0, 9)),
+    "status of an impact": ("two", fault.write("impacts/status", 0, 3)),
     "contact with itself": ("two", fault.write("contacts/body", (0, 1), 0)),
     "body of an impact": ("two", fault.write("impacts/body", (0, 0), 10**9)),
     "step of an impact": ("two", fault.write("impacts/step", 0, 10**9)),

@@ -529,3 +529,19 @@ class TestFiles:
         path = tmp_path / "x.toml"
         path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
         assert Scene.from_toml(path) == Scene.from_toml(GOOD)
+
+
+def test_a_seed_that_is_far_too_large_is_not_said_to_be_negative() -> None:
+    scene = Scene("seeds")
+    for seed, limit in ((2**64, r"must be below 2\^63"), (-1, "must be zero or positive")):
+        with pytest.raises(ScenarioError, match=f"seed: {limit}, found {seed}"):
+            scene.packing(
+                "heap",
+                count=5,
+                diameter=0.02,
+                density=1000,
+                low=(0, 0, 0),
+                high=(1, 1, 1),
+                material="m",
+                seed=seed,
+            )

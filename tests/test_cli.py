@@ -373,7 +373,8 @@ def test_resume_extends_and_says_so(runs: Path) -> None:
 
 def test_info(runs: Path) -> None:
     text = cli("info", "runs/three_balls-1", cwd=runs).stdout
-    assert "status      done" in text
+    assert re.search(r"^status +done$", text, re.M)
+    assert re.search(r"^unconverged steps +0$", text, re.M)
     facts_ = json.loads(cli("info", "runs/three_balls-1", "--json", cwd=runs).stdout)
     assert facts_["bodies"] == 3
     assert facts_["segments"] == ["results.h5"]

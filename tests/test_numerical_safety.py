@@ -168,8 +168,11 @@ class TestNotConverged:
         assert (tmp_path / "run" / "failing_problem.h5").is_file()
         assert not np.asarray(result.steps["unconverged"]).any()
 
-    def test_goes_on_if_told_and_marks_the_steps(self, tmp_path: Path) -> None:
+    def test_goes_on_if_told_and_marks_the_steps(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         assert self.command(tmp_path / "run", "--on-nonconvergence", "warn") in (None, 0)
+        assert "accepted unconverged" in capsys.readouterr().err  # --quiet is no reason to pass over it
         result = carom.load(tmp_path / "run")
         assert result.outcome.ok
         marked = np.asarray(result.steps["unconverged"])

@@ -230,6 +230,8 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
         read_fclib(tmp_path / "none.hdf5")
     with pytest.raises(ContactProblemError, match="a directory; name an HDF5 file"):
         read_fclib(tmp_path)
+    with pytest.raises(ContactProblemError, match="no regular file; name an HDF5 file"):
+        read_fclib("/dev/null")
     (tmp_path / "text.hdf5").write_text("not HDF5\n" * 100)
     with pytest.raises(ContactProblemError, match=r"cannot be read .*; is it an HDF5 file, and whole"):
         read_fclib(tmp_path / "text.hdf5")

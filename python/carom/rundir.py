@@ -76,6 +76,11 @@ class RunDir:
         if not path.exists():
             raise CaromError(f"{path}: no such run directory")
         if not (path / "run.json").is_file():
+            if path.is_dir() and not any(path.iterdir()):
+                raise CaromError(
+                    f"{path} is empty, not a run directory; if a run was stopped there before it wrote anything, start it"
+                    f" again, as `carom run SCENARIO -o {path} --force`"
+                )
             if path.is_dir() and cls(path)._is_own():
                 raise CaromError(
                     f"{path}: the run was stopped before it wrote anything, and there is nothing to continue;"

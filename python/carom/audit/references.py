@@ -71,6 +71,8 @@ def _rows(run: Run, tally: Tally) -> None:
             a, b = _whole(body[first : first + ROWS]).reshape(-1, 2).T
             wrong = (a < 0) | (a >= run.bodies) | (b <= a) | (b >= len(run.names))
             _count(tally, wrong, f"/{table}/body")
+            status = _whole(segments.column(table, "status")[first : first + ROWS])
+            _count(tally, (status < 0) | (status > 2), f"/{table}/status")
             if not wrong.any():
                 _count(tally, run.law_index(a, b) < 0, f"/{table}/body")
     _count(tally, _disordered(_whole(run.result.impacts["step"]), 1, last), "/impacts/step")

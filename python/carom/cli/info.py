@@ -5,6 +5,8 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
+import numpy as np
+
 from carom.cli.options import Json, Run
 from carom.cli.output import emit, guarded, table
 
@@ -32,6 +34,7 @@ def info(run: Run, as_json: Json = False) -> None:
         "planes": len(result.planes),
         **({"other_walls": others} if (others := len(result.walls) - len(result.planes)) else {}),
         "steps": len(result.steps),
+        "unconverged_steps": int((np.asarray(result.steps["unconverged"]) > 0).sum()),
         "frames": len(result.time),
         "time_first": float(result.time[0]) if len(result.time) else None,
         "time_last": float(result.time[-1]) if len(result.time) else None,

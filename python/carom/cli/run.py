@@ -111,6 +111,12 @@ def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None =
         from carom.cli.summary import text
 
         print(text(summary, result))
+    elif summary.get("unconverged"):
+        from carom.errors import counted
+
+        note(
+            f"{counted(summary['unconverged'], 'sub-problem')} accepted unconverged: carom check {result.path}"
+        )
     outcome = result.outcome
     if outcome.ok:
         return DONE

@@ -54,6 +54,13 @@ LEAST_DEFLATED = 1024
 UNREADABLE = (OSError, RuntimeError, MemoryError, KeyError, TypeError, ValueError, OverflowError)
 
 
+def _what(path: Path) -> str:
+    """What stands where a file should."""
+    if path.is_dir():
+        return "a directory"
+    return "no regular file" if path.exists() else "no such file"
+
+
 def read_fclib(path: Path | str) -> LocalProblem | GlobalProblem:
     """The contact problem of a file; the local one if it holds both forms.
 
@@ -61,7 +68,7 @@ def read_fclib(path: Path | str) -> LocalProblem | GlobalProblem:
     """
     path = Path(path)
     if not path.is_file():
-        raise refuse(str(path), "a directory" if path.is_dir() else "no such file", "name an HDF5 file")
+        raise refuse(str(path), _what(path), "name an HDF5 file")
     try:
         with warnings.catch_warnings(record=True) as told, h5py.File(path, "r") as file:
             warnings.simplefilter("always", ContactProblemWarning)

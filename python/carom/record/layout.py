@@ -156,6 +156,9 @@ MEANINGS: dict[str, Meaning] = {
     "steps/candidates": Meaning("1", "pairs near enough to be looked at"),
     "steps/islands": Meaning("1", "groups of bodies joined by closed contacts"),
     "steps/largest_island": Meaning("1", "contacts of the largest group"),
+    "steps/residual_smooth": Meaning(
+        "1", "relative residual of the smooth sub-problem, 0 without loads and joints"
+    ),
     "steps/residual_position": Meaning("1", "relative residual of the position sub-problem, eq. 44"),
     "steps/residual_velocity": Meaning("1", "relative residual of the velocity sub-problem, eq. 44"),
     "steps/energy_kinetic": Meaning("J", "kinetic energy, translation and rotation"),

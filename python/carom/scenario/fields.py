@@ -173,8 +173,10 @@ class Integer(Checked):
             raise refuse(
                 f"expected a whole number, found {quoted(value)}", "write a whole number, without a point"
             )
-        if abs(value) > 2**63 - 1 or not self.bounds.hold(int(value)):
-            words = self.bounds.words() or "below 2^63"
+        # The bounds say what is wrong with a number that is far too large only where they are upper ones.
+        holds = self.bounds.hold(int(value))
+        if abs(value) > 2**63 - 1 or not holds:
+            words = ("below 2^63" if value > 0 else "above -2^63") if holds else self.bounds.words()
             raise refuse(f"must be {words}, found {quoted(value)}", f"write a number that is {words}")
         return int(value)
 

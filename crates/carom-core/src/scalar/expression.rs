@@ -164,16 +164,26 @@ impl fmt::Display for Expression {
     }
 }
 
-fn describe_one(f: Unary, x: f64) -> String {
-    match f {
-        Unary::Negate => format!("-({x})"),
-        f => format!("{}({x})", Function::One(f).name()),
+/// A number for a message: as it is, or with an exponent where it had very many digits.
+fn short(x: f64) -> String {
+    if x != 0.0 && !(1e-6..1e16).contains(&x.abs()) {
+        format!("{x:e}")
+    } else {
+        x.to_string()
     }
 }
 
-fn describe_two(f: Binary, a: f64, b: f64) -> String {
+fn describe_one(f: Unary, x: f64) -> String {
+    match f {
+        Unary::Negate => format!("-({})", short(x)),
+        f => format!("{}({})", Function::One(f).name(), short(x)),
+    }
+}
+
+fn describe_two(f: Binary, x: f64, y: f64) -> String {
+    let (a, b) = (short(x), short(y));
     match f.sign() {
-        Some(sign) if b < 0.0 => format!("{a} {sign} ({b})"),
+        Some(sign) if y < 0.0 => format!("{a} {sign} ({b})"),
         Some(sign) => format!("{a} {sign} {b}"),
         None if f == Binary::Atan2 => format!("{}({a}, {b})", Function::Two(f).name()),
         None => format!("{}({a}, {b})", Function::Many(f).name()),
