@@ -127,6 +127,8 @@ def test_at_a_kink_there_are_two_slopes(form: tuple[str, object]) -> None:
         at = np.array([0.1, x, 0.9])
         assert law(form, at)[1] == pytest.approx([0.0, -5.0, -5.0])
         assert law(form, at, before=True)[1] == pytest.approx([0.0, 0.0, -5.0])
+    ends = ("expression", "(1 - x)^1.5")
+    assert law(ends, np.array([1.0]))[1] == 0.0
     folded = ("expression", "abs(x - 0.3)")
     assert [law(folded, np.array([0.3]), before=b)[1][0] for b in (True, False)] == [-1.0, 1.0]
 

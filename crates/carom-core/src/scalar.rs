@@ -53,7 +53,7 @@ impl Scalar {
             Scalar::Constant(_) => 0.0,
             Scalar::Polynomial(c) => (1..c.len()).rev().fold(0.0, |y, k| y * x + k as f64 * c[k]),
             Scalar::Table(points) => slope_behind(points, |p| p <= x + rounding(x)),
-            Scalar::Expression(e) => e.slope(&[x + rounding(x)], 0),
+            Scalar::Expression(e) => beside(x, rounding(x), |x| e.slope(&[x], 0)),
         }
     }
 
@@ -61,7 +61,7 @@ impl Scalar {
     pub fn slope_before(&self, x: f64) -> f64 {
         match self {
             Scalar::Table(points) => slope_behind(points, |p| p < x - rounding(x)),
-            Scalar::Expression(e) => e.slope_before(&[x - rounding(x)], 0),
+            Scalar::Expression(e) => beside(x, -rounding(x), |x| e.slope_before(&[x], 0)),
             smooth => smooth.slope(x),
         }
     }
@@ -117,6 +117,16 @@ fn finite_at_start(what: &str, found: f64) -> Result<(), String> {
 /// Times of steps, `n h` and `t_n + h`, and the kink that is meant may differ by so much.
 fn rounding(x: f64) -> f64 {
     8.0 * f64::EPSILON * x.abs()
+}
+
+/// A slope so far `off` that a kink within rounding is behind it; where the formula ends there, that at `x` itself.
+fn beside(x: f64, off: f64, slope: impl Fn(f64) -> f64) -> f64 {
+    let found = slope(x + off);
+    if found.is_finite() {
+        found
+    } else {
+        slope(x)
+    }
 }
 
 /// Slope behind the last point that has been `reached`.
@@ -248,6 +258,10 @@ mod tests {
         let early = 5.0 * 3e-4;
         assert!(early < 0.0015);
         assert_eq!(expression("max(0, t - 0.0015)").slope(early), 1.0);
+        // Formulas that end at 1, and that begin there.
+        let ends = expression("(1 - t)^1.5").slope(1.0);
+        let begins = expression("(t - 1)^1.5").slope_before(1.0);
+        assert_eq!((ends, begins), (0.0, 0.0));
         for third in [0.1 + 0.2, 0.3] {
             let table = Scalar::Table(vec![[0.0, 0.0], [0.3, 0.0], [1.0, 0.7]]);
             assert_eq!((table.slope_before(third), table.slope(third)), (0.0, 1.0));

@@ -54,7 +54,8 @@ def law(form: Sequence[Any], x: F64, *, before: bool = False) -> Dual:
     ):  # a formula may have no value somewhere; whoever needs it there will see a NaN
         tree = _parsed(str(data))
         way = -1.0 if before else 1.0
-        return _evaluate(tree, x, way)[0], way * _evaluate(tree, x + way * rounding, way)[1]
+        (value, at), (_, beside) = (_evaluate(tree, place, way) for place in (x, x + way * rounding))
+        return value, way * np.where(np.isfinite(beside), beside, at)  # a formula may end at `x`
 
 
 def _table(points: F64, x: F64, rounding: F64, before: bool) -> Dual:
