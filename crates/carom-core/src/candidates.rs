@@ -328,10 +328,16 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
     contacts.append(&mut joining);
     // Stable: of two sorted runs, which are merged.
     contacts.sort_by_key(|c| (c.a, c.b));
-    // Multipliers stay: piles are swept on from them.
+    start_over(model, state, scratch);
+    Ok(true)
+}
+
+/// Spheres where the smooth step has put them. Multipliers stay: piles are swept on from them.
+pub(crate) fn start_over(model: &Model, state: &State, scratch: &mut Scratch) {
+    let threads = model.options.threads as usize;
+    let (linear, shift) = (&scratch.linear, &mut scratch.shift);
     team::fill(threads, shift, |_| [DVec3::ZERO; 2]);
-    team::fill(threads, position, |i| {
+    team::fill(threads, &mut scratch.position, |i| {
         state.position[i] + linear[i].displacement
     });
-    Ok(true)
 }

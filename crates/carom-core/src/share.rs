@@ -8,7 +8,7 @@ use crate::contact::Contact;
 use crate::impact::ImpactScratch;
 use crate::islands::{Island, Islands};
 use crate::level::coupling::Trial;
-use crate::level::{closed_form, position, velocity};
+use crate::level::{closed_form, position, velocity, Demand};
 use crate::model::Model;
 use crate::pile::{self, Pile};
 use crate::problem::{Keeper, KeptProblem};
@@ -32,19 +32,22 @@ pub struct Task<'a> {
     pub state: &'a State,
     pub level: Level,
     pub span: Span,
-    pub accept_unconverged: bool,
+    pub demand: Demand,
 }
 
 impl Task<'_> {
     #[inline]
     fn solve(&self, scratch: &mut IslandScratch, island: Island, report: &mut StepReport) -> bool {
-        let (model, state, accept) = (self.model, self.state, self.accept_unconverged);
+        let (model, state, demand) = (self.model, self.state, self.demand);
         let span = self.span;
         match self.level {
             Level::Position => {
-                position::solve_island(model, state, scratch, island, span, report, accept)
+                position::solve_island(model, state, scratch, island, span, report, demand)
             }
-            _ => velocity::solve_island(model, state, scratch, island, span, report, accept),
+            _ => {
+                let accept = demand == Demand::Accepted;
+                velocity::solve_island(model, state, scratch, island, span, report, accept)
+            }
         }
     }
 

@@ -4,11 +4,12 @@
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
 use crate::blow_up::BlowUp;
-use crate::candidates::{complete, meet, relist, CANDIDATE_MARGIN};
+use crate::candidates::{complete, meet, relist, start_over, CANDIDATE_MARGIN};
 use crate::finish::finish;
 use crate::force::Motion;
-use crate::level::{position, smooth};
+use crate::level::{position, smooth, Demand};
 use crate::model::Model;
+use crate::pile;
 use crate::report::{Level, StepReport};
 use crate::scratch::Scratch;
 use crate::share::{self, Task};
@@ -167,18 +168,27 @@ fn correct_positions(
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
+    let strict = Demand::or_accepted(accept);
+    let mut demand = if accept { strict } else { Demand::Rough };
     for round in 0..=MAX_RELIST {
         let earlier = std::mem::take(&mut report.sweeps_position);
-        solve_positions(model, state, scratch, span, report, accept)?;
+        solve_positions(model, state, scratch, span, report, demand)?;
         report.sweeps_position += earlier;
         place(model, state, scratch);
-        if !relist(model, state, scratch)? {
-            break;
+        let joined = relist(model, state, scratch)?;
+        if !joined {
+            // What was solved roughly is done once more, now that all pairs are there.
+            let (contacts, islands) = (&scratch.contacts, &scratch.islands);
+            if demand != Demand::Rough || !pile::is_left_rough(model, contacts, islands) {
+                break;
+            }
+            demand = strict;
+            start_over(model, state, scratch);
         }
         if round == MAX_RELIST {
             return Err(Failure::NotConverged(Level::Position));
         }
-        report.relisted += 1;
+        report.relisted += u32::from(joined);
     }
     report.candidates = scratch.contacts.len() as u32;
     scratch.end_level();
@@ -192,7 +202,7 @@ pub(crate) fn solve_positions(
     scratch: &mut Scratch,
     span: Span,
     report: &mut StepReport,
-    accept: bool,
+    demand: Demand,
 ) -> Result<(), Failure> {
     let (spheres, links) = (model.spheres(), &model.links);
     scratch
@@ -204,7 +214,7 @@ pub(crate) fn solve_positions(
         state,
         level: Level::Position,
         span,
-        accept_unconverged: accept,
+        demand,
     };
     if share::solve(&task, scratch, report) {
         Ok(())
@@ -259,7 +269,7 @@ pub(crate) fn correct_velocities(
         state,
         level: Level::Velocity,
         span,
-        accept_unconverged: accept,
+        demand: Demand::or_accepted(accept),
     };
     let solved = share::solve(&task, scratch, report);
     scratch.end_level();

@@ -17,6 +17,27 @@ use carom_solve::{NewtonOptions, RowSystem};
 /// Contacts of an island up to which the gap tolerance is asked for.
 const GAP_CHECK_CONTACTS: usize = 50;
 
+/// What is asked of a level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Demand {
+    /// Convergence, or no step.
+    Converged,
+    /// What does not converge is taken, and counted.
+    Accepted,
+    /// Convergence, but for overlaps of large piles, which may be deeper: more pairs may join (`pile::position`).
+    Rough,
+}
+
+impl Demand {
+    pub fn or_accepted(accept_unconverged: bool) -> Self {
+        if accept_unconverged {
+            Self::Accepted
+        } else {
+            Self::Converged
+        }
+    }
+}
+
 /// Solver options of one island of one level; `floor` in the unit of the multipliers.
 pub(crate) fn newton_options(
     options: &Options,

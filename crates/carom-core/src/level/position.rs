@@ -5,7 +5,7 @@
 //! contacts, and loads that depend on positions act through their change, `(h^2/2) f_p` (eq. 3).
 
 use super::coupling::{position_rows, Trial};
-use super::{closed_form, newton_options, position_floor, single, worst_group};
+use super::{closed_form, newton_options, position_floor, single, worst_group, Demand};
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
 use crate::model::Model;
@@ -177,7 +177,7 @@ pub fn solve_island(
     island: Island,
     span: Span,
     report: &mut StepReport,
-    accept_unconverged: bool,
+    demand: Demand,
 ) -> bool {
     if is_apart(scratch.contacts, island) {
         return true;
@@ -215,8 +215,11 @@ pub fn solve_island(
     }
     if pile::fits(model, island) {
         let others = pile::may_fall_back(island);
-        let accept = accept_unconverged && !others;
-        if pile::solve_positions(model, state, scratch, island, span, report, accept) {
+        let asked = match demand {
+            Demand::Accepted if others => Demand::Converged,
+            _ => demand,
+        };
+        if pile::solve_positions(model, state, scratch, island, span, report, asked) {
             return true;
         }
         if !others {
@@ -231,7 +234,7 @@ pub fn solve_island(
         island,
         span,
         report,
-        accept_unconverged,
+        demand == Demand::Accepted,
     )
 }
 

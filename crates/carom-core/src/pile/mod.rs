@@ -22,7 +22,7 @@ pub use position::{overlap, solve_positions};
 pub use velocity::solve_velocities;
 
 use crate::contact::Contact;
-use crate::islands::Island;
+use crate::islands::{Island, Islands};
 use crate::model::Model;
 use crate::options::{Impact, Options, Solver};
 use crate::problem::Keeper;
@@ -44,6 +44,8 @@ const ALONE: usize = 500;
 const COARSE: f64 = 1e-5;
 /// Tolerance that scenes of piles are advised to set.
 const USUAL: f64 = 1e-4;
+/// Of overlaps that are measured twice.
+const ROUNDING: f64 = 1e-6;
 /// Contacts of a pile from which on its worst one may be worse.
 const TYPICAL: f64 = 2_500.0;
 /// Share of the closing tolerance that solvers may leave.
@@ -77,6 +79,8 @@ pub struct Pile {
     sweeps: Sweeps,
     bodies: Vec<Body>,
     places: Vec<Place>,
+    /// Position level: tangential increments of the contacts over the smooth step; none where memory is short.
+    slides: Vec<[f64; 3]>,
     contacts: Vec<spheres::Contact>,
     /// Rolling and spinning friction of the contacts; empty where nothing rolls.
     rolls: Vec<spheres::Roll>,
@@ -107,6 +111,7 @@ impl Pile {
             sweeps: Sweeps::empty(),
             bodies: Vec::new(),
             places: Vec::new(),
+            slides: Vec::new(),
             contacts: Vec::new(),
             rolls: Vec::new(),
             spheres: Vec::new(),
@@ -250,6 +255,31 @@ pub fn threads(model: &Model, contacts: usize) -> usize {
     let o = &model.options;
     let worth = contacts / o.contacts_per_thread as usize;
     (o.threads as usize).min(worth).max(1)
+}
+
+/// Whether an island has so many contacts that its worst ones take most of the work.
+fn is_typical(contacts: usize) -> bool {
+    contacts as f64 >= TYPICAL
+}
+
+/// Whether something overlaps deeper than it may after a round of [`crate::level::Demand::Rough`].
+pub fn is_left_rough(model: &Model, contacts: &[Contact], islands: &Islands) -> bool {
+    let o = &model.options;
+    let tolerance = o.tolerance.max(o.pile_tolerance);
+    let mut all = (0..islands.len()).map(|k| islands.island(k));
+    all.any(|island| {
+        if !is_typical(island.contacts.len()) || !fits(model, island) {
+            return false;
+        }
+        let (mut smallest, mut deepest) = (f64::INFINITY, 0.0f64);
+        for c in island.contacts.iter().map(|&m| &contacts[m as usize]) {
+            let radius = |body: u32| model.radius.get(body as usize).copied();
+            let radii = [c.a, c.b].map(|body| radius(body).unwrap_or(f64::INFINITY));
+            smallest = smallest.min(radii[0]).min(radii[1]);
+            deepest = deepest.max(-c.gap);
+        }
+        deepest > (1.0 + ROUNDING) * overlap(tolerance, island.contacts.len()) * smallest
+    })
 }
 
 /// What the worst of so many contacts may be left with over what the worst of a small pile may: at the same residual the worst of

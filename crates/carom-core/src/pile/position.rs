@@ -3,34 +3,41 @@
 
 use super::roll::{self, Turning};
 use super::{
-    budget, is_beyond, keep, node, record, shares, told, warm::Cursor, worst, Pile, COARSE,
-    PATIENCE, TYPICAL,
+    budget, is_beyond, is_typical, keep, node, record, shares, told, warm::Cursor, worst, Pile,
+    COARSE, PATIENCE,
 };
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
-use crate::level::position_floor;
 use crate::level::velocity::MANY;
+use crate::level::{position_floor, Demand};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
 use crate::scratch::IslandScratch;
-use crate::state::State;
+use crate::state::{State, Warm};
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
 use crate::wall::Walls;
+use carom_geom::Proximity;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal};
 use carom_solve::team;
 use glam::DVec3;
 
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
-/// sideways. In islands of many contacts ([`TYPICAL`]) of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000.
+/// sideways. In islands of many contacts ([`TYPICAL`]) fewer.
 const SWEEPS_PER_LINEARISATION: usize = 64;
-const OF_MANY: usize = 48;
+const OF_MANY: usize = 32;
 /// Overlap over the radius that no pile's size excuses.
 const MOST_OVERLAP: f64 = 4.5e-4;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
 const LINEAR_SHARE: f64 = 0.8;
+/// The same for its worst overlap, which linearising changes less.
+const CLOSING_SHARE: f64 = 0.95;
+/// In rough rounds overlaps may be so much deeper, in islands of many contacts: the last ones take most of the sweeps, and pairs join anyway.
+const ROUGH: f64 = 3.0;
+/// Largest momentum once the residual is met by half: what is left are single contacts.
+const CALM: f64 = 0.8;
 
 /// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
 pub fn solve_positions(
@@ -40,11 +47,11 @@ pub fn solve_positions(
     island: Island,
     span: Span,
     report: &mut StepReport,
-    accept: bool,
+    demand: Demand,
 ) -> bool {
     let mut pile = std::mem::take(scratch.pile);
     let solved = solve(
-        &mut pile, model, state, scratch, island, span, report, accept,
+        &mut pile, model, state, scratch, island, span, report, demand,
     );
     *scratch.pile = pile;
     solved
@@ -59,7 +66,7 @@ fn solve(
     island: Island,
     span: Span,
     report: &mut StepReport,
-    accept: bool,
+    demand: Demand,
 ) -> bool {
     let IslandScratch {
         contacts,
@@ -80,6 +87,18 @@ fn solve(
     let ratio = (span.h / state.warm_step).powi(2);
     // Solved before in this step, but for contacts that have joined: only these are new.
     let again = members.iter().any(|&m| contacts[m as usize].nu[0] > 0.0);
+    let many = is_typical(members.len());
+    let of_load = 0.5 * span.h * span.h / state.warm_step;
+    let beyond = |w: &Warm| is_beyond(ratio * w.position, of_load * w.impulse);
+    // Of a pile that is being hit everywhere it is the impact that the positions hold, not a wedge.
+    let hit = many
+        && !again
+        && shares::mostly(threads, members.len(), |range| {
+            let mut cursor = Cursor::new(&state.warm);
+            let key = |m: &u32| (contacts[*m as usize].a, contacts[*m as usize].b);
+            let known = members[range].iter().filter_map(|m| cursor.find(key(m)));
+            known.fold([0, 0], |n, w| [n[0] + usize::from(beyond(w)), n[1] + 1])
+        });
     let begin = |cursor: &mut Cursor, m: u32| {
         let c = &contacts[m as usize];
         if again {
@@ -87,8 +106,7 @@ fn solve(
         }
         let warm = cursor.find((c.a, c.b));
         warm.map_or([DVec3::ZERO; 2], |w| {
-            let of_load = 0.5 * span.h * span.h / state.warm_step;
-            if is_beyond(ratio * w.position, of_load * w.impulse) {
+            if !hit && beyond(w) {
                 [of_load * w.impulse, of_load * w.moment]
             } else {
                 [ratio * w.position, ratio * w.position_moment]
@@ -121,12 +139,17 @@ fn solve(
         linear,
         angular,
     };
-    at.write(None, &mut pile.contacts);
+    let slides = if pile.huge { 0 } else { members.len() };
+    shares::refill(threads, &mut pile.slides, slides, |k| {
+        at.slide(&contacts[members[k] as usize]).to_array()
+    });
+    at.write(&pile.slides, &mut pile.contacts);
     pile.rolls.clear();
     if rolls {
         at.write_rolls(&pile.contacts, &mut pile.rolls);
     }
-    if pile.load_sweeps().is_err() {
+    // What is started from moves the spheres: the first linearisation is there.
+    if pile.load_sweeps().is_err() || !at.follow(pile, rolls) {
         return false;
     }
     let share = position_floor(o, members.len());
@@ -143,27 +166,33 @@ fn solve(
     } else {
         (usize::MAX, PATIENCE)
     };
+    let rough = if many && demand == Demand::Rough && (hit || again) {
+        ROUGH
+    } else {
+        1.0
+    };
     let goal = Goal {
         tolerance,
         floor: pile.mean(|i| model.mass[i] * share * model.radius[i]),
         scale: 0.0,
-        closing: overlap(tolerance, members.len()) * smallest,
+        closing: rough * overlap(tolerance, members.len()) * smallest,
         penalty_scale: o.penalty_scale,
         patience,
         most,
         had: 0,
         rescale: usize::MAX,
+        calm: CALM,
     };
     let strict = Goal {
         tolerance: LINEAR_SHARE * goal.tolerance,
         floor: LINEAR_SHARE * goal.floor,
-        closing: LINEAR_SHARE * goal.closing,
+        closing: CLOSING_SHARE * goal.closing,
         ..goal
     };
-    let between = if (members.len() as f64) < TYPICAL {
-        SWEEPS_PER_LINEARISATION
-    } else {
+    let between = if many {
         OF_MANY
+    } else {
+        SWEEPS_PER_LINEARISATION
     };
     let (mut sweeps, mut round) = (0, 0);
     let mut last = pile.sweeps.judge(&goal, 0);
@@ -176,16 +205,8 @@ fn solve(
             ..strict
         });
         sweeps += linear_problem.sweeps.max(1);
-        pile.sweeps.velocities_into(&mut pile.corrections);
-        at.write(Some(&pile.corrections), &mut pile.contacts);
-        if pile.sweeps.set_contacts(&pile.contacts).is_err() {
+        if !at.follow(pile, rolls) {
             break;
-        }
-        if rolls {
-            at.write_rolls(&pile.contacts, &mut pile.rolls);
-            if pile.sweeps.change_rolls(&pile.rolls).is_err() {
-                break;
-            }
         }
         last = pile.sweeps.judge(&goal, sweeps);
         if last.converged {
@@ -241,7 +262,7 @@ fn solve(
         };
         keep::keep(keeper, &at, &stated, velocities, &motion);
     }
-    if !last.converged && !accept {
+    if !last.converged && demand != Demand::Accepted {
         return false;
     }
     report.add_position(&told(&last, round));
@@ -273,6 +294,13 @@ pub fn overlap(tolerance: f64, contacts: usize) -> f64 {
     }
 }
 
+/// The measures of a contact at 0 that are those of `p` where its sides have moved by `u` against each other.
+fn state(z: &mut spheres::Contact, p: &Proximity, u: DVec3, slide: DVec3) {
+    let n = p.normal;
+    let slip = (p.gap - n.dot(u)) * n + slide - n.dot(slide) * n;
+    (z.normal, z.slip) = (n.to_array(), slip.to_array());
+}
+
 /// Position measures of an island, to be linearised.
 struct Linearisation<'a> {
     threads: usize,
@@ -288,35 +316,77 @@ struct Linearisation<'a> {
 }
 
 impl Linearisation<'_> {
-    /// Contacts with gaps and normals at the corrections `u` (at 0 without), as measures at `u = 0`.
-    fn write(&self, u: Option<&[[f64; 6]]>, out: &mut Vec<spheres::Contact>) {
+    /// Contacts with gaps and normals after the smooth step.
+    fn write(&self, slides: &[[f64; 3]], out: &mut Vec<spheres::Contact>) {
         shares::refill(self.threads, out, self.members.len(), |k| {
             let c = &self.contacts[self.members[k] as usize];
             let [a, b] = [c.a, c.b].map(|body| node(self.model, self.node_of, body));
-            let moved = |node: u32| match u {
-                Some(u) if node != WORLD => {
-                    let u = &u[node as usize];
-                    DVec3::new(u[0], u[1], u[2])
-                }
-                _ => DVec3::ZERO,
-            };
-            let (ua, ub) = (moved(a), moved(b));
-            let at = |body: u32, u: DVec3| match self.position.get(body as usize) {
-                Some(x) => *x + u,
-                None => DVec3::ZERO,
-            };
-            let p = proximity(self.model, self.walls, c, at(c.a, ua), at(c.b, ub));
-            let n = p.normal;
-            let slide = self.slide(c);
-            let slip = (p.gap - n.dot(ua - ub)) * n + slide - n.dot(slide) * n;
-            spheres::Contact {
+            let at = |body: u32| self.position.get(body as usize).copied();
+            let [xa, xb] = [c.a, c.b].map(|body| at(body).unwrap_or_default());
+            let p = proximity(self.model, self.walls, c, xa, xb);
+            let mut z = spheres::Contact {
                 a,
                 b,
-                normal: n.to_array(),
-                slip: slip.to_array(),
                 friction: c.bounds.sliding,
-            }
+                ..Default::default()
+            };
+            state(&mut z, &p, DVec3::ZERO, self.slide_of(slides, k));
+            z
         });
+    }
+
+    /// Contacts with gaps and normals at the corrections `pile.corrections`, as measures at 0.
+    fn rewrite(&self, pile: &mut Pile) {
+        let Pile {
+            contacts,
+            slides,
+            places,
+            bodies,
+            corrections,
+            ..
+        } = pile;
+        let moved = |node: u32| {
+            let u = corrections.get(node as usize);
+            u.map_or(DVec3::ZERO, |u| DVec3::new(u[0], u[1], u[2]))
+        };
+        let centre = |node: u32| DVec3::from(places[node as usize]) + moved(node);
+        shares::each(self.threads, contacts, |k, z| {
+            let (ua, ub) = (moved(z.a), moved(z.b));
+            let p = if z.a == WORLD || z.b == WORLD {
+                let c = &self.contacts[self.members[k] as usize];
+                let at = |body: u32, u: DVec3| match self.position.get(body as usize) {
+                    Some(x) => *x + u,
+                    None => DVec3::ZERO,
+                };
+                proximity(self.model, self.walls, c, at(c.a, ua), at(c.b, ub))
+            } else {
+                let [ra, rb] = [z.a, z.b].map(|node| bodies[node as usize].radius);
+                let periodic = &self.model.periodic;
+                periodic.sphere_sphere(centre(z.a), ra, centre(z.b), rb)
+            };
+            state(z, &p, ua - ub, self.slide_of(slides, k));
+        });
+    }
+
+    fn slide_of(&self, slides: &[[f64; 3]], k: usize) -> DVec3 {
+        match slides.get(k) {
+            Some(slide) => DVec3::from(*slide),
+            None => self.slide(&self.contacts[self.members[k] as usize]),
+        }
+    }
+
+    /// Linearises where the sweeps have come to. False: the problem has numbers that cannot be used.
+    fn follow(&self, pile: &mut Pile, rolls: bool) -> bool {
+        pile.sweeps.velocities_into(&mut pile.corrections);
+        self.rewrite(pile);
+        if pile.sweeps.set_contacts(&pile.contacts).is_err() {
+            return false;
+        }
+        if rolls {
+            self.write_rolls(&pile.contacts, &mut pile.rolls);
+            return pile.sweeps.change_rolls(&pile.rolls).is_ok();
+        }
+        true
     }
 
     /// Rolling and spinning friction of the contacts as just written: the relative rotation over the smooth step, rolling and

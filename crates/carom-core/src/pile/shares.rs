@@ -86,6 +86,27 @@ pub(super) fn refill_parts<T: Send + Clone + Default>(
     team::map(threads, parts, |(k, part)| work(SIZE * k, part));
 }
 
+/// `work(place, item)` on every item.
+pub(super) fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+    let parts: Vec<_> = items.chunks_mut(SIZE).enumerate().collect();
+    team::map(threads, parts, |(number, part)| {
+        for (k, item) in part.iter_mut().enumerate() {
+            work(SIZE * number + k, item);
+        }
+    });
+}
+
+/// Whether more than half of `0..count` are such: `look` counts these and those among them, share by share.
+pub(super) fn mostly(
+    threads: usize,
+    count: usize,
+    look: impl Fn(Range<usize>) -> [usize; 2] + Sync,
+) -> bool {
+    let parts = map(threads, count, look);
+    let [those, all] = parts.iter().fold([0, 0], |s, p| [s[0] + p[0], s[1] + p[1]]);
+    2 * those > all
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -55,6 +55,7 @@ impl Pile {
             most,
             had: 0,
             rescale: RESCALE,
+            calm: 1.0,
         };
         let mut progress = self.settle(&goal, report);
         self.take_solution();

@@ -11,7 +11,7 @@ use crate::candidates;
 use crate::contact::Contact;
 use crate::finish;
 use crate::force;
-use crate::level::position;
+use crate::level::{position, Demand};
 use crate::model::Model;
 use crate::report::{Level, StepReport};
 use crate::scratch::Scratch;
@@ -266,7 +266,8 @@ fn project(
         gaps(model, scratch, |c, gap| {
             (c.gap_check, c.nu) = (gap, [0.0; 6])
         });
-        step::solve_positions(model, state, scratch, span, report, accept)?;
+        let demand = Demand::or_accepted(accept);
+        step::solve_positions(model, state, scratch, span, report, demand)?;
         for i in 0..model.spheres() {
             scratch.position[i] += scratch.shift[i][0];
         }

@@ -307,6 +307,7 @@ mod tests {
         most: 2_000,
         had: 0,
         rescale: usize::MAX,
+        calm: 1.0,
     };
 
     /// What is off by the same factor everywhere is found at once, and nothing is done where nothing is off.

@@ -55,6 +55,8 @@ pub struct Goal {
     pub had: usize,
     /// Sweeps after which the impulses of chunks are scaled for the first time (`coarse`); `usize::MAX`: never.
     pub rescale: usize,
+    /// Largest momentum once the residual is at most half of what is asked.
+    pub calm: f64,
 }
 
 /// What was reached.
@@ -132,7 +134,9 @@ impl Sweeps {
             let until = goal.most.min(rescale.max(now.sweeps + 1)) - now.sweeps;
             let least = LEAST_BETWEEN.min(until);
             let count = (most.min(until)).max(least);
-            let cap = momentum(goal.had + now.sweeps);
+            let calm = now.residual <= 0.5 * goal.tolerance;
+            let most_now = if calm { goal.calm } else { 1.0 };
+            let cap = momentum(goal.had + now.sweeps).min(most_now);
             self.accelerated(least, cap, NEVER);
             let done = least + self.accelerated(count - least, cap, enough);
             now = self.judge(goal, now.sweeps + done);

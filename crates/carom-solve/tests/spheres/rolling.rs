@@ -250,6 +250,7 @@ fn the_bits_of_rolling_do_not_depend_on_threads_or_instructions() {
         most: 20,
         had: 0,
         rescale: usize::MAX,
+        calm: 1.0,
     };
     let run = |threads: usize, instructions| {
         let mut s = rolling(&p, &rolls, threads);
@@ -283,6 +284,7 @@ fn rolling_sweeps_with_momentum_settle() {
         most: 10_000,
         had: 0,
         rescale: usize::MAX,
+        calm: 1.0,
     };
     let mut s = rolling(&p, &rolls, 1);
     let progress = s.settle(&goal);

@@ -104,6 +104,7 @@ impl Batch {
             most: 0,
             had: 0,
             rescale: usize::MAX,
+            calm: 1.0,
         };
         self.state(view, island);
         let (residual, solved) = self.group.solve(&goal);
