@@ -5,6 +5,7 @@ mod agree;
 mod common;
 mod conserve;
 mod every;
+mod hit;
 mod loads;
 mod rolling;
 mod scenes;
