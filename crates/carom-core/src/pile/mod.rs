@@ -44,6 +44,8 @@ const ALONE: usize = 500;
 const COARSE: f64 = 1e-5;
 /// Tolerance that scenes of piles are advised to set.
 const USUAL: f64 = 1e-4;
+/// Contacts of a large island.
+const LARGE: usize = 10_000;
 /// Of overlaps that are measured twice.
 const ROUNDING: f64 = 1e-6;
 /// Contacts of a pile from which on its worst one may be worse.
@@ -257,9 +259,10 @@ pub fn threads(model: &Model, contacts: usize) -> usize {
     (o.threads as usize).min(worth).max(1)
 }
 
-/// Whether an island has so many contacts that its worst ones take most of the work.
-fn is_typical(contacts: usize) -> bool {
-    contacts as f64 >= TYPICAL
+/// Whether an island has so many contacts that its worst ones take most of the work when it is hit. (Small ones do not gain by it, and
+/// are the ones in which wedges matter.)
+fn is_large(contacts: usize) -> bool {
+    contacts >= LARGE
 }
 
 /// Whether something overlaps deeper than it may after a round of [`crate::level::Demand::Rough`].
@@ -268,7 +271,7 @@ pub fn is_left_rough(model: &Model, contacts: &[Contact], islands: &Islands) -> 
     let tolerance = o.tolerance.max(o.pile_tolerance);
     let mut all = (0..islands.len()).map(|k| islands.island(k));
     all.any(|island| {
-        if !is_typical(island.contacts.len()) || !fits(model, island) {
+        if !is_large(island.contacts.len()) || !fits(model, island) {
             return false;
         }
         let (mut smallest, mut deepest) = (f64::INFINITY, 0.0f64);

@@ -3,8 +3,8 @@
 
 use super::roll::{self, Turning};
 use super::{
-    budget, is_beyond, is_typical, keep, node, record, shares, told, warm::Cursor, worst, Pile,
-    COARSE, PATIENCE,
+    budget, is_beyond, is_large, keep, node, record, shares, told, warm::Cursor, worst, Pile,
+    COARSE, PATIENCE, TYPICAL,
 };
 use crate::contact::Contact;
 use crate::islands::Island;
@@ -25,18 +25,20 @@ use carom_solve::team;
 use glam::DVec3;
 
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
-/// sideways. In islands of many contacts ([`TYPICAL`]) fewer.
+/// sideways. In islands of many contacts ([`TYPICAL`]) of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000,
+/// and fewer in large ones that are hit.
 const SWEEPS_PER_LINEARISATION: usize = 64;
-const OF_MANY: usize = 32;
+const OF_MANY: usize = 48;
+const OF_HIT: usize = 32;
 /// Overlap over the radius that no pile's size excuses.
 const MOST_OVERLAP: f64 = 4.5e-4;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
 const LINEAR_SHARE: f64 = 0.8;
-/// The same for its worst overlap, which linearising changes less.
+/// In large islands that are hit: the same for the worst overlap, which linearising changes less there; by how much overlaps may
+/// be deeper in rough rounds, since the last ones take most of the sweeps, and pairs join anyway; and the largest momentum once the residual
+/// is met by half, since what is left are single contacts.
 const CLOSING_SHARE: f64 = 0.95;
-/// In rough rounds overlaps may be so much deeper, in islands of many contacts: the last ones take most of the sweeps, and pairs join anyway.
 const ROUGH: f64 = 3.0;
-/// Largest momentum once the residual is met by half: what is left are single contacts.
 const CALM: f64 = 0.8;
 
 /// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
@@ -87,11 +89,11 @@ fn solve(
     let ratio = (span.h / state.warm_step).powi(2);
     // Solved before in this step, but for contacts that have joined: only these are new.
     let again = members.iter().any(|&m| contacts[m as usize].nu[0] > 0.0);
-    let many = is_typical(members.len());
+    let large = is_large(members.len());
     let of_load = 0.5 * span.h * span.h / state.warm_step;
     let beyond = |w: &Warm| is_beyond(ratio * w.position, of_load * w.impulse);
     // Of a pile that is being hit everywhere it is the impact that the positions hold, not a wedge.
-    let hit = many
+    let hit = large
         && !again
         && shares::mostly(threads, members.len(), |range| {
             let mut cursor = Cursor::new(&state.warm);
@@ -148,8 +150,9 @@ fn solve(
     if rolls {
         at.write_rolls(&pile.contacts, &mut pile.rolls);
     }
-    // What is started from moves the spheres: the first linearisation is there.
-    if pile.load_sweeps().is_err() || !at.follow(pile, rolls) {
+    // What a wave is started from moves the spheres: the first linearisation is there. (Wedges of small piles would stay.)
+    let wave = large && (hit || again);
+    if pile.load_sweeps().is_err() || (wave && !at.follow(pile, rolls)) {
         return false;
     }
     let share = position_floor(o, members.len());
@@ -166,7 +169,7 @@ fn solve(
     } else {
         (usize::MAX, PATIENCE)
     };
-    let rough = if many && demand == Demand::Rough && (hit || again) {
+    let rough = if wave && demand == Demand::Rough {
         ROUGH
     } else {
         1.0
@@ -181,15 +184,17 @@ fn solve(
         most,
         had: 0,
         rescale: usize::MAX,
-        calm: CALM,
+        calm: if wave { CALM } else { 1.0 },
     };
     let strict = Goal {
         tolerance: LINEAR_SHARE * goal.tolerance,
         floor: LINEAR_SHARE * goal.floor,
-        closing: CLOSING_SHARE * goal.closing,
+        closing: if wave { CLOSING_SHARE } else { LINEAR_SHARE } * goal.closing,
         ..goal
     };
-    let between = if many {
+    let between = if wave {
+        OF_HIT
+    } else if members.len() as f64 >= TYPICAL {
         OF_MANY
     } else {
         SWEEPS_PER_LINEARISATION

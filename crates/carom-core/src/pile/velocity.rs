@@ -3,7 +3,7 @@
 
 use super::member::{work, Member, Memory as Velocity, FIXED};
 use super::roll::{self, Turning};
-use super::{coarser, is_beyond, is_typical, node, record, shares, warm::Cursor, Law, Pile};
+use super::{coarser, is_beyond, is_large, node, record, shares, warm::Cursor, Law, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -260,7 +260,7 @@ impl Pile {
         };
         let threads = self.sweeps.threads;
         // Of a pile that is being hit everywhere the positions hold the impact, which is no load.
-        let hit = is_typical(chosen.len())
+        let hit = is_large(chosen.len())
             && shares::mostly(threads, chosen.len(), |range| {
                 let mut cursor = Cursor::new(&state.warm);
                 let known = chosen[range].iter().filter_map(|&slot| {

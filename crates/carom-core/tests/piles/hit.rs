@@ -9,7 +9,7 @@ const TOLERANCE: f64 = 1e-3;
 
 /// Balls that are thrown at the floor, one layer after the other.
 fn thrown(threads: u32) -> Simulation {
-    let mut input = drop(2_500, 12, [0.5, 0.3], 7);
+    let mut input = drop(7_000, 16, [0.5, 0.3], 7);
     for v in &mut input.velocity {
         v[2] -= 4.0;
     }
@@ -28,9 +28,12 @@ fn what_is_solved_roughly_first_overlaps_no_more_in_the_end() {
     let kept = whole.state.clone();
     reports.extend(converge(&mut whole, 40));
     // Enough contacts, and rounds in which pairs have joined.
-    let rough = |r: &&StepReport| r.largest_island > 2_500 && r.relisted > 0;
+    let rough = |r: &&StepReport| r.candidates > 10_000 && r.relisted > 0;
     let count = reports.iter().filter(rough).count();
-    let seen: Vec<_> = reports.iter().map(|r| (r.largest_island, r.relisted)).collect();
+    let seen: Vec<_> = reports
+        .iter()
+        .map(|r| (r.largest_island, r.relisted))
+        .collect();
     assert!(count > 20, "{seen:?}");
     for r in &reports {
         let many = (f64::from(r.candidates) / 2_500.0).powf(0.75).max(1.0);
