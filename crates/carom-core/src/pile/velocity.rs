@@ -3,7 +3,7 @@
 
 use super::member::{work, Member, Memory as Velocity, FIXED};
 use super::roll::{self, Turning};
-use super::{coarser, is_beyond, is_large, node, record, shares, warm::Cursor, Law, Pile};
+use super::{coarser, is_beyond, node, record, shares, warm::Cursor, Law, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -249,31 +249,19 @@ impl Pile {
             turning,
             ..
         } = &self.velocity;
-        let both = |cursor: &mut Cursor, slot: u32| {
+        let begin = |cursor: &mut Cursor, slot: u32| {
             let c = &contacts[members[slot as usize].contact as usize];
             let warm = cursor.find((c.a, c.b));
-            let start = warm.map(|w| [ratio * w.impulse, ratio * w.moment]);
+            let start = warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
             // What holds a sphere in its place holds its velocity too.
             let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
-            let beyond = is_beyond(holding[0], start.map_or(DVec3::ZERO, |s| s[0]));
-            (start, holding, beyond)
+            if is_beyond(holding[0], start[0]) {
+                holding
+            } else {
+                start
+            }
         };
         let threads = self.sweeps.threads;
-        // Of a pile that is being hit everywhere the positions hold the impact, which is no load.
-        let hit = is_large(chosen.len())
-            && shares::mostly(threads, chosen.len(), |range| {
-                let mut cursor = Cursor::new(&state.warm);
-                let known = chosen[range].iter().filter_map(|&slot| {
-                    let (start, _, beyond) = both(&mut cursor, slot);
-                    start.map(|_| beyond)
-                });
-                known.fold([0, 0], |n, beyond| [n[0] + usize::from(beyond), n[1] + 1])
-            });
-        let begin = |cursor: &mut Cursor, slot: u32| match both(cursor, slot) {
-            (Some(start), _, beyond) if hit || !beyond => start,
-            (_, holding, true) => holding,
-            (start, ..) => start.unwrap_or_default(),
-        };
         shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
             let mut cursor = Cursor::new(&state.warm);
             for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
