@@ -96,7 +96,8 @@ pub(super) fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(usize
     });
 }
 
-/// Whether more than half of `0..count` are such: `look` counts these and those among them, share by share.
+/// Whether most are such: `look` counts, in a share of `0..count`, those that are such and those that might be. Numbers are whole, so that no
+/// share's order matters.
 pub(super) fn mostly(
     threads: usize,
     count: usize,

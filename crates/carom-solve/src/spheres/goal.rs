@@ -55,7 +55,7 @@ pub struct Goal {
     pub had: usize,
     /// Sweeps after which the impulses of chunks are scaled for the first time (`coarse`); `usize::MAX`: never.
     pub rescale: usize,
-    /// Largest momentum once the residual is at most half of what is asked.
+    /// Largest `beta` of the momentum (`accelerate`) once the residual is at most half of what is asked.
     pub calm: f64,
 }
 
