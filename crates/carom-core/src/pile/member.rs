@@ -66,6 +66,8 @@ pub(super) struct Memory {
     pub floor: f64,
     /// Largest speed in the island, m/s.
     pub speed: f64,
+    /// Stage 0: most contacts of a large pile hold more than their loads, since it is being hit.
+    pub hit: bool,
     /// Terms of eq. 44 of what is solved already in this step.
     pub terms: f64,
     pub cascade: super::cascade::Memory,

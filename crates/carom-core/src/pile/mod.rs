@@ -274,14 +274,20 @@ pub fn is_left_rough(model: &Model, contacts: &[Contact], islands: &Islands) -> 
         if !is_large(island.contacts.len()) || !fits(model, island) {
             return false;
         }
-        let (mut smallest, mut deepest) = (f64::INFINITY, 0.0f64);
-        for c in island.contacts.iter().map(|&m| &contacts[m as usize]) {
-            let radius = |body: u32| model.radius.get(body as usize).copied();
-            let radii = [c.a, c.b].map(|body| radius(body).unwrap_or(f64::INFINITY));
-            smallest = smallest.min(radii[0]).min(radii[1]);
-            deepest = deepest.max(-c.gap);
-        }
-        deepest > (1.0 + ROUNDING) * overlap(tolerance, island.contacts.len()) * smallest
+        let (members, count) = (island.contacts, island.contacts.len());
+        let parts = shares::map(threads(model, count), count, |range| {
+            let (mut smallest, mut deepest) = (f64::INFINITY, 0.0f64);
+            for c in members[range].iter().map(|&m| &contacts[m as usize]) {
+                let radius = |body: u32| model.radius.get(body as usize).copied();
+                let radii = [c.a, c.b].map(|body| radius(body).unwrap_or(f64::INFINITY));
+                smallest = smallest.min(radii[0]).min(radii[1]);
+                deepest = deepest.max(-c.gap);
+            }
+            (smallest, deepest)
+        });
+        let smallest = parts.iter().fold(f64::INFINITY, |x, p| x.min(p.0));
+        let deepest = parts.iter().fold(0.0f64, |x, p| x.max(p.1));
+        deepest > (1.0 + ROUNDING) * overlap(tolerance, count) * smallest
     })
 }
 

@@ -88,7 +88,9 @@ fn solve(
     let threads = pile.sweeps.threads;
     let ratio = (span.h / state.warm_step).powi(2);
     // Solved before in this step, but for contacts that have joined: only these are new.
-    let again = members.iter().any(|&m| contacts[m as usize].nu[0] > 0.0);
+    let again = shares::any(threads, members.len(), |k| {
+        contacts[members[k] as usize].nu[0] > 0.0
+    });
     let large = is_large(members.len());
     let of_load = 0.5 * span.h * span.h / state.warm_step;
     let beyond = |w: &Warm| is_beyond(ratio * w.position, of_load * w.impulse);
@@ -121,7 +123,7 @@ fn solve(
             *start = begin(&mut cursor, m)[0].to_array();
         }
     });
-    let rolls = members.iter().any(|&m| roll::rolls(&contacts[m as usize]));
+    let rolls = roll::any_rolls(model, contacts, members);
     pile.start_moments.clear();
     if rolls {
         let mut cursor = Cursor::new(&state.warm);

@@ -6,6 +6,7 @@
 
 use super::member::{Member, Memory};
 use crate::contact::Contact;
+use crate::model::Model;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Roll};
 use glam::DVec3;
@@ -66,6 +67,13 @@ impl Turning {
 /// Whether a contact has moments.
 pub(super) fn rolls(c: &Contact) -> bool {
     c.bounds.rolling > 0.0 || c.bounds.spinning > 0.0
+}
+
+/// Whether any of the `members` among the contacts has moments.
+pub(super) fn any_rolls(model: &Model, contacts: &[Contact], members: &[u32]) -> bool {
+    let mut laws = model.laws.iter().map(|law| law.bounds);
+    laws.any(|b| b.rolling > 0.0 || b.spinning > 0.0)
+        && members.iter().any(|&m| rolls(&contacts[m as usize]))
 }
 
 /// Relative angular velocity of a contact's bodies, of A against B.

@@ -96,6 +96,11 @@ pub(super) fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(usize
     });
 }
 
+/// Whether `test` holds of any of `0..count`.
+pub(super) fn any(threads: usize, count: usize, test: impl Fn(usize) -> bool + Sync) -> bool {
+    map(threads, count, |mut range| range.any(&test)).contains(&true)
+}
+
 /// Whether most are such: `look` counts, in a share of `0..count`, those that are such and those that might be. Numbers are whole, so that no
 /// share's order matters.
 pub(super) fn mostly(

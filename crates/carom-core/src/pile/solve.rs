@@ -1,7 +1,7 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts, and rule R4 on what they find.
 
 use super::member::{change, work};
-use super::{budget, roll, shares, worst, Law, Pile, PATIENCE};
+use super::{budget, roll, shares, worst, Law, Pile, LEFT, PATIENCE};
 use crate::contact::Contact;
 use crate::impact::GAIN_TOLERANCE;
 use crate::model::Model;
@@ -39,11 +39,12 @@ impl Pile {
         let most = budget(self.contacts.len());
         self.forget_contacts();
         let o = &model.options;
-        // What a sequence that was cut short leaves is no load: the next step has it as an impact.
-        let end = if problem > 1 {
-            worst(self.velocity.chosen.len())
-        } else {
-            1.0
+        // What a sequence that was cut short leaves is no load: the next step has it as an impact. And what the loads of a pile leave
+        // that is being hit goes through impacts yet. (Of one that settles it would be left for ever: it never came to rest.)
+        let end = match problem {
+            0 if self.velocity.hit => 1.0 / LEFT,
+            0 | 1 => 1.0,
+            _ => worst(self.velocity.chosen.len()),
         };
         let goal = Goal {
             tolerance: o.tolerance.max(o.pile_tolerance),

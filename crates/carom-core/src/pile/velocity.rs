@@ -3,7 +3,7 @@
 
 use super::member::{work, Member, Memory as Velocity, FIXED};
 use super::roll::{self, Turning};
-use super::{coarser, is_beyond, node, record, shares, warm::Cursor, Law, Pile};
+use super::{coarser, is_beyond, is_large, node, record, shares, warm::Cursor, Law, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -15,6 +15,7 @@ use crate::state::{State, Warm};
 use crate::stepper::Span;
 use carom_solve::team;
 use glam::DVec3;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Shares of contacts whose results are on their way.
 const AT_A_TIME: usize = 64;
@@ -132,10 +133,7 @@ impl Pile {
             }
         });
         memory.turning.clear();
-        if list
-            .iter()
-            .any(|&index| roll::rolls(&contacts[index as usize]))
-        {
+        if roll::any_rolls(model, contacts, list) {
             memory.turning.extend(list.iter().map(|&index| {
                 let c = &contacts[index as usize];
                 let wall = walls.end_twist(model, c, position[c.a as usize]);
@@ -249,31 +247,38 @@ impl Pile {
             turning,
             ..
         } = &self.velocity;
+        // Where a contact starts, whether it was there before, and whether its positions hold more than its loads.
         let begin = |cursor: &mut Cursor, slot: u32| {
             let c = &contacts[members[slot as usize].contact as usize];
             let warm = cursor.find((c.a, c.b));
             let start = warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
             // What holds a sphere in its place holds its velocity too.
             let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
-            if is_beyond(holding[0], start[0]) {
-                holding
-            } else {
-                start
-            }
+            let beyond = is_beyond(holding[0], start[0]);
+            (if beyond { holding } else { start }, warm.is_some(), beyond)
         };
         let threads = self.sweeps.threads;
+        let [known, beyond] = [(); 2].map(|()| AtomicUsize::new(0));
         shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
             let mut cursor = Cursor::new(&state.warm);
+            let mut counts = [0, 0];
             for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
-                *start = begin(&mut cursor, slot)[0].to_array();
+                let (impulse, was_there, is_beyond) = begin(&mut cursor, slot);
+                *start = impulse[0].to_array();
+                counts[0] += usize::from(was_there);
+                counts[1] += usize::from(was_there && is_beyond);
             }
+            known.fetch_add(counts[0], Ordering::Relaxed);
+            beyond.fetch_add(counts[1], Ordering::Relaxed);
         });
+        let hit = is_large(chosen.len()) && 2 * beyond.into_inner() > known.into_inner();
         self.start_moments.clear();
         if !turning.is_empty() {
             let mut cursor = Cursor::new(&state.warm);
-            let moments = chosen.iter().map(|&slot| begin(&mut cursor, slot)[1]);
+            let moments = chosen.iter().map(|&slot| begin(&mut cursor, slot).0[1]);
             self.start_moments.extend(moments.map(|m| m.to_array()));
         }
+        self.velocity.hit = hit;
     }
 
     /// All closed contacts, started from nothing.

@@ -1,6 +1,7 @@
 //! What a cascade works on: contacts and spheres in a few lines of memory each, since it looks far more often than it solves.
 
 use crate::pile::member::{Given, Member, Memory as Velocity};
+use crate::pile::shares;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
 use glam::DVec3;
@@ -88,38 +89,45 @@ pub(super) struct Front {
 }
 
 impl Front {
-    pub fn open(&mut self, velocity: &Velocity, bodies: &[Body]) {
-        self.edges.clear();
-        self.edges.extend(velocity.members.iter().map(|m| Edge {
-            a: m.a,
-            b: m.b,
-            driven: m.driven,
-            normal: m.normal,
-            friction: m.friction,
-            restitution: [m.restitution, m.tangential],
-        }));
-        self.ends.clear();
-        self.ends
-            .extend(velocity.members.iter().map(|m| [m.a, m.b]));
-        self.tallies.clear();
-        self.tallies
-            .resize(velocity.members.len(), Tally::default());
+    pub fn open(&mut self, velocity: &Velocity, bodies: &[Body], threads: usize) {
+        let members = &velocity.members;
+        shares::refill(threads, &mut self.edges, members.len(), |slot| {
+            let m = &members[slot];
+            Edge {
+                a: m.a,
+                b: m.b,
+                driven: m.driven,
+                normal: m.normal,
+                friction: m.friction,
+                restitution: [m.restitution, m.tangential],
+            }
+        });
+        let edges = &self.edges;
+        shares::refill(threads, &mut self.ends, edges.len(), |slot| {
+            [edges[slot].a, edges[slot].b]
+        });
+        shares::refill(threads, &mut self.tallies, edges.len(), |_| {
+            Tally::default()
+        });
         self.base.clear();
-        self.spheres.clear();
-        self.shift.clear();
-        self.linear.clear();
-        for (i, body) in bodies.iter().enumerate() {
-            let [check, jump] = [&velocity.check[i], &velocity.jump[i]];
-            let [old, offset] = [&velocity.old[i], &velocity.offset[i]];
-            let [v, w] = [0, 1].map(|k| check[k] + offset[k] - old[k]);
-            self.linear.push(check[0] + jump[0]);
-            self.spheres.push(Sphere {
-                surface: body.radius * (check[1] + jump[1]),
+        shares::refill(threads, &mut self.spheres, bodies.len(), |i| {
+            let ([_, check], [_, jump]) = (velocity.check[i], velocity.jump[i]);
+            let body = &bodies[i];
+            Sphere {
+                surface: body.radius * (check + jump),
                 inv_mass: body.inv_mass,
                 inv_surface: body.radius * body.radius * body.inv_inertia,
-            });
-            self.shift.push([v, body.radius * w]);
-        }
+            }
+        });
+        shares::refill(threads, &mut self.shift, bodies.len(), |i| {
+            let (check, [old, offset]) =
+                (&velocity.check[i], [&velocity.old[i], &velocity.offset[i]]);
+            let [v, w] = [0, 1].map(|k| check[k] + offset[k] - old[k]);
+            [v, bodies[i].radius * w]
+        });
+        shares::refill(threads, &mut self.linear, bodies.len(), |i| {
+            velocity.check[i][0] + velocity.jump[i][0]
+        });
         self.linear.push(DVec3::ZERO);
         let walls = velocity.driven.iter();
         self.linear.extend(walls.map(|[_, new]| *new));

@@ -64,17 +64,16 @@ impl Pile {
         contacts: &[Contact],
         report: &mut StepReport,
     ) -> (u32, bool) {
-        let velocity = &self.velocity;
-        let closes =
-            |slot: &u32| velocity.normal_speed(&velocity.members[*slot as usize]) < -velocity.tol;
+        let (velocity, all_threads) = (&self.velocity, self.sweeps.threads);
+        let closes = velocity.flags(all_threads, |_, m| velocity.normal_speed(m) < -velocity.tol);
         let all = 0..velocity.members.len() as u32;
-        let first: Vec<u32> = all.filter(closes).collect();
+        let first: Vec<u32> = all.filter(|&slot| closes[slot as usize]).collect();
         let most = model.options.max_problems;
         if first.is_empty() || most < 2 {
             return (1, first.is_empty());
         }
         let mut memory = std::mem::take(&mut self.velocity.cascade);
-        memory.front.open(&self.velocity, &self.bodies);
+        (memory.front).open(&self.velocity, &self.bodies, all_threads);
         memory.parts.open(self.bodies.len());
         let threads = (model.options.threads as usize)
             .min(first.len() / PER_THREAD)
