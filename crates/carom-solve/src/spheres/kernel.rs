@@ -22,6 +22,10 @@ use pulp::Simd;
 /// solved. (Of 2 and 6; piles of 10^5 are swept a tenth faster than without.)
 const AHEAD: usize = 2;
 
+/// The same for the groups' own numbers. They lie in order, but the processor sees that only after some lines, and anew on each
+/// page of four groups. (Of 4, 8 and 16; piles of 10^6 are swept a third faster than without, those of 10^5 by two threads a tenth.)
+const FAR: usize = 8;
+
 /// Velocity correction of a body: one cache line.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
@@ -34,6 +38,12 @@ pub struct State {
 
 /// A number of each contact of a group.
 pub type Column = [f64; GROUP];
+
+/// Asks memory for a line. (A slice: an array would be copied, and its copy asked for.)
+#[inline(always)]
+fn ask<T>(column: &[T]) {
+    prefetch_index(column, 0);
+}
 
 /// Contacts that share no moving body, column by column. A lane without contact has zeros and both bodies 0.
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,6 +80,20 @@ impl Group {
         self.mass_normal = linear.map(inverse);
         self.weight = linear;
         self.mass_tangential = std::array::from_fn(|lane| inverse(linear[lane] + surface[lane]));
+    }
+
+    /// Asks memory for the numbers that every sweep reads.
+    #[inline(always)]
+    fn fetch(&self) {
+        ask(&self.a);
+        for k in 0..3 {
+            ask(&self.impulse[k]);
+            ask(&self.normal[k]);
+            ask(&self.slip[k]);
+        }
+        ask(&self.friction);
+        ask(&self.mass_normal);
+        ask(&self.mass_tangential);
     }
 
     /// Numbers of a lane, of the contact with its sides exchanged where asked for.
@@ -336,6 +360,8 @@ pub fn put<S: Lanes>(columns: &mut [Column; 3], at: usize, value: V3<S>) {
 pub trait Carry {
     /// Impulses from which the lanes are solved.
     fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S>;
+    /// Asks memory for what it reads of a group beside what every sweep does.
+    fn fetch(group: &Group);
     /// Looks at the change, and at the normal measures before it.
     fn note<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize, change: V3<S>, z_n: S::f64s);
 }
@@ -344,6 +370,9 @@ pub trait Carry {
 pub struct Plain;
 
 impl Carry for Plain {
+    #[inline(always)]
+    fn fetch(_: &Group) {}
+
     #[inline(always)]
     fn step<S: Lanes>(&mut self, _s: S, group: &mut Group, at: usize) -> V3<S> {
         parts::<S>(&group.impulse, at)
@@ -373,6 +402,14 @@ impl Along {
 }
 
 impl Carry for Along {
+    #[inline(always)]
+    fn fetch(group: &Group) {
+        ask(&group.weight);
+        for column in &group.way {
+            ask(column);
+        }
+    }
+
     #[inline(always)]
     fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S> {
         let p = self.way(s, parts::<S>(&group.way, at));
@@ -435,6 +472,10 @@ impl<B: Bodies, C: Carry> Work for Pass<'_, B, C> {
     #[inline(always)]
     fn run<S: Lanes>(mut self, simd: S) -> C {
         for k in 0..self.groups.len() {
+            if let Some(next) = self.groups.get(k + FAR) {
+                next.fetch();
+                C::fetch(next);
+            }
             if let Some(next) = self.groups.get(k + AHEAD) {
                 self.bodies.fetch(next);
             }
