@@ -246,6 +246,13 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             'motion = { translation = [0,0,{ expression = "100*t" }] }\n',
         )
     ],
+    "balls of radius ... m do not pass the narrow end of ...: one that sits on the whole ring stops the run": [
+        (
+            "cone",
+            WALL.format("cone")
+            + "point = [0,0,-9]\naxis = [0,0,1]\nradius = 0\nradius_end = 20\nlength = 20\ninside = true\n",
+        )
+    ],
     "must be 0 at t = 0, where the wall stands as written; found ...": [
         (
             "motion",

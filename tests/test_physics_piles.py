@@ -139,7 +139,9 @@ def test_a_pile_of_8000_that_was_hit_comes_to_rest() -> None:
     assert result.outcome.ok
     assert result.summary["unconverged"] == result.summary["halvings"] == 0
     mass, radius = result.bodies["mass"].sum(), 5e-3
-    below(2e-4, "pile of 8000: kinetic energy over N m g r", result.energy.kinetic[-1] / (mass * 9.8 * radius))
+    below(
+        2e-4, "pile of 8000: kinetic energy over N m g r", result.energy.kinetic[-1] / (mass * 9.8 * radius)
+    )
     below(2e-6, "pile of 8000: energy rise", result.summary["energy"]["max_rise_relative"])
 
 

@@ -13,6 +13,8 @@ use glam::DVec3;
 
 /// Points looked at on the way to a wall: two per radius, up to so many.
 const WAY_POINTS: f64 = 1e3;
+/// Overlap over the radius up to which a wall may be passed within a step.
+const GRAZE: f64 = 1e-2;
 
 /// Refuses the step if a sphere would travel its radius or more against a body on its way; names the worst pair. After the
 /// smooth step, in which the spheres go by `fastest` (m) at most, and the listing of pairs.
@@ -99,11 +101,23 @@ fn met_wall(
         return None;
     }
     let parts = (2.0 * travel / r).ceil().min(WAY_POINTS);
-    let first = (1..=parts as u32)
-        .map(|k| walls.meet_at_start(model, a, b, x + f64::from(k) / parts * d))
-        .find(|p| p.gap < 0.0)?;
-    let approach = -first.normal.dot(d);
-    (approach >= r).then_some((approach, r))
+    let along =
+        (1..=parts as u32).map(|k| walls.meet_at_start(model, a, b, x + f64::from(k) / parts * d));
+    let (mut first, mut deepest, mut last) = (None, 0.0f64, start.normal);
+    for p in along {
+        if p.gap < 0.0 {
+            first.get_or_insert(p.normal);
+            deepest = deepest.max(-p.gap);
+        }
+        last = p.normal;
+    }
+    let approach = -first?.dot(d);
+    if approach >= r {
+        return Some((approach, r));
+    }
+    // Past the middle of what is thin: out again, or where the normal drives it on.
+    let passed = start.normal.dot(d) < 0.0 && last.dot(d) > 0.0 && deepest > GRAZE * r;
+    passed.then_some((travel, r))
 }
 
 /// Least distance from the origin to the way from `from` along `along`, for a pair that comes nearer; else infinite.

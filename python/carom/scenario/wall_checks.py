@@ -222,8 +222,29 @@ def _within(outlet: Outlet, point: tuple[float, float, float]) -> bool:
     return all(a <= x <= b for a, x, b in zip(outlet.low, point, outlet.high, strict=True))
 
 
+def _advise_narrow_cones(parts: Parts) -> Iterator[Finding]:
+    """Cones from inside whose narrow end holds a ball: it would touch a whole ring, and a wall is touched at one point."""
+    bodies = parts.bodies()
+    if not bodies.names:
+        return
+    largest = float(bodies.radius.max())
+    for wall in parts.walls():
+        if wall.shape[0] != "cone" or not wall.shape[5]:
+            continue
+        ends = {"radius": float(wall.shape[2]), "radius_end": float(wall.shape[3])}
+        key = min(ends, key=ends.__getitem__)
+        if ends[key] < largest:
+            cause = f"balls of radius {largest:g} m do not pass the narrow end of {_called(wall)}"
+            yield Finding(
+                (wall.section, wall.index, key),
+                cause + ": one that sits on the whole ring stops the run",
+                f"give {largest:g} m or more, and close the end with a disc if balls should stay",
+            )
+
+
 def advise_walls(parts: Parts) -> Iterator[Finding]:
     """Laws of motion that break off within the run, and walls that are fast for the step."""
+    yield from _advise_narrow_cones(parts)
     run, bodies = parts.run, parts.bodies()
     if run is None or run.until is None or not bodies.names:
         return

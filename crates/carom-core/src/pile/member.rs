@@ -78,8 +78,8 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Closing speed that a solve may leave: clear of what counts as closing, and never below what the tolerance can tell at the
-    /// speeds there are.
+    /// Closing speed that a solve may leave: clear of what counts as closing (but for stage 0 of a pile that is being hit), and never
+    /// below what the tolerance can tell at the speeds there are.
     pub fn left(&self, o: &Options) -> f64 {
         LEFT * self.tol.max(o.pile_tolerance * self.speed)
     }

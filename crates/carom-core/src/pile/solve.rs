@@ -39,8 +39,9 @@ impl Pile {
         let most = budget(self.contacts.len());
         self.forget_contacts();
         let o = &model.options;
-        // What a sequence that was cut short leaves is no load: the next step has it as an impact. And what the loads of a pile leave
-        // that is being hit goes through impacts yet. (Of one that settles it would be left for ever: it never came to rest.)
+        // What a sequence that was cut short leaves is no load: the next step has it as an impact. And in a pile that is being hit the
+        // loads are solved before its impacts, which come in every step: what still closes then joins them. (A pile that settles has no
+        // such impacts, and never came to rest.)
         let end = match problem {
             0 if self.velocity.hit => 1.0 / LEFT,
             0 | 1 => 1.0,
