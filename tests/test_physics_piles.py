@@ -133,8 +133,8 @@ def test_a_ball_thrown_into_a_corner(friction: float) -> None:
 
 @pytest.mark.long
 def test_a_pile_of_8000_that_was_hit_comes_to_rest() -> None:
-    """While such a pile is being hit its loads may leave closing speeds for the impacts to take. Where it might do so after that, it
-    never lay still: 3e-3 of the energy that lifts each grain by a radius, and energy rose by 2e-4 of its scale in a step."""
+    """While such a pile is being hit its loads may leave closing speeds for the impacts to take. Where it might do so
+    after that, it never lay still: 3e-3 of the energy that lifts each grain by a radius, and energy rose by 2e-4."""
     result = run(carom.Scene.from_toml(find("pile"), set={"N": 8000, "residual": 1e-3}))
     assert result.outcome.ok
     assert result.summary["unconverged"] == result.summary["halvings"] == 0
