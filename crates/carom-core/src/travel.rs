@@ -79,7 +79,7 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
 }
 
 /// The same at a wall, which may move besides. A plane is met from its free side only, and along it nothing is passed
-/// through; other walls are looked for all along the way.
+/// through; other walls are looked for all along the way. What is thinner than the sphere is met off its middle too.
 fn met_wall(
     model: &Model,
     walls: &Walls,
