@@ -1,0 +1,90 @@
+"""Pyramids of touching spheres on a rough floor: which friction holds them, against the least that could.
+
+    python validation/pyramids/rest.py                  # some seconds; exit code 1 if one falls that friction could hold
+
+A pyramid can be held where impulses within Coulomb's cones balance the weight of all its spheres: a linear program, with
+cones of 16 edges. Its bounds are written here, since it needs a solver that Carom does not.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+import carom
+from common import table
+
+RADIUS, G = 0.01, 9.8  # m, m/s^2
+#: Layers and whether they are triangular: the least coefficient of friction that can hold the pyramid.
+LEAST = {
+    (2, False): 0.415,
+    (3, False): 0.533,
+    (4, False): 0.600,
+    (2, True): 0.324,
+    (3, True): 0.454,
+    (4, True): 0.513,
+}
+#: Friction over that.
+TIMES = (0.95, 1.1, 1.3, 1.7, 2.5)
+#: A sphere that went so far, over the radius, is no longer held.
+FALLEN = 1e-3
+UNTIL = 0.3  # s
+
+
+def centres(layers: int, triangular: bool) -> Iterator[tuple[float, float, float]]:
+    """Of all spheres, over the radius."""
+    for layer in range(layers):
+        side = layers - layer
+        for i in range(side):
+            for j in range(side - i if triangular else side):
+                if triangular:
+                    across = j * np.sqrt(3.0) + layer / np.sqrt(3.0)
+                    yield 2 * i + j + layer, across, 1 + layer * 2 * np.sqrt(2 / 3)
+                else:
+                    yield 2 * i + layer, 2 * j + layer, 1 + layer * np.sqrt(2.0)
+
+
+def pyramid(layers: int, triangular: bool, friction: float) -> carom.Scene:
+    scene = carom.Scene(gravity=(0.0, 0.0, -G), run={"step": 1e-3})
+    for pair in (("ball", "ball"), ("ball", "floor")):
+        scene.contact(*pair, friction=friction, restitution=0.3)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    for number, centre in enumerate(centres(layers, triangular)):
+        x, y, z = (RADIUS * float(c) for c in centre)
+        scene.sphere(f"b{number}", radius=RADIUS, density=2500, material="ball", position=(x, y, z))
+    return scene
+
+
+def main() -> int:
+    rows, short = [], 0
+    for (layers, triangular), least in LEAST.items():
+        for times in TIMES:
+            friction = round(times * least, 3)
+            name = f"{'triangular' if triangular else 'square'}, {layers}"
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                try:
+                    result = carom.simulate(pyramid(layers, triangular, friction), until=UNTIL, every=100)
+                except carom.RunFailed as error:
+                    rows.append([name, f"{friction}", f"{times}", "-", "-", str(error).split(";")[0][:40]])
+                    short += times > 1.0
+                    continue
+            way = np.linalg.norm(np.asarray(result.position[-1]) - np.asarray(result.position[0]), axis=1)
+            drift = float(way.max()) / RADIUS
+            rise = result.summary["energy"]["max_rise_relative"]
+            what = "fell" if drift > FALLEN else "held"
+            short += what == "fell" and times > 1.0
+            rows.append([name, f"{friction}", f"{times}", f"{drift:.1e}", f"{rise:.1e}", what])
+    print(table(["pyramid", "mu", "over least", "drift/r", "rise", ""], rows))
+    print(f"\n{short} fell that friction could hold")
+    return int(short > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
