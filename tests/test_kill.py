@@ -9,6 +9,7 @@ import kill_scenes
 import numpy as np
 import pytest
 from carom import _core, checkpoint
+from carom.rundir import RunDir
 from trials import Trials
 
 SURVIVED = "runs continued bit for bit after kills at random moments"
@@ -60,3 +61,40 @@ def test_a_core_that_is_built_anew_is_no_broken_promise(
         raise AssertionError("other bits")
     with kill_harness.of_one_build(build):
         pass  # what held for all that is no failure
+
+
+@pytest.mark.parametrize("removed", range(6))
+def test_what_a_removal_leaves_is_in_order_wherever_it_ends(
+    removed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`--force` removes a run file by file: a kill in between must not leave checkpoints without results, nor these
+    without the scenario."""
+    names = [
+        "run.json",
+        "scenario.toml",
+        "results.h5",
+        "checkpoint-000000000010.npz",
+        "log.jsonl",
+        "view.html",
+    ]
+    for name in names:
+        (tmp_path / name).write_text("", encoding="utf-8")
+    unlink, left = Path.unlink, [removed]
+
+    def killed(path: Path) -> None:
+        if left[0] == 0:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        unlink(path)
+
+    run = RunDir(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", killed)
+        with pytest.raises(KeyboardInterrupt):
+            run._remove_own()
+    there = {path.name for path in tmp_path.iterdir()}
+    assert len(there) == len(names) - removed
+    assert not checkpoint.found(tmp_path) or run.segments()
+    assert not run.segments() or {"run.json", "scenario.toml"} <= there
+    # It can be replaced.
+    assert run.about.exists() or run._is_own()

@@ -23,12 +23,12 @@ from typing import IO, Any
 from carom.errors import CaromError
 from carom.files import RecordError, reason, unwritable, write_whole
 
-#: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted. By the last two
-#: a directory is known, and they go last.
+#: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted. Wherever a removal is
+#: stopped the rest is in order: checkpoints go before the results that they continue, the scenario after both, and last
+#: the log, by which a directory is known that has no `run.json`.
 _OWN = (
-    "scenario.toml",
-    "results*.h5",
     "checkpoint-*.npz",
+    "results*.h5",
     "failing_problem.h5",
     "problems/*.hdf5",
     "problems/.*.tmp",
@@ -42,6 +42,7 @@ _OWN = (
     "view.html",
     ".*.tmp",
     "run.json",
+    "scenario.toml",
     "log.jsonl",
 )
 
