@@ -42,6 +42,10 @@ pub struct Contact {
     pub closed: bool,
     /// Whether `t1`, `t2` and the axis of spinning belong to `n1` (piles), not to `n0`.
     pub end_frame: bool,
+    /// Whether `nu` left at rest what was so (`level::rest`) where another solution moves it.
+    pub held: bool,
+    /// Whether the position level found its island at rest and left it so.
+    pub rested: bool,
     pub status: Status,
 }
 

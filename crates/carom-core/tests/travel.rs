@@ -4,7 +4,7 @@ mod common;
 
 use carom_core::options::Method;
 use carom_core::scalar::Scalar;
-use carom_core::wall::{Cylinder, Disc, Rectangle, Shape, WallMotion};
+use carom_core::wall::{Cone, Cylinder, Disc, Rectangle, Shape, WallMotion};
 use carom_core::{ModelInput, Options, Outcome};
 use common::{advance, balls, simulation, R};
 use glam::DVec3;
@@ -182,7 +182,7 @@ fn a_fast_paddle_does_not_pass_through_a_ball() {
     }
 }
 
-/// A post thinner than the ball, and the edge of a disc, off the middle: what is inside on the way may be out again at the end.
+/// A post thinner than the ball, the edge of a disc and the tip of a cone, off the middle: what is inside on the way may be out again at the end.
 #[test]
 fn nothing_passes_a_thin_wall() {
     let post = Shape::Cylinder(Cylinder {
@@ -198,8 +198,23 @@ fn nothing_passes_a_thin_wall() {
         radius: 10.0 * R,
         hole: 0.0,
     });
+    let tip = Shape::Cone(Cone {
+        point: DVec3::ZERO,
+        axis: -DVec3::Y,
+        radius: 0.0,
+        radius_end: R,
+        length: 5.0 * R,
+        inside: false,
+    });
     // (Nearer to the rim a ball is inside for less than a radius on its way in: such grazes are counted, not cut.)
-    for (shape, aside) in [(post, 0.0), (post, 0.3), (post, 0.6), (edge, 0.4)] {
+    for (shape, aside) in [
+        (post, 0.0),
+        (post, 0.3),
+        (post, 0.6),
+        (edge, 0.4),
+        (tip, -0.5),
+        (tip, 0.4),
+    ] {
         for travel in [0.9, 1.2, 1.4, 2.8, 3.5] {
             for phase in 0..12 {
                 let start = (8.0 + f64::from(phase) / 12.0 * travel) * R;

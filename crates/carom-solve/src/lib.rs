@@ -6,6 +6,7 @@
 pub mod cone;
 pub mod direct;
 pub mod gauss_seidel;
+pub mod hold;
 mod hybrid;
 pub mod linear_step;
 pub mod newton;

@@ -198,6 +198,33 @@ impl Newton {
         total
     }
 
+    /// What `(lambda, u)` leave as they are, `M u = G^T lambda`; converged as [`Newton::solve`] would call it (gaps of large islands
+    /// are no condition).
+    pub fn judge<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        lambda: &[f64],
+        u: &[f64],
+    ) -> SolveReport {
+        self.resize(system);
+        self.history.clear();
+        for (p, d) in self.penalty.iter_mut().zip(&system.diag) {
+            *p = options.penalty_scale / d;
+        }
+        problem.evaluate(system, u, &mut self.z);
+        let large = system.contacts.len() > options.dense_contacts;
+        let norms = self.norms(system, lambda, u);
+        let residual = norms.relative(options, large);
+        self.history.push(residual);
+        SolveReport {
+            converged: residual < options.tolerance && (large || self.gaps_closed(system, options)),
+            residual,
+            ..SolveReport::default()
+        }
+    }
+
     /// Large islands: a sequence of linear cone problems, each solved by the hybrid. At the velocity level one is enough; at
     /// the position level what is left of the gaps and the turning of the normals shrinks with every one.
     fn linearise<P: Subproblem>(

@@ -261,6 +261,13 @@ impl RowSystem {
         }
     }
 
+    /// `u = M^-1 G^T lambda`.
+    pub fn correction(&self, lambda: &[f64], u: &mut [f64]) {
+        let mut force = vec![0.0; u.len()];
+        self.impulses(lambda, &mut force);
+        self.apply_inverse_mass(&force, u);
+    }
+
     /// Delassus block `G_i M^-1 G_j^T` over the nodes that contacts `i` and `j` share, added to `block`.
     pub fn delassus_block(
         &self,

@@ -1,6 +1,7 @@
 //! The order of impact problems in a step: with load offset (rule R2, the default), as printed, and one-shot.
 
 use super::problem::{ImpactScratch, Law};
+use crate::contact::WorldImpulse;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::scratch::IslandScratch;
@@ -145,7 +146,7 @@ fn warm_start(state: &State, scratch: &IslandScratch, work: &ImpactScratch, h: f
             .binary_search_by_key(&(contact.a, contact.b), |w| w.key)
         {
             let warm = &state.warm[found];
-            let world = crate::contact::WorldImpulse {
+            let world = WorldImpulse {
                 impulse: scale * warm.impulse,
                 moment: scale * warm.moment,
             };
@@ -168,12 +169,17 @@ fn keep_warm(scratch: &mut IslandScratch, work: &ImpactScratch) {
         packed[..c.dim as usize].copy_from_slice(&work.impulse[row..row + c.dim as usize]);
         let contact = &scratch.contacts[m as usize];
         let world = contact.to_world(contact.n1, &packed);
+        let position = if contact.held {
+            contact.to_world(contact.n0, &contact.nu)
+        } else {
+            WorldImpulse::default()
+        };
         scratch.warm.push(Warm {
             key: (contact.a, contact.b),
             impulse: world.impulse,
             moment: world.moment,
-            position: glam::DVec3::ZERO,
-            position_moment: glam::DVec3::ZERO,
+            position: position.impulse,
+            position_moment: position.moment,
         });
     }
 }

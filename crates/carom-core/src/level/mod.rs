@@ -2,6 +2,8 @@
 
 pub mod coupling;
 pub mod position;
+mod position_measures;
+pub(crate) mod rest;
 pub mod single;
 pub mod smooth;
 mod smooth_matrix;
@@ -29,6 +31,14 @@ pub enum Demand {
 }
 
 impl Demand {
+    /// Convergence where anything would be taken.
+    pub fn unless_accepted(self) -> Self {
+        match self {
+            Self::Accepted => Self::Converged,
+            _ => self,
+        }
+    }
+
     pub fn or_accepted(accept_unconverged: bool) -> Self {
         if accept_unconverged {
             Self::Accepted

@@ -4,7 +4,8 @@
 //! other rows in the frame of t_n, acting on the increments over the whole step (eq. 37). Joints stand beside the
 //! contacts, and loads that depend on positions act through their change, `(h^2/2) f_p` (eq. 3).
 
-use super::coupling::{position_rows, Trial};
+use super::position_measures::{Coupled, Positions};
+use super::rest::{self, Resting};
 use super::{closed_form, newton_options, position_floor, single, worst_group, Demand};
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
@@ -15,12 +16,11 @@ use crate::report::{Level, StepReport};
 use crate::rotation;
 use crate::scratch::{IslandScratch, SolveScratch};
 use crate::state::State;
-use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
 use crate::wall::Walls;
 use carom_geom::Proximity;
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
-use carom_solve::{SolveReport, Status};
+use carom_solve::{Newton, SolveReport, Status};
 use glam::DVec3;
 
 /// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.
@@ -31,134 +31,6 @@ pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3
     } else {
         let (ra, rb) = (model.radius[c.a as usize], model.radius[c.b as usize]);
         model.periodic.sphere_sphere(xa, ra, xb, rb)
-    }
-}
-
-/// Position measures of an island as functions of U.
-struct Positions<'a> {
-    model: &'a Model,
-    walls: &'a Walls,
-    contacts: &'a [Contact],
-    members: &'a [u32],
-    /// Centres after the smooth step, per node.
-    centres: &'a [DVec3],
-    coupled: Option<Coupled<'a>>,
-}
-
-/// Joints and loads of an island.
-struct Coupled<'a> {
-    island: Island<'a>,
-    state: &'a State,
-    /// Rotation increments after the smooth step, per sphere.
-    angular: &'a [Prediction],
-    bodies: &'a [u32],
-    node_of: &'a [u32],
-    trial: &'a mut Trial,
-    /// t_n and t_{n+1}.
-    span: Span,
-    /// Loads at `q_check`, 6 per node.
-    base: Vec<f64>,
-}
-
-impl Coupled<'_> {
-    /// Puts the island at the correction `u`.
-    fn move_to(&mut self, centres: &[DVec3], u: &[f64]) {
-        for (node, &body) in self.bodies.iter().enumerate() {
-            let (i, k) = (body as usize, NODE_DOF * node);
-            self.trial.position[i] = centres[node] + DVec3::new(u[k], u[k + 1], u[k + 2]);
-            let psi = self.increment(body, u);
-            self.trial.orientation[i] = rotation::advance(psi, self.state.orientation[i]);
-        }
-    }
-
-    /// `psi = psi_check + U_rot` of a sphere; zero for the ground.
-    fn increment(&self, body: u32, u: &[f64]) -> DVec3 {
-        let Some(prediction) = self.angular.get(body as usize) else {
-            return DVec3::ZERO;
-        };
-        let k = NODE_DOF * self.node_of[body as usize] as usize;
-        prediction.displacement + DVec3::new(u[k + 3], u[k + 4], u[k + 5])
-    }
-
-    fn evaluate(
-        &mut self,
-        model: &Model,
-        first: usize,
-        system: &mut RowSystem,
-        u: &[f64],
-        z: &mut [f64],
-    ) {
-        let mut rows: Rows = Default::default();
-        for (slot, &index) in self.island.joints.iter().enumerate() {
-            let joint = &model.joints[index as usize];
-            let rc = system.contacts[first + slot];
-            let range = rc.row as usize..(rc.row + rc.dim) as usize;
-            let psi = [self.increment(joint.a, u), self.increment(joint.b, u)];
-            let poses = self.trial.poses(joint);
-            let dim = position_rows(
-                joint,
-                poses,
-                psi,
-                self.span,
-                &mut rows,
-                &mut z[range.clone()],
-            );
-            system.jac[range].copy_from_slice(&rows[..dim]);
-        }
-        if system.has_load() {
-            let half = 0.5 * self.span.h.powi(2);
-            let (loads, end) = (self.island.loads, self.span.end);
-            let mut load = std::mem::take(&mut system.load);
-            self.trial
-                .wrenches(model, loads, self.bodies, end, &mut load);
-            for (b, base) in load.iter_mut().zip(&self.base) {
-                *b = half * (*b - base);
-            }
-            self.trial.stiffness(
-                model,
-                loads,
-                self.node_of,
-                end,
-                (half, 0.0),
-                &mut system.load_tangent,
-            );
-            system.load = load;
-        }
-    }
-}
-
-impl Subproblem for Positions<'_> {
-    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
-        let at = |node: u32| {
-            let k = NODE_DOF * node as usize;
-            self.centres[node as usize] + DVec3::new(u[k], u[k + 1], u[k + 2])
-        };
-        for (slot, &index) in self.members.iter().enumerate() {
-            let c = &self.contacts[index as usize];
-            let rc = system.contacts[slot];
-            let wall = c.is_wall(self.model);
-            let xb = if wall { DVec3::ZERO } else { at(rc.node_b) };
-            let p = proximity(self.model, self.walls, c, at(rc.node_a), xb);
-            let row = rc.row as usize;
-            z[row] = p.gap;
-            if !(wall && self.model.wall(c.b).is_fixed_plane()) {
-                let n = p.normal;
-                system.jac[row] = [
-                    [n.x, n.y, n.z, 0.0, 0.0, 0.0],
-                    [-n.x, -n.y, -n.z, 0.0, 0.0, 0.0],
-                ];
-                system.contacts[slot].normal = n.to_array();
-                system.contacts[slot].curvature = p.curvature;
-                system.contacts[slot].flat = p.flat.to_array();
-            }
-            for r in row + 1..row + rc.dim as usize {
-                z[r] = system.z0[r] + system.row_velocity(&rc, r, u);
-            }
-        }
-        if let Some(coupled) = &mut self.coupled {
-            coupled.move_to(self.centres, u);
-            coupled.evaluate(self.model, self.members.len(), system, u, z);
-        }
     }
 }
 
@@ -213,13 +85,33 @@ pub fn solve_island(
             return true;
         }
     }
+    let resting = Resting::find(model, state, scratch, island, span.h);
     if pile::fits(model, island) {
         let others = pile::may_fall_back(island);
-        let asked = match demand {
-            Demand::Accepted if others => Demand::Converged,
-            _ => demand,
+        if let Some(resting) = &resting {
+            let (before, asked) = (*report, demand.unless_accepted());
+            let failed = scratch.keeper.failed.take();
+            let own = Some(resting);
+            if pile::solve_positions(model, state, scratch, island, span, report, asked, own) {
+                return true;
+            }
+            // What it moved by is no part of the step.
+            *report = before;
+            let way = Way::Hold(resting);
+            let held = solve_by_newton(model, state, scratch, island, span, report, way);
+            if held || scratch.keeper.failed.is_none() {
+                scratch.keeper.failed = failed;
+            }
+            if held {
+                return true;
+            }
+        }
+        let asked = if others {
+            demand.unless_accepted()
+        } else {
+            demand
         };
-        if pile::solve_positions(model, state, scratch, island, span, report, asked) {
+        if pile::solve_positions(model, state, scratch, island, span, report, asked, None) {
             return true;
         }
         if !others {
@@ -227,15 +119,23 @@ pub fn solve_island(
         }
         report.fallbacks += 1;
     }
-    solve_by_newton(
-        model,
-        state,
-        scratch,
-        island,
-        span,
-        report,
-        demand == Demand::Accepted,
-    )
+    let way = Way::Solve {
+        resting: resting.as_ref(),
+        accept: demand == Demand::Accepted,
+    };
+    solve_by_newton(model, state, scratch, island, span, report, way)
+}
+
+/// What is asked of [`solve_by_newton`].
+#[derive(Clone, Copy)]
+enum Way<'a> {
+    /// The solution, at rest where that is looked for; one that does not converge where that is accepted.
+    Solve {
+        resting: Option<&'a Resting>,
+        accept: bool,
+    },
+    /// The solution at rest or none.
+    Hold(&'a Resting),
 }
 
 fn solve_by_newton(
@@ -245,7 +145,7 @@ fn solve_by_newton(
     island: Island,
     span: Span,
     report: &mut StepReport,
-    accept_unconverged: bool,
+    way: Way,
 ) -> bool {
     let IslandScratch {
         contacts,
@@ -263,6 +163,13 @@ fn solve_by_newton(
     let members = island.contacts;
     solve.begin(model, contacts, island);
     let mut rows: Rows = Default::default();
+    let frames: Vec<bool> = match way {
+        Way::Hold(_) => members
+            .iter()
+            .map(|&m| contacts[m as usize].end_frame)
+            .collect(),
+        Way::Solve { .. } => Vec::new(),
+    };
     for &m in members {
         // A pile may have had it before.
         contacts[m as usize].end_frame = false;
@@ -380,7 +287,46 @@ fn solve_by_newton(
         centres: &centres,
         coupled,
     };
-    let result = newton.solve(system, &mut problem, &options, lambda, u);
+    let (resting, accept_unconverged) = match way {
+        Way::Solve { resting, accept } => (resting, accept),
+        Way::Hold(resting) => (Some(resting), false),
+    };
+    let before = resting.map(|_| rest::as_before(state, contacts, members, system, span.h));
+    let look = |newton: &mut Newton, system: &mut RowSystem, problem: &mut Positions| {
+        let nu = before.as_ref()?.0.clone();
+        resting?.hold(newton, (system, problem, &options), nu)
+    };
+    let first = matches!(way, Way::Hold(_)) || before.as_ref().is_some_and(|b| b.1);
+    let mut held = if first {
+        look(newton, system, &mut problem)
+    } else {
+        None
+    };
+    let (mut result, mut rests) = (SolveReport::default(), false);
+    if held.is_none() {
+        if matches!(way, Way::Hold(_)) {
+            for (&m, frame) in members.iter().zip(frames) {
+                contacts[m as usize].end_frame = frame;
+            }
+            return false;
+        }
+        result = newton.solve(system, &mut problem, &options, lambda, u);
+        let moves = |r: &Resting| !result.converged || r.moves(system, newton.measures());
+        rests = resting.is_some_and(|r| !moves(r));
+        if !first && !rests && resting.is_some() {
+            let history = std::mem::take(&mut newton.history);
+            held = look(newton, system, &mut problem);
+            if held.is_none() {
+                // What was tried is no part of the step: statuses and residuals are those of the solution again.
+                newton.judge(system, &mut problem, &options, lambda, u);
+                newton.history = history;
+            }
+        }
+    }
+    let is_held = held.is_some();
+    if let Some(held) = held {
+        (*lambda, *u, result) = (held.nu, held.correction, held.report);
+    }
     report.add_position(&result);
     if newton.history.len() > history[1].values.len() {
         history[1].values.clone_from(&newton.history);
@@ -434,6 +380,7 @@ fn solve_by_newton(
     for (slot, &m) in members.iter().enumerate() {
         let rc = &solve.system.contacts[slot];
         let c = &mut contacts[m as usize];
+        (c.held, c.rested) = (is_held, is_held || rests);
         c.nu = [0.0; 6];
         c.nu[..rc.dim as usize]
             .copy_from_slice(&solve.lambda[rc.row as usize..(rc.row + rc.dim) as usize]);

@@ -359,6 +359,8 @@ impl Pair {
             work: self.step.work,
             closed: self.closed,
             end_frame: false,
+            held: false,
+            rested: false,
             status: self.status(),
         };
         let world = WorldImpulse {

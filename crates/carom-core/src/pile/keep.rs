@@ -43,31 +43,7 @@ pub fn keep(
     correction: &[[f64; NODE_DOF]],
     motion: &[[DVec3; 2]],
 ) {
-    let mut system = RowSystem::default();
-    for body in at.bodies {
-        system.push_node(1.0 / body.inv_mass, 1.0 / body.inv_inertia, body.radius);
-    }
-    let mut rows = Rows::default();
-    let (mut multiplier, mut contacts) = (Vec::new(), Vec::with_capacity(stated.len()));
-    for s in stated {
-        let mut c = at.contacts[s.contact as usize];
-        record::turn_frame(&mut c, s.normal);
-        (c.n0, c.n1) = (s.normal, s.normal);
-        let dim = c.rows(at.model, s.normal, &mut rows);
-        let z0 = record::packed(&c, s.normal, s.slip, s.turn);
-        let r = record::packed(&c, s.normal, s.impulse, s.moment);
-        multiplier.extend_from_slice(&r[..dim]);
-        system.push_contact(
-            s.nodes.0,
-            s.nodes.1,
-            c.bounds,
-            c.length,
-            s.normal.to_array(),
-            &rows[..dim],
-            &z0[..dim],
-        );
-        contacts.push(c);
-    }
+    let (system, contacts, multiplier) = rows(at.model, at.contacts, at.bodies, stated);
     let correction = correction.concat();
     let mut measures = vec![0.0; system.rows()];
     system.linear_measures(&correction, &mut measures);
@@ -91,6 +67,41 @@ pub fn keep(
         report: at.report,
         worst: 0,
     });
+}
+
+/// Rows of contacts in the frames at their normals, the contacts with these frames, and their impulses as multipliers.
+pub fn rows(
+    model: &Model,
+    all: &[Contact],
+    bodies: &[Body],
+    stated: &[Stated],
+) -> (RowSystem, Vec<Contact>, Vec<f64>) {
+    let mut system = RowSystem::default();
+    for body in bodies {
+        system.push_node(1.0 / body.inv_mass, 1.0 / body.inv_inertia, body.radius);
+    }
+    let mut rows = Rows::default();
+    let (mut multiplier, mut contacts) = (Vec::new(), Vec::with_capacity(stated.len()));
+    for s in stated {
+        let mut c = all[s.contact as usize];
+        record::turn_frame(&mut c, s.normal);
+        (c.n0, c.n1) = (s.normal, s.normal);
+        let dim = c.rows(model, s.normal, &mut rows);
+        let z0 = record::packed(&c, s.normal, s.slip, s.turn);
+        let r = record::packed(&c, s.normal, s.impulse, s.moment);
+        multiplier.extend_from_slice(&r[..dim]);
+        system.push_contact(
+            s.nodes.0,
+            s.nodes.1,
+            c.bounds,
+            c.length,
+            s.normal.to_array(),
+            &rows[..dim],
+            &z0[..dim],
+        );
+        contacts.push(c);
+    }
+    (system, contacts, multiplier)
 }
 
 impl Stated {
@@ -124,22 +135,9 @@ impl Pile {
         if self.contacts.is_empty() {
             self.write(model, law, scale);
         }
-        let memory = &self.velocity;
         let moments = self.moments();
-        let solved = self.contacts.iter().zip(&self.impulses);
-        let stated: Vec<Stated> = memory
-            .chosen
-            .iter()
-            .zip(solved)
-            .enumerate()
-            .map(|(k, (&slot, (c, r)))| {
-                let m = &memory.members[slot as usize];
-                let turning = moments.get(k).map_or([DVec3::ZERO; 2], |&moment| {
-                    [memory.turn(slot), DVec3::from(moment)]
-                });
-                Stated::of(m, DVec3::from(c.slip), DVec3::from(*r), turning)
-            })
-            .collect();
+        let stated = self.stated(&self.impulses, &moments);
+        let memory = &self.velocity;
         let at = Place {
             model,
             contacts,
@@ -151,6 +149,24 @@ impl Pile {
         };
         let motion = memory.velocities();
         keep(&mut self.keeper, &at, &stated, &self.corrections, &motion);
+    }
+}
+
+impl Pile {
+    /// The chosen contacts as they stand in the problem at hand, with these impulses and moments.
+    pub(super) fn stated(&self, impulses: &[[f64; 3]], moments: &[[f64; 3]]) -> Vec<Stated> {
+        let memory = &self.velocity;
+        let solved = self.contacts.iter().zip(impulses);
+        let chosen = memory.chosen.iter().zip(solved).enumerate();
+        let stated = chosen.map(|(k, (&slot, (c, r)))| {
+            let m = &memory.members[slot as usize];
+            let moment = moments.get(k).filter(|_| !memory.turning.is_empty());
+            let turning = moment.map_or([DVec3::ZERO; 2], |&moment| {
+                [memory.turn(slot), DVec3::from(moment)]
+            });
+            Stated::of(m, DVec3::from(c.slip), DVec3::from(*r), turning)
+        });
+        stated.collect()
     }
 }
 

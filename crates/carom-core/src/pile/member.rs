@@ -64,8 +64,9 @@ pub(super) struct Memory {
     pub chosen: Vec<u32>,
     pub tol: f64,
     pub floor: f64,
-    /// Largest speed in the island, m/s.
+    /// Largest speed in the island, and that of the loads alone, m/s.
     pub speed: f64,
+    pub load: f64,
     /// Stage 0: most contacts of a large pile hold more than their loads, since it is being hit.
     pub hit: bool,
     /// Terms of eq. 44 of what is solved already in this step.

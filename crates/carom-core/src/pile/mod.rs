@@ -12,6 +12,7 @@ mod member;
 mod part;
 mod position;
 mod record;
+mod rest;
 mod roll;
 mod shares;
 mod solve;

@@ -9,6 +9,7 @@ use super::{
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::position::proximity;
+use crate::level::rest::Resting;
 use crate::level::velocity::MANY;
 use crate::level::{position_floor, Demand};
 use crate::model::Model;
@@ -41,7 +42,9 @@ const CLOSING_SHARE: f64 = 0.95;
 const ROUGH: f64 = 3.0;
 const CALM: f64 = 0.8;
 
-/// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, nothing written.
+/// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, or it moves
+/// what was `resting`; nothing is written.
+#[allow(clippy::too_many_arguments)] // the arguments of the level
 pub fn solve_positions(
     model: &Model,
     state: &State,
@@ -50,10 +53,11 @@ pub fn solve_positions(
     span: Span,
     report: &mut StepReport,
     demand: Demand,
+    resting: Option<&Resting>,
 ) -> bool {
     let mut pile = std::mem::take(scratch.pile);
     let solved = solve(
-        &mut pile, model, state, scratch, island, span, report, demand,
+        &mut pile, model, state, scratch, island, span, report, demand, resting,
     );
     *scratch.pile = pile;
     solved
@@ -69,6 +73,7 @@ fn solve(
     span: Span,
     report: &mut StepReport,
     demand: Demand,
+    resting: Option<&Resting>,
 ) -> bool {
     let IslandScratch {
         contacts,
@@ -97,12 +102,12 @@ fn solve(
     // Of a pile that is being hit everywhere it is the impact that the positions hold, not a wedge.
     let hit = large
         && !again
-        && shares::mostly(threads, members.len(), |range| {
+        && shares::mostly(&shares::map(threads, members.len(), |range| {
             let mut cursor = Cursor::new(&state.warm);
             let key = |m: &u32| (contacts[*m as usize].a, contacts[*m as usize].b);
             let known = members[range].iter().filter_map(|m| cursor.find(key(m)));
             known.fold([0, 0], |n, w| [n[0] + usize::from(beyond(w)), n[1] + 1])
-        });
+        }));
     let begin = |cursor: &mut Cursor, m: u32| {
         let c = &contacts[m as usize];
         if again {
@@ -223,6 +228,9 @@ fn solve(
     }
     report.sweeps_position = report.sweeps_position.max(sweeps as u32);
     pile.take_solution();
+    if resting.is_some_and(|resting| pile.moves(resting)) {
+        return false;
+    }
     let (velocities, impulses) = (&pile.corrections, &pile.impulses);
     let moments = if rolls {
         pile.sweeps.moments()
@@ -286,6 +294,7 @@ fn solve(
             let c = share.item(m);
             let normal = DVec3::from(stated[slot].normal);
             record::set_frame(c, normal);
+            (c.held, c.rested) = (false, resting.is_some());
             c.nu = record::packed(c, normal, DVec3::from(impulses[slot]), moment_of(slot));
         }
     });
@@ -415,7 +424,7 @@ impl Linearisation<'_> {
             let (n, spin) = (DVec3::from(z.normal), c.n0.dot(psi));
             let across = psi - spin * c.n0;
             let turn = across - n.dot(across) * n + spin * n;
-            Turning::new(c, DVec3::ZERO).stated(turn)
+            Turning::new(c, [DVec3::ZERO; 2]).stated(turn)
         }));
     }
 

@@ -18,8 +18,8 @@ pub(super) struct Turning {
     pub rolling: f64,
     pub spinning: f64,
     pub length: f64,
-    /// Angular velocity of a moving wall's material at t_{n+1}.
-    pub wall: DVec3,
+    /// Angular velocities of a moving wall's material at t_n and t_{n+1}.
+    pub walls: [DVec3; 2],
     /// Moment on A of all problems so far, and of the loads alone.
     pub moment: DVec3,
     pub load: DVec3,
@@ -30,12 +30,12 @@ pub(super) struct Turning {
 }
 
 impl Turning {
-    pub fn new(c: &Contact, wall: DVec3) -> Self {
+    pub fn new(c: &Contact, walls: [DVec3; 2]) -> Self {
         Self {
             rolling: c.bounds.rolling,
             spinning: c.bounds.spinning,
             length: c.length,
-            wall,
+            walls,
             moment: DVec3::ZERO,
             load: DVec3::ZERO,
             work: [0.0; 2],
@@ -109,8 +109,14 @@ pub(super) fn work(normal: DVec3, moment: DVec3, before: DVec3, after: DVec3) ->
 impl Memory {
     /// Relative angular velocity of member `slot` at `v_check`, and at `v_check + jump`.
     pub fn free_turn(&self, slot: u32) -> DVec3 {
-        let wall = self.turning[slot as usize].wall;
+        let wall = self.turning[slot as usize].walls[1];
         relative(&self.members[slot as usize], &self.check) - wall
+    }
+
+    /// The same at `v_n`.
+    pub fn turn_before(&self, slot: u32) -> DVec3 {
+        let wall = self.turning[slot as usize].walls[0];
+        relative(&self.members[slot as usize], &self.old) - wall
     }
 
     pub fn turn(&self, slot: u32) -> DVec3 {

@@ -74,16 +74,16 @@ pub(super) fn refill<T: Send + Clone>(
     team::fill(threads, out, value);
 }
 
-/// [`refill`] by parts: `work(first place, part)` writes them.
-pub(super) fn refill_parts<T: Send + Clone + Default>(
+/// [`refill`] by parts: `work(first place, part)` writes them; what it finds, in order.
+pub(super) fn refill_parts<T: Send + Clone + Default, R: Send>(
     threads: usize,
     out: &mut Vec<T>,
     count: usize,
-    work: impl Fn(usize, &mut [T]) + Sync,
-) {
+    work: impl Fn(usize, &mut [T]) -> R + Sync,
+) -> Vec<R> {
     out.resize(count, T::default());
     let parts: Vec<_> = out.chunks_mut(SIZE).enumerate().collect();
-    team::map(threads, parts, |(k, part)| work(SIZE * k, part));
+    team::map(threads, parts, |(k, part)| work(SIZE * k, part))
 }
 
 /// `work(place, item)` on every item.
@@ -101,15 +101,11 @@ pub(super) fn any(threads: usize, count: usize, test: impl Fn(usize) -> bool + S
     map(threads, count, |mut range| range.any(&test)).contains(&true)
 }
 
-/// Whether most are such: `look` counts, in a share of `0..count`, those that are such and those that might be. Numbers are whole, so that no
-/// share's order matters.
-pub(super) fn mostly(
-    threads: usize,
-    count: usize,
-    look: impl Fn(Range<usize>) -> [usize; 2] + Sync,
-) -> bool {
-    let parts = map(threads, count, look);
-    let [those, all] = parts.iter().fold([0, 0], |s, p| [s[0] + p[0], s[1] + p[1]]);
+/// Whether most are such: of each share, how many are such and how many might be.
+pub(super) fn mostly(counts: &[[usize; 2]]) -> bool {
+    let [those, all] = counts
+        .iter()
+        .fold([0, 0], |s, p| [s[0] + p[0], s[1] + p[1]]);
     2 * those > all
 }
 

@@ -59,8 +59,16 @@ impl Pile {
             rescale: RESCALE,
             calm: 1.0,
         };
+        let before = *report;
         let mut progress = self.settle(&goal, report);
         self.take_solution();
+        if problem <= 1 {
+            if let Some(held) = self.at_rest(model, contacts, law, &goal, &progress) {
+                // What else was found is no part of the step.
+                (progress, *report) = (held, before);
+                report.residual_velocity = report.residual_velocity.max(held.residual);
+            }
+        }
         if !progress.converged && !self.accept {
             self.keep_velocity(model, contacts, (law, &scale), problem, &progress);
             return None;

@@ -15,7 +15,6 @@ use crate::state::{State, Warm};
 use crate::stepper::Span;
 use carom_solve::team;
 use glam::DVec3;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Shares of contacts whose results are on their way.
 const AT_A_TIME: usize = 64;
@@ -136,8 +135,12 @@ impl Pile {
         if roll::any_rolls(model, contacts, list) {
             memory.turning.extend(list.iter().map(|&index| {
                 let c = &contacts[index as usize];
-                let wall = walls.end_twist(model, c, position[c.a as usize]);
-                Turning::new(c, wall.map_or(DVec3::ZERO, |t| t.spin))
+                let i = c.a as usize;
+                let ends = [
+                    walls.start_twist(model, c, state.position[i]),
+                    walls.end_twist(model, c, position[i]),
+                ];
+                Turning::new(c, ends.map(|wall| wall.map_or(DVec3::ZERO, |t| t.spin)))
             }));
         }
         let (spheres, nodes) = (&self.spheres, self.spheres.len());
@@ -172,7 +175,7 @@ impl Pile {
         let mass = self.mean(|i| model.mass[i]);
         let speed = speeds.largest();
         self.velocity.floor = floor.max(o.tolerance_floor * mass * speed);
-        self.velocity.speed = speed;
+        (self.velocity.speed, self.velocity.load) = (speed, speeds.load);
     }
 
     /// Rule R2. The number of problems, or nothing if one was not solved.
@@ -258,20 +261,18 @@ impl Pile {
             (if beyond { holding } else { start }, warm.is_some(), beyond)
         };
         let threads = self.sweeps.threads;
-        let [known, beyond] = [(); 2].map(|()| AtomicUsize::new(0));
-        shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
+        let counts = shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
             let mut cursor = Cursor::new(&state.warm);
             let mut counts = [0, 0];
             for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
                 let (impulse, was_there, is_beyond) = begin(&mut cursor, slot);
                 *start = impulse[0].to_array();
-                counts[0] += usize::from(was_there);
-                counts[1] += usize::from(was_there && is_beyond);
+                counts[0] += usize::from(was_there && is_beyond);
+                counts[1] += usize::from(was_there);
             }
-            known.fetch_add(counts[0], Ordering::Relaxed);
-            beyond.fetch_add(counts[1], Ordering::Relaxed);
+            counts
         });
-        let hit = is_large(chosen.len()) && 2 * beyond.into_inner() > known.into_inner();
+        let hit = is_large(chosen.len()) && shares::mostly(&counts);
         self.start_moments.clear();
         if !turning.is_empty() {
             let mut cursor = Cursor::new(&state.warm);

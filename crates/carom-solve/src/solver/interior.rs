@@ -16,8 +16,12 @@ use super::matrix::Linear;
 use super::{ConeSolver, Judge};
 use crate::problem::Problem;
 
+mod cone;
+mod hold;
 #[cfg(test)]
 mod tests;
+
+use cone::{divide, longest, norm, product, Cone};
 
 const MAX_ITERATIONS: u32 = 200;
 /// Share of the way to the boundary that a step may go.
@@ -35,30 +39,6 @@ const BALANCE: f64 = 0.1;
 /// Iterations without a better residual after which a run gives up.
 const PATIENCE: u32 = 40;
 
-/// A vector of one disc: `(mu r_N, r_b)` and its duals; a half-line uses the first entry.
-type Vec3 = [f64; 3];
-
-/// One cone `Q_b` of a contact.
-#[derive(Clone, Copy, Debug, Default)]
-struct Cone {
-    group: usize,
-    /// Row of the normal, first row of the disc, its rows (0: half-line).
-    normal: usize,
-    start: usize,
-    dim: usize,
-    bound: f64,
-    /// Primal `A_b r` and dual.
-    primal: Vec3,
-    dual: Vec3,
-    /// Scaling: `F = eta (..w..)`.
-    eta: f64,
-    w: Vec3,
-    /// `F^-1 primal = F dual`.
-    v: Vec3,
-    d_primal: Vec3,
-    d_dual: Vec3,
-}
-
 /// See the module.
 #[derive(Default)]
 pub struct InteriorPoint {
@@ -69,6 +49,8 @@ pub struct InteriorPoint {
     dual_residual: Vec<f64>,
     rhs: Vec<f64>,
     step: Vec<f64>,
+    /// Without the slip shift ([`hold`]).
+    convex: bool,
 }
 
 impl ConeSolver for InteriorPoint {
@@ -139,12 +121,14 @@ impl InteriorPoint {
                 continue;
             }
             self.y[group.row] = 1.0;
+            let convex = self.convex;
             let cone = |start, dim, bound| Cone {
                 group: index,
                 normal: group.row,
                 start,
                 dim,
                 bound,
+                convex,
                 ..Cone::default()
             };
             let before = self.cones.len();
@@ -307,132 +291,4 @@ impl InteriorPoint {
             }
         }
     }
-}
-
-impl Cone {
-    /// `A_b x`.
-    fn of(&self, x: &[f64]) -> Vec3 {
-        let mut out = [self.bound * x[self.normal], 0.0, 0.0];
-        for k in 0..self.dim {
-            out[1 + k] = x[self.start + k];
-        }
-        out
-    }
-
-    /// Normal part of the dual with the slip shift taken off, `mu (l_0 - |l_1|^2 / l_0)`, and its slope over the dual.
-    fn closing(&self) -> (f64, Vec3) {
-        if self.dim == 0 {
-            return (self.dual[0], [1.0, 0.0, 0.0]);
-        }
-        let inverse = 1.0 / self.dual[0];
-        let square: f64 = (1..=self.dim)
-            .map(|k| (self.dual[k] * inverse).powi(2))
-            .sum();
-        let mut slope = [self.bound * (1.0 + square), 0.0, 0.0];
-        for k in 1..=self.dim {
-            slope[k] = -2.0 * self.bound * self.dual[k] * inverse;
-        }
-        (self.bound * det(&self.dual, self.dim) * inverse, slope)
-    }
-
-    fn scale(&mut self) {
-        let (dp, dd) = (det(&self.primal, self.dim), det(&self.dual, self.dim));
-        self.eta = (dp / dd).sqrt().sqrt();
-        let (p, d) = (1.0 / dp.sqrt(), 1.0 / dd.sqrt());
-        let mut dot = 0.0;
-        for k in 0..=self.dim {
-            dot += p * self.primal[k] * d * self.dual[k];
-        }
-        let gamma = (0.5 * (1.0 + dot)).sqrt();
-        self.w = [0.0; 3];
-        self.w[0] = (p * self.primal[0] + d * self.dual[0]) / (2.0 * gamma);
-        for k in 1..=self.dim {
-            self.w[k] = (p * self.primal[k] - d * self.dual[k]) / (2.0 * gamma);
-        }
-        self.v = self.rescale(&self.dual);
-    }
-
-    /// `F x`.
-    fn rescale(&self, x: &Vec3) -> Vec3 {
-        hyperbolic(&self.w, x, self.dim, self.eta)
-    }
-
-    /// `F^-1 x`.
-    fn unscale(&self, x: &Vec3) -> Vec3 {
-        let mirrored = [self.w[0], -self.w[1], -self.w[2]];
-        hyperbolic(&mirrored, x, self.dim, 1.0 / self.eta)
-    }
-}
-
-/// `scale [w0 w1^T; w1 1 + w1 w1^T / (1 + w0)] x`.
-fn hyperbolic(w: &Vec3, x: &Vec3, dim: usize, scale: f64) -> Vec3 {
-    let dot: f64 = (1..=dim).map(|k| w[k] * x[k]).sum();
-    let mut out = [0.0; 3];
-    out[0] = scale * (w[0] * x[0] + dot);
-    let along = x[0] + dot / (1.0 + w[0]);
-    for k in 1..=dim {
-        out[k] = scale * (x[k] + along * w[k]);
-    }
-    out
-}
-
-/// Jordan product `x o y = (x.y, x0 y1 + y0 x1)`.
-fn product(x: &Vec3, y: &Vec3, dim: usize) -> Vec3 {
-    let mut out = [0.0; 3];
-    out[0] = (0..=dim).map(|k| x[k] * y[k]).sum();
-    for k in 1..=dim {
-        out[k] = x[0] * y[k] + y[0] * x[k];
-    }
-    out
-}
-
-/// Solves `x o y = b` for `y`.
-fn divide(x: &Vec3, b: &Vec3, dim: usize) -> Vec3 {
-    let d = det(x, dim);
-    let dot: f64 = (1..=dim).map(|k| x[k] * b[k]).sum();
-    let mut y = [0.0; 3];
-    y[0] = (x[0] * b[0] - dot) / d;
-    for k in 1..=dim {
-        y[k] = (b[k] - y[0] * x[k]) / x[0];
-    }
-    y
-}
-
-/// `x0^2 - |x1|^2`, without cancellation of squares.
-fn det(x: &Vec3, dim: usize) -> f64 {
-    let length = norm(&x[1..=dim]);
-    ((x[0] - length) * (x[0] + length)).max(f64::MIN_POSITIVE)
-}
-
-fn norm(x: &[f64]) -> f64 {
-    x.iter().map(|v| v * v).sum::<f64>().sqrt()
-}
-
-/// Longest `length <= bound` with `x + length d` in the cone, `x` inside.
-fn longest(x: &Vec3, d: &Vec3, dim: usize, bound: f64) -> f64 {
-    if dim == 0 {
-        return if d[0] < 0.0 {
-            bound.min(-x[0] / d[0])
-        } else {
-            bound
-        };
-    }
-    let a = d[0] * d[0] - (1..=dim).map(|k| d[k] * d[k]).sum::<f64>();
-    let b = x[0] * d[0] - (1..=dim).map(|k| x[k] * d[k]).sum::<f64>();
-    let c = det(x, dim);
-    // First positive root of a t^2 + 2 b t + c, and of x0 + t d0.
-    let mut length = bound;
-    let disc = b * b - a * c;
-    if disc >= 0.0 {
-        let root = disc.sqrt();
-        for t in [c / (-b + root), c / (-b - root)] {
-            if t > 0.0 && t < length {
-                length = t;
-            }
-        }
-    }
-    if d[0] < 0.0 {
-        length = length.min(-x[0] / d[0]);
-    }
-    length
 }

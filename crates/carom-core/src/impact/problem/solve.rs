@@ -11,6 +11,7 @@ use crate::problem::Solve;
 use crate::report::{Level, StepReport};
 use crate::scratch::{IslandScratch, SolveScratch};
 use carom_solve::rows::{Linear, RowContact, Subproblem, NODE_DOF};
+use carom_solve::NewtonOptions;
 
 /// Speed over r/h below which the multipliers of joints at rest are rounding.
 const AT_REST: f64 = 1e-3;
@@ -46,10 +47,26 @@ impl ImpactScratch {
         // those of a motion, and the problem has a solution.
         let without = scaled && self.span.smallest;
         let accept = self.accept_unconverged;
-        self.accept_unconverged = accept && !without;
         let failed_before = scratch.keeper.failed.take();
         let residual_before = report.residual_velocity;
+        let resting = match law {
+            Law::Plastic | Law::Newton if problem <= 1 => self.rests_below(model, scratch.contacts),
+            _ => None,
+        };
+        self.accept_unconverged = accept && !without && resting.is_none();
+        let mut before = *report;
         let mut solved = self.solve_built(model, scratch, problem, warm, report);
+        if let Some(bound) = resting {
+            // What the other one took is no part of the step.
+            if (!solved || self.moves(scratch, bound))
+                && self.hold(model, scratch, bound, warm, &mut before)
+            {
+                (*report, solved) = (before, true);
+            } else if !solved && accept && !without {
+                report.unconverged += 1;
+                solved = true;
+            }
+        }
         self.accept_unconverged = accept;
         if !solved && without {
             // What is given up is no part of the step.
@@ -159,21 +176,7 @@ impl ImpactScratch {
         sum + self.driven[0].get(c.row as usize).copied().unwrap_or(0.0)
     }
 
-    pub(in crate::impact) fn solve_built(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        problem: u32,
-        warm: Option<&[f64]>,
-        report: &mut StepReport,
-    ) -> bool {
-        self.lambda.clear();
-        self.lambda.resize(self.sub.rows(), 0.0);
-        if let Some(start) = warm {
-            self.lambda[..start.len()].copy_from_slice(start);
-        }
-        self.sub.impulses(&self.lambda, &mut self.force);
-        self.sub.apply_inverse_mass(&self.force, &mut self.u);
+    pub(super) fn newton_options(&self, model: &Model) -> NewtonOptions {
         let nodes = self.sub.nodes() as f64;
         let mass = self.sub.inv_mass.iter().map(|im| 1.0 / im).sum::<f64>() / nodes;
         let mut speed = self.speeds.largest();
@@ -193,6 +196,25 @@ impl ImpactScratch {
         if self.speeds.speed > 0.0 && !self.chosen.is_empty() {
             options.tolerance = options.tolerance.min(self.tol / (10.0 * self.speeds.speed));
         }
+        options
+    }
+
+    pub(in crate::impact) fn solve_built(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        problem: u32,
+        warm: Option<&[f64]>,
+        report: &mut StepReport,
+    ) -> bool {
+        self.lambda.clear();
+        self.lambda.resize(self.sub.rows(), 0.0);
+        if let Some(start) = warm {
+            self.lambda[..start.len()].copy_from_slice(start);
+        }
+        self.sub.impulses(&self.lambda, &mut self.force);
+        self.sub.apply_inverse_mass(&self.force, &mut self.u);
+        let options = self.newton_options(model);
         let [mut lambda, mut u] = [&mut self.lambda, &mut self.u].map(std::mem::take);
         let mut sub = std::mem::take(&mut self.sub);
         let SolveScratch {

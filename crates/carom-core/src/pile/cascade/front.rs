@@ -209,7 +209,7 @@ impl Front {
             )
         };
         let [a, b] = self.ends[slot as usize];
-        let turn = spin(a) - velocity.turning[slot as usize].wall;
+        let turn = spin(a) - velocity.turning[slot as usize].walls[1];
         if b == WORLD {
             turn
         } else {

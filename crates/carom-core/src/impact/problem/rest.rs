@@ -1,0 +1,79 @@
+//! Loads on what is at rest: the solution that leaves it there, where there is one ([`crate::level::rest`]).
+
+use super::ImpactScratch;
+use crate::contact::Contact;
+use crate::level::rest;
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::scratch::IslandScratch;
+use carom_solve::rows::{Linear, RowContact};
+
+impl ImpactScratch {
+    /// Speed up to which the problem at hand is at rest, where all of it was so at t_n, and the position level left it so.
+    pub(super) fn rests_below(&self, model: &Model, contacts: &[Contact]) -> Option<f64> {
+        let shares = rest::shares(&model.options, self.sub.contacts.len())?;
+        if self.sub.has_load() {
+            return None;
+        }
+        let mut old = [0.0; 6];
+        let rested = |slot: &usize| {
+            if !contacts[self.members[*slot] as usize].rested {
+                return false;
+            }
+            let c = &self.full.contacts[*slot];
+            let old = &mut old[..c.dim as usize];
+            for (k, z) in old.iter_mut().enumerate() {
+                *z = self.relative::<0>(c, c.row as usize + k, &self.v_old);
+            }
+            rest::largest(c.bounds.sliding > 0.0, c.length, old) <= shares.was * self.speeds.load
+        };
+        self.chosen
+            .iter()
+            .all(rested)
+            .then_some(shares.stays * self.speeds.load)
+    }
+
+    /// Whether the solution at hand moves by more.
+    pub(super) fn moves(&self, scratch: &IslandScratch, bound: f64) -> bool {
+        let measures = scratch.solve.newton.measures();
+        let of = |c: &RowContact| &measures[c.row as usize..(c.row + c.dim) as usize];
+        let contacts = self.sub.contacts[..self.chosen.len()].iter();
+        contacts
+            .map(|c| rest::largest(c.bounds.sliding > 0.0, c.length, of(c)))
+            .any(|z| z > bound)
+    }
+
+    /// Solves the problem at hand from multipliers that hold all of it, near `warm` if that is possible. False: there are none, and nothing changed.
+    pub(super) fn hold(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        bound: f64,
+        warm: Option<&[f64]>,
+        report: &mut StepReport,
+    ) -> bool {
+        let mut start = vec![0.0; self.sub.rows()];
+        if let Some(warm) = warm {
+            start[..warm.len()].copy_from_slice(warm);
+        }
+        if !carom_solve::hold::hold(&self.sub, &self.sub.z0, |_, _| true, &mut start) {
+            return false;
+        }
+        let before = (self.lambda.clone(), self.u.clone(), self.last);
+        let history = std::mem::take(&mut scratch.solve.newton.history);
+        let mut own = *report;
+        if self.solve_built(model, scratch, 0, Some(&start), &mut own)
+            && !self.moves(scratch, bound)
+        {
+            *report = own;
+            return true;
+        }
+        (self.lambda, self.u, self.last) = before;
+        // Residual rows and measures are those of the solution again.
+        let options = self.newton_options(model);
+        let newton = &mut scratch.solve.newton;
+        newton.judge(&mut self.sub, &mut Linear, &options, &self.lambda, &self.u);
+        newton.history = history;
+        false
+    }
+}

@@ -1,0 +1,142 @@
+//! Measures of the position level as functions of the correction: gaps, increments, joints, and loads that depend on positions.
+
+use super::coupling::{position_rows, Trial};
+use super::position::proximity;
+use crate::contact::{Contact, Rows};
+use crate::islands::Island;
+use crate::model::Model;
+use crate::rotation;
+use crate::state::State;
+use crate::stepper::generalized_alpha::Prediction;
+use crate::stepper::Span;
+use crate::wall::Walls;
+use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
+use glam::DVec3;
+
+/// Position measures of an island as functions of U.
+pub(super) struct Positions<'a> {
+    pub model: &'a Model,
+    pub walls: &'a Walls,
+    pub contacts: &'a [Contact],
+    pub members: &'a [u32],
+    /// Centres after the smooth step, per node.
+    pub centres: &'a [DVec3],
+    pub coupled: Option<Coupled<'a>>,
+}
+
+/// Joints and loads of an island.
+pub(super) struct Coupled<'a> {
+    pub island: Island<'a>,
+    pub state: &'a State,
+    /// Rotation increments after the smooth step, per sphere.
+    pub angular: &'a [Prediction],
+    pub bodies: &'a [u32],
+    pub node_of: &'a [u32],
+    pub trial: &'a mut Trial,
+    /// t_n and t_{n+1}.
+    pub span: Span,
+    /// Loads at `q_check`, 6 per node.
+    pub base: Vec<f64>,
+}
+
+impl Coupled<'_> {
+    /// Puts the island at the correction `u`.
+    fn move_to(&mut self, centres: &[DVec3], u: &[f64]) {
+        for (node, &body) in self.bodies.iter().enumerate() {
+            let (i, k) = (body as usize, NODE_DOF * node);
+            self.trial.position[i] = centres[node] + DVec3::new(u[k], u[k + 1], u[k + 2]);
+            let psi = self.increment(body, u);
+            self.trial.orientation[i] = rotation::advance(psi, self.state.orientation[i]);
+        }
+    }
+
+    /// `psi = psi_check + U_rot` of a sphere; zero for the ground.
+    fn increment(&self, body: u32, u: &[f64]) -> DVec3 {
+        let Some(prediction) = self.angular.get(body as usize) else {
+            return DVec3::ZERO;
+        };
+        let k = NODE_DOF * self.node_of[body as usize] as usize;
+        prediction.displacement + DVec3::new(u[k + 3], u[k + 4], u[k + 5])
+    }
+
+    fn evaluate(
+        &mut self,
+        model: &Model,
+        first: usize,
+        system: &mut RowSystem,
+        u: &[f64],
+        z: &mut [f64],
+    ) {
+        let mut rows: Rows = Default::default();
+        for (slot, &index) in self.island.joints.iter().enumerate() {
+            let joint = &model.joints[index as usize];
+            let rc = system.contacts[first + slot];
+            let range = rc.row as usize..(rc.row + rc.dim) as usize;
+            let psi = [self.increment(joint.a, u), self.increment(joint.b, u)];
+            let poses = self.trial.poses(joint);
+            let dim = position_rows(
+                joint,
+                poses,
+                psi,
+                self.span,
+                &mut rows,
+                &mut z[range.clone()],
+            );
+            system.jac[range].copy_from_slice(&rows[..dim]);
+        }
+        if system.has_load() {
+            let half = 0.5 * self.span.h.powi(2);
+            let (loads, end) = (self.island.loads, self.span.end);
+            let mut load = std::mem::take(&mut system.load);
+            self.trial
+                .wrenches(model, loads, self.bodies, end, &mut load);
+            for (b, base) in load.iter_mut().zip(&self.base) {
+                *b = half * (*b - base);
+            }
+            self.trial.stiffness(
+                model,
+                loads,
+                self.node_of,
+                end,
+                (half, 0.0),
+                &mut system.load_tangent,
+            );
+            system.load = load;
+        }
+    }
+}
+
+impl Subproblem for Positions<'_> {
+    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
+        let at = |node: u32| {
+            let k = NODE_DOF * node as usize;
+            self.centres[node as usize] + DVec3::new(u[k], u[k + 1], u[k + 2])
+        };
+        for (slot, &index) in self.members.iter().enumerate() {
+            let c = &self.contacts[index as usize];
+            let rc = system.contacts[slot];
+            let wall = c.is_wall(self.model);
+            let xb = if wall { DVec3::ZERO } else { at(rc.node_b) };
+            let p = proximity(self.model, self.walls, c, at(rc.node_a), xb);
+            let row = rc.row as usize;
+            z[row] = p.gap;
+            if !(wall && self.model.wall(c.b).is_fixed_plane()) {
+                let n = p.normal;
+                system.jac[row] = [
+                    [n.x, n.y, n.z, 0.0, 0.0, 0.0],
+                    [-n.x, -n.y, -n.z, 0.0, 0.0, 0.0],
+                ];
+                system.contacts[slot].normal = n.to_array();
+                system.contacts[slot].curvature = p.curvature;
+                system.contacts[slot].flat = p.flat.to_array();
+            }
+            for r in row + 1..row + rc.dim as usize {
+                z[r] = system.z0[r] + system.row_velocity(&rc, r, u);
+            }
+        }
+        if let Some(coupled) = &mut self.coupled {
+            coupled.move_to(self.centres, u);
+            coupled.evaluate(self.model, self.members.len(), system, u, z);
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! What rests and can be held stays ([`crate::level::rest`]), in piles of up to some thousand contacts.
+
+use super::member::{change, Member};
+use super::{keep, roll, Law, Pile};
+use crate::contact::Contact;
+use crate::level::rest::{self, Resting};
+use crate::model::Model;
+use carom_solve::spheres::{Goal, Progress};
+use glam::DVec3;
+
+impl Pile {
+    /// Position level: whether the solution at hand moves what was at rest.
+    pub(super) fn moves(&self, resting: &Resting) -> bool {
+        let arm = |node: u32| self.bodies.get(node as usize).map_or(0.0, |b| b.radius);
+        let mut contacts = self.contacts.iter().zip(&resting.gap_start).enumerate();
+        contacts.any(|(k, (z, gap))| {
+            let Some(gap) = gap else {
+                return false;
+            };
+            let normal = DVec3::from(z.normal);
+            let m = Member {
+                a: z.a,
+                b: z.b,
+                normal,
+                arms: [z.a, z.b].map(arm),
+                ..Member::default()
+            };
+            let moved = DVec3::from(z.slip) + change(&m, &self.corrections) - *gap * normal;
+            let turned = self.rolls.get(k).map_or(0.0, |r| {
+                let turn = DVec3::from(r.turn) + roll::change(&m, &self.corrections);
+                r.length * turn.length()
+            });
+            moved.length().max(turned) > resting.bound
+        })
+    }
+
+    /// Speed up to which all chosen contacts stay at rest, where they were so at t_n, and the position level left them so.
+    fn rests_below(&self, model: &Model, contacts: &[Contact]) -> Option<f64> {
+        let memory = &self.velocity;
+        let shares = rest::shares(&model.options, memory.chosen.len())?;
+        let at_rest = |&slot: &u32| {
+            let m = &memory.members[slot as usize];
+            if !contacts[m.contact as usize].rested {
+                return false;
+            }
+            let turn = memory.turning.get(slot as usize);
+            let turned = turn.map_or(0.0, |t| t.length * memory.turn_before(slot).length());
+            memory.before(m).length().max(turned) <= shares.was * memory.load
+        };
+        memory
+            .chosen
+            .iter()
+            .all(at_rest)
+            .then_some(shares.stays * memory.load)
+    }
+
+    /// Whether the solution at hand moves any of them by more.
+    pub(super) fn sets_off(&self, bound: f64) -> bool {
+        let (memory, u) = (&self.velocity, &self.corrections);
+        memory.chosen.iter().any(|&slot| {
+            let m = &memory.members[slot as usize];
+            let moved = memory.now(m) + change(m, u);
+            let turn = memory.turning.get(slot as usize);
+            let turned = turn.map_or(0.0, |t| {
+                t.length * (memory.turn(slot) + roll::change(m, u)).length()
+            });
+            moved.length().max(turned) > bound
+        })
+    }
+
+    /// The solution at rest, where the one at hand moves what was so, or is none. Nothing: there is no other; the one at hand stays.
+    pub(super) fn at_rest(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        law: Law,
+        goal: &Goal,
+        progress: &Progress,
+    ) -> Option<Progress> {
+        let bound = self.rests_below(model, contacts)?;
+        if progress.converged && !self.sets_off(bound) {
+            return None;
+        }
+        if self.contacts.is_empty() {
+            // Given back since the scene is huge; this island is not.
+            self.write(model, law, &vec![1.0; self.velocity.chosen.len()]);
+        }
+        let solved = (self.impulses.clone(), self.moments());
+        let starts_moments = !self.start_moments.is_empty();
+        if !self.start_held(model, contacts) {
+            return None;
+        }
+        if self.load_sweeps().is_ok() {
+            let held = self.sweeps.judge(goal, 0);
+            self.take_solution();
+            if held.converged && !self.sets_off(bound) {
+                return Some(held);
+            }
+        }
+        // As it was.
+        self.start = solved.0;
+        if starts_moments {
+            self.start_moments = solved.1;
+        }
+        if self.load_sweeps().is_ok() {
+            self.take_solution();
+        }
+        None
+    }
+
+    /// Starts from impulses that hold all chosen contacts. False: there are none.
+    fn start_held(&mut self, model: &Model, contacts: &[Contact]) -> bool {
+        let stated = self.stated(&self.start, &self.start_moments);
+        let (system, turned, mut lambda) = keep::rows(model, contacts, &self.bodies, &stated);
+        if !carom_solve::hold::hold(&system, &system.z0, |_, _| true, &mut lambda) {
+            return false;
+        }
+        for (k, (row, c)) in system.contacts.iter().zip(&turned).enumerate() {
+            let mut packed = [0.0; 6];
+            let dim = row.dim as usize;
+            packed[..dim].copy_from_slice(&lambda[row.row as usize..][..dim]);
+            let world = c.to_world(c.n1, &packed);
+            self.start[k] = world.impulse.to_array();
+            if let Some(moment) = self.start_moments.get_mut(k) {
+                *moment = world.moment.to_array();
+            }
+        }
+        true
+    }
+}

@@ -1,0 +1,64 @@
+//! Whether forces within the cones hold everything: path following on the convex problem beside Coulomb's law.
+//!
+//! Without the slip shift the problem of the parent module is that of least kinetic energy over all forces in the cones. Where some of
+//! them leave no velocity at all, it finds such ones, and since nothing slips then, they solve Coulomb's law too. That law may have other
+//! solutions, which move; sweeps and Newton find those where they come upon them first.
+
+use super::{norm, InteriorPoint, SHARE, SHIFT};
+use crate::problem::Problem;
+
+const MAX_ITERATIONS: u32 = 60;
+/// Nothing holds where complementarity has come down to this share of the square of the velocities (the eigenvalues of a scaled W are some
+/// tens at most), and the equations to the next one.
+const DECIDED: f64 = 1e-3;
+const EQUATIONS: f64 = 1e-3;
+/// Scaled forces that are no longer those of the loads.
+const RUNAWAY: f64 = 1e6;
+
+impl InteriorPoint {
+    /// Looks for forces inside of all cones with `|W r + q| <= tolerance |q|`, or as little as there can be up to `enough`; the problem
+    /// is a scaled one ([`crate::problem::Scaled`]).
+    pub fn hold(&mut self, problem: &Problem, tolerance: f64, enough: f64) -> Option<Vec<f64>> {
+        self.convex = true;
+        self.begin(problem);
+        let (left, best) = self.follow(problem, tolerance);
+        self.convex = false;
+        (left <= enough && norm(&best) <= RUNAWAY).then_some(best)
+    }
+
+    /// The least velocity found, over that of the loads, and its forces.
+    fn follow(&mut self, problem: &Problem, tolerance: f64) -> (f64, Vec<f64>) {
+        let loads = norm(&problem.q);
+        let (mut least, mut best) = (f64::INFINITY, self.y.clone());
+        for _ in 0..MAX_ITERATIONS {
+            let gap = self.gap();
+            self.residuals(problem);
+            let moving = norm(&self.u);
+            if moving < least * loads {
+                least = moving / loads;
+                best.copy_from_slice(&self.y);
+            }
+            let all = gap * self.cones.len() as f64;
+            let decided =
+                all < DECIDED * moving * moving && norm(&self.dual_residual) < EQUATIONS * moving;
+            if least <= tolerance || decided || !self.improve(problem, gap) {
+                break;
+            }
+        }
+        (least, best)
+    }
+
+    /// One step with predictor and corrector. False: there is none.
+    fn improve(&mut self, problem: &Problem, gap: f64) -> bool {
+        if !self.factor(problem, SHIFT) || !self.solve(0.0, false) {
+            return false;
+        }
+        let after = self.gap_after(self.longest().min(1.0));
+        let centering = (after / gap).powi(3).clamp(0.0, 1.0);
+        if !self.solve(centering * gap, true) {
+            return false;
+        }
+        self.take((SHARE * self.longest()).min(1.0));
+        true
+    }
+}
