@@ -74,6 +74,26 @@ def test_ctrl_c_is_heard_at_once_and_shows_what_is_done(number: int, form: str, 
         assert out.startswith("2 of 2 solved")
 
 
+def test_ctrl_c_that_interrupts_no_wait_is_heard_too() -> None:
+    """As one that comes while a wait is about to begin: the solver's own thread takes it, and the main one sleeps on."""
+    program = """
+import signal, threading, time
+from carom.problem.solve import _interruptible
+def call():
+    time.sleep(0.5)  # the other waits by now
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+    time.sleep(60)
+try:
+    _interruptible(call, lambda: print("told"))
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+    begin = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", HEARS + program], capture_output=True, text=True, timeout=30)
+    assert time.perf_counter() - begin < 20.0  # it would have slept for 60 s
+    assert done.stdout == "told\ninterrupted\n", done.stderr
+
+
 def test_ctrl_c_in_python_leaves_the_session_alive(folder: Path) -> None:
     program = f"""
 import carom, time

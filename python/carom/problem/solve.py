@@ -259,6 +259,9 @@ def solve(
 _abandoned: list[threading.Thread] = []
 #: How long Ctrl-C waits for a solver to look up, s. Most do so within milliseconds; a large factorisation does not.
 GRACE = 0.5
+#: How long to wait for an answer at a time, s: Python misses a signal that comes while a wait is about to begin, and
+#: would hear it only when that wait ends.
+HEARING = 0.2
 
 
 def is_abandoned() -> bool:
@@ -270,7 +273,7 @@ def _interruptible(call: Callable[[], dict[str, Any]], cancel: Callable[[], None
     """`call()` so that Ctrl-C is heard at once: `cancel` tells the core to end, and soon nobody waits for it any more."""
     if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
         return call()
-    from concurrent.futures import Future
+    from concurrent.futures import Future, wait
 
     answer: Future[dict[str, Any]] = Future()
 
@@ -283,6 +286,8 @@ def _interruptible(call: Callable[[], dict[str, Any]], cancel: Callable[[], None
     thread = threading.Thread(target=work, name="carom solve", daemon=True)
     try:
         thread.start()  # an interruption may come before it returns
+        while not wait((answer,), HEARING).done:
+            pass
         return answer.result()
     except KeyboardInterrupt:
         cancel()
