@@ -2,6 +2,7 @@
 
 use super::problem::{ImpactScratch, Law};
 use crate::contact::WorldImpulse;
+use crate::level::rest;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::scratch::IslandScratch;
@@ -141,11 +142,7 @@ fn warm_start(state: &State, scratch: &IslandScratch, work: &ImpactScratch, h: f
         let contact = &scratch.contacts[work.members[slot] as usize];
         let dim = work.full.contacts[slot].dim as usize;
         let mut packed = [0.0; 6];
-        if let Ok(found) = state
-            .warm
-            .binary_search_by_key(&(contact.a, contact.b), |w| w.key)
-        {
-            let warm = &state.warm[found];
+        if let Some(warm) = rest::of_last_step(state, contact) {
             let world = WorldImpulse {
                 impulse: scale * warm.impulse,
                 moment: scale * warm.moment,

@@ -49,19 +49,23 @@ impl Demand {
 }
 
 /// Solver options of one island of one level; `floor` in the unit of the multipliers.
+/// Tolerance of the sub-problems of an island.
+pub(crate) fn tolerance(options: &Options, contacts: usize) -> f64 {
+    if contacts > options.dense_contacts as usize {
+        options.tolerance.max(options.pile_tolerance)
+    } else {
+        options.tolerance
+    }
+}
+
 pub(crate) fn newton_options(
     options: &Options,
     contacts: usize,
     floor: f64,
     position: bool,
 ) -> NewtonOptions {
-    let large = contacts > options.dense_contacts as usize;
     NewtonOptions {
-        tolerance: if large {
-            options.tolerance.max(options.pile_tolerance)
-        } else {
-            options.tolerance
-        },
+        tolerance: tolerance(options, contacts),
         floor,
         gap_tolerance: if position && contacts <= GAP_CHECK_CONTACTS {
             options.gap_tolerance

@@ -98,11 +98,13 @@ pub fn solve_island(
             // What it moved by is no part of the step.
             *report = before;
             let way = Way::Hold(resting);
+            let unsolved = scratch.keeper.failed.is_some();
             let held = solve_by_newton(model, state, scratch, island, span, report, way);
-            if held || scratch.keeper.failed.is_none() {
+            if held || !unsolved {
                 scratch.keeper.failed = failed;
             }
             if held {
+                report.fallbacks += u32::from(unsolved);
                 return true;
             }
         }
@@ -320,6 +322,8 @@ fn solve_by_newton(
                 // What was tried is no part of the step: statuses and residuals are those of the solution again.
                 newton.judge(system, &mut problem, &options, lambda, u);
                 newton.history = history;
+            } else {
+                report.fallbacks += u32::from(!result.converged);
             }
         }
     }

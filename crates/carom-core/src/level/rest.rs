@@ -6,6 +6,7 @@
 
 use crate::contact::{Contact, WorldImpulse};
 use crate::islands::Island;
+use crate::level::tolerance;
 use crate::model::Model;
 use crate::options::{Impact, Options, Solver};
 use crate::scratch::IslandScratch;
@@ -38,13 +39,7 @@ pub(crate) struct Shares {
 pub(crate) fn shares(o: &Options, contacts: usize) -> Option<Shares> {
     // Whoever asks for a solver, or for the law as printed, gets what that gives.
     let plain = o.solver == Solver::Auto && o.impact != Impact::SequencePaper;
-    let large = contacts > o.dense_contacts as usize;
-    let tolerance = if large {
-        o.tolerance.max(o.pile_tolerance)
-    } else {
-        o.tolerance
-    };
-    let stays = SHARE.max(OVER_TOLERANCE * tolerance);
+    let stays = SHARE.max(OVER_TOLERANCE * tolerance(o, contacts));
     (plain && contacts > 1 && contacts <= MOST).then(|| Shares {
         stays,
         was: BEFORE.max(OVER_STAYS * stays),
@@ -211,7 +206,7 @@ pub(crate) struct Held {
 }
 
 /// What a contact carried in the last step.
-fn of_last_step<'s>(state: &'s State, c: &Contact) -> Option<&'s Warm> {
+pub(crate) fn of_last_step<'s>(state: &'s State, c: &Contact) -> Option<&'s Warm> {
     let found = state.warm.binary_search_by_key(&(c.a, c.b), |w| w.key);
     found.ok().map(|at| &state.warm[at])
 }

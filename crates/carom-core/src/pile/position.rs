@@ -228,7 +228,7 @@ fn solve(
     }
     report.sweeps_position = report.sweeps_position.max(sweeps as u32);
     pile.take_solution();
-    if resting.is_some_and(|resting| pile.moves(resting)) {
+    if last.converged && resting.is_some_and(|resting| pile.moves(resting)) {
         return false;
     }
     let (velocities, impulses) = (&pile.corrections, &pile.impulses);

@@ -86,7 +86,6 @@ impl Pile {
             self.write(model, law, &vec![1.0; self.velocity.chosen.len()]);
         }
         let solved = (self.impulses.clone(), self.moments());
-        let starts_moments = !self.start_moments.is_empty();
         if !self.start_held(model, contacts) {
             return None;
         }
@@ -98,10 +97,7 @@ impl Pile {
             }
         }
         // As it was.
-        self.start = solved.0;
-        if starts_moments {
-            self.start_moments = solved.1;
-        }
+        (self.start, self.start_moments) = solved;
         if self.load_sweeps().is_ok() {
             self.take_solution();
         }
@@ -110,6 +106,13 @@ impl Pile {
 
     /// Starts from impulses that hold all chosen contacts. False: there are none.
     fn start_held(&mut self, model: &Model, contacts: &[Contact]) -> bool {
+        // Given back where the scene is huge.
+        if self.start.is_empty() {
+            self.start.clone_from(&self.impulses);
+        }
+        if self.start_moments.is_empty() {
+            self.start_moments = self.moments();
+        }
         let stated = self.stated(&self.start, &self.start_moments);
         let (system, turned, mut lambda) = keep::rows(model, contacts, &self.bodies, &stated);
         if !carom_solve::hold::hold(&system, &system.z0, |_, _| true, &mut lambda) {

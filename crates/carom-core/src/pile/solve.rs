@@ -65,7 +65,9 @@ impl Pile {
         if problem <= 1 {
             if let Some(held) = self.at_rest(model, contacts, law, &goal, &progress) {
                 // What else was found is no part of the step.
-                (progress, *report) = (held, before);
+                *report = before;
+                report.fallbacks += u32::from(!progress.converged);
+                progress = held;
                 report.residual_velocity = report.residual_velocity.max(held.residual);
             }
         }

@@ -61,6 +61,7 @@ impl ImpactScratch {
             if (!solved || self.moves(scratch, bound))
                 && self.hold(model, scratch, bound, warm, &mut before)
             {
+                before.fallbacks += u32::from(!solved);
                 (*report, solved) = (before, true);
             } else if !solved && accept && !without {
                 report.unconverged += 1;

@@ -302,14 +302,23 @@ fn what_can_be_held_is_found() {
                 continue;
             }
             // Some near the boundary.
-            held[group.row] *= 10f64.powi(-(case % 4));
+            let pressed = held[group.row];
+            let (mut out, mut within) = (0.0, 1.0);
+            for _ in 0..50 {
+                let middle = 0.5 * (out + within);
+                held[group.row] = middle * pressed;
+                if inside(&problem, &held) {
+                    within = middle;
+                } else {
+                    out = middle;
+                }
+            }
+            held[group.row] = (within + 10f64.powi(-(case % 4)) * (1.0 - within)) * pressed;
         }
+        assert!(inside(&problem, &held), "case {case}");
         let mut q = vec![0.0; problem.rows()];
         problem.w.add_product(&held, &mut q);
         problem.q = q.iter().map(|v| -v).collect();
-        if !inside(&problem, &held) {
-            continue;
-        }
         let scaled = Scaled::new(&problem);
         let found = InteriorPoint::default().hold(&scaled.problem, 1e-9, 1e-6);
         let y = found.unwrap_or_else(|| panic!("case {case}: nothing found"));
