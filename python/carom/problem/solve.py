@@ -273,20 +273,25 @@ def _interruptible(call: Callable[[], dict[str, Any]], cancel: Callable[[], None
     """`call()` so that Ctrl-C is heard at once: `cancel` tells the core to end, and soon nobody waits for it any more."""
     if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
         return call()
-    from concurrent.futures import Future, wait
+    from concurrent.futures import Future
 
     answer: Future[dict[str, Any]] = Future()
+    # A bare lock: an interruption while it is waited for leaves nothing locked that the worker needs.
+    ended = threading.Lock()
+    ended.acquire()
 
     def work() -> None:
         try:
             answer.set_result(call())
         except BaseException as error:  # whatever it is, it belongs to the caller
             answer.set_exception(error)
+        finally:
+            ended.release()
 
     thread = threading.Thread(target=work, name="carom solve", daemon=True)
     try:
         thread.start()  # an interruption may come before it returns
-        while not wait((answer,), HEARING).done:
+        while not ended.acquire(timeout=HEARING):
             pass
         return answer.result()
     except KeyboardInterrupt:

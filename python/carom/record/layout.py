@@ -177,7 +177,7 @@ MEANINGS: dict[str, Meaning] = {
     ),
     "steps/penetration_relative": Meaning("1", "the same over the radius of the body"),
     "steps/fallbacks": Meaning("1", "times a rescue method of the solver was used"),
-    "steps/truncated": Meaning("1", "impact sequences cut at the limit of problems"),
+    "steps/truncated": Meaning("1", "impact sequences cut short"),
     "steps/unconverged": Meaning("1", "sub-problems accepted without convergence"),
     "steps/halvings": Meaning("1", "times the step was halved"),
     "steps/missed_impacts": Meaning("1", "contacts found overlapping while separating"),

@@ -48,7 +48,6 @@ impl Demand {
     }
 }
 
-/// Solver options of one island of one level; `floor` in the unit of the multipliers.
 /// Tolerance of the sub-problems of an island.
 pub(crate) fn tolerance(options: &Options, contacts: usize) -> f64 {
     if contacts > options.dense_contacts as usize {
@@ -58,6 +57,7 @@ pub(crate) fn tolerance(options: &Options, contacts: usize) -> f64 {
     }
 }
 
+/// Solver options of one island of one level; `floor` in the unit of the multipliers.
 pub(crate) fn newton_options(
     options: &Options,
     contacts: usize,

@@ -59,13 +59,6 @@ impl Rows {
         });
     }
 
-    /// Gives a problem another number.
-    pub fn renumber(&mut self, from: u32, to: u32) {
-        for row in self.rows.iter_mut().filter(|row| row.problem == from) {
-            row.problem = to;
-        }
-    }
-
     /// Forgets a problem in which only loads acted.
     pub fn forget(&mut self) {
         self.rows.clear();

@@ -16,6 +16,7 @@ mod rest;
 mod roll;
 mod shares;
 mod solve;
+mod start;
 mod velocity;
 mod warm;
 

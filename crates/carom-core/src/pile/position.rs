@@ -191,6 +191,7 @@ fn solve(
         most,
         had: 0,
         rescale: usize::MAX,
+        weighed: false,
         calm: if wave { CALM } else { 1.0 },
     };
     let strict = Goal {

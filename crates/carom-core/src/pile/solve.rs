@@ -57,6 +57,7 @@ impl Pile {
             most,
             had: 0,
             rescale: RESCALE,
+            weighed: problem == 0,
             calm: 1.0,
         };
         let before = *report;

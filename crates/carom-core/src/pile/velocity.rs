@@ -3,7 +3,7 @@
 
 use super::member::{work, Member, Memory as Velocity, FIXED};
 use super::roll::{self, Turning};
-use super::{coarser, is_beyond, is_large, node, record, shares, warm::Cursor, Law, Pile};
+use super::{coarser, node, record, shares, Law, Pile};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::velocity::Speeds;
@@ -235,60 +235,11 @@ impl Pile {
         }
         report.truncated += 1;
         self.choose_all();
-        self.solve_chosen(model, scratch.contacts, Law::Plastic, last + 1, report)?;
-        let bound = model.options.max_problems;
-        self.velocity.every.renumber(last + 1, bound + 1);
+        self.start_last(scratch.contacts, span);
+        // Whatever ended it before.
+        let number = model.options.max_problems + 1;
+        self.solve_chosen(model, scratch.contacts, Law::Plastic, number, report)?;
         Some(problems + 1)
-    }
-
-    /// Starts of the chosen contacts under the loads of the step: from those of the last one.
-    fn start_loads(&mut self, state: &State, contacts: &[Contact], span: Span) {
-        let ratio = span.h / state.warm_step;
-        let Velocity {
-            members,
-            chosen,
-            turning,
-            ..
-        } = &self.velocity;
-        // Where a contact starts, whether it was there before, and whether its positions hold more than its loads.
-        let begin = |cursor: &mut Cursor, slot: u32| {
-            let c = &contacts[members[slot as usize].contact as usize];
-            let warm = cursor.find((c.a, c.b));
-            let start = warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
-            // What holds a sphere in its place holds its velocity too.
-            let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
-            let beyond = is_beyond(holding[0], start[0]);
-            (if beyond { holding } else { start }, warm.is_some(), beyond)
-        };
-        let threads = self.sweeps.threads;
-        let counts = shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
-            let mut cursor = Cursor::new(&state.warm);
-            let mut counts = [0, 0];
-            for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
-                let (impulse, was_there, is_beyond) = begin(&mut cursor, slot);
-                *start = impulse[0].to_array();
-                counts[0] += usize::from(was_there && is_beyond);
-                counts[1] += usize::from(was_there);
-            }
-            counts
-        });
-        let hit = is_large(chosen.len()) && shares::mostly(&counts);
-        self.start_moments.clear();
-        if !turning.is_empty() {
-            let mut cursor = Cursor::new(&state.warm);
-            let moments = chosen.iter().map(|&slot| begin(&mut cursor, slot).0[1]);
-            self.start_moments.extend(moments.map(|m| m.to_array()));
-        }
-        self.velocity.hit = hit;
-    }
-
-    /// All closed contacts, started from nothing.
-    fn choose_all(&mut self) {
-        self.velocity.choose(|_| true);
-        for start in [&mut self.start, &mut self.start_moments] {
-            start.clear();
-            start.resize(self.velocity.chosen.len(), [0.0; 3]);
-        }
     }
 
     /// Newton's law on all closed contacts at once.

@@ -58,9 +58,8 @@ fn every_problem_has_its_rows_and_the_motion_keeps_its_bits() {
         for (pair, sums) in &summed {
             let (own, told) = (&every[pair], &sums[0].impact);
             let same = |row: &&TimedImpact| {
-                let ends = row.impact.problem == bound + 1;
                 row.impact.approach.to_bits() == told.approach.to_bits()
-                    && (ends || row.impact.problem == told.problem)
+                    && row.impact.problem == told.problem
             };
             let first = own
                 .iter()

@@ -307,6 +307,7 @@ mod tests {
         most: 2_000,
         had: 0,
         rescale: usize::MAX,
+        weighed: false,
         calm: 1.0,
     };
 
@@ -382,6 +383,36 @@ mod tests {
         };
         let sweeps = Sweeps::new(&[body; 3], &[], None, 1).unwrap();
         assert!(!sweeps.scales());
+    }
+
+    /// A goal that is content with impulses that lift the towers is not, where they are weighed.
+    #[test]
+    fn what_is_too_large_everywhere_is_found_where_all_else_is_reached() {
+        for weighed in [false, true] {
+            let Towers {
+                mut sweeps,
+                holding,
+            } = towers(1, 0.5);
+            let start: Vec<[f64; 3]> = holding.iter().map(|r| r.map(|x| 1.2 * x)).collect();
+            sweeps.warm_start(&start);
+            let goal = Goal {
+                tolerance: 1.0,
+                closing: 1.0,
+                weighed,
+                ..GOAL
+            };
+            assert!(sweeps.judge(&goal, 0).converged);
+            let progress = sweeps.settle(&goal);
+            assert!(progress.converged);
+            assert_eq!(progress.sweeps > 0, weighed);
+            let off = sweeps
+                .impulses()
+                .iter()
+                .zip(&holding)
+                .map(|(r, held)| r[2] / held[2] - 1.0);
+            let worst = off.fold(0.0, |most: f64, x| most.max(x.abs()));
+            assert_eq!(worst < 0.02, weighed, "{worst}");
+        }
     }
 
     /// Factors lead to the same solution sooner.

@@ -55,6 +55,8 @@ pub struct Goal {
     pub had: usize,
     /// Sweeps after which the impulses of chunks are scaled for the first time (`coarse`); `usize::MAX`: never.
     pub rescale: usize,
+    /// Whether they are looked at once more where all else is reached: the norm of eq. 44 is mild with what is too large everywhere.
+    pub weighed: bool,
     /// Largest `beta` of the momentum (`accelerate`) once the residual is at most half of what is asked.
     pub calm: f64,
 }
@@ -124,8 +126,14 @@ impl Sweeps {
         } else {
             usize::MAX
         };
-        while !now.converged && now.sweeps < goal.most && now.residual.is_finite() {
-            if now.sweeps >= rescale {
+        let mut weighed = !(goal.weighed && self.scales());
+        while now.sweeps < goal.most && now.residual.is_finite() {
+            if now.converged {
+                if std::mem::replace(&mut weighed, true) || !self.rescale() {
+                    break;
+                }
+                (most, enough) = (FIRST, Change::default());
+            } else if now.sweeps >= rescale {
                 if self.rescale() {
                     (most, enough) = (FIRST, Change::default());
                 }

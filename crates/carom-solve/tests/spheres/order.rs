@@ -42,6 +42,7 @@ fn the_bits_do_not_depend_on_threads_or_instructions() {
             most: 24,
             had: 0,
             rescale,
+            weighed: false,
             calm: 1.0,
         });
         bits(&s)

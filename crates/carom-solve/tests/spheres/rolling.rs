@@ -250,6 +250,7 @@ fn the_bits_of_rolling_do_not_depend_on_threads_or_instructions() {
         most: 20,
         had: 0,
         rescale: usize::MAX,
+        weighed: false,
         calm: 1.0,
     };
     let run = |threads: usize, instructions| {
@@ -284,6 +285,7 @@ fn rolling_sweeps_with_momentum_settle() {
         most: 10_000,
         had: 0,
         rescale: usize::MAX,
+        weighed: false,
         calm: 1.0,
     };
     let mut s = rolling(&p, &rolls, 1);

@@ -217,6 +217,11 @@ impl Front {
         }
     }
 
+    /// Whether a contact closed in this cascade.
+    pub fn has_closed(&self, slot: u32) -> bool {
+        self.tallies[slot as usize].problem != 0
+    }
+
     /// Adds what problem `problem` gave a contact that was closing.
     pub fn add(&mut self, slot: u32, problem: u32, given: &Given) {
         if given.impulse == DVec3::ZERO {

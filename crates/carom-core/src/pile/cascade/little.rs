@@ -104,6 +104,7 @@ impl Batch {
             most: 0,
             had: 0,
             rescale: usize::MAX,
+            weighed: false,
             calm: 1.0,
         };
         self.state(view, island);

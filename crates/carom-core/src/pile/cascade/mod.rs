@@ -26,6 +26,14 @@ const PER_THREAD: usize = 256;
 /// Batches for each thread: enough that the last ones end at about the same time.
 const BATCHES_PER_THREAD: usize = 4;
 
+/// A cascade does not die out where as many contacts as this close that closed before, and no fewer than this share of those when it was half as long, in the mean
+/// of so many problems; it is asked from this part of the problems on that it may have. (In a pile that is being hit everywhere cascades go on
+/// and on. Contacts that close for the first time are a blow on its way through the pile: it ends at the other side.)
+const CROWD: usize = 500;
+const LASTING: f64 = 0.95;
+const MEAN_OF: usize = 4;
+const EARLY: u32 = 3;
+
 /// Memory of a cascade.
 #[derive(Default)]
 pub(super) struct Memory {
@@ -37,6 +45,8 @@ pub(super) struct Memory {
     /// Contacts of the problem at hand, and their batches.
     chosen: Vec<u32>,
     firsts: Vec<usize>,
+    /// How many contacts each problem left closing that had closed before.
+    again: Vec<usize>,
 }
 
 /// A cascade on its way: what all threads read while they solve and look, and one writes in between.
@@ -49,6 +59,7 @@ struct Cascade<'a> {
     parts: Parts,
     chosen: Vec<u32>,
     firsts: Vec<usize>,
+    again: Vec<usize>,
     /// Before the problem at hand, where it is kept.
     before: Option<Before>,
     /// The last problem, and whether nothing closes after it.
@@ -57,7 +68,7 @@ struct Cascade<'a> {
 
 impl Pile {
     /// Problems 2, 3, ... until nothing closes: the number of the last one, and whether nothing closes (otherwise the bound of the
-    /// sequence was reached, or a little island could not be solved: a fallback).
+    /// sequence was reached, or would be, or a little island could not be solved: a fallback).
     pub(super) fn cascade(
         &mut self,
         model: &Model,
@@ -90,9 +101,11 @@ impl Pile {
             parts: memory.parts,
             chosen: first,
             firsts: memory.firsts,
+            again: memory.again,
             before: None,
             outcome: None,
         };
+        cascade.again.clear();
         cascade.cut(2, tasks);
         let shared = RwLock::new(cascade);
         // A problem: batches of islands, what they gave, shares of the moved spheres, the next problem.
@@ -122,6 +135,7 @@ impl Pile {
         let outcome = cascade.outcome.unwrap_or((most, false));
         (memory.front, memory.parts) = (cascade.front, cascade.parts);
         (memory.chosen, memory.firsts) = (cascade.chosen, cascade.firsts);
+        memory.again = cascade.again;
         memory.front.hand_over(&mut self.velocity, &self.bodies);
         self.velocity.cascade = memory;
         outcome
@@ -225,12 +239,30 @@ impl Cascade<'_> {
             all.join(&lock(other));
         }
         all.drain(&mut self.chosen);
+        let most = self.model.options.max_problems;
+        let members = &self.pile.velocity.members;
+        let again =
+            |&&slot: &&u32| members[slot as usize].problem != 0 || self.front.has_closed(slot);
+        let again = self.chosen.iter().filter(again).count();
+        self.again.push(again);
         if self.chosen.is_empty() {
             self.outcome = Some((problem, true));
-        } else if problem < self.model.options.max_problems {
+        } else if problem >= most / EARLY && lasts(&self.again) {
+            self.outcome = Some((problem, false));
+        } else if problem < most {
             self.cut(problem + 1, batches);
         }
     }
+}
+
+/// Whether a cascade goes on and on in which so many contacts closed again, problem by problem.
+fn lasts(again: &[usize]) -> bool {
+    let ending_at = |end: usize| -> usize { again[end - MEAN_OF..end].iter().sum() };
+    if again.len() < 2 * MEAN_OF {
+        return false;
+    }
+    let (now, half) = (ending_at(again.len()), ending_at(again.len().div_ceil(2)));
+    now >= MEAN_OF * CROWD && now as f64 >= LASTING * half as f64
 }
 
 /// Locks that the stages of a cascade never wait for.
@@ -317,5 +349,28 @@ impl Pile {
             report: keep::report_of(1, 0.0, true),
         };
         keep::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lasts;
+
+    #[test]
+    fn what_grows_or_stays_lasts_and_what_dies_out_or_is_small_does_not() {
+        let from = |first: f64, factor: f64, problems: i32| -> Vec<usize> {
+            (0..problems)
+                .map(|k| (first * factor.powi(k)) as usize)
+                .collect()
+        };
+        assert!(lasts(&from(1000.0, 1.05, 15)));
+        assert!(lasts(&from(1000.0, 1.0, 15)));
+        assert!(!lasts(&from(4000.0, 0.98, 15)));
+        assert!(!lasts(&from(400.0, 1.01, 15)));
+        // Every other problem is larger, as between the layers of a lattice.
+        let mut turns = from(4000.0, 0.95, 15);
+        turns.iter_mut().step_by(2).for_each(|n| *n *= 2);
+        assert!(!lasts(&turns));
+        assert!(!lasts(&from(1000.0, 1.05, 7)));
     }
 }

@@ -1,0 +1,90 @@
+//! What the velocity problems of a pile start from.
+
+use super::{is_beyond, is_large, record, shares, warm::Cursor, Pile};
+use crate::contact::Contact;
+use crate::state::State;
+use crate::stepper::Span;
+use glam::DVec3;
+
+/// Contacts from which on impacts need so many layers that the impulses of the positions tell more of them than nothing does. (In small piles
+/// wedges matter, which start from nothing, or from what holds them.)
+const WAVES: usize = 2_500;
+
+fn has_waves(contacts: usize) -> bool {
+    contacts >= WAVES
+}
+
+impl Pile {
+    /// The loads of the step on the chosen contacts: from those of the last one.
+    pub(super) fn start_loads(&mut self, state: &State, contacts: &[Contact], span: Span) {
+        let ratio = span.h / state.warm_step;
+        let (members, chosen) = (&self.velocity.members, &self.velocity.chosen);
+        // Where a contact starts, whether it was there before, and whether its positions hold more than its loads.
+        let begin = |cursor: &mut Cursor, slot: u32, wedged: bool| {
+            let c = &contacts[members[slot as usize].contact as usize];
+            let warm = cursor.find((c.a, c.b));
+            let start = warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
+            // What holds a sphere in its place holds its velocity too.
+            let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
+            let beyond = is_beyond(holding[0], start[0]);
+            let start = if beyond && wedged { holding } else { start };
+            (start, warm.is_some(), beyond)
+        };
+        let threads = self.sweeps.threads;
+        let counts = shares::map(threads, chosen.len(), |range| {
+            let mut cursor = Cursor::new(&state.warm);
+            chosen[range].iter().fold([0, 0], |n, &slot| {
+                let (_, was_there, beyond) = begin(&mut cursor, slot, true);
+                [
+                    n[0] + usize::from(was_there && beyond),
+                    n[1] + usize::from(was_there),
+                ]
+            })
+        });
+        // In a pile that is being hit everywhere it is the impact that the positions hold.
+        let hit = shares::mostly(&counts);
+        let wedged = !hit || !has_waves(chosen.len());
+        shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
+            let mut cursor = Cursor::new(&state.warm);
+            for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
+                *start = begin(&mut cursor, slot, wedged).0[0].to_array();
+            }
+        });
+        self.start_moments.clear();
+        if !self.velocity.turning.is_empty() {
+            let mut cursor = Cursor::new(&state.warm);
+            let moments = chosen
+                .iter()
+                .map(|&slot| begin(&mut cursor, slot, wedged).0[1]);
+            self.start_moments.extend(moments.map(|m| m.to_array()));
+        }
+        self.velocity.hit = hit && is_large(chosen.len());
+    }
+
+    /// All closed contacts, started from nothing.
+    pub(super) fn choose_all(&mut self) {
+        self.velocity.choose(|_| true);
+        for start in [&mut self.start, &mut self.start_moments] {
+            start.clear();
+            start.resize(self.velocity.chosen.len(), [0.0; 3]);
+        }
+    }
+
+    /// All closed contacts of a sequence that was cut short: from what is missing to the impulses that the positions of this step took. (Spheres
+    /// that meet go the way of a step, `nu = h lambda`; under loads alone they go half of it, `nu/h` is less than what has been given, and
+    /// nothing is missing.) The sweeps put it into the cones; moments start from nothing.
+    pub(super) fn start_last(&mut self, contacts: &[Contact], span: Span) {
+        let (threads, members) = (self.sweeps.threads, &self.velocity.members);
+        if !has_waves(members.len()) {
+            return;
+        }
+        shares::each(threads, &mut self.start, |slot, start| {
+            let m = &members[slot];
+            let c = &contacts[m.contact as usize];
+            let missing = record::position(c, c.n1)[0] / span.h - m.impulse;
+            if missing.dot(m.normal) > 0.0 {
+                *start = missing.to_array();
+            }
+        });
+    }
+}
