@@ -1,7 +1,7 @@
 //! Impulses of whole chunks, scaled: what sweeps take longest to tell from one end of a pile to the other.
 //!
 //! Sweeps settle a contact with its neighbours at once, and the weight of a pile layer by layer. What they leave longest are impulses that are
-//! too large everywhere, which counts for little in the norm of eq. 44 but lifts the pile. So once in a while the
+//! too large everywhere, which counts for little in the norm of eq. 44 but lifts the pile. So once in a while, and once more at the end where that is asked ([`super::Goal::weighed`]), the
 //! impulses of each chunk `c` are multiplied by `1 + s_c` (those between two chunks by the mean of both), which leaves what is in
 //! its cone there, such that `sum q.z = 0` over each chunk, contacts between chunks counted half: `q` is the impulse where it sticks and its
 //! normal part where it slides, since these do no work at solutions. The factors solve a linear system of one row per chunk, Galerkin's
@@ -405,12 +405,12 @@ mod tests {
             let progress = sweeps.settle(&goal);
             assert!(progress.converged);
             assert_eq!(progress.sweeps > 0, weighed);
-            let off = sweeps
-                .impulses()
+            let found = sweeps.impulses();
+            let off = found
                 .iter()
                 .zip(&holding)
-                .map(|(r, held)| r[2] / held[2] - 1.0);
-            let worst = off.fold(0.0, |most: f64, x| most.max(x.abs()));
+                .map(|(r, held)| (r[2] / held[2] - 1.0).abs());
+            let worst = off.fold(0.0, f64::max);
             assert_eq!(worst < 0.02, weighed, "{worst}");
         }
     }
