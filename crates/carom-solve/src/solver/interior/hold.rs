@@ -1,7 +1,8 @@
 //! Whether forces within the cones hold everything: path following on the convex problem beside Coulomb's law.
 //!
 //! Without the slip shift the problem of the parent module is that of least kinetic energy over all forces in the cones. Where some of
-//! them leave no velocity at all, it finds such ones, and since nothing slips then, they solve Coulomb's law too. That law may have other
+//! them leave no velocity at all, it finds such ones, and since nothing slips then, they solve Coulomb's law too (Acary, Cadoux, Lemarechal
+//! and Malick, ZAMM 91, 155, 2011). That law may have other
 //! solutions, which move; sweeps and Newton find those where they come upon them first.
 
 use super::{norm, InteriorPoint, SHARE, SHIFT};
