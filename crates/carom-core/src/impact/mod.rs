@@ -1,13 +1,15 @@
 //! Impact laws: strategies over velocity sub-problems of one island (section 3.2; rules R2 to R4).
 //!
 //! `problem.rs` states and solves one impact problem over chosen contacts, `coupled.rs` adds joints and loads to it,
-//! `safeguard.rs` keeps it from gaining energy, `sequence.rs` orders them.
+//! `safeguard.rs` keeps it from gaining energy, `sequence.rs` orders them, `kept.rs` looks at what the first one keeps of the loads.
 
 mod coupled;
+mod kept;
 mod problem;
 mod safeguard;
 mod sequence;
 
+pub use kept::{gives, Worked};
 pub use problem::ImpactScratch;
 
 use crate::islands::Island;

@@ -32,8 +32,17 @@ pub fn with_load_offset(
         work.chosen.clear();
         work.chosen.extend((0..slots).filter(|&s| resting[s]));
         let start = warm_start(state, scratch, work, h);
+        let rows = work.rows(scratch);
         if !work.solve_chosen(model, scratch, Law::Plastic, None, Some(&start), report) {
             return false;
+        }
+        if work.gives(model) {
+            // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
+            report.fallbacks += 1;
+            work.forget_all(scratch, rows);
+            if !work.solve_chosen(model, scratch, Law::Plastic, None, None, report) {
+                return false;
+            }
         }
     }
     let offset = work.jump.clone();
@@ -48,10 +57,22 @@ pub fn with_load_offset(
     work.chosen.clear();
     work.chosen
         .extend((0..slots).filter(|&s| closing[s] || loaded[s]));
+    let rows = work.rows(scratch);
     work.drop_chosen(scratch.contacts);
     work.v_minus.clone_from(&work.v_old);
     if !work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report) {
         return false;
+    }
+    if work.kept_gives(model) {
+        // All of the loads together with the impact, then.
+        report.fallbacks += 1;
+        work.forget_all(scratch, rows);
+        work.chosen.clear();
+        work.chosen
+            .extend((0..slots).filter(|&s| closing[s] || resting[s]));
+        if !work.solve_chosen(model, scratch, Law::Newton, Some(1), None, report) {
+            return false;
+        }
     }
     in_turn(model, scratch, work, report, Law::Newton, 2, &offset)
 }

@@ -64,6 +64,11 @@ impl Rows {
         self.rows.clear();
     }
 
+    /// Forgets a problem that is solved anew.
+    pub fn forget_problem(&mut self, problem: u32) {
+        self.rows.retain(|row| row.problem != problem);
+    }
+
     /// Appends the rows to the table. Those of the loads enter it only if an impact follows.
     pub fn hand_over(
         &self,

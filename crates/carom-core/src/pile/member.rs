@@ -67,6 +67,8 @@ pub(super) struct Memory {
     /// Largest speed in the island, and that of the loads alone, m/s.
     pub speed: f64,
     pub load: f64,
+    /// Of walls that change their velocity.
+    pub wall_load: f64,
     /// Stage 0: most contacts of a large pile hold more than their loads, since it is being hit.
     pub hit: bool,
     /// Terms of eq. 44 of what is solved already in this step.

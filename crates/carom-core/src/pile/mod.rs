@@ -7,6 +7,7 @@
 
 mod cascade;
 mod every;
+mod first;
 mod keep;
 mod member;
 mod part;
@@ -58,6 +59,10 @@ const LEFT: f64 = 0.5;
 /// The levels keep to their own impulses of the last step as long as those of one are at most so many times those of the other, `nu` over h/2
 /// against the impulse of the loads. Where spheres are wedged a level alone may hold them by friction, for ever if it starts from there.
 const APART: f64 = 3.0;
+
+/// A solve starts from nothing where one contact of the last step held so many times what all loads of the island together ask for: spheres that
+/// friction wedges may hold one another with any force, and a tolerance that is relative to that tells nothing of the loads.
+const RUNAWAY: f64 = 10.0;
 
 /// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many.
 const HUGE: usize = 1_000_000;
@@ -218,6 +223,25 @@ impl Pile {
             self.sweeps = Sweeps::empty();
             self.sweeps.threads = threads;
             (self.impulses, self.corrections) = (Vec::new(), Vec::new());
+        }
+    }
+
+    /// Starts from nothing where what it would start from has run away ([`RUNAWAY`]); `load`: what loads give each sphere, in the unit of the
+    /// impulses.
+    fn start_sound(&mut self, load: impl Fn(usize) -> f64 + Sync) {
+        let (threads, start) = (self.sweeps.threads, &self.start);
+        let largest = shares::map(threads, start.len(), |range| {
+            let squares = start[range]
+                .iter()
+                .map(|r| DVec3::from(*r).length_squared());
+            squares.fold(0.0, f64::max)
+        });
+        let largest = largest.into_iter().fold(0.0, f64::max).sqrt();
+        let spheres = &self.spheres;
+        let loads = shares::sum(threads, spheres.len(), |k| load(spheres[k] as usize));
+        if largest > RUNAWAY * loads {
+            self.start.fill([0.0; 3]);
+            self.start_moments.fill([0.0; 3]);
         }
     }
 

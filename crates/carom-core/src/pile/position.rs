@@ -135,6 +135,9 @@ fn solve(
         let moments = members.iter().map(|&m| begin(&mut cursor, m)[1]);
         pile.start_moments.extend(moments.map(|m| m.to_array()));
     }
+    if !again {
+        pile.start_sound(|i| model.mass[i] * linear[i].displacement.length());
+    }
     // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
     let at = Linearisation {
         threads,

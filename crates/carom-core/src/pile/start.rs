@@ -61,9 +61,28 @@ impl Pile {
         self.velocity.hit = hit && is_large(chosen.len());
     }
 
+    /// The first impact problem: from what the loads gave.
+    pub(super) fn start_first(&mut self) {
+        let memory = &self.velocity;
+        self.start.clear();
+        self.start_moments.clear();
+        for &slot in &memory.chosen {
+            self.start
+                .push(memory.members[slot as usize].load.to_array());
+            let moments = memory.turning.get(slot as usize);
+            self.start_moments
+                .extend(moments.map(|t| t.load.to_array()));
+        }
+    }
+
     /// All closed contacts, started from nothing.
     pub(super) fn choose_all(&mut self) {
         self.velocity.choose(|_| true);
+        self.start_nothing();
+    }
+
+    /// The chosen contacts from nothing.
+    pub(super) fn start_nothing(&mut self) {
         for start in [&mut self.start, &mut self.start_moments] {
             start.clear();
             start.resize(self.velocity.chosen.len(), [0.0; 3]);

@@ -176,6 +176,7 @@ impl Pile {
         let speed = speeds.largest();
         self.velocity.floor = floor.max(o.tolerance_floor * mass * speed);
         (self.velocity.speed, self.velocity.load) = (speed, speeds.load);
+        self.velocity.wall_load = speeds.wall_load;
     }
 
     /// Rule R2. The number of problems, or nothing if one was not solved.
@@ -200,7 +201,17 @@ impl Pile {
             problems += 1;
             memory.choose(|slot| resting[slot]);
             self.start_loads(state, scratch.contacts, span);
+            let gained = |i: usize| (scratch.linear[i].velocity - state.velocity[i]).length();
+            let of_walls = self.velocity.wall_load;
+            self.start_sound(|i| model.mass[i] * gained(i).max(of_walls));
             self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
+            if self.gives(model) {
+                // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
+                report.fallbacks += 1;
+                self.forget_all(0);
+                self.start_nothing();
+                self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
+            }
             let memory = &mut self.velocity;
             for turning in &mut memory.turning {
                 turning.load = turning.moment;
@@ -216,17 +227,16 @@ impl Pile {
         problems += 1;
         memory.choose(|slot| closing[slot] || loaded[slot]);
         self.drop_chosen();
-        let memory = &mut self.velocity;
-        self.start.clear();
-        self.start_moments.clear();
-        for &slot in &memory.chosen {
-            self.start
-                .push(memory.members[slot as usize].load.to_array());
-            let moments = memory.turning.get(slot as usize);
-            self.start_moments
-                .extend(moments.map(|t| t.load.to_array()));
-        }
+        self.start_first();
         self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
+        if self.kept_gives(model) {
+            // All of the loads together with the impact, then.
+            report.fallbacks += 1;
+            self.forget_all(1);
+            self.velocity.choose(|slot| closing[slot] || resting[slot]);
+            self.start_first();
+            self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
+        }
         // Later problems, where something closes.
         let (last, done) = self.cascade(model, scratch.contacts, report);
         problems += last - 1;
