@@ -97,6 +97,11 @@ fn met_wall(
     // Against the wall where it was: what it moves by, the sphere moves back.
     let d = d - walls.shift(model, b, x);
     let travel = d.length();
+    // Through a sheet, by less than the radius where it overlapped before.
+    let through = end.gap < 0.0 && start.normal.dot(end.normal) < 0.0 && start.normal.dot(d) < 0.0;
+    if through && model.wall(b).is_sheet() {
+        return Some((travel, r));
+    }
     if travel < r {
         return None;
     }

@@ -26,9 +26,9 @@ pub enum Shape {
         /// Unit normal, out of the solid and into the free space.
         normal: DVec3,
     },
-    /// One face with edges and corners.
+    /// A sheet with edges and corners.
     Rectangle(Rectangle),
-    /// One face with a rim, and a hole if it is a ring.
+    /// A sheet with a rim, and a hole if it is a ring.
     Disc(Disc),
     /// The inside or the outside of a cylinder.
     Cylinder(Cylinder),
@@ -67,6 +67,15 @@ impl Displacement {
 }
 
 impl Shape {
+    /// Whether it is a piece of a surface, met from both sides.
+    pub fn is_sheet(&self) -> bool {
+        match self {
+            Shape::Rectangle(_) | Shape::Disc(_) | Shape::Cone(_) => true,
+            Shape::Cylinder(cylinder) => cylinder.half.is_finite(),
+            Shape::Sphere { .. } | Shape::HalfSpace { .. } | Shape::Ball(_) => false,
+        }
+    }
+
     /// How a sphere with centre `x` (m) and radius `r` (m) meets this wall; `None` for shapes that are none.
     #[inline]
     pub fn meet(&self, x: DVec3, r: f64) -> Option<Proximity> {

@@ -92,8 +92,7 @@ def _walls(block: Block, way: F64) -> tuple[I64, I64, I64]:
             for end, time, place in ((False, block.t0, block.x0), (True, block.t1, block.x1)):
                 speed = norm(wall.velocity(time[ks], place[ks, bodies], end=end)[0])
                 reach = np.maximum(reach, way[ks, bodies] + 2.0 * speed * block.dt[ks])
-        # Whoever is behind a sheet has no gap to it, yet may come through it.
-        close = (gap <= reach) | (np.isinf(gap) & (norm(x - wall.point) < 1e300) & wall.sheet)
+        close = gap <= reach
         found.append((ks[close], bodies[close], np.full(int(close.sum()), run.bodies + w)))
     parts = list(zip(*found, strict=True))
     return tuple(np.concatenate(p) for p in parts)  # type: ignore[return-value]

@@ -1,7 +1,7 @@
 """Walls as the auditor sees them: gap, normal and velocity of a surface at any time, from its shape and its laws of motion.
 
-Normals point from the wall to the ball. Pieces of surfaces have one face: a centre that is deeper behind it than its radius,
-within the outline, is on the far side and meets nothing (its gap is infinite).
+Normals point from the wall to the ball. Pieces of surfaces are sheets with two faces: a centre is on the
+side of the one that it meets.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class Surface:
 
     @property
     def sheet(self) -> bool:
-        """Whether it is a piece of a surface, with a far side."""
+        """Whether it is a piece of a surface, with two faces."""
         if self.kind == "cylinder":
             return not math.isinf(float(self.parameters[2]))
         return self.kind in ("rectangle", "disc", "cone")
@@ -210,6 +210,6 @@ class Surface:
 
 def _from(arm: F64, face: F64, height: F64, radius: F64, within: NDArray[np.bool_]) -> tuple[F64, F64]:
     """Gap and normal from the arm of the nearest point: within the outline the height counts, at edges the distance."""
-    gap = np.where(within, height, norm(arm)) - radius
-    normal = np.where(within[:, None], face, unit(arm))
-    return np.where(within & (height < -radius), np.inf, gap), normal
+    gap = np.where(within, np.abs(height), norm(arm)) - radius
+    side = np.where(height < 0.0, -1.0, 1.0)[:, None]
+    return gap, np.where(within[:, None], side * face, unit(arm))

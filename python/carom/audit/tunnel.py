@@ -96,16 +96,16 @@ def _sheet(block: Block, tally: Tally, w: int, k: NDArray[np.int64], a: NDArray[
     run, wall = block.run, block.run.walls[w]
     before, after = (wall.local(t[k], x[k, a]) for t, x in ((block.t0, block.x0), (block.t1, block.x1)))
     (h0, _), (h1, _) = wall.height(before), wall.height(after)
-    crossed = (h0 > 0.0) & (h1 < 0.0)
+    crossed = h0 * h1 < 0.0
     share = np.where(crossed, h0 / np.where(crossed, h0 - h1, 1.0), 0.0)
     # On curved sheets the height is no linear function of the way: two steps of the rule of false position.
     for _ in range(2):
         height, inside = wall.height(before + share[:, None] * (after - before))
-        rise = np.where(crossed, (h0 - h1), 1.0)
+        rise = np.where(crossed, h0 - h1, 1.0)
         share = np.clip(share + height / rise, 0.0, 1.0)
     around = np.hypot(h0, np.maximum(inside, 0.0)) + np.hypot(h1, np.maximum(inside, 0.0))
     through = crossed & (inside > 0.0)
     allowed = way[k, a] + _travel(block, w, k, a)
-    value = np.where(through, -h1, 0.0)
+    value = np.where(through, np.abs(h1), 0.0)
     bound = np.where(around <= allowed, np.maximum(run.radius[a], value), 1e-9 * run.radius[a])
     tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), run.bodies + w))

@@ -11,15 +11,11 @@ from carom.scenario.bodies import F64
 from carom.scenario.placing import Placed
 from carom.scenario.walls import PLANE
 
-FREE = math.inf
-"""Gap of a ball that is on the far side of a piece of a surface, which has one face."""
-
 
 def gaps(wall: Placed, centre: F64, radius: F64) -> F64:
     """Gap of each ball to a wall at the start, (N,), m: negative where the ball is in it.
 
-    Centres (N, 3) and radii (N,), m. A ball that has passed a piece of a plane, or a tube with ends, by more than its
-    radius does not touch it.
+    Centres (N, 3) and radii (N,), m. Pieces of surfaces have two faces.
     """
     kind, *parameters = wall.shape
     away = centre - np.array(wall.point)
@@ -33,41 +29,32 @@ def gaps(wall: Placed, centre: F64, radius: F64) -> F64:
         normal, side, size = (np.array(p) for p in parameters)
         within = np.stack([away @ side, away @ np.cross(normal, side)], axis=1)
         beyond = np.maximum(np.abs(within) - 0.5 * size, 0.0)
-        return _one_faced(away @ normal, np.linalg.norm(beyond, axis=1), radius)
+        return np.hypot(away @ normal, np.linalg.norm(beyond, axis=1)) - radius
     axis = np.array(parameters[0])
     along: F64 = away @ axis
     across: F64 = np.linalg.norm(away - np.outer(along, axis), axis=1)
     if kind == "disc":
         beyond = np.maximum(np.maximum(across - parameters[1], parameters[2] - across), 0.0)
-        return _one_faced(along, beyond, radius)
+        return np.hypot(along, beyond) - radius
     if kind == "cylinder":
         r, length, inside = parameters[1:]
         if math.isinf(length):
             open_tube: F64 = _side(inside) * (across - r) - radius
             return open_tube
-        return _profile(along, across, (-0.5 * length, r), (0.5 * length, r), inside, radius)
-    first, last, length, inside = parameters[1:]
-    return _profile(along, across, (0.0, first), (length, last), inside, radius)
+        return _profile(along, across, (-0.5 * length, r), (0.5 * length, r)) - radius
+    first, last, length = parameters[1:4]
+    return _profile(along, across, (0.0, first), (length, last)) - radius
 
 
 def _side(inside: bool) -> float:
     return -1.0 if inside else 1.0
 
 
-def _one_faced(height: F64, beyond: F64, radius: F64) -> F64:
-    """Gap to a piece of a surface: `height` over its face, `beyond` its outline."""
-    distance = np.where(beyond > 0, np.hypot(height, beyond), height)
-    return np.where((beyond == 0) & (height < -radius), FREE, distance - radius)
-
-
-def _profile(
-    along: F64, across: F64, first: Sequence[float], last: Sequence[float], inside: bool, radius: F64
-) -> F64:
-    """Gap to the surface that a line from `first` to `last` (along, across the axis) makes when it turns about the axis."""
+def _profile(along: F64, across: F64, first: Sequence[float], last: Sequence[float]) -> F64:
+    """Distance from the surface that a line from `first` to `last` (along, across the axis) makes when it turns about the axis."""
     z, r = last[0] - first[0], last[1] - first[1]
     length = math.hypot(z, r)
     u, v = along - first[0], across - first[1]
     place = (u * z + v * r) / length
     beyond = np.maximum(np.maximum(place - length, -place), 0.0)
-    outward = (v * z - u * r) / length
-    return _one_faced(_side(inside) * outward, beyond, radius)
+    return np.hypot((v * z - u * r) / length, beyond)

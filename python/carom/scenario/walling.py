@@ -40,7 +40,7 @@ class Waller(Builder):
         """Add a half-space through `point`; `normal` (any length) points to the side where spheres live.
 
         With `size` (two lengths, m) it is a rectangle around `point`, the first length along `side` (by default x); with
-        `radius` m it is a disc, with `hole` m a ring. Both have one face: what comes from behind passes.
+        `radius` m it is a disc, with `hole` m a ring. Both are sheets with two faces.
         """
         return self._wall(Plane, {k: v for k, v in locals().items() if k != "self"})
 

@@ -96,6 +96,11 @@ impl Wall {
         }
     }
 
+    /// A piece of a surface, with two faces.
+    pub fn is_sheet(&self) -> bool {
+        self.shape.is_sheet()
+    }
+
     /// A plane whose normal never turns: a lone contact with it has a closed form.
     #[inline]
     pub fn is_steady_plane(&self) -> bool {

@@ -6,6 +6,7 @@ mod curved;
 mod driven;
 mod invariance;
 mod records;
+mod sheets;
 
 use carom_core::scalar::{Expression, Scalar};
 use carom_core::wall::{Shape, WallMotion, WallRotation};

@@ -78,15 +78,15 @@ pub(super) fn sphere_ring(at: Polar, r: f64, a: f64, axis: DVec3) -> Proximity {
     }
 }
 
-/// What a sphere meets at a face that is not thick: `height` (m) of its centre above it on the free side. A centre
-/// deeper behind than the radius is on the other side, where the wall has no surface.
+/// What a sphere meets at a sheet: `height` (m) of its centre above the front. A sheet has two faces; the centre is on the side of the one that
+/// is met (steps that would take it through the sheet are made in parts).
 #[inline]
 pub(super) fn face(height: f64, r: f64, front: Proximity) -> Proximity {
-    if height > -r {
+    if height >= 0.0 {
         return front;
     }
     Proximity {
-        gap: -height,
+        gap: -height - r,
         normal: -front.normal,
         curvature: -front.curvature,
         flat: front.flat,

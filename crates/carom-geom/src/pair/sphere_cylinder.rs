@@ -6,8 +6,8 @@
 //! n = o e_rho,   gap = o (rho - a) - r,   d n = (o/rho) (I - n n^T - z z^T) dx
 //! ```
 //!
-//! Beyond the ends of a finite one the sphere meets the circle there (`ring.rs`). A finite one is a sheet, without a surface
-//! on its other side (`ring::face`); an infinite one fills the space behind.
+//! Beyond the ends of a finite one the sphere meets the circle there (`ring.rs`). A finite one is a sheet with two
+//! faces (`ring::face`); an infinite one fills the space behind.
 
 use super::ring::{face, sphere_ring, Polar};
 use super::Proximity;

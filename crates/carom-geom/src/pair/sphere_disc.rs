@@ -1,4 +1,4 @@
-//! Sphere and disc, or ring: one face and its rims.
+//! Sphere and disc, or ring: two faces and its rims.
 //!
 //! Over the face (`hole <= rho <= radius`) as at a plane, beyond it as at a circle (`ring.rs`). The face has no back, see
 //! `ring::face`; a rim is met from all sides.

@@ -1,8 +1,8 @@
-//! Sphere and rectangle: one face, four edges, four corners.
+//! Sphere and rectangle: two faces, four edges, four corners.
 //!
 //! With the centre at `(p, q, s)` in the axes of the rectangle the closest point is `(p, q)` held within the outline.
-//! Over the face as at a plane; at an edge the normal turns across it and is flat along it; at a corner as at a point. The
-//! face has no back, see `ring::face`; edges and corners are met from all sides.
+//! Over a face as at a plane (`ring::face`); at an edge the normal turns across it and is flat along it; at a corner as at a
+//! point.
 
 use super::ring::face;
 use super::{sphere_plane, Proximity};
