@@ -51,7 +51,7 @@ def _side(inside: bool) -> float:
 
 
 def _profile(along: F64, across: F64, first: Sequence[float], last: Sequence[float]) -> F64:
-    """Distance from the surface that a line from `first` to `last` (along, across the axis) makes when it turns about the axis."""
+    """Distance from what a line from `first` to `last` (along, across the axis) sweeps when it turns about the axis."""
     z, r = last[0] - first[0], last[1] - first[1]
     length = math.hypot(z, r)
     u, v = along - first[0], across - first[1]
