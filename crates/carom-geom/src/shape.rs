@@ -72,7 +72,7 @@ impl Shape {
         match self {
             Shape::Rectangle(_) | Shape::Disc(_) | Shape::Cone(_) => true,
             Shape::Cylinder(cylinder) => cylinder.half.is_finite(),
-            Shape::Sphere { .. } | Shape::HalfSpace { .. } | Shape::Ball(_) => false,
+            _ => false,
         }
     }
 
