@@ -20,31 +20,10 @@ pub fn with_load_offset(
     if work.tol == 0.0 {
         return true;
     }
+    let Some([resting, loaded]) = stage_0(model, state, scratch, work, h, report) else {
+        return false;
+    };
     let slots = work.members.len();
-    let resting: Vec<bool> = (0..slots)
-        .map(|s| work.old_normal_velocity(s) >= -work.tol)
-        .collect();
-    let loaded: Vec<bool> = (0..slots)
-        .map(|s| resting[s] && work.normal_velocity(s, &work.jump) < -work.tol)
-        .collect();
-    // Stage 0: the load of this step on contacts that were not approaching, without restitution.
-    if loaded.contains(&true) {
-        work.chosen.clear();
-        work.chosen.extend((0..slots).filter(|&s| resting[s]));
-        let start = warm_start(state, scratch, work, h);
-        let rows = work.rows(scratch);
-        if !work.solve_chosen(model, scratch, Law::Plastic, None, Some(&start), report) {
-            return false;
-        }
-        if work.gives(model) {
-            // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
-            report.fallbacks += 1;
-            work.forget_all(scratch, rows);
-            if !work.solve_chosen(model, scratch, Law::Plastic, None, None, report) {
-                return false;
-            }
-        }
-    }
     let offset = work.jump.clone();
     // Stage 1: contacts that close now, together with the resting ones that the load closes.
     work.choose_closing();
@@ -75,6 +54,43 @@ pub fn with_load_offset(
         }
     }
     in_turn(model, scratch, work, report, Law::Newton, 2, &offset)
+}
+
+/// Stage 0: the load of this step on contacts that were not approaching, without restitution. Which contacts these are, and which of them the loads
+/// close; nothing if they were not solved.
+fn stage_0(
+    model: &Model,
+    state: &State,
+    scratch: &mut IslandScratch,
+    work: &mut ImpactScratch,
+    h: f64,
+    report: &mut StepReport,
+) -> Option<[Vec<bool>; 2]> {
+    let slots = work.members.len();
+    let resting: Vec<bool> = (0..slots)
+        .map(|s| work.old_normal_velocity(s) >= -work.tol)
+        .collect();
+    let loaded: Vec<bool> = (0..slots)
+        .map(|s| resting[s] && work.normal_velocity(s, &work.jump) < -work.tol)
+        .collect();
+    if loaded.contains(&true) {
+        work.chosen.clear();
+        work.chosen.extend((0..slots).filter(|&s| resting[s]));
+        let start = warm_start(state, scratch, work, h);
+        let rows = work.rows(scratch);
+        if !work.solve_chosen(model, scratch, Law::Plastic, None, Some(&start), report) {
+            return None;
+        }
+        if work.gives(model) {
+            // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
+            report.fallbacks += 1;
+            work.forget_all(scratch, rows);
+            if !work.solve_chosen(model, scratch, Law::Plastic, None, None, report) {
+                return None;
+            }
+        }
+    }
+    Some([resting, loaded])
 }
 
 /// The paper's own sequence (eqs. 24-29): strictly closing contacts from the first problem on.
