@@ -55,7 +55,11 @@ OPTIONS: dict[str, Option] = {
     ),
     "position_projection": Option("moreau only: remove penetration after each step; velocities stay"),
     "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
-    "pile_tolerance": Option("tol_r in islands of more than dense_contacts contacts", _FRACTION),
+    "pile_tolerance": Option(
+        "tol_r in islands of more than dense_contacts contacts, and of impacts in the smallest part of a step that"
+        " nothing solves better",
+        _FRACTION,
+    ),
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),

@@ -57,7 +57,7 @@ impl ImpactScratch {
                     let solved = solve(self, s, &mut own) && own.unconverged == 0;
                     solved && !self.gains(model, &inside)
                 });
-                if !solve(self, scale, report) {
+                if !solve(self, scale, report) && !self.is_fine_enough(model, report) {
                     return false;
                 }
             }

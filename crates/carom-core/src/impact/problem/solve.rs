@@ -78,7 +78,7 @@ impl ImpactScratch {
             report.restitution_scale = 0.0;
             report.fallbacks += 1;
         }
-        if !solved {
+        if !solved && !self.is_fine_enough(model, report) {
             return false;
         }
         // What was given up cannot be scaled further.
@@ -98,6 +98,19 @@ impl ImpactScratch {
         self.commit(scratch.contacts);
         self.record(scratch, index);
         true
+    }
+
+    /// A few spheres that jam may have no solution as fine as is asked of them. Where there is no smaller part of the step, what is asked of larger
+    /// islands does, counted as a fallback.
+    pub(in crate::impact) fn is_fine_enough(
+        &mut self,
+        model: &Model,
+        report: &mut StepReport,
+    ) -> bool {
+        let fine = self.span.smallest && self.last.residual < model.options.pile_tolerance;
+        self.last.converged |= fine;
+        report.fallbacks += u32::from(fine);
+        fine
     }
 
     /// Whether the last problem gave no impulse at all: the next ones would be the same.
