@@ -6,7 +6,8 @@
 
 Balls of radii from r to 2 r and of any density, with any friction, restitution, velocities and spins, fall into an
 open box that is two to six of the largest diameters wide: narrow towers and flat layers. A drop has failed if its run
-ended before its last step or if a sub-problem of a step was not solved to its tolerance. Exit code 1 if one has. What
+ended before its last step, if a sub-problem of a step was not solved to its tolerance, or if the energy rose by a thousandth
+of what there was in a step. Exit code 1 if one has. What
 is no failure is counted beside it: steps made in parts, solves that other solvers had to end, impact sequences that
 were cut short; overlap over the radius, and the largest rise of the energy in a step over the energy that there was.
 """
@@ -31,6 +32,7 @@ from common import table
 STEPS, STEP = 1000, 1e-3
 LEAST, MOST = 20, 100
 RADIUS = 5e-3
+MOST_RISE = 1e-3
 
 
 def scene(balls: int, seed: int, **options: Any) -> carom.Scene:
@@ -91,7 +93,8 @@ def drop(balls: int, seed: int, **options: Any) -> dict[str, Any]:
 
 def failed(found: dict[str, Any]) -> bool:
     """Whether a drop has."""
-    return found["outcome"] is not None or found["steps"] < STEPS or found["unconverged"] > 0
+    unsolved = found["outcome"] is not None or found["steps"] < STEPS or found["unconverged"] > 0
+    return unsolved or found["rise"] > MOST_RISE
 
 
 def main() -> int:
@@ -115,7 +118,7 @@ def main() -> int:
     print(table(columns, cells))
     for d in drops:
         if failed(d):
-            print(f"drop {d['seed']} of {d['balls']} balls failed: {d['outcome'] or 'unconverged'}")
+            print(f"drop {d['seed']} of {d['balls']} balls failed: {d['outcome'] or ('unconverged' if d['unconverged'] else 'energy')}")
     print(f"{len(drops)} drops, {failures} failed")
     return int(failures > 0)
 
