@@ -39,6 +39,10 @@ impl ImpactScratch {
         if !(model.options.energy_safeguard && self.joints.is_empty() && self.loads.is_empty()) {
             return false;
         }
+        // Nearly always: no contact alone.
+        if self.work.iter().all(|work| work.iter().sum::<f64>() <= 0.0) {
+            return false;
+        }
         let mut kinetic: Vec<f64> = self
             .v_check
             .chunks_exact(NODE_DOF)
