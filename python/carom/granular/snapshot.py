@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -43,6 +43,10 @@ class Contacts:
     closed: Bool
     """Whether the bodies touch at the frame; others only did since the frame before."""
 
+    def of(self, rows: Bool) -> Contacts:
+        """Those that a mask (C,) chooses."""
+        return Contacts(*(np.asarray(getattr(self, field.name))[rows] for field in fields(self)))
+
     @cached_property
     def push(self) -> F64:
         """Normal forces, (C,), N, positive in compression."""
@@ -66,6 +70,7 @@ class Snapshot:
     angular_velocity: F64 | None = None
     """(N, 3), rad/s."""
     contacts: Contacts | None = None
+    """Those between what is there: contacts of absent balls, which have no place, are left out of what is given."""
     planes: tuple[F64, F64] | None = None
     """Points (P, 3), m, and unit normals (P, 3) of half-spaces."""
     walls: tuple[Callable[[F64, F64], F64], ...] | None = None
@@ -94,6 +99,18 @@ class Snapshot:
                     f"Snapshot: {name} has shape {array.shape}; with {n} radii it must be {shape}"
                 )
             object.__setattr__(self, name, array)
+        self._without_absent()
+
+    def _without_absent(self) -> None:
+        """Leaves out the contacts of balls that left since they touched. Without a place no region can say whether it holds
+        them, and one of them had made the stress of every region not a number.
+        """
+        c, n = self.contacts, len(self.radius)
+        if c is None or len(self.present) == n:
+            return
+        there = np.append(np.isfinite(self.position).all(axis=1), True)  # the last stands for all walls
+        first, second = np.asarray(c.first), np.asarray(c.second)
+        object.__setattr__(self, "contacts", c.of(there[first] & there[np.minimum(second, n)]))
 
     @cached_property
     def present(self) -> I64:
