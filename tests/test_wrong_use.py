@@ -68,6 +68,42 @@ def pack(law: Any = None, **options: Any) -> object:
         (lambda r: pack(seed=1.5), "seed = 1.5"),
         (lambda r: packing.Table((0.1,), (0.0,)), "above 0"),
         (lambda r: packing.Table((0.1,), (0.5, 0.5)), "as many shares as diameters"),
+        (lambda r: packing.Table((0.1, "b"), (0.5, 0.5)), "must be numbers above 0"),
+        (lambda r: packing.Table((0.1, 0.2), (0.5, float("nan"))), "must be numbers above 0"),
+        (
+            lambda r: packing.Table((0.1,), (1.0,), "number"),
+            "by_mass = 'number'; give True for shares of the mass",
+        ),
+        (lambda r: packing.Table((0.1,), (1.0,), "mass"), "by_mass = 'mass'"),
+        (lambda r: packing.Equal("1 mm"), "Equal: diameter = '1 mm'; give a length in m"),
+        (lambda r: packing.Uniform(0.1, float("nan")), "Uniform: most = nan"),
+        (
+            lambda r: packing.Normal(0.1, -0.1, 0.0, 1.0),
+            "Normal: deviation = -0.1; give 0 m, of which all are equal",
+        ),
+        (lambda r: packing.Lognormal(0.0, 0.1, 0.0, 1.0), "Lognormal: mean = 0 m; give a length above 0"),
+        (lambda r: pack(count=2.5), "count = 2.5; give a whole number of balls from 1"),
+        (lambda r: pack(count=True), "count = True"),
+        (lambda r: pack(count=None, fraction="half"), "fraction = 'half'; give a part of the region above 0"),
+        (lambda r: pack(gap="1 mm"), "gap = '1 mm'; balls do not overlap"),
+        (
+            lambda r: granular.Box((0, 0, 0), (1, 1, "x")),
+            "Box: high = (1, 1, 'x'); give three numbers, along x, y and z",
+        ),
+        (lambda r: granular.Box(0, (1, 1, 1)), "Box: low = 0; give three numbers"),
+        (lambda r: granular.Box("abc", (1, 1, 1)), "Box: low = 'abc'; give three numbers"),
+        (
+            lambda r: granular.Box((0, 0, 0), (1, 1, 1), periodic="xyz"),
+            "Box: periodic = 'xyz'; give True or False for each of x, y and z, for example (True, True, True)",
+        ),
+        (lambda r: granular.Box((0, 0, 0), (1, 1, 1), periodic="x"), "for example (True, False, False)"),
+        (lambda r: granular.Box((0, 0, 0), (1, 1, 1), periodic=(1.0, 1.2, 0)), "periodic = (1.0, 1.2, 0)"),
+        (lambda r: granular.Cylinder((0, 0), (0, 0, 1), 1.0, 1.0), "Cylinder: point = (0, 0); give three"),
+        (
+            lambda r: granular.Cylinder((0, 0, 0), (0, 0, 1), "1", 1.0),
+            "Cylinder: radius = '1'; give a length",
+        ),
+        (lambda r: granular.Ball((0, 0, float("nan")), 1.0), "Ball: point = (0, 0, nan); give three numbers"),
     ],
 )
 def test_what_is_wrong_is_said(
@@ -82,3 +118,9 @@ def test_one_name_is_as_good_as_a_list_of_one(result: carom.Result) -> None:
     """The letters of the name were taken for bodies."""
     pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
     assert list(result.plot.chart("velocities", bodies="a").data)[1] == "a v_x (m/s)"
+
+
+def test_a_law_of_no_deviation_gives_equal_balls() -> None:
+    for law in (packing.Normal(0.1, 0.0, 0.05, 0.2), packing.Lognormal(0.1, 0, 0.05, float("inf"))):
+        drawn = law.draw(20, packing.Stream(1))
+        assert drawn == pytest.approx([0.1] * 20, rel=1e-14)
