@@ -160,3 +160,33 @@ def test_of_two_balls_that_touched_the_one_that_stays_has_no_contact_left() -> N
     np.testing.assert_array_equal(s.touching.first, [2])
     assert s.branch.shape == (1, 3)
     np.testing.assert_array_equal(granular.coordination(s, least=1).per_ball, [0, 0, 1])
+
+
+def test_measures_of_nothing_are_no_numbers_and_no_warnings() -> None:
+    """Before an inflow begins no ball is there. NumPy's warnings are errors in these tests."""
+    scene = carom.Scene(run={"until": 0.01, "step": 1e-3})
+    scene.inflow(
+        "g", material="m", count=3, radius=R, density=2500, seed=1, start=0.05,
+        region={"low": (0, 0, 0), "high": (0.1, 0.1, 0.1)},
+    )  # fmt: skip
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.plane("floor", point=(0, 0, -1), normal=(0, 0, 1), material="m")
+    result = carom.simulate(scene)
+    box = Box((0, 0, 0), (1, 1, 1))
+    z = granular.coordination(result), granular.coordination(result, gap=1e-3)
+    assert np.isnan([[k.mean, k.mean_without_rattlers, k.rattlers] for k in z]).all()
+    assert np.isnan(granular.fabric(result).tensor).all()
+    assert np.isnan(granular.granular_temperature(result, mean="none").translational)
+    assert np.isnan(granular.granular_temperature(result, region=box).rotational)
+    assert float(granular.packing_fraction(result, box)) == 0.0
+    assert (granular.stress(result, box).tensor == 0).all()
+    assert (granular.ball_stress(result) == 0).all()
+    for refused, told in (
+        (lambda: granular.force_chains(result), "no contact pushes"),
+        (lambda: granular.normal_forces(result), "no contact pushes"),
+        (lambda: granular.heap_angle(result), "at least three balls"),
+        (lambda: granular.run_out(result), "no ball is there at the frame of `start`"),
+        (lambda: granular.radial_distribution(result, box, reach=0.1), "no ball is"),
+    ):
+        with pytest.raises(CaromError, match=told):
+            refused()

@@ -29,6 +29,10 @@ def pack(law: Any = None, **options: Any) -> object:
     return packing.pack(BOX, law or packing.Equal(0.1), **{"seed": 1, "count": 3, **options})
 
 
+def snapshot(**given: Any) -> granular.Snapshot:
+    return granular.Snapshot(**{"position": [[0, 0, 0], [1, 0, 0]], "radius": [0.1, 0.1], **given})
+
+
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
@@ -52,6 +56,28 @@ def pack(law: Any = None, **options: Any) -> object:
         (lambda r: granular.run_out(r, sectors=0), "sectors = 0"),
         (lambda r: granular.layers(BOX, "x", 2.5), "three whole numbers from 1"),
         (lambda r: granular.cells(BOX, (0, 1, 1)), "three whole numbers from 1"),
+        (lambda r: granular.cells(BOX, (1, 1)), "three whole numbers from 1"),
+        (lambda r: granular.cells(BOX, 3), "three whole numbers from 1"),
+        (lambda r: granular.layers(BOX, "x", "3"), "at least one layer"),
+        (
+            lambda r: granular.coordination(r, gap="1 mm"),
+            "gap = '1 mm'; surfaces are near each other from 0 m on",
+        ),
+        (lambda r: granular.coordination(r, least="a"), "least = 'a'; give a whole number of contacts"),
+        (lambda r: granular.normal_forces(r, bins=2.5), "2.5 bins up to 6.0"),
+        (lambda r: granular.radial_distribution(r, BOX, reach="1 mm"), "reach = '1 mm' and 100 bins"),
+        (lambda r: granular.heap_angle(r, cell=0), "cell = 0; give a number above 0"),
+        (lambda r: granular.heap_angle(r, between=(0.8, 0.2)), "the lower one first"),
+        (lambda r: granular.run_out(r, loose="a"), "loose = 'a'; give a number from 0"),
+        (lambda r: granular.run_out(r, sectors=2.5), "sectors = 2.5; give a whole number"),
+        (lambda r: snapshot(radius=0.01), "radius is no list; give one radius for each ball"),
+        (lambda r: snapshot(radius=[0.1, -0.1]), "radius of ball 1 is -0.1; give a number above 0"),
+        (lambda r: snapshot(radius=[float("nan"), 0.1]), "radius of ball 0 is nan"),
+        (lambda r: snapshot(radius=["a", 0.1]), "radius is no array of numbers; give it the shape (2,)"),
+        (lambda r: snapshot(mass=[0.0, 0.0]), "mass of ball 0 is 0; give a number above 0"),
+        (lambda r: snapshot(mass=[1.0, -1.0]), "mass of ball 1 is -1"),
+        (lambda r: snapshot(inertia=[1.0, -1.0]), "inertia of ball 1 is -1; give 0 or a number above it"),
+        (lambda r: snapshot(period=(-1.0, 0, 0)), "period = [-1.0, 0.0, 0.0]; give lengths in m"),
         (lambda r: granular.over_frames(r, granular.stress, BOX, every=0), "every = 0"),
         (lambda r: r.export("nowhere", "csv", every=1.5), "every: 1.5 is no whole number"),
         (lambda r: r.export("nowhere", "csv", start="0.1"), "start: '0.1' is no time"),

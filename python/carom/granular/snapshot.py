@@ -86,6 +86,8 @@ class Snapshot:
 
     def __post_init__(self) -> None:
         # Lists of other programs are welcome; what does not fit together is told here and not in the midst of a measure.
+        if np.ndim(self.radius) != 1:
+            raise CaromError("Snapshot: radius is no list; give one radius for each ball, (N,), in m")
         n = len(self.radius)
         shapes = {"position": (n, 3), "radius": (n,), "mass": (n,), "velocity": (n, 3), "inertia": (n,),
                   "angular_velocity": (n, 3), "gravity": (3,), "period": (3,)}  # fmt: skip
@@ -93,13 +95,35 @@ class Snapshot:
             given = getattr(self, name)
             if given is None:
                 continue
-            array = np.asarray(given, dtype=np.float64)
+            try:
+                array = np.asarray(given, dtype=np.float64)
+            except (TypeError, ValueError):
+                raise CaromError(
+                    f"Snapshot: {name} is no array of numbers; give it the shape {shape}"
+                ) from None
             if array.shape != shape:
                 raise CaromError(
                     f"Snapshot: {name} has shape {array.shape}; with {n} radii it must be {shape}"
                 )
             object.__setattr__(self, name, array)
+        self._in_bounds()
         self._without_absent()
+
+    def _in_bounds(self) -> None:
+        """Refuses sizes that no ball that is there can have, and a period that is none."""
+        for name, above in (("radius", True), ("mass", True), ("inertia", False)):
+            known: F64 | None = getattr(self, name)
+            if known is None:
+                continue
+            value = known[self.present]
+            wrong = ~(np.isfinite(value) & ((value > 0) if above else (value >= 0)))
+            if wrong.any():
+                k = int(np.flatnonzero(wrong)[0])
+                cure = "give a number above 0" if above else "give 0 or a number above it"
+                raise CaromError(f"Snapshot: {name} of ball {self.present[k]} is {value[k]:g}; {cure}")
+        if self.period is not None and not (np.isfinite(self.period) & (self.period >= 0)).all():
+            cure = "give lengths in m, 0 along axes where nothing repeats itself"
+            raise CaromError(f"Snapshot: period = {self.period.tolist()}; {cure}")
 
     def _without_absent(self) -> None:
         """Leaves out the contacts of balls that left since they touched. Without a place no region can say whether it holds

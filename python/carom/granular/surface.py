@@ -13,6 +13,7 @@ from carom.granular.contact import components
 from carom.granular.nearest import around, middle, opened
 from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
+from carom.packing.given import is_number, is_whole
 from carom.packing.neighbours import pairs, separation
 
 if TYPE_CHECKING:
@@ -81,6 +82,15 @@ def heap_angle(
     Raises:
         CaromError: fewer than three balls side by side or on the slope; an unknown shape; a vertical direction.
     """
+    if not (is_number(cell) and cell > 0):
+        raise CaromError(f"heap_angle: cell = {cell!r}; give a number above 0, of mean diameters")
+    if (
+        np.ndim(between) != 1
+        or len(between) != 2
+        or not all(map(is_number, between))
+        or between[0] >= between[1]
+    ):
+        raise CaromError(f"heap_angle: between = {between}; give two parts of the slope, the lower one first")
     s, _ = _deposit(snapshot(source, frame), _LOOSE)
     x, axis = opened(s.position, s.period), None
     if len(x) and shape == "radial":
@@ -181,8 +191,8 @@ def _seen_from_above(
     """Distance of each ball from the axis or along the direction, its sector or strip, and its place across: the part of a
     turn, or m from the first strip. The axis goes through the origin if None.
     """
-    if sectors < 1:
-        raise CaromError(f"sectors = {sectors}; give a number from 1")
+    if not is_whole(sectors) or sectors < 1:
+        raise CaromError(f"sectors = {sectors!r}; give a whole number from 1")
     if shape not in ("radial", "planar"):
         raise CaromError(f"unknown shape {shape!r}; known: radial, planar")
     if shape == "planar":
@@ -291,6 +301,8 @@ def run_out(
     before, after = (
         result if isinstance(result, tuple) else (snapshot(result, start), snapshot(result, frame))
     )
+    if not (is_number(loose) and loose >= 0):
+        raise CaromError(f"run_out: loose = {loose!r}; give a number from 0, of mean diameters")
     deposit, strays = _deposit(after, loose)
     for name, s in (("start", before), ("frame", deposit)):
         if not len(s.present):
