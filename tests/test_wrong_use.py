@@ -114,10 +114,10 @@ def snapshot(**given: Any) -> granular.Snapshot:
         (lambda r: pack(gap="1 mm"), "gap = '1 mm'; balls do not overlap"),
         (
             lambda r: granular.Box((0, 0, 0), (1, 1, "x")),
-            "Box: high = (1, 1, 'x'); give three numbers, along x, y and z",
+            "Box: high = (1, 1, 'x'); give three finite numbers, along x, y and z",
         ),
-        (lambda r: granular.Box(0, (1, 1, 1)), "Box: low = 0; give three numbers"),
-        (lambda r: granular.Box("abc", (1, 1, 1)), "Box: low = 'abc'; give three numbers"),
+        (lambda r: granular.Box(0, (1, 1, 1)), "Box: low = 0; give three finite numbers"),
+        (lambda r: granular.Box("abc", (1, 1, 1)), "Box: low = 'abc'; give three finite numbers"),
         (
             lambda r: granular.Box((0, 0, 0), (1, 1, 1), periodic="xyz"),
             "Box: periodic = 'xyz'; give True or False for each of x, y and z, for example (True, True, True)",
@@ -129,7 +129,10 @@ def snapshot(**given: Any) -> granular.Snapshot:
             lambda r: granular.Cylinder((0, 0, 0), (0, 0, 1), "1", 1.0),
             "Cylinder: radius = '1'; give a length",
         ),
-        (lambda r: granular.Ball((0, 0, float("nan")), 1.0), "Ball: point = (0, 0, nan); give three numbers"),
+        (
+            lambda r: granular.Ball((0, 0, float("nan")), 1.0),
+            "Ball: point = (0, 0, nan); give three finite numbers",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(

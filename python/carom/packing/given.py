@@ -27,4 +27,4 @@ def three(owner: str, **given: Any) -> None:
         except TypeError:  # a single number
             entries = []
         if len(entries) != 3 or not all(is_number(x) and isfinite(x) for x in entries):
-            raise CaromError(f"{owner}: {name} = {value!r}; give three numbers, along x, y and z")
+            raise CaromError(f"{owner}: {name} = {value!r}; give three finite numbers, along x, y and z")
