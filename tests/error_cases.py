@@ -195,7 +195,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "diameters and shares of the table must be positive": [
         (
-            "packing",
+            "classes",
             PACKING + 'sizes = "table"\nclasses = [[0.1, 0.0], [0.2, 1.0]]\nlow = [3,3,3]\nhigh = [4,4,4]\n',
         )
     ],

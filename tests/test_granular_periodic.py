@@ -12,6 +12,7 @@ import pytest
 from carom import granular
 from carom.errors import CaromError
 from carom.granular import Ball, Box, Contacts, Cylinder, Snapshot
+from carom.granular.nearest import middle
 from carom.packing.neighbours import pairs, separation
 
 PERIOD = np.array([1.0, 1.2, 0.0])
@@ -161,3 +162,89 @@ def test_the_live_view_shows_balls_of_a_periodic_world_within_it() -> None:
     live = object.__new__(Live)  # without its server
     live._result, live._every, live._scale = carom.simulate(scene), 1, 2.0
     assert live._bodies(0)[0][0] == pytest.approx([2.0 * 0.03, 6.0, 2.0])
+
+
+HEAP_PERIOD = np.array([0.6, 0.8, 0.0])
+SHIFTS = ((0.3, 0.4, 0.0), (0.123, -0.456, 0.2), (-7.55, 3.31, 0.0))
+
+
+def heaped(*, layer: bool) -> np.ndarray:
+    """A cone of 25 degrees about an axis at random places, with a layer of balls all over the floor if wanted."""
+    random = np.random.default_rng(3)
+    x = random.uniform(-1, 1, (60_000, 3)) * [0.2, 0.2, 0.05] + [0, 0, 0.05]
+    x = x[x[:, 2] < 0.08 - np.tan(np.radians(25.0)) * np.hypot(x[:, 0], x[:, 1])]
+    if layer:
+        k = [np.arange(-0.5 * length, 0.5 * length, 0.00875) for length in HEAP_PERIOD[:2]]
+        floor = np.stack([*np.meshgrid(*k), np.zeros((len(k[1]), len(k[0])))], axis=-1).reshape(-1, 3)
+        floor += random.uniform(-0.001, 0.001, floor.shape)
+        x = np.concatenate([x, floor])
+    return x
+
+
+def written(x: np.ndarray, shift: np.ndarray, low: np.ndarray, radius: float = 0.004) -> Snapshot:
+    """The same balls elsewhere, within the period that begins at `low`."""
+    place = x + shift
+    turns = np.where(HEAP_PERIOD > 0, np.floor((place - low) / np.where(HEAP_PERIOD > 0, HEAP_PERIOD, 1)), 0)
+    return Snapshot(place - turns * HEAP_PERIOD, np.full(len(x), radius), period=HEAP_PERIOD)
+
+
+@pytest.mark.parametrize("layer", [False, True], ids=["bare", "layer"])
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_a_heap_has_its_angle_wherever_the_borders_lie(layer: bool, shift: tuple[float, ...]) -> None:
+    """Cut in four by the border it had an angle of -22 degrees instead of 32."""
+    x = heaped(layer=layer)
+    alone = granular.heap_angle(Snapshot(x, np.full(len(x), 0.004)), centre=(0, 0, 0))
+    assert alone.degrees == pytest.approx(25.0, abs=4.0 if layer else 0.5)  # a layer is part of the solid
+    there, unmoved = written(x, np.array(shift), -0.5 * HEAP_PERIOD), written(x, np.zeros(3), np.zeros(3))
+    given = granular.heap_angle(there, centre=shift)
+    assert given.angle == pytest.approx(alone.angle, abs=1e-9)
+    assert given.error == pytest.approx(alone.error, abs=1e-9)
+    found = granular.heap_angle(there)
+    assert found.angle == pytest.approx(granular.heap_angle(unmoved).angle, abs=1e-9)
+    assert found.angle == pytest.approx(alone.angle, abs=alone.error + found.error)
+
+
+def wedge() -> np.ndarray:
+    """A slope of 20 degrees, four fifths of a period long, at random places all along y."""
+    random = np.random.default_rng(4)
+    x = random.uniform(0, 1, (10_000, 3)) * [0.48, 0.8, 0.2]
+    return np.asarray(x[x[:, 2] < np.tan(np.radians(20.0)) * (0.48 - x[:, 0])])
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_a_slope_has_its_angle_wherever_the_borders_lie(shift: tuple[float, ...]) -> None:
+    x = wedge()
+    alone = granular.heap_angle(written(x, np.zeros(3), np.zeros(3), 0.01), shape="planar")
+    assert alone.degrees == pytest.approx(20.0, abs=0.5)
+    found = granular.heap_angle(written(x, np.array(shift), np.zeros(3), 0.01), shape="planar")
+    assert found.angle == pytest.approx(alone.angle, abs=1e-9)
+    assert found.error == pytest.approx(alone.error, abs=1e-9)
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_a_column_runs_out_as_far_wherever_the_borders_lie(shift: tuple[float, ...]) -> None:
+    random = np.random.default_rng(5)
+    cone, slope = heaped(layer=False)[::4], wedge()
+    column = random.uniform(-1, 1, (1500, 3)) * [0.05, 0.05, 0.1] + [0, 0, 0.1]
+    column = column[np.hypot(column[:, 0], column[:, 1]) < 0.05]
+    block = random.uniform(0, 1, (1500, 3)) * [0.1, 0.8, 0.2]
+    for shape, first, last, edge in (("radial", column, cone, 0.17), ("planar", block, slope, 0.48)):
+        origin = [written(x, np.zeros(3), np.zeros(3), 0.01) for x in (first, last)]
+        alone = granular.run_out((origin[0], origin[1]), shape=shape)
+        assert alone.final == pytest.approx(edge, abs=0.03)
+        # Balls of a run keep their coordinates: what has run out over the border is written beyond it.
+        for lows in ((np.zeros(3), np.zeros(3)), (-0.5 * HEAP_PERIOD, 3.3 * HEAP_PERIOD)):
+            moved = [
+                written(x, np.array(shift), low, 0.01) for x, low in zip((first, last), lows, strict=True)
+            ]
+            found = granular.run_out((moved[0], moved[1]), shape=shape)
+            for name in ("initial", "final", "error", "ratio", "initial_height", "final_height"):
+                assert getattr(found, name) == pytest.approx(getattr(alone, name), abs=1e-9), name
+
+
+def test_a_middle_is_that_of_the_nearest_images() -> None:
+    x = np.array([[0.95, 0.2, 1.0], [0.05, 0.2, 2.0], [0.15, 0.2, 3.0]])
+    np.testing.assert_allclose(
+        middle(x, np.array([1.0, 1.0, 2.0]), np.array([1.0, 0.3, 0.0])) % [1, 0.3, 9], [0.075, 0.2, 2.25]
+    )
+    np.testing.assert_allclose(middle(x, np.ones(3), None), x.mean(axis=0))

@@ -122,3 +122,71 @@ def test_a_packing_falls_and_rests_on_the_floor() -> None:
     momentum = s.known("mass") @ s.known("velocity")
     given = s.touching.force[floor].sum(axis=0) * 0.1 + np.array([0, 0, -G]) * s.known("mass").sum() * 0.1
     np.testing.assert_allclose(momentum, given, atol=1e-9 * s.known("mass").sum())
+
+
+def test_balls_that_left_take_their_contacts_with_them() -> None:
+    """A ball slides into an outlet: the stress of all regions had been not a number at the frame after, far away as well."""
+    scene = carom.Scene(run={"until": 0.1, "step": 1e-3}, record={"every": 10})
+    scene.contact("m", "m", friction=0.0, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    scene.outlet(low=(0.0225, -1, -1), high=(1, 1, 1))
+    scene.sphere("slides", radius=R, mass=1.0, material="m", at=(0, 0, R), velocity=(0.5, 0, 0))
+    scene.sphere("rests", radius=R, mass=1.0, material="m", at=(-0.5, 0, R))
+    result = carom.simulate(scene)
+    there = np.asarray(result.present)
+    left = int(np.flatnonzero(~there[:, 0])[0])
+    assert 0 in np.asarray(result.contacts.at(left)["body"])[:, 0]  # it pushed since the frame before
+    far, whole = Box((-0.6, -0.1, 0), (-0.4, 0.1, 0.1)), Box((-1, -1, 0), (1, 1, 0.1))
+    for frame in range(1, len(there)):
+        s = granular.snapshot(result, frame)
+        number = there[frame].sum()
+        assert granular.stress(s, far).contact[2, 2] == pytest.approx(G * R / (0.2 * 0.2 * 0.1))
+        assert granular.stress(s, whole).contact[2, 2] == pytest.approx(number * G * R / (2 * 2 * 0.1))
+        chains = granular.force_chains(s, above=0.0, least=1)
+        assert len(chains.push) == granular.normal_forces(s, walls=True).ratio.size == number
+        assert np.isfinite(chains.end).all()
+        np.testing.assert_array_equal(granular.coordination(s).per_ball, there[frame])
+        assert (granular.ball_stress(s)[~there[frame]] == 0).all()
+    assert np.isfinite(granular.over_frames(result, granular.stress, whole).mean("tensor")).all()
+
+
+def test_of_two_balls_that_touched_the_one_that_stays_has_no_contact_left() -> None:
+    x = np.array([[0.0, 0, 0], [np.nan] * 3, [2.0, 0, 0]])
+    up = np.array([[-1.0, 0, 0], [0, 0, 1], [0, 0, 1]])
+    c = granular.Contacts(
+        np.array([0, 1, 2]), np.array([1, 3, 3]), up, up, np.zeros(3), np.ones(3, dtype=bool)
+    )
+    s = granular.Snapshot(x, np.ones(3), contacts=c)
+    np.testing.assert_array_equal(s.touching.first, [2])
+    assert s.branch.shape == (1, 3)
+    np.testing.assert_array_equal(granular.coordination(s, least=1).per_ball, [0, 0, 1])
+
+
+def test_measures_of_nothing_are_no_numbers_and_no_warnings() -> None:
+    """Before an inflow begins no ball is there. NumPy's warnings are errors in these tests."""
+    scene = carom.Scene(run={"until": 0.01, "step": 1e-3})
+    scene.inflow(
+        "g", material="m", count=3, radius=R, density=2500, seed=1, start=0.05,
+        region={"low": (0, 0, 0), "high": (0.1, 0.1, 0.1)},
+    )  # fmt: skip
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.plane("floor", point=(0, 0, -1), normal=(0, 0, 1), material="m")
+    result = carom.simulate(scene)
+    box = Box((0, 0, 0), (1, 1, 1))
+    z = granular.coordination(result), granular.coordination(result, gap=1e-3)
+    assert np.isnan([[k.mean, k.mean_without_rattlers, k.rattlers] for k in z]).all()
+    assert np.isnan(granular.fabric(result).tensor).all()
+    assert np.isnan(granular.granular_temperature(result, mean="none").translational)
+    assert np.isnan(granular.granular_temperature(result, region=box).rotational)
+    assert float(granular.packing_fraction(result, box)) == 0.0
+    assert (granular.stress(result, box).tensor == 0).all()
+    assert (granular.ball_stress(result) == 0).all()
+    for refused, told in (
+        (lambda: granular.force_chains(result), "no contact pushes"),
+        (lambda: granular.normal_forces(result), "no contact pushes"),
+        (lambda: granular.heap_angle(result), "at least three balls"),
+        (lambda: granular.run_out(result), "no ball is there at the frame of `start`"),
+        (lambda: granular.radial_distribution(result, box, reach=0.1), "no ball is"),
+    ):
+        with pytest.raises(CaromError, match=told):
+            refused()

@@ -191,3 +191,19 @@ def test_run_out_of_a_flat_column() -> None:
     assert found.initial == pytest.approx(column[:, 0].max() + R)  # the rear is at x = 0
     assert found.final == pytest.approx(deposit[:, 0].max() + R)
     assert found.error == pytest.approx(0, abs=1e-12)
+
+
+def test_what_has_not_entered_yet_has_no_heap_and_no_run_out() -> None:
+    """At the start of a run with an inflow no ball is there; NumPy warned, and broke off."""
+    balls = disc(0.05, 0.1)
+    none = Snapshot(np.full((5, 3), np.nan), np.full(5, R))
+    column = Snapshot(balls, np.full(len(balls), R))
+    for pair, name in (((none, column), "start"), ((column, none), "frame")):
+        for shape in ("radial", "planar"):
+            with pytest.raises(CaromError, match=f"no ball is there at the frame of `{name}`"):
+                granular.run_out(pair, shape=shape)
+    for shape in ("radial", "planar"):
+        with pytest.raises(CaromError, match="at least three balls"):
+            granular.heap_angle(none, shape=shape)
+    with pytest.raises(CaromError, match="give a point of the axis, x, y and z"):
+        granular.heap_angle(column, centre=(0, 0))

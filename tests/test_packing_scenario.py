@@ -118,7 +118,15 @@ def test_parameters_may_stand_in_a_packing() -> None:
         ({"sizes": "gauss"}, 'unknown value "gauss"'),
         (
             {"diameter": None, "sizes": "table", "classes": [[0.01, -1]]},
-            "shares of the table must be positive",
+            "classes: diameters and shares of the table must be positive",
+        ),
+        (
+            {"diameter": None, "sizes": "table", "classes": []},
+            "expected 1 to 1000 vectors, found a list of 0; write [[diameter, share], ...]",
+        ),
+        (
+            {"diameter": None, "sizes": "table", "classes": [[0.01]]},
+            "expected a list of 2 numbers, found a list of 1; write [diameter, share]",
         ),
         ({"seed": None}, "seed: is missing; add seed = 1"),
         ({"density": None}, "density: is missing"),
@@ -196,3 +204,14 @@ def test_the_example_of_the_page_works() -> None:
     made = of_the_page()
     assert made.validate() == []
     assert made._tree.packing[0].packed().fraction == pytest.approx(0.58, abs=1e-3)
+
+
+def test_a_wrong_class_of_a_table_is_told_on_its_own_line() -> None:
+    classes = "[\n  [0.01, 1.0],\n  [0.02, -1.0],\n]"
+    text = scene().to_toml().replace("diameter = 0.01", f'sizes = "table"\nclasses = {classes}')
+    assert classes in text
+    with pytest.raises(ScenarioError) as caught:
+        parse(text)
+    (problem,) = caught.value.problems
+    assert problem.key.endswith("classes")
+    assert problem.source.strip() == "[0.02, -1.0],"

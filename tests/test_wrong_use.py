@@ -29,6 +29,10 @@ def pack(law: Any = None, **options: Any) -> object:
     return packing.pack(BOX, law or packing.Equal(0.1), **{"seed": 1, "count": 3, **options})
 
 
+def snapshot(**given: Any) -> granular.Snapshot:
+    return granular.Snapshot(**{"position": [[0, 0, 0], [1, 0, 0]], "radius": [0.1, 0.1], **given})
+
+
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
@@ -52,6 +56,28 @@ def pack(law: Any = None, **options: Any) -> object:
         (lambda r: granular.run_out(r, sectors=0), "sectors = 0"),
         (lambda r: granular.layers(BOX, "x", 2.5), "three whole numbers from 1"),
         (lambda r: granular.cells(BOX, (0, 1, 1)), "three whole numbers from 1"),
+        (lambda r: granular.cells(BOX, (1, 1)), "three whole numbers from 1"),
+        (lambda r: granular.cells(BOX, 3), "three whole numbers from 1"),
+        (lambda r: granular.layers(BOX, "x", "3"), "at least one layer"),
+        (
+            lambda r: granular.coordination(r, gap="1 mm"),
+            "gap = '1 mm'; surfaces are near each other from 0 m on",
+        ),
+        (lambda r: granular.coordination(r, least="a"), "least = 'a'; give a whole number of contacts"),
+        (lambda r: granular.normal_forces(r, bins=2.5), "2.5 bins up to 6.0"),
+        (lambda r: granular.radial_distribution(r, BOX, reach="1 mm"), "reach = '1 mm' and 100 bins"),
+        (lambda r: granular.heap_angle(r, cell=0), "cell = 0; give a number above 0"),
+        (lambda r: granular.heap_angle(r, between=(0.8, 0.2)), "the lower one first"),
+        (lambda r: granular.run_out(r, loose="a"), "loose = 'a'; give a number from 0"),
+        (lambda r: granular.run_out(r, sectors=2.5), "sectors = 2.5; give a whole number"),
+        (lambda r: snapshot(radius=0.01), "radius is no list; give one radius for each ball"),
+        (lambda r: snapshot(radius=[0.1, -0.1]), "radius of ball 1 is -0.1; give a number above 0"),
+        (lambda r: snapshot(radius=[float("nan"), 0.1]), "radius of ball 0 is nan"),
+        (lambda r: snapshot(radius=["a", 0.1]), "radius is no array of numbers; give it the shape (2,)"),
+        (lambda r: snapshot(mass=[0.0, 0.0]), "mass of ball 0 is 0; give a number above 0"),
+        (lambda r: snapshot(mass=[1.0, -1.0]), "mass of ball 1 is -1"),
+        (lambda r: snapshot(inertia=[1.0, -1.0]), "inertia of ball 1 is -1; give 0 or a number above it"),
+        (lambda r: snapshot(period=(-1.0, 0, 0)), "period = [-1.0, 0.0, 0.0]; give lengths in m"),
         (lambda r: granular.over_frames(r, granular.stress, BOX, every=0), "every = 0"),
         (lambda r: r.export("nowhere", "csv", every=1.5), "every: 1.5 is no whole number"),
         (lambda r: r.export("nowhere", "csv", start="0.1"), "start: '0.1' is no time"),
@@ -68,6 +94,45 @@ def pack(law: Any = None, **options: Any) -> object:
         (lambda r: pack(seed=1.5), "seed = 1.5"),
         (lambda r: packing.Table((0.1,), (0.0,)), "above 0"),
         (lambda r: packing.Table((0.1,), (0.5, 0.5)), "as many shares as diameters"),
+        (lambda r: packing.Table((0.1, "b"), (0.5, 0.5)), "must be numbers above 0"),
+        (lambda r: packing.Table((0.1, 0.2), (0.5, float("nan"))), "must be numbers above 0"),
+        (
+            lambda r: packing.Table((0.1,), (1.0,), "number"),
+            "by_mass = 'number'; give True for shares of the mass",
+        ),
+        (lambda r: packing.Table((0.1,), (1.0,), "mass"), "by_mass = 'mass'"),
+        (lambda r: packing.Equal("1 mm"), "Equal: diameter = '1 mm'; give a length in m"),
+        (lambda r: packing.Uniform(0.1, float("nan")), "Uniform: most = nan"),
+        (
+            lambda r: packing.Normal(0.1, -0.1, 0.0, 1.0),
+            "Normal: deviation = -0.1; give 0 m, of which all are equal",
+        ),
+        (lambda r: packing.Lognormal(0.0, 0.1, 0.0, 1.0), "Lognormal: mean = 0 m; give a length above 0"),
+        (lambda r: pack(count=2.5), "count = 2.5; give a whole number of balls from 1"),
+        (lambda r: pack(count=True), "count = True"),
+        (lambda r: pack(count=None, fraction="half"), "fraction = 'half'; give a part of the region above 0"),
+        (lambda r: pack(gap="1 mm"), "gap = '1 mm'; balls do not overlap"),
+        (
+            lambda r: granular.Box((0, 0, 0), (1, 1, "x")),
+            "Box: high = (1, 1, 'x'); give three finite numbers, along x, y and z",
+        ),
+        (lambda r: granular.Box(0, (1, 1, 1)), "Box: low = 0; give three finite numbers"),
+        (lambda r: granular.Box("abc", (1, 1, 1)), "Box: low = 'abc'; give three finite numbers"),
+        (
+            lambda r: granular.Box((0, 0, 0), (1, 1, 1), periodic="xyz"),
+            "Box: periodic = 'xyz'; give True or False for each of x, y and z, for example (True, True, True)",
+        ),
+        (lambda r: granular.Box((0, 0, 0), (1, 1, 1), periodic="x"), "for example (True, False, False)"),
+        (lambda r: granular.Box((0, 0, 0), (1, 1, 1), periodic=(1.0, 1.2, 0)), "periodic = (1.0, 1.2, 0)"),
+        (lambda r: granular.Cylinder((0, 0), (0, 0, 1), 1.0, 1.0), "Cylinder: point = (0, 0); give three"),
+        (
+            lambda r: granular.Cylinder((0, 0, 0), (0, 0, 1), "1", 1.0),
+            "Cylinder: radius = '1'; give a length",
+        ),
+        (
+            lambda r: granular.Ball((0, 0, float("nan")), 1.0),
+            "Ball: point = (0, 0, nan); give three finite numbers",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(
@@ -82,3 +147,9 @@ def test_one_name_is_as_good_as_a_list_of_one(result: carom.Result) -> None:
     """The letters of the name were taken for bodies."""
     pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
     assert list(result.plot.chart("velocities", bodies="a").data)[1] == "a v_x (m/s)"
+
+
+def test_a_law_of_no_deviation_gives_equal_balls() -> None:
+    for law in (packing.Normal(0.1, 0.0, 0.05, 0.2), packing.Lognormal(0.1, 0, 0.05, float("inf"))):
+        drawn = law.draw(20, packing.Stream(1))
+        assert drawn == pytest.approx([0.1] * 20, rel=1e-14)

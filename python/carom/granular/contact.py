@@ -12,6 +12,7 @@ from carom.errors import CaromError
 from carom.granular.region import Region, inside
 from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
+from carom.packing.given import is_number, is_whole
 from carom.packing.neighbours import pairs
 
 if TYPE_CHECKING:
@@ -64,8 +65,11 @@ def coordination(
     """
     s = snapshot(source, frame)
     n = len(s.radius)
-    if gap is not None and not gap >= 0:
-        raise CaromError(f"coordination: gap = {gap:g} m; surfaces are near each other from 0 m on")
+    if gap is not None and not (is_number(gap) and gap >= 0):
+        found = f"{gap:g} m" if is_number(gap) else repr(gap)
+        raise CaromError(f"coordination: gap = {found}; surfaces are near each other from 0 m on")
+    if not is_whole(least):
+        raise CaromError(f"coordination: least = {least!r}; give a whole number of contacts")
     if gap is None:
         c = s.touching
         real = c.closed & (c.push > 0)
@@ -193,8 +197,10 @@ def normal_forces(
     most: float = 6.0,
 ) -> NormalForces:
     """The distribution of the normal forces of all contacts that push, in `bins` up to `most` times the mean."""
-    if bins < 1 or not most > 0:
-        raise CaromError(f"normal_forces: {bins} bins up to {most:g}; both must be above 0")
+    if not (is_whole(bins) and bins >= 1 and is_number(most) and 0 < most < np.inf):
+        raise CaromError(
+            f"normal_forces: {bins!r} bins up to {most!r}; give numbers above 0, of bins a whole one"
+        )
     s = snapshot(source, frame)
     _, push = _pushing(s, region, walls)
     if not len(push):

@@ -11,6 +11,7 @@ from carom.errors import CaromError
 from carom.granular.region import Region, inside
 from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, snapshot
+from carom.packing.given import is_number, is_whole
 from carom.packing.neighbours import pairs, separation
 from carom.packing.region import Box
 
@@ -62,8 +63,9 @@ def radial_distribution(
     period = box.period
     free = ~np.array(box.periodic)
     low, high = np.array(box.low), np.array(box.high)
-    if not reach > 0 or bins < 1:
-        raise CaromError(f"radial_distribution: reach = {reach:g} m and {bins} bins; both must be above 0")
+    if not (is_number(reach) and reach > 0 and is_whole(bins) and bins >= 1):
+        cure = "give a length above 0, in m, and a whole number of bins from 1"
+        raise CaromError(f"radial_distribution: reach = {reach!r} and {bins!r} bins; {cure}")
     if (2.0 * reach >= (high - low)).any():
         most = 0.5 * float((high - low).min())
         raise CaromError(f"reach = {reach:g} m is too far for the box; it must be below {most:.4g} m")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.granular.region import Region
 from carom.granular.snapshot import F64, Snapshot, snapshot
+from carom.packing.given import is_whole
 from carom.packing.region import Box
 
 if TYPE_CHECKING:
@@ -98,8 +99,8 @@ def over_frames(
     times = np.asarray(result.time)
     if not len(times):
         raise CaromError("the result has no frames yet; wait until the run has written some")
-    if every < 1:
-        raise CaromError(f"over_frames: every = {every}; 1 takes every recorded frame")
+    if not is_whole(every) or every < 1:
+        raise CaromError(f"over_frames: every = {every!r}; 1 takes every recorded frame")
     chosen = [k for k in range(1, len(times)) if start <= times[k] <= stop][::every]
     if not chosen:
         raise CaromError(f"no frames from {start:g} s to {stop:g} s; the result ends at {times[-1]:g} s")

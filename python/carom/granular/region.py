@@ -7,11 +7,14 @@ are.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.granular.cut import ball_in_ball, ball_in_box, ball_in_cylinder
+from carom.packing.given import is_number, is_whole
 from carom.packing.region import Ball, Box, Cylinder
 from carom.scenario.vectors import scaled
 
@@ -156,7 +159,7 @@ def _slab(x: F64, along: F64, low: float, high: float, first: F64, last: F64) ->
 
 def layers(region: Box | Cylinder, axis: str, count: int) -> list[Box] | list[Cylinder]:
     """`count` equal slices of a box, or of a cylinder along this axis, across "x", "y" or "z", lowest first."""
-    if axis not in ("x", "y", "z") or count < 1:
+    if axis not in ("x", "y", "z") or not is_number(count) or count < 1:
         raise CaromError(
             f"cannot cut {count} layers across {axis!r}; give an axis x, y or z and at least one layer"
         )
@@ -185,7 +188,8 @@ def _discs(region: Cylinder, k: int, count: int) -> list[Cylinder]:
 
 def cells(box: Box, counts: tuple[int, int, int]) -> list[Box]:
     """A box in equal parts: `counts` along x, y and z, x fastest. Axes that are not cut stay periodic."""
-    if not all(isinstance(count, int | np.integer) and count >= 1 for count in counts):
+    given: Any = counts
+    if np.ndim(given) != 1 or len(given) != 3 or not all(is_whole(count) and count >= 1 for count in given):
         raise CaromError(f"cannot cut a box in {counts} cells; give three whole numbers from 1")
     edges = [np.linspace(box.low[k], box.high[k], counts[k] + 1).tolist() for k in range(3)]
     x, y, z = edges

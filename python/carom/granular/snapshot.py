@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -43,6 +43,10 @@ class Contacts:
     closed: Bool
     """Whether the bodies touch at the frame; others only did since the frame before."""
 
+    def of(self, rows: Bool) -> Contacts:
+        """Those that a mask (C,) chooses."""
+        return Contacts(*(np.asarray(getattr(self, field.name))[rows] for field in fields(self)))
+
     @cached_property
     def push(self) -> F64:
         """Normal forces, (C,), N, positive in compression."""
@@ -66,6 +70,7 @@ class Snapshot:
     angular_velocity: F64 | None = None
     """(N, 3), rad/s."""
     contacts: Contacts | None = None
+    """Those between what is there: contacts of absent balls, which have no place, are left out of what is given."""
     planes: tuple[F64, F64] | None = None
     """Points (P, 3), m, and unit normals (P, 3) of half-spaces."""
     walls: tuple[Callable[[F64, F64], F64], ...] | None = None
@@ -81,6 +86,8 @@ class Snapshot:
 
     def __post_init__(self) -> None:
         # Lists of other programs are welcome; what does not fit together is told here and not in the midst of a measure.
+        if np.ndim(self.radius) != 1:
+            raise CaromError("Snapshot: radius is no list; give one radius for each ball, (N,), in m")
         n = len(self.radius)
         shapes = {"position": (n, 3), "radius": (n,), "mass": (n,), "velocity": (n, 3), "inertia": (n,),
                   "angular_velocity": (n, 3), "gravity": (3,), "period": (3,)}  # fmt: skip
@@ -88,12 +95,46 @@ class Snapshot:
             given = getattr(self, name)
             if given is None:
                 continue
-            array = np.asarray(given, dtype=np.float64)
+            try:
+                array = np.asarray(given, dtype=np.float64)
+            except (TypeError, ValueError):
+                raise CaromError(
+                    f"Snapshot: {name} is no array of numbers; give it the shape {shape}"
+                ) from None
             if array.shape != shape:
                 raise CaromError(
                     f"Snapshot: {name} has shape {array.shape}; with {n} radii it must be {shape}"
                 )
             object.__setattr__(self, name, array)
+        self._in_bounds()
+        self._without_absent()
+
+    def _in_bounds(self) -> None:
+        """Refuses sizes that no ball that is there can have, and a period that is none."""
+        for name, above in (("radius", True), ("mass", True), ("inertia", False)):
+            known: F64 | None = getattr(self, name)
+            if known is None:
+                continue
+            value = known[self.present]
+            wrong = ~(np.isfinite(value) & ((value > 0) if above else (value >= 0)))
+            if wrong.any():
+                k = int(np.flatnonzero(wrong)[0])
+                cure = "give a number above 0" if above else "give 0 or a number above it"
+                raise CaromError(f"Snapshot: {name} of ball {self.present[k]} is {value[k]:g}; {cure}")
+        if self.period is not None and not (np.isfinite(self.period) & (self.period >= 0)).all():
+            cure = "give lengths in m, 0 along axes where nothing repeats itself"
+            raise CaromError(f"Snapshot: period = {self.period.tolist()}; {cure}")
+
+    def _without_absent(self) -> None:
+        """Leaves out the contacts of balls that left since they touched. Without a place no region can say whether it holds
+        them, and one of them had made the stress of every region not a number.
+        """
+        c, n = self.contacts, len(self.radius)
+        if c is None or len(self.present) == n:
+            return
+        there = np.append(np.isfinite(self.position).all(axis=1), True)  # the last stands for all walls
+        first, second = np.asarray(c.first), np.asarray(c.second)
+        object.__setattr__(self, "contacts", c.of(there[first] & there[np.minimum(second, n)]))
 
     @cached_property
     def present(self) -> I64:

@@ -20,6 +20,8 @@ from carom.granular.snapshot import F64, Snapshot, snapshot
 if TYPE_CHECKING:
     from carom.result import Result
 
+_TINY = np.finfo(np.float64).tiny
+
 
 @dataclass(frozen=True, repr=False)
 class Stress(Measure):
@@ -147,7 +149,7 @@ def granular_temperature(
     mass, v = s.known("mass")[there], s.known("velocity")[there]
     spin, inertia = s.known("angular_velocity")[there], s.known("inertia")[there]
     total = float(mass.sum())
-    average, turning = mass @ v / total, inertia @ spin / inertia.sum()
+    average, turning = mass @ v / total, inertia @ spin / max(float(inertia.sum()), _TINY)
     gradient: F64 = np.zeros((3, 3))
     field, around = np.zeros_like(v), np.zeros_like(spin)
     if mean != "none":

@@ -10,15 +10,18 @@ import numpy as np
 
 from carom.errors import CaromError
 from carom.granular.contact import components
+from carom.granular.nearest import around, middle, opened
 from carom.granular.shown import Measure
 from carom.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
-from carom.packing.neighbours import pairs
+from carom.packing.given import is_number, is_whole
+from carom.packing.neighbours import pairs, separation
 
 if TYPE_CHECKING:
     from carom.result import Result
 
 _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
 _MOST_PAIRS = 500_000  # of the points of a surface
+_UPRIGHT = 0.7  # cosine between an axis and gravity from which it is vertical rather than horizontal
 _ROUNDS = 3  # of choosing the part of a planar slope from the line fitted before
 
 
@@ -69,7 +72,8 @@ def heap_angle(
     pairs, of which a quarter may be wild. It is fitted `between` two parts of the slope (radial: of the way from the axis to
     the foot; planar: of the height, on the line), since falling grains flatten the tip (Grasselli and Herrmann, Granular
     Matter 3, 201, 2001) and the foot runs out in a tail (Alonso and Herrmann, Phys. Rev. Lett. 76, 4911, 1996). The error is
-    from `sectors` about the axis (planar: strips along it).
+    from `sectors` about the axis (planar: strips along it). In a world that repeats itself the images nearest to the axis
+    count; of a slope one period, cut where it leaves the ground free.
 
     The foot is taken twice as far as half of the solid reaches, as in a cone: no single grain moves it. In cones of 22 to 26
     degrees cut out of random packings, 18 diameters in radius, the angle is 0.05 degrees too low on average and scatters by
@@ -78,20 +82,32 @@ def heap_angle(
     Raises:
         CaromError: fewer than three balls side by side or on the slope; an unknown shape; a vertical direction.
     """
+    if not (is_number(cell) and cell > 0):
+        raise CaromError(f"heap_angle: cell = {cell!r}; give a number above 0, of mean diameters")
+    if (
+        np.ndim(between) != 1
+        or len(between) != 2
+        or not all(map(is_number, between))
+        or between[0] >= between[1]
+    ):
+        raise CaromError(f"heap_angle: between = {between}; give two parts of the slope, the lower one first")
     s, _ = _deposit(snapshot(source, frame), _LOOSE)
-    x, radius = s.position, s.radius
-    height = x @ s.up + radius
-    distance, sector, aside = _seen_from_above(s, x, shape, centre, direction, sectors)
+    x, axis = opened(s.position, s.period), None
+    if len(x) and shape == "radial":
+        axis = _axis(s, centre)
+        x = around(x, axis, _level(s))
+    height = x @ s.up + s.radius
+    distance, sector, aside = _seen_from_above(s.up, x, shape, axis, direction, sectors)
     if len(x) < 3 or np.ptp(distance) == 0.0:
         raise CaromError("a heap has at least three balls side by side; take another frame")
     foot = 2.0 * _half(distance, s.volume)
-    width = cell * 2.0 * float(radius.mean())
+    width = cell * 2.0 * float(s.radius.mean())
     row = np.floor((distance - (distance.min() if shape == "planar" else 0.0)) / width)
     if shape == "planar":
         column = np.floor(aside / width)
     else:  # turns: as many cells to a ring as its length has room for
-        around = np.rint(2.0 * np.pi * (row + 0.5))
-        column = np.minimum(np.floor(aside * around), around - 1.0)
+        many = np.rint(2.0 * np.pi * (row + 0.5))
+        column = np.minimum(np.floor(aside * many), many - 1.0)
     _, place = np.unique(np.stack([row, column], axis=1), axis=0, return_inverse=True)
     top = _highest(place.ravel(), height)
     distance, height, sector = distance[top], height[top], sector[top]
@@ -147,22 +163,36 @@ def _angle(distance: F64, height: F64) -> float:
 def _deposit(s: Snapshot, loose: float) -> tuple[Snapshot, int]:
     """The largest group of balls whose neighbours are nearer than `loose` mean diameters, and how many others there are."""
     there = s.present
-    x, radius = s.folded[there], s.radius[there]
+    x, radius = s.position[there], s.radius[there]
     a, b = pairs(x, radius + loose * float(radius.mean()), s.period) if len(there) else (there, there)
     label = components(len(there), a, b)
     main = label == np.bincount(label, minlength=1).argmax()
-    return Snapshot(x[main], radius[main], gravity=s.gravity), int((~main).sum())
+    return Snapshot(x[main], radius[main], gravity=s.gravity, period=s.period), int((~main).sum())
+
+
+def _axis(s: Snapshot, centre: Sequence[float] | None) -> F64:
+    """A point of the axis, (3,) m: the one given, or the middle of the solid."""
+    if centre is None:
+        return middle(s.position[s.present], s.volume[s.present], s.period)
+    given = np.asarray(centre, dtype=np.float64)
+    if given.shape != (3,) or not np.isfinite(given).all():
+        raise CaromError(f"centre = {centre}; give a point of the axis, x, y and z in m")
+    return given
+
+
+def _level(s: Snapshot) -> F64 | None:
+    """The period along axes that are nearly horizontal: of the others no image is nearer to an upright line."""
+    return None if s.period is None else np.where(np.abs(s.up) < _UPRIGHT, s.period, 0.0)
 
 
 def _seen_from_above(
-    s: Snapshot, x: F64, shape: str, centre: Sequence[float] | None, direction: Sequence[float], sectors: int
+    up: F64, x: F64, shape: str, axis: F64 | None, direction: Sequence[float], sectors: int
 ) -> tuple[F64, I64, F64]:
     """Distance of each ball from the axis or along the direction, its sector or strip, and its place across: the part of a
-    turn, or m from the first strip.
+    turn, or m from the first strip. The axis goes through the origin if None.
     """
-    up = s.up
-    if sectors < 1:
-        raise CaromError(f"sectors = {sectors}; give a number from 1")
+    if not is_whole(sectors) or sectors < 1:
+        raise CaromError(f"sectors = {sectors!r}; give a whole number from 1")
     if shape not in ("radial", "planar"):
         raise CaromError(f"unknown shape {shape!r}; known: radial, planar")
     if shape == "planar":
@@ -172,9 +202,8 @@ def _seen_from_above(
         part = aside / max(float(aside.max(initial=0.0)), 1e-300)
         return x @ along, np.minimum((part * sectors).astype(np.int64), sectors - 1), aside
     first, second = _horizontal(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
-    mass = s.volume[s.present]
-    middle = mass @ x / mass.sum() if centre is None else np.asarray(centre, dtype=np.float64)
-    u, v = (x - middle) @ first, (x - middle) @ second
+    away = x if axis is None else x - axis
+    u, v = away @ first, away @ second
     turn = np.arctan2(v, u) / (2.0 * np.pi) + 0.5
     return np.hypot(u, v), np.minimum((turn * sectors).astype(np.int64), sectors - 1), turn
 
@@ -264,18 +293,26 @@ def run_out(
     `shape` "radial": about an axis through `centre`, by default that of the mass at the start; "planar": along `direction`,
     from the rear of the column at the start. The deposit is the largest group of balls in which neighbours are nearer than
     `loose` mean diameters; the front is the furthest of its balls in each of the `sectors` (strips), averaged over them.
+    Images in a world that repeats itself are chosen as in `heap_angle`.
+
+    Raises:
+        CaromError: no ball is there at one of the two frames; an unknown shape; a vertical direction.
     """
     before, after = (
         result if isinstance(result, tuple) else (snapshot(result, start), snapshot(result, frame))
     )
-    if centre is None:
-        mass = before.volume[before.present]
-        centre = (mass @ before.folded[before.present] / mass.sum()).tolist()
+    if not (is_number(loose) and loose >= 0):
+        raise CaromError(f"run_out: loose = {loose!r}; give a number from 0, of mean diameters")
     deposit, strays = _deposit(after, loose)
+    for name, s in (("start", before), ("frame", deposit)):
+        if not len(s.present):
+            raise CaromError(
+                f"run_out: no ball is there at the frame of `{name}`; give one in which some are"
+            )
+    axis = _axis(before, centre) if shape == "radial" else None
     views = []
-    for s in (before, deposit):
-        at = s.folded[s.present]
-        distance, sector, _ = _seen_from_above(s, at, shape, centre, direction, sectors)
+    for s, at in zip((before, deposit), _images_of_one(before, deposit, axis), strict=True):
+        distance, sector, _ = _seen_from_above(s.up, at, shape, axis, direction, sectors)
         views.append((distance, sector, s.radius[s.present], at @ s.up))
     rear = 0.0
     if shape == "planar":
@@ -290,3 +327,12 @@ def run_out(
     ground = float((views[0][3] - views[0][2]).min())
     heights = [float((z + r).max()) - ground for _, _, r, z in views]
     return RunOut(fronts[0], fronts[1], errors[1], heights[0], heights[1], strays)
+
+
+def _images_of_one(before: Snapshot, deposit: Snapshot, axis: F64 | None) -> tuple[F64, F64]:
+    """Places of the balls of a column and of its deposit, m: images nearest to the axis, or with middles near each other."""
+    first, last = (opened(s.position[s.present], s.period) for s in (before, deposit))
+    if axis is not None:
+        return around(first, axis, _level(before)), around(last, axis, _level(deposit))
+    apart = last.mean(axis=0) - first.mean(axis=0)
+    return first, last + (separation(apart, deposit.period) - apart)

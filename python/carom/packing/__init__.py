@@ -10,6 +10,7 @@ The same arguments give the same bits on every machine and for any number of thr
 
 from __future__ import annotations
 
+from carom.packing.given import is_number, is_whole
 from carom.packing.grow import Packed, PackingError, grow
 from carom.packing.numbers import F64, Stream
 from carom.packing.region import Ball, Box, Cylinder, Region
@@ -41,10 +42,10 @@ def draw(
     """Radii (N,), m: `count` of them, or as many as fill `fraction` of the region."""
     if (count is None) == (fraction is None):
         raise PackingError("count and fraction say the same thing in two ways", "give exactly one of them")
-    if count is not None and not 1 <= count <= MOST_BALLS:
-        raise PackingError(f"count = {count}", f"give a number of balls from 1 to {MOST_BALLS}")
-    if fraction is not None and not fraction > 0:
-        raise PackingError(f"fraction = {fraction:g}", "give a part of the region above 0")
+    if count is not None and not (is_whole(count) and 1 <= count <= MOST_BALLS):
+        raise PackingError(f"count = {count!r}", f"give a whole number of balls from 1 to {MOST_BALLS}")
+    if fraction is not None and not (is_number(fraction) and fraction > 0):
+        raise PackingError(f"fraction = {fraction!r}", "give a part of the region above 0")
     try:
         if count is not None:
             found = 0.5 * sizes.draw(count, stream)
@@ -77,8 +78,9 @@ def pack(
     `gap` m at least is kept free between any two balls, half of it at walls. Raises `PackingError` where the balls have no
     room or jam.
     """
-    if not gap >= 0:
-        raise PackingError(f"gap = {gap:g} m", "balls do not overlap: give 0 or more")
+    if not (is_number(gap) and gap >= 0):
+        found = f"{gap:g} m" if is_number(gap) else repr(gap)
+        raise PackingError(f"gap = {found}", "balls do not overlap: give a length of 0 m or more")
     stream = Stream(seed)
     radius = draw(region, sizes, stream, count, fraction)
     return grow(region, radius, stream, gap)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.packing.given import is_number, three
 from carom.scenario.quantities import Vec3
 from carom.scenario.vectors import cross, scaled
 
@@ -51,8 +52,9 @@ class Region(Protocol):
 
 def _positive(region: str, **lengths: float) -> None:
     for name, value in lengths.items():
-        if not 0.0 < value < inf:
-            raise CaromError(f"{region}: {name} = {value:g} m; give a length above 0")
+        if not (is_number(value) and 0.0 < value < inf):
+            found = f"{value:g} m" if is_number(value) else repr(value)
+            raise CaromError(f"{region}: {name} = {found}; give a length above 0, in m")
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,15 @@ class Box:
     periodic: tuple[bool, bool, bool] = (False, False, False)
 
     def __post_init__(self) -> None:
-        if len(self.low) != 3 or len(self.high) != 3 or len(self.periodic) != 3:
-            raise CaromError("Box: low, high and periodic have three entries each, of x, y and z")
+        three("Box", low=self.low, high=self.high)
+        periodic: Any = self.periodic
+        words = isinstance(
+            periodic, str
+        )  # of a scenario: `periodic = "xy"`; an array could not be told axes by it
+        if words or len(periodic) != 3 or not all(isinstance(x, bool | np.bool_) for x in periodic):
+            meant = tuple(axis in periodic for axis in "xyz") if words else (True, True, False)
+            cure = f"give True or False for each of x, y and z, for example {meant}"
+            raise CaromError(f"Box: periodic = {periodic!r}; {cure}")
         for axis, low, high in zip("xyz", self.low, self.high, strict=True):
             if not -inf < low < high < inf:
                 raise CaromError(f"Box: along {axis} low = {low:g} m is not below high = {high:g} m")
@@ -112,8 +121,9 @@ class Cylinder:
 
     def __post_init__(self) -> None:
         _positive("Cylinder", radius=self.radius, length=self.length)
-        if len(self.point) != 3 or len(self.axis) != 3 or not any(self.axis):
-            raise CaromError("Cylinder: point and axis have three entries each, and the axis a direction")
+        three("Cylinder", point=self.point, axis=self.axis)
+        if not any(self.axis):
+            raise CaromError("Cylinder: an axis of zeros has no direction; give the axis a direction")
 
     @property
     def volume(self) -> float:
@@ -160,8 +170,7 @@ class Ball:
 
     def __post_init__(self) -> None:
         _positive("Ball", radius=self.radius)
-        if len(self.point) != 3:
-            raise CaromError("Ball: point has three entries, x, y and z")
+        three("Ball", point=self.point)
 
     @property
     def volume(self) -> float:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields
+from math import inf
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.packing.given import is_number
 from carom.packing.numbers import Stream, exp, log, total
 
 F64 = NDArray[np.float64]
@@ -29,11 +31,28 @@ class Sizes(Protocol):
         """Independent diameters, (count,), m."""
 
 
+def _check(law: Any) -> None:
+    """Refuses what is no length, a `deviation` below 0, and a lognormal law whose mean has no logarithm."""
+    kind = type(law).__name__
+    for name, value in ((field.name, getattr(law, field.name)) for field in fields(law)):
+        least = 0.0 if name == "deviation" else -inf
+        if not (is_number(value) and value >= least):
+            cure = (
+                "give 0 m, of which all are equal, or more" if name == "deviation" else "give a length in m"
+            )
+            raise CaromError(f"{kind}: {name} = {value!r}; {cure}")
+    if isinstance(law, Lognormal) and not 0.0 < law.mean < inf:
+        raise CaromError(f"Lognormal: mean = {law.mean:g} m; give a length above 0")
+
+
 @dataclass(frozen=True)
 class Equal:
     """Balls of one diameter, m."""
 
     diameter: float
+
+    def __post_init__(self) -> None:
+        _check(self)
 
     def draw(self, count: int, stream: Stream) -> F64:
         return np.full(count, self.diameter)
@@ -46,18 +65,26 @@ class Uniform:
     least: float
     most: float
 
+    def __post_init__(self) -> None:
+        _check(self)
+
     def draw(self, count: int, stream: Stream) -> F64:
         return self.least + (self.most - self.least) * stream.uniform(count)
 
 
 @dataclass(frozen=True)
 class Normal:
-    """A normal law of `mean` and `deviation` (both m) of which only what lies from `least` to `most` is kept."""
+    """A normal law of `mean` and `deviation` (both m) of which only what lies from `least` to `most` is kept. A
+    deviation of 0 gives balls that are all equal.
+    """
 
     mean: float
     deviation: float
     least: float
     most: float
+
+    def __post_init__(self) -> None:
+        _check(self)
 
     def draw(self, count: int, stream: Stream) -> F64:
         return _within(self.least, self.most, count, lambda k: self.mean + self.deviation * stream.normal(k))
@@ -66,13 +93,16 @@ class Normal:
 @dataclass(frozen=True)
 class Lognormal:
     """A diameter whose logarithm is normal; `mean` and `deviation` (m) are its own, before what lies outside `least` to
-    `most` is left out.
+    `most` is left out. A deviation of 0 gives balls that are all equal.
     """
 
     mean: float
     deviation: float
     least: float
     most: float
+
+    def __post_init__(self) -> None:
+        _check(self)
 
     def draw(self, count: int, stream: Stream) -> F64:
         ratio = self.deviation / self.mean
@@ -92,8 +122,12 @@ class Table:
     def __post_init__(self) -> None:
         if len(self.diameters) != len(self.shares) or not self.diameters:
             raise CaromError("Table: give as many shares as diameters, one at least")
-        if not (min(self.diameters) > 0 and min(self.shares) > 0):
-            raise CaromError("Table: diameters and shares must be above 0; leave out empty classes")
+        if not all(is_number(x) and 0 < x < inf for x in (*self.diameters, *self.shares)):
+            raise CaromError("Table: diameters and shares must be numbers above 0; leave out empty classes")
+        by_mass: Any = self.by_mass  # any text is true: "number" had meant shares of the mass
+        if not isinstance(by_mass, bool | np.bool_):
+            cure = "give True for shares of the mass, False for shares of the number"
+            raise CaromError(f"Table: by_mass = {by_mass!r}; {cure}")
 
     def draw(self, count: int, stream: Stream) -> F64:
         diameters, weights = np.array(self.diameters), np.array(self.shares)

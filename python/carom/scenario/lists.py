@@ -43,6 +43,8 @@ class Vector(Checked):
     dimension: str = "number"
     size: int = 3
     most: float | None = None
+    form: str = ""
+    """How one is written, where its entries are no coordinates: `[diameter, share]`."""
 
     def check(self, value: Any) -> tuple[float, ...]:
         value = as_list(value)
@@ -56,8 +58,12 @@ class Vector(Checked):
 
     def _example(self) -> str:
         si = units.DIMENSIONS[self.dimension][1]
+        return self.written() + (f" in {si}, or strings with units" if si else "")
+
+    def written(self) -> str:
+        """`[x, y, z]`, for messages."""
         letters = ["w", "x", "y", "z"] if self.size == 4 else ["x", "y", "z"][: self.size]
-        return f"[{', '.join(letters)}]" + (f" in {si}, or strings with units" if si else "")
+        return self.form or f"[{', '.join(letters)}]"
 
     def json_schema(self) -> dict[str, Any]:
         items = self._item().json_schema()
@@ -101,7 +107,7 @@ class Vectors(Checked):
         if not isinstance(value, list | tuple) or not self.least <= len(value) <= self.most:
             found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
             counts = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
-            raise refuse(f"expected {counts} vectors, found {found}", "write [[x, y, z], ...]")
+            raise refuse(f"expected {counts} vectors, found {found}", f"write [{self.kind.written()}, ...]")
         return tuple(each(value, self.kind.check))
 
     def json_schema(self) -> dict[str, Any]:

@@ -60,6 +60,8 @@ SIZES: dict[str, tuple[str, ...]] = {
     "table": ("classes",),
 }
 """Keys that each law of sizes needs; it takes no others of them."""
+CLASS = Vector(size=2, form="[diameter, share]")
+"""One class of a table of sizes."""
 AXES = ("", "x", "y", "z", "xy", "xz", "yz", "xyz")
 
 
@@ -115,7 +117,7 @@ class Packing(Table):
         examples=["15 mm"],
         json_schema_extra=unit("m"),
     )
-    classes: Annotated[tuple[tuple[float, float], ...], Vectors(Vector(size=2), 1, 1000)] | None = Field(
+    classes: Annotated[tuple[tuple[float, float], ...], Vectors(CLASS, 1, 1000)] | None = Field(
         None,
         description="table: [diameter in m, share] of each class",
         examples=[[[0.005, 0.7], [0.01, 0.3]]],
@@ -173,8 +175,12 @@ class Packing(Table):
             raise refuse("low is not below high along each axis", "exchange what is the wrong way round")
         if self.smallest and self.largest and self.smallest > self.largest:
             raise refuse("smallest is above largest", "exchange them")
-        if self.classes and not all(d > 0 and share > 0 for d, share in self.classes):
-            raise refuse("diameters and shares of the table must be positive", "leave out empty classes")
+        for place, entry in enumerate(self.classes or ()):
+            if min(entry) <= 0:
+                part = "classes", place
+                raise refuse(
+                    "diameters and shares of the table must be positive", "leave out empty classes", part
+                )
         return self
 
     def space(self) -> Region:
