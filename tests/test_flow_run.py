@@ -99,6 +99,27 @@ class TestFlow:
         slid.plot.save(tmp_path / "plots", what)
         assert list((tmp_path / "plots").iterdir())
 
+    @pytest.mark.parametrize("inside", [True, False])
+    def test_an_outlet_across_a_periodic_border_takes_every_image(self, inside: bool) -> None:
+        scene = Scene("border", gravity=(0, 0, 0), periodic=(0.3, 0, 0), run={"until": 0.01})
+        for k, x in enumerate((0.32, 0.02, 0.27, 0.2, 0.05001)):
+            scene.sphere(f"b{k}", radius=0.01, mass=1, at=(x, 0.1 * k, 0), material="sand")
+        scene.contact("sand", "sand", friction=0, restitution=0)
+        scene.outlet(low=(0.25, -1, -1), high=(0.35, 1, 1), inside=inside)
+        there = np.asarray(carom.simulate(scene).present)[-1]
+        assert (there == (np.array([1, 1, 1, 0, 0]) != inside)).all()
+
+    def test_an_outlet_leaves_what_joints_and_loads_hold(self) -> None:
+        scene = Scene("held", gravity=(0, 0, 0), run={"until": 0.01})
+        for k, name in enumerate(("free", "loaded", "joined", "other")):
+            scene.sphere(name, radius=0.01, mass=1, at=(0, 0.1 * k, 0), material="sand")
+        scene.contact("sand", "sand", friction=0, restitution=0)
+        scene.load("loaded", force=(0, 0, 1))
+        scene.joint("rod", between=("joined", "other"))
+        scene.outlet(low=(-1, -1, -1), high=(1, 1, 1))
+        there = np.asarray(carom.simulate(scene).present)[-1]
+        assert there.tolist() == [False, True, True, True]
+
     def test_no_events_without_flow(self) -> None:
         scene = Scene("one", gravity=(0, 0, 0), run={"until": 0.01})
         scene.sphere("a", radius=R, mass=1, at=(0, 0, 0), material="sand")
