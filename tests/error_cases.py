@@ -212,6 +212,25 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... is not the same from period to period along ...": [
         ("plane", "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.0, 0.0, 5.0]")
     ],
+    "... turns about an axis that is not along ..., which is periodic": [
+        (
+            "motion.rotation",
+            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 0.0, 0.0]\n"
+            + WALL.format("plane")
+            + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = { rotation = { axis = [0,0,1], rate = 1 } }",
+        ),
+        (
+            "motion.surface_rotation",
+            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 0.0, 0.0]\n"
+            + WALL.format("plane")
+            + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = { surface_rotation = { axis = [0,0,1], rate = 1 } }",
+        ),
+    ],
+    "is ... m, and walls have lengths from ... to ... m": [
+        ("radius", WALL.format("cylinder") + "point = [0,0,0]\naxis = [0,0,1]\nradius = 1e200\n"),
+        ("size", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nsize = [1e-80, 1]\n"),
+        ("radius", WALL.format("ball_wall") + "point = [0,0,0]\nradius = 1e-80\ninside = false\n"),
+    ],
     "a step of ... s moves ... by ... radii: impacts on planes may be missed": [
         ("run.step", "step = 1e-3 -> step = 0.1")
     ],

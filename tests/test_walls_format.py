@@ -486,7 +486,12 @@ class TestPeriodic:
             if fine:
                 assert scene.validate() == []
             else:
-                assert '"it" is not the same from period to period along x' in wrong(scene)
+                kind = (
+                    "turns about an axis that is not"
+                    if "motion" in given
+                    else "is not the same from period to period"
+                )
+                assert f'"it" {kind} along x' in wrong(scene)
         scene = world(0.5, 0.5, 0)
         scene.cylinder("it", point=(0, 0, 0), axis=(1, 0, 0), radius=1, material="steel")
         assert "along y" in wrong(scene)
