@@ -64,6 +64,22 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + "region = { low = [3,3,3], high = [4,4,4] }\n[[outlet]]\nlow = [2,2,2]\nhigh = [5,5,5]\n",
         )
     ],
+    "balls that enter in a part of the region leave at once: an outlet removes them there": [
+        (
+            "region",
+            INFLOW
+            + "region = { low = [3,3,3], high = [4,4,4] }\n[[outlet]]\nlow = [3.9,2,2]\nhigh = [5,5,5]\n",
+        )
+    ],
+    "no ball enters: the run ends at ... s, before ... s": [
+        ("start", INFLOW + "region = { low = [3,3,3], high = [4,4,4] }\nstart = 10.0\n")
+    ],
+    "all balls that are there at the start leave at once: they start where it removes them": [
+        ("outlet", "[[outlet]]\nlow = [-9,-9,-9]\nhigh = [9,9,9]\n")
+    ],
+    "... leaves at once: it starts where balls are removed...": [
+        ("outlet", "[[outlet]]\nlow = [0.4,-9,-9]\nhigh = [9,9,9]\n")
+    ],
     "is not above low along ...": [("outlet", "[[outlet]]\nlow = [2,2,2]\nhigh = [1,5,5]\n")],
     "... has ... times the mass of ..., more than ...: contacts of both are solved slowly, and energy may rise": [
         (
