@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import quoted
+from carom.errors import counted, quoted
 from carom.scenario.bodies import F64
 from carom.scenario.distances import gaps
 from carom.scenario.flow import Inflow, Outlet, Region
@@ -138,8 +138,7 @@ def advise_flow(parts: Parts) -> Iterator[Finding]:
             cause = "all balls that are there at the start leave at once: they start where it removes them"
             yield Finding(("outlet", i), cause, cure)
         elif len(gone):
-            name, others = quoted(bodies.names[gone[0]]), f", and so do {len(gone) - 1} more"
-            cause = (
-                f"{name} leaves at once: it starts where balls are removed{others if len(gone) > 1 else ''}"
-            )
+            name = quoted(bodies.names[gone[0]])
+            others = f", like {counted(len(gone) - 1, 'other')}" if len(gone) > 1 else ""
+            cause = f"{name} leaves at once: it starts where balls are removed{others}"
             yield Finding(("outlet", i), cause, cure)
