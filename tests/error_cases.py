@@ -274,6 +274,32 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "must be ... at ... = 0, found ...": [
         ("friction", 'friction = 0.2 -> friction = { expression = "v - 1" }')
     ],
+    "... m/s of it are along the normal of ...: a surface slips only within itself": [
+        (
+            "motion.surface_velocity",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            "motion = { surface_velocity = [1,0,1] }\n",
+        )
+    ],
+    "... reaches ... m/s, more than the ... m/s of any run": [
+        (
+            "motion",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            'motion = { translation = [0,0,{ expression = "1e300*t" }] }\n',
+        )
+    ],
+    "the law jumps by ... ... at t = ... s": [
+        (
+            "motion.translation",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            'motion = { translation = [0,0,{ expression = "0.001*floor(t/0.3)" }] }\n',
+        ),
+        (
+            "motion.rotation",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            'motion = { rotation = { axis = [0,0,1], angle = { expression = "0.01*(1+sign(t-0.5))" } } }\n',
+        ),
+    ],
     "a step of ... s moves ... by ... radii of the smallest ball": [
         (
             "motion",

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from carom import simulate
 from carom.errors import ScenarioError
+from carom.run import CaromWarning
+from carom.scenario.laws import LawValue
 from carom.scenario.overlap import overlaps
+from carom.scenario.wall_advice import first_jump
 from carom.scene import Scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -206,3 +210,49 @@ class TestFlow:
         assert any("all balls that are there" in p.cause for p in scene.validate()) == leaves
         scene.load("a", force=(0, 0, 1))
         assert not any("leave" in p.cause for p in scene.validate()), "a load of its own holds it there"
+
+
+class TestJumps:
+    """Laws of walls that change at once, however short the step."""
+
+    @pytest.mark.parametrize("step", [1e-3, 1e-4])
+    @pytest.mark.parametrize(
+        ("law", "found"),
+        [
+            ({"expression": "0.004*floor(t/0.0199999)"}, (0.02, 0.004)),
+            ({"expression": "0.002*(1+sign(t-0.02053))"}, (0.02053, 0.004)),
+            ({"expression": "0.01*sin(t) - 1e-4*floor(t/0.3)"}, (0.3, -1e-4)),
+            ({"table": [[0, 0], [0.02, 0], [0.02 + 1e-9, 0.01]]}, (0.02, 0.01)),
+            ({"table": [[0, 0], [0.02, 0], [0.03, 0.01]]}, None),
+            ({"expression": "0.002*sin(100*t)"}, None),
+            ({"expression": "abs(sin(300*t))"}, None),
+            ({"expression": "sqrt(t)"}, None),
+            ({"expression": "1e300*t"}, None),
+            ({"polynomial": [0, 1e5]}, None),
+            (0.0, None),
+        ],
+    )
+    def test_they_are_told_from_what_is_fast(
+        self, law: LawValue, found: tuple[float, float], step: float
+    ) -> None:
+        told = first_jump(law, 1.0, step, 1e-5)
+        if found is None or told is None:
+            assert told is found
+        else:
+            assert told == pytest.approx(found, rel=1e-3, abs=2e-3 * step)
+
+    def test_the_energy_that_they_bring_is_put_down_to_them(self) -> None:
+        scene = Scene("jump", gravity=(0, 0, -9.8), run={"until": 0.05, "step": 1e-3})
+        law = {"expression": "0.004*floor(t/0.0199999)"}
+        scene.plane(
+            "floor", point=(0, 0, 0), normal=(0, 0, 1), material="m", motion={"translation": [0, 0, law]}
+        )
+        scene.sphere("a", radius=0.01, mass=0.1, at=(0, 0, 0.01), material="m")
+        scene.contact("m", "m", friction=0, restitution=0)
+        (advice,) = scene.validate()
+        assert "the law jumps by 0.004 m at t = 0.02 s" in advice.cause
+        with pytest.warns(CaromWarning) as caught:
+            simulate(scene)
+        told = str(caught.list[-1].message)
+        assert 'in a step: plane "floor" motion.translation: the law jumps by 0.004 m at t = 0.02 s' in told
+        assert "shorten step" not in told

@@ -20,7 +20,8 @@ from carom.scenario.model import World
 from carom.scenario.placing import FLAT, Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot
-from carom.scenario.wall_checks import COARSE, advise_walls
+from carom.scenario.wall_advice import advise_walls
+from carom.scenario.wall_checks import COARSE
 from carom.scenario.walls import PLANE
 
 WARN_TRAVEL = 0.05

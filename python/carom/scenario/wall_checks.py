@@ -1,4 +1,4 @@
-"""Rules about walls and periodic worlds, and advice on how walls move."""
+"""Rules about walls and periodic worlds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from carom import _core
 from carom.errors import quoted
 from carom.scenario.distances import gaps
-from carom.scenario.laws import fault_at, value_at
 from carom.scenario.model import World
 from carom.scenario.placing import Placed
 from carom.scenario.problems import Finding
@@ -34,14 +33,10 @@ PERIOD = 4.1
 """A period is at least so many of the largest radii: with less, two balls could touch twice. The core asks for 4.08:
 four and the margin of its lists of pairs (`crates/carom-core/src/periodic.rs`).
 """
-SAMPLES = 200
-"""Times of a run at which the motion of walls is looked at."""
 SIZES = (1e-75, 1e75)
 """Lengths of walls between these, m, have squares that are numbers, as in the core (`wall/check.rs`)."""
 ALONG = 1e-9
 """Sine of an angle below which a direction is along an axis that repeats, as in the core (`periodic.rs`)."""
-WALL_TRAVEL = 0.5
-"""Travel of a wall per step, in the smallest radii, above which a ball may be deep in it before it is noticed."""
 
 
 def touching(pile_tolerance: float) -> float:
@@ -199,60 +194,3 @@ def _invariant(wall: Placed, k: int) -> bool:
 def _parallel(a: object, b: object) -> bool:
     u, v = scaled(a), scaled(b)  # type: ignore[arg-type]
     return norm(cross(u, v)) < ALONG
-
-
-def _advise_narrow_cones(parts: Parts) -> Iterator[Finding]:
-    """Cones from inside whose narrow end holds a ball: it would touch a whole ring, and a wall is touched at one point."""
-    bodies = parts.bodies()
-    if not bodies.names:
-        return
-    largest = float(bodies.radius.max())
-    for wall in parts.walls():
-        if wall.shape[0] != "cone" or not wall.shape[5]:
-            continue
-        ends = {"radius": float(wall.shape[2]), "radius_end": float(wall.shape[3])}
-        key = min(ends, key=ends.__getitem__)
-        if ends[key] < largest:
-            cause = f"balls of radius {largest:g} m do not pass the narrow end of {called(wall)}"
-            yield Finding(
-                (wall.section, wall.index, key),
-                cause + ": one that sits on the whole ring stops the run",
-                f"give {largest:g} m or more, and close the end with a disc if balls should stay",
-            )
-
-
-def advise_walls(parts: Parts) -> Iterator[Finding]:
-    """Laws of motion that break off within the run, and walls that are fast for the step."""
-    yield from _advise_narrow_cones(parts)
-    run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or not bodies.names:
-        return
-    times = np.linspace(0.0, run.until, SAMPLES + 1).tolist()
-    smallest = float(bodies.radius.min())
-    told: set[tuple[str, int]] = set()
-    for wall in parts.walls():
-        motion, path = wall.motion, (wall.section, wall.index, "motion")
-        if motion is None or path[:2] in told:  # the sides of a box share one motion
-            continue
-        told.add(path[:2])
-        laws = [(law, "translation") for law in motion.translation or ()]
-        laws += [(motion.rotation.law(), "rotation")] if motion.rotation is not None else []
-        broken = False
-        for law, key in laws:
-            for t in times:
-                if not math.isfinite(value_at(law, t)):
-                    cause = f"{key} has no finite value at t = {t:.4g} s{fault_at(law, t)}"
-                    yield Finding(path, cause, "the run would stop there: change the law or until")
-                    broken = True
-                    break
-        if motion.translation is None or broken:
-            continue
-        here = np.array([[value_at(law, t) for law in motion.translation] for t in times])
-        there = np.array([[value_at(law, t + run.step) for law in motion.translation] for t in times])
-        travel = float(np.nan_to_num(np.linalg.norm(there - here, axis=1)).max()) / smallest
-        if travel > WALL_TRAVEL:
-            cause = (
-                f"a step of {run.step:g} s moves {called(wall)} by {travel:.2g} radii of the smallest ball"
-            )
-            step = run.step * WALL_TRAVEL / travel
-            yield Finding(path, cause, f"balls may be passed unnoticed: step = {step:.1g} is safe")
