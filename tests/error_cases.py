@@ -64,6 +64,22 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + "region = { low = [3,3,3], high = [4,4,4] }\n[[outlet]]\nlow = [2,2,2]\nhigh = [5,5,5]\n",
         )
     ],
+    "balls that enter in a part of the region leave at once: an outlet removes them there": [
+        (
+            "region",
+            INFLOW
+            + "region = { low = [3,3,3], high = [4,4,4] }\n[[outlet]]\nlow = [3.9,2,2]\nhigh = [5,5,5]\n",
+        )
+    ],
+    "no ball enters: the run ends at ... s, before ... s": [
+        ("start", INFLOW + "region = { low = [3,3,3], high = [4,4,4] }\nstart = 10.0\n")
+    ],
+    "all balls that are there at the start leave at once: they start where it removes them": [
+        ("outlet", "[[outlet]]\nlow = [-9,-9,-9]\nhigh = [9,9,9]\n")
+    ],
+    "... leaves at once: it starts where balls are removed...": [
+        ("outlet", "[[outlet]]\nlow = [0.4,-9,-9]\nhigh = [9,9,9]\n")
+    ],
     "is not above low along ...": [("outlet", "[[outlet]]\nlow = [2,2,2]\nhigh = [1,5,5]\n")],
     "... has ... times the mass of ..., more than ...: contacts of both are solved slowly, and energy may rise": [
         (
@@ -184,6 +200,13 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + 'diameter = 0.01\nregion = "sphere"\nperiodic = "x"\npoint = [3,3,3]\nregion_radius = 1.0\n',
         )
     ],
+    "... cannot be had of whole balls: the fraction of ... is ...": [
+        (
+            "fraction",
+            PACKING.replace("count = 2", "fraction = 1e-9")
+            + "diameter = 0.01\nlow = [3,3,3]\nhigh = [4,4,4]\n",
+        )
+    ],
     "low is not below high along each axis": [
         ("packing", PACKING + "diameter = 0.01\nlow = [3,3,3]\nhigh = [4,4,2]\n")
     ],
@@ -212,6 +235,25 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... is not the same from period to period along ...": [
         ("plane", "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.0, 0.0, 5.0]")
     ],
+    "... turns about an axis that is not along ..., which is periodic": [
+        (
+            "motion.rotation",
+            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 0.0, 0.0]\n"
+            + WALL.format("plane")
+            + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = { rotation = { axis = [0,0,1], rate = 1 } }",
+        ),
+        (
+            "motion.surface_rotation",
+            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 0.0, 0.0]\n"
+            + WALL.format("plane")
+            + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = { surface_rotation = { axis = [0,0,1], rate = 1 } }",
+        ),
+    ],
+    "is ... m, and walls have lengths from ... to ... m": [
+        ("radius", WALL.format("cylinder") + "point = [0,0,0]\naxis = [0,0,1]\nradius = 1e200\n"),
+        ("size", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nsize = [1e-80, 1]\n"),
+        ("radius", WALL.format("ball_wall") + "point = [0,0,0]\nradius = 1e-80\ninside = false\n"),
+    ],
     "a step of ... s moves ... by ... radii: impacts on planes may be missed": [
         ("run.step", "step = 1e-3 -> step = 0.1")
     ],
@@ -238,6 +280,32 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "must be ... at ... = 0, found ...": [
         ("friction", 'friction = 0.2 -> friction = { expression = "v - 1" }')
+    ],
+    "... m/s of it are along the normal of ...: a surface slips only within itself": [
+        (
+            "motion.surface_velocity",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            "motion = { surface_velocity = [1,0,1] }\n",
+        )
+    ],
+    "... reaches ... m/s, more than the ... m/s of any run": [
+        (
+            "motion",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            'motion = { translation = [0,0,{ expression = "1e300*t" }] }\n',
+        )
+    ],
+    "the law jumps by ... ... at t = ... s": [
+        (
+            "motion.translation",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            'motion = { translation = [0,0,{ expression = "0.001*floor(t/0.3)" }] }\n',
+        ),
+        (
+            "motion.rotation",
+            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+            'motion = { rotation = { axis = [0,0,1], angle = { expression = "0.01*(1+sign(t-0.5))" } } }\n',
+        ),
     ],
     "a step of ... s moves ... by ... radii of the smallest ball": [
         (

@@ -10,7 +10,10 @@ import carom
 import h5py
 import numpy as np
 import pytest
+from carom.cli.summary import text
+from carom.run import CaromWarning
 from carom.scene import Scene
+from carom.shut_out import shut_out
 
 R = 0.009
 RATE = 60.0
@@ -98,6 +101,48 @@ class TestFlow:
         assert info.frames == len(slid.time)
         slid.plot.save(tmp_path / "plots", what)
         assert list((tmp_path / "plots").iterdir())
+
+    @pytest.mark.filterwarnings("ignore:.*leaves at once")
+    @pytest.mark.parametrize("inside", [True, False])
+    def test_an_outlet_across_a_periodic_border_takes_every_image(self, inside: bool) -> None:
+        scene = Scene("border", gravity=(0, 0, 0), periodic=(0.3, 0, 0), run={"until": 0.01})
+        for k, x in enumerate((0.32, 0.02, 0.27, 0.2, 0.05001)):
+            scene.sphere(f"b{k}", radius=0.01, mass=1, at=(x, 0.1 * k, 0), material="sand")
+        scene.contact("sand", "sand", friction=0, restitution=0)
+        scene.outlet(low=(0.25, -1, -1), high=(0.35, 1, 1), inside=inside)
+        there = np.asarray(carom.simulate(scene).present)[-1]
+        assert (there == (np.array([1, 1, 1, 0, 0]) != inside)).all()
+
+    @pytest.mark.filterwarnings("ignore:.*leaves at once")
+    def test_an_outlet_leaves_what_joints_and_loads_hold(self) -> None:
+        scene = Scene("held", gravity=(0, 0, 0), run={"until": 0.01})
+        for k, name in enumerate(("free", "loaded", "joined", "other")):
+            scene.sphere(name, radius=0.01, mass=1, at=(0, 0.1 * k, 0), material="sand")
+        scene.contact("sand", "sand", friction=0, restitution=0)
+        scene.load("loaded", force=(0, 0, 1))
+        scene.joint("rod", between=("joined", "other"))
+        scene.outlet(low=(-1, -1, -1), high=(1, 1, 1))
+        there = np.asarray(carom.simulate(scene).present)[-1]
+        assert there.tolist() == [False, True, True, True]
+
+    def test_an_inflow_that_let_nobody_in_is_told(self, tmp_path: Path, slid: carom.Result) -> None:
+        assert shut_out(slid) is None
+        assert "flow        12 of 12 balls entered, " in text({**slid.summary, "directory": "x"}, slid)
+        scene = Scene("full", gravity=(0, 0, 0), run={"until": 0.05})
+        scene.sphere("a", radius=R, mass=1, at=(0, 0, 0.02), material="sand")
+        scene.contact("sand", "sand", friction=0, restitution=0.2)
+        region = {"low": (0, 0, 0.02), "high": (0, 0, 0.02)}
+        for name, start in (("soon", 0.01), ("late", 0.06)):
+            scene.inflow(
+                name, count=5, region=region, radius=R, density=2500, material="sand", start=start, seed=1
+            )
+        told = 'none of 5 balls of inflow "soon" entered: no place in the region had room for one'
+        with pytest.warns(CaromWarning, match=told):
+            result = carom.simulate(scene, out=tmp_path / "run")
+        assert shut_out(result) == told
+        printed = text({**result.summary, "directory": "x"}, result)
+        assert f"troubles    {told}" in printed
+        assert "flow        0 of 10 balls entered, 0 left" in printed
 
     def test_no_events_without_flow(self) -> None:
         scene = Scene("one", gravity=(0, 0, 0), run={"until": 0.01})

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from carom import simulate
 from carom.errors import ScenarioError
+from carom.run import CaromWarning
+from carom.scenario.laws import LawValue
 from carom.scenario.overlap import overlaps
+from carom.scenario.wall_advice import first_jump
 from carom.scene import Scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -147,3 +151,108 @@ def test_pairs_that_cannot_meet_need_no_law() -> None:
         scene.validate()
     assert len(caught.value.problems) == 2  # a-c and a-d, not a-a or c-d
     assert 'add scene.contact("a", "c", friction=..., restitution=...)' in str(caught.value)
+
+
+class TestFlow:
+    """Inflows and outlets that meet, also by their images."""
+
+    @staticmethod
+    def world(low: float, high: float, *, inside: bool = True, at: float = 0.0, period: float = 0.0) -> Scene:
+        scene = Scene("flow", gravity=(0, 0, 0), run={"until": 0.1}, periodic=(period, 0, 0))
+        scene.sphere("a", radius=0.01, mass=1, at=(at, 0.5, 0), material="m")
+        scene.contact("m", "m", friction=0, restitution=0)
+        scene.inflow(
+            "in", count=5, radius=0.005, density=2500, material="m", seed=1,
+            region={"low": (low, -0.1, 0), "high": (high, 0.1, 0)},
+        )  # fmt: skip
+        scene.outlet(low=(0.1, -1, -1), high=(0.2, 1, 1), inside=inside)
+        return scene
+
+    @staticmethod
+    def told(scene: Scene) -> str:
+        try:
+            found = " ".join(p.cause for p in scene.validate())
+        except ScenarioError as error:
+            return "all" if "where they enter" in str(error) else str(error)
+        return "some" if "in a part of the region" in found else "none"
+
+    @pytest.mark.parametrize(
+        ("low", "high", "plain", "periodic"),
+        [
+            (0.11, 0.19, "all", "all"),
+            (0.41, 0.49, "none", "all"),
+            (-0.19, -0.11, "none", "all"),
+            (0.15, 0.25, "some", "some"),
+            (0.05, 0.15, "some", "some"),
+            (0.05, 0.25, "some", "some"),
+            (-0.15, -0.05, "none", "some"),
+            (0.25, 0.35, "none", "none"),
+            (0.2, 0.4, "none", "none"),
+            (0.2, 0.2, "all", "all"),
+            (-0.1, -0.1, "none", "all"),
+            (0.21, 0.21, "none", "none"),
+        ],
+    )
+    def test_where_an_inflow_meets_an_outlet(
+        self, low: float, high: float, plain: str, periodic: str
+    ) -> None:
+        opposite = {"all": "none", "none": "all", "some": "some"}
+        for period, expected in ((0.0, plain), (0.3, periodic)):
+            assert self.told(self.world(low, high, period=period)) == expected
+            assert self.told(self.world(low, high, inside=False, period=period)) == opposite[expected]
+
+    def test_an_outlet_as_long_as_the_period_takes_all(self) -> None:
+        assert self.told(self.world(0.22, 0.28, period=0.1)) == "all"
+
+    @pytest.mark.parametrize(("at", "leaves"), [(0.15, True), (0.45, True), (-0.15, True), (0.25, False)])
+    def test_balls_that_start_in_an_outlet(self, at: float, leaves: bool) -> None:
+        scene = self.world(0.25, 0.25, at=at, period=0.3)
+        assert any("all balls that are there" in p.cause for p in scene.validate()) == leaves
+        scene.load("a", force=(0, 0, 1))
+        assert not any("leave" in p.cause for p in scene.validate()), "a load of its own holds it there"
+
+
+class TestJumps:
+    """Laws of walls that change at once, however short the step."""
+
+    @pytest.mark.parametrize("step", [1e-3, 1e-4])
+    @pytest.mark.parametrize(
+        ("law", "found"),
+        [
+            ({"expression": "0.004*floor(t/0.0199999)"}, (0.02, 0.004)),
+            ({"expression": "0.002*(1+sign(t-0.02053))"}, (0.02053, 0.004)),
+            ({"expression": "0.01*sin(t) - 1e-4*floor(t/0.3)"}, (0.3, -1e-4)),
+            ({"table": [[0, 0], [0.02, 0], [0.02 + 1e-9, 0.01]]}, (0.02, 0.01)),
+            ({"table": [[0, 0], [0.02, 0], [0.03, 0.01]]}, None),
+            ({"expression": "0.002*sin(100*t)"}, None),
+            ({"expression": "abs(sin(300*t))"}, None),
+            ({"expression": "sqrt(t)"}, None),
+            ({"expression": "1e300*t"}, None),
+            ({"polynomial": [0, 1e5]}, None),
+            (0.0, None),
+        ],
+    )
+    def test_they_are_told_from_what_is_fast(
+        self, law: LawValue, found: tuple[float, float], step: float
+    ) -> None:
+        told = first_jump(law, 1.0, step, 1e-5)
+        if found is None or told is None:
+            assert told is found
+        else:
+            assert told == pytest.approx(found, rel=1e-3, abs=2e-3 * step)
+
+    def test_the_energy_that_they_bring_is_put_down_to_them(self) -> None:
+        scene = Scene("jump", gravity=(0, 0, -9.8), run={"until": 0.05, "step": 1e-3})
+        law = {"expression": "0.004*floor(t/0.0199999)"}
+        scene.plane(
+            "floor", point=(0, 0, 0), normal=(0, 0, 1), material="m", motion={"translation": [0, 0, law]}
+        )
+        scene.sphere("a", radius=0.01, mass=0.1, at=(0, 0, 0.01), material="m")
+        scene.contact("m", "m", friction=0, restitution=0)
+        (advice,) = scene.validate()
+        assert "the law jumps by 0.004 m at t = 0.02 s" in advice.cause
+        with pytest.warns(CaromWarning) as caught:
+            simulate(scene)
+        told = str(caught.list[-1].message)
+        assert 'in a step: plane "floor" motion.translation: the law jumps by 0.004 m at t = 0.02 s' in told
+        assert "shorten step" not in told

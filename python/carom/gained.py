@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 MOST_RISE = 1e-3
 """Rise of a step, over the largest kinetic energy, that is no rounding and no error of a usable step any more."""
 
+JUMPS = "the law jumps by"
+"""How the advice on such a wall begins."""
+
 
 def gained(result: Result) -> str | None:
     """That a step of the run gained energy beyond the work done on it, with a cure; None if none did."""
@@ -25,4 +28,18 @@ def gained(result: Result) -> str | None:
             told
             + ', of an impact law that can gain (Kane): impact = "sequence" with energy_safeguard = true cannot'
         )
+    if jump := _jump(result.scenario):
+        return f"{told}: {jump}; a shorter step does not cure that"
     return told + ": shorten step" + (" or lower tolerance" if run.get("method") != "penalty" else "")
+
+
+def _jump(scenario: str) -> str | None:
+    """What the check says of walls that jump, which shifts balls and does no work on them."""
+    from carom.scenario.walls import WALLS
+    from carom.scene import Scene
+
+    tables = tomllib.loads(scenario)
+    if not any("motion" in wall for section in WALLS for wall in tables.get(section, [])):
+        return None
+    advice = Scene.from_toml(scenario).validate()
+    return next((f"{p.key}: {p.cause}" for p in advice if JUMPS in p.cause), None)

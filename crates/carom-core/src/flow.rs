@@ -49,7 +49,8 @@ pub struct Inflow {
     pub seed: u64,
 }
 
-/// A box; balls whose centre is inside (or outside) leave. Balls that joints or loads of their own hold stay.
+/// A box; balls whose centre is inside (or outside) leave: in a periodic world those of which an image is (or none is). Balls
+/// that joints or loads of their own hold stay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outlet {
     pub low: DVec3,
@@ -62,6 +63,8 @@ pub struct Outlet {
 pub struct Flow {
     pub inflows: Vec<Inflow>,
     pub outlets: Vec<Outlet>,
+    /// Which balls joints or loads of their own hold; empty without outlets.
+    held: Vec<bool>,
 }
 
 /// A ball that entered or left.
@@ -135,12 +138,7 @@ impl Flow {
                 }
             }
         }
-        let joined = input.joints.iter().flat_map(|j| [j.a, j.b]);
-        let loaded = input.loads.iter().flat_map(|l| l.bodies()).flatten();
-        if let Some(body) = joined
-            .chain(loaded)
-            .find(|&b| taken.get(b as usize) == Some(&true))
-        {
+        if let Some(body) = held(input).find(|&b| taken.get(b as usize) == Some(&true)) {
             let text = format!(
                 "has a joint or a load of its own (sphere {body}): what enters must be free"
             );
@@ -153,9 +151,16 @@ impl Flow {
                 return Err(entry("outlet", index, "box", text));
             }
         }
+        let mut stay = vec![false; if input.outlet.is_empty() { 0 } else { n }];
+        for body in held(input) {
+            if let Some(stays) = stay.get_mut(body as usize) {
+                *stays = true;
+            }
+        }
         Ok(Flow {
             inflows: input.inflow.clone(),
             outlets: input.outlet.clone(),
+            held: stay,
         })
     }
 
@@ -167,6 +172,12 @@ impl Flow {
         }
         present
     }
+}
+
+/// Balls with a joint or a load of their own; what is no ball may be among them.
+fn held(input: &ModelInput) -> impl Iterator<Item = u32> + '_ {
+    let joined = input.joints.iter().flat_map(|j| [j.a, j.b]);
+    joined.chain(input.loads.iter().flat_map(|l| l.bodies()).flatten())
 }
 
 /// Lets balls leave and enter after a step, with walls where they are at its end (`time`, s).
@@ -218,19 +229,12 @@ fn remove(
         return;
     }
     for i in 0..model.spheres() {
-        let x = model.periodic.wrap(state.position[i]);
-        let leaves = |o: &Outlet| (x.cmpge(o.low).all() && x.cmple(o.high).all()) == o.inside;
-        if !state.present[i] || !model.flow.outlets.iter().any(leaves) {
+        if !state.present[i] || model.flow.held[i] {
             continue;
         }
-        let held = |l: &crate::model::Link| l.a as usize == i || l.b as usize == i;
-        let loaded = || {
-            model
-                .loads
-                .iter()
-                .any(|l| l.bodies().contains(&Some(i as u32)))
-        };
-        if model.links.iter().any(held) || loaded() {
+        let x = state.position[i];
+        let leaves = |o: &Outlet| model.periodic.in_box(x, o.low, o.high) == o.inside;
+        if !model.flow.outlets.iter().any(leaves) {
             continue;
         }
         add(&mut exchange.energy_out, energy(model, state, i));

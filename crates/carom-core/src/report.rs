@@ -432,7 +432,9 @@ impl Outcome {
             Outcome::FrictionFailed { .. } => {
                 "a friction law must give a finite number not below 0 at every slip speed that occurs: max(0, ...) helps"
             }
-            Outcome::LoadFailed { .. } => "mend the function, or the law, of the load",
+            Outcome::LoadFailed { .. } => {
+                "mend the law or the function of what is named: a load, a joint or the motion of a wall"
+            }
             Outcome::MissingLaw { .. } => "add a [[contact]] entry for this pair of materials",
         }
     }

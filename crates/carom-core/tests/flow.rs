@@ -258,6 +258,47 @@ fn the_ball_above_one_that_is_taken_falls() {
     }
 }
 
+/// Which balls at `x` are left in a world of period 0.3 m along x with an outlet between two places along it.
+fn left(x: &[f64], origin: f64, [low, high]: [f64; 2], inside: bool) -> Vec<f64> {
+    let at: Vec<_> = (x.iter().enumerate())
+        .map(|(k, &x)| [x, 10.0 * R * k as f64, 0.0])
+        .collect();
+    let mut input = balls(&at, &[]);
+    input.periodic = [0.3, 0.0, 0.0];
+    input.periodic_origin = [origin, 0.0, 0.0];
+    input.outlet = vec![Outlet {
+        low: DVec3::new(low, -9.0, -9.0),
+        high: DVec3::new(high, 9.0, 9.0),
+        inside,
+    }];
+    input.radius.fill(0.01);
+    let s = simulation(&input, options(Method::Nsga));
+    let there = x.iter().zip(&s.state.present).filter(|(_, &p)| p);
+    there.map(|(&x, _)| x).collect()
+}
+
+#[test]
+fn a_periodic_outlet_takes_every_image() {
+    for origin in [0.0, -0.15, 7.0] {
+        let x = [0.27, 0.32, 0.02, -0.02, 0.2, 0.1, 6.32, 6.2];
+        let (out, kept) = ([0.27, 0.32, 0.02, -0.02, 6.32], [0.2, 0.1, 6.2]);
+        assert_eq!(left(&x, origin, [0.25, 0.35], true), kept);
+        assert_eq!(left(&x, origin, [0.25, 0.35], false), out);
+        // Wherever the box is written.
+        assert_eq!(left(&x, origin, [-29.75, -29.65], true), kept);
+        assert_eq!(left(&[0.25], origin, [0.20, 0.28], true), [0.0; 0]);
+        assert_eq!(
+            left(&[-0.05, 0.25, 0.15], origin, [-0.1, 0.1], false),
+            [-0.05, 0.25]
+        );
+        // As long as the period or longer.
+        for box_ in [[0.25, 0.55], [-9.0, 9.0], [-1e30, 1e30]] {
+            assert_eq!(left(&x, origin, box_, true), [0.0; 0]);
+            assert_eq!(left(&x, origin, box_, false), x);
+        }
+    }
+}
+
 #[test]
 fn room_is_looked_for_at_any_place_where_balls_may_be() {
     // Farther from the origin than an integer counts cells, too, and many images away in a periodic box.

@@ -54,6 +54,17 @@ impl Periodic {
         x - self.length * ((x - self.origin) * self.inverse).floor()
     }
 
+    /// Whether `x` or an image of it lies between two corners (m), which count. A length or more covers an axis.
+    pub fn in_box(&self, x: DVec3, low: DVec3, high: DVec3) -> bool {
+        // The lowest image that is not below the box.
+        let first = x - self.length * ((x - low) * self.inverse).floor();
+        let repeats = self.length.cmpgt(DVec3::ZERO);
+        let x = DVec3::select(repeats, first, x);
+        // Of a box without end there is no such image; and rounding leaves gaps between boxes of one length.
+        let covered = repeats & (high - low).cmpge(self.length);
+        (covered | (x.cmpge(low) & x.cmple(high))).all()
+    }
+
     /// How two spheres meet by their nearest images; see [`sphere_sphere`].
     #[inline]
     pub fn sphere_sphere(&self, xa: DVec3, ra: f64, xb: DVec3, rb: f64) -> Proximity {
@@ -89,6 +100,32 @@ impl Periodic {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn images_in_a_box() {
+        let p = Periodic::new(DVec3::new(0.3, 0.0, 0.0), DVec3::ZERO);
+        let lies = |x: f64, low: f64, high: f64| {
+            let corner = |x| DVec3::new(x, -1.0, f64::NEG_INFINITY);
+            let high = DVec3::new(high, 1.0, f64::INFINITY);
+            p.in_box(DVec3::new(x, 0.5, 7.0), corner(low), high)
+        };
+        for k in [-1e6, -3.0, 0.0, 1.0, 20.0] {
+            let shift = 0.3 * k;
+            for x in [0.26, 0.32, 0.02, -0.02] {
+                assert!(lies(x + shift, 0.25, 0.35), "{x} {k}");
+            }
+            for x in [0.06, 0.24, -0.06] {
+                assert!(!lies(x + shift, 0.25, 0.35), "{x} {k}");
+                assert!(lies(x + shift, 7.1, 7.4), "{x} {k}: as long as the period");
+                assert!(lies(x + shift, f64::NEG_INFINITY, f64::INFINITY));
+            }
+        }
+        assert!(lies(0.25, 0.25, 0.35) && lies(0.35, 0.25, 0.35));
+        let (x, corner) = (DVec3::new(0.3, 2.0, 0.0), DVec3::ONE);
+        assert!(!p.in_box(x, -corner, corner), "other axes do not repeat");
+        assert!(Periodic::default().in_box(corner, -corner, corner));
+        assert!(!Periodic::default().in_box(1.1 * corner, -corner, corner));
+    }
 
     #[test]
     fn nearest_images_and_wrapping() {

@@ -14,6 +14,7 @@ from carom.errors import counted
 from carom.gained import gained
 from carom.scenario.advice import MANY_BALLS, PILE_TOLERANCE
 from carom.scenario.wall_checks import COARSE
+from carom.shut_out import shut_out
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -38,6 +39,7 @@ def text(summary: Mapping[str, Any], result: Result) -> str:
     blocks = [
         _head(summary, result),
         _events(result),
+        _flow(summary, result),
         _iterations(summary),
         _troubles(summary, result),
         _energy(summary, result),
@@ -74,6 +76,15 @@ def _events(result: Result) -> str:
     return f"events      {impacts}; up to {counted(most, 'contact')} closed at once"
 
 
+def _flow(summary: Mapping[str, Any], result: Result) -> str:
+    tables = tomllib.loads(result.scenario)
+    if not tables.keys() & {"inflow", "outlet"}:
+        return ""
+    coming = sum(table["count"] for table in tables.get("inflow", []))
+    entered = f"{summary['entered']} of {counted(coming, 'ball')} entered, " if coming else ""
+    return f"flow        {entered}{summary['removed']}{'' if coming else ' balls'} left"
+
+
 def _iterations(summary: Mapping[str, Any]) -> str:
     penalty = summary.get("penalty")
     if penalty:
@@ -104,6 +115,8 @@ def _troubles(summary: Mapping[str, Any], result: Result) -> str:
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
     if rise := gained(result):
         found.append(rise)
+    if none := shut_out(result):
+        found.append(none)
     return "troubles    " + ("; ".join(found) if found else "none")
 
 

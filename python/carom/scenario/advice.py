@@ -12,6 +12,7 @@ from carom.errors import quoted
 from carom.scenario.attachment_checks import advise_loads
 from carom.scenario.bodies import F64, Bodies
 from carom.scenario.checks import Parts, steps
+from carom.scenario.flow_checks import advise_flow
 from carom.scenario.gain_advice import advise_gain
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
@@ -19,7 +20,8 @@ from carom.scenario.model import World
 from carom.scenario.placing import FLAT, Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot
-from carom.scenario.wall_checks import COARSE, advise_walls
+from carom.scenario.wall_advice import advise_walls
+from carom.scenario.wall_checks import COARSE
 from carom.scenario.walls import PLANE
 
 WARN_TRAVEL = 0.05
@@ -63,6 +65,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from advise_start(parts)
     yield from advise_loads(parts)
     yield from advise_walls(parts)
+    yield from advise_flow(parts)
 
 
 def _has_substeps(parts: Parts) -> bool:

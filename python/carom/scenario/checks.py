@@ -19,6 +19,7 @@ from carom.scenario.attachment_checks import check_names
 from carom.scenario.balls import MOST_BALLS, Ball, Generator
 from carom.scenario.bodies import Bodies, expand
 from carom.scenario.flow import Inflow
+from carom.scenario.flow_checks import check_flow
 from carom.scenario.joint_start import check_start
 from carom.scenario.mechanics import MECHANICS
 from carom.scenario.model import Contact, Material, Scenario, World
@@ -27,7 +28,7 @@ from carom.scenario.overlap import overlaps
 from carom.scenario.placing import Placed, placed_walls
 from carom.scenario.problems import Finding
 from carom.scenario.table import Table
-from carom.scenario.wall_checks import MOST, check_flow, check_periodic, check_walls, start_overlap
+from carom.scenario.wall_checks import MOST, check_periodic, check_walls, start_overlap
 from carom.scenario.walls import WALLS, Wall
 
 

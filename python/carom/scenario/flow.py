@@ -137,7 +137,7 @@ class Inflow(Ball):
 
 
 class Outlet(Table):
-    """A box: balls whose centre is in it (or outside of it) leave the run."""
+    """A box: balls whose centre is in it (or outside of it) leave the run. In a periodic world any image counts."""
 
     section: ClassVar[str] = "outlet"
 
@@ -148,7 +148,8 @@ class Outlet(Table):
         description="highest corner", examples=[[1.0, 1.0, -0.1]], json_schema_extra=unit("m")
     )
     inside: Annotated[bool, Flag()] = Field(
-        True, description="true: balls inside leave; false: balls outside leave"
+        True,
+        description="true: balls inside (in a periodic world: an image inside) leave; false: all others leave",
     )
 
     @model_validator(mode="after")

@@ -1,27 +1,22 @@
-"""Rules about walls, periodic worlds, inflows and outlets, and advice on how walls move."""
+"""Rules about walls and periodic worlds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from carom import _core
 from carom.errors import quoted
-from carom.scenario.bodies import F64
 from carom.scenario.distances import gaps
-from carom.scenario.flow import Inflow, Outlet, Region
-from carom.scenario.laws import fault_at, value_at
-from carom.scenario.loads import ALL
-from carom.scenario.mechanics import references
 from carom.scenario.model import World
 from carom.scenario.placing import Placed
 from carom.scenario.problems import Finding
+from carom.scenario.quantities import Vec3, unit
 from carom.scenario.vectors import cross, norm, scaled
-from carom.scenario.walls import PARALLEL, PLANE, Box
+from carom.scenario.walls import PLANE, WALLS, Box
 
 if TYPE_CHECKING:
     from carom.scenario.checks import Parts
@@ -38,10 +33,10 @@ PERIOD = 4.1
 """A period is at least so many of the largest radii: with less, two balls could touch twice. The core asks for 4.08:
 four and the margin of its lists of pairs (`crates/carom-core/src/periodic.rs`).
 """
-SAMPLES = 200
-"""Times of a run at which the motion of walls is looked at."""
-WALL_TRAVEL = 0.5
-"""Travel of a wall per step, in the smallest radii, above which a ball may be deep in it before it is noticed."""
+SIZES = (1e-75, 1e75)
+"""Lengths of walls between these, m, have squares that are numbers, as in the core (`wall/check.rs`)."""
+ALONG = 1e-9
+"""Sine of an angle below which a direction is along an axis that repeats, as in the core (`periodic.rs`)."""
 
 
 def touching(pile_tolerance: float) -> float:
@@ -60,7 +55,11 @@ def start_overlap(parts: Parts) -> float:
 
 
 def check_walls(parts: Parts) -> Iterator[Finding]:
-    """Balls that start in a wall or outside a closed box."""
+    """Walls of a size that no number holds, balls that start in a wall or outside a closed box."""
+    unusable = list(_sizes(parts))
+    yield from unusable
+    if unusable:
+        return
     bodies = parts.bodies()
     there = np.flatnonzero(bodies.present)
     centre, radius = bodies.position[there], bodies.radius[there]
@@ -94,20 +93,37 @@ def check_walls(parts: Parts) -> Iterator[Finding]:
             body, depth = int(there[k]), -float(gap[k])
             name = quoted(bodies.names[body])
             if wall.kind == PLANE:
-                cause = f"sphere {name} reaches {depth:.4g} m behind {_called(wall)}"
+                cause = f"sphere {name} reaches {depth:.4g} m behind {called(wall)}"
                 if depth > 2 * radius[k]:
                     cure = "move it to the side that the normal points to, or reverse the normal"
                 else:
                     cure = f"move it by {depth:.4g} m along the normal of the plane"
             else:
-                cause = f"sphere {name} reaches {depth:.4g} m into {_called(wall)}"
+                cause = f"sphere {name} reaches {depth:.4g} m into {called(wall)}"
                 cure = (
                     f"move it by {depth:.4g} m away from the wall{_other_side(wall, depth, float(radius[k]))}"
                 )
             yield Finding(parts.place(body), cause, cure)
 
 
-def _called(wall: Placed) -> str:
+def _sizes(parts: Parts) -> Iterator[Finding]:
+    """Lengths whose squares overflow or vanish."""
+    least, most = SIZES
+    for section in WALLS:
+        for i, table in parts.entries[section]:
+            for key, field in type(table).model_fields.items():
+                value = getattr(table, key)
+                if value is None or field.json_schema_extra != unit("m") or np.size(value) == 3:
+                    continue  # places have bounds of their own
+                for number in np.atleast_1d(np.array(value, dtype=float)).tolist():
+                    if number > most or 0 < number < least:
+                        cause = f"is {number:g} m, and walls have lengths from {least:g} to {most:g} m"
+                        cure = "check the units; a plane stands for a huge wall"
+                        yield Finding((section, i, key), cause, cure)
+                        break
+
+
+def called(wall: Placed) -> str:
     """How messages call a wall: `plane "bed"`, `cylinder "drum"`."""
     what = "plane" if wall.kind == PLANE else wall.section.replace("_", " ")
     return f"{what} {quoted(wall.name)}"
@@ -136,144 +152,45 @@ def check_periodic(parts: Parts, world: World | None) -> Iterator[Finding]:
     axes = [k for k, period in enumerate(periods) if period > 0]
     for wall in parts.walls():
         crossed = next((k for k in axes if not _invariant(wall, k)), None)
-        if crossed is None:
+        if crossed is not None:
+            letter = "xyz"[crossed]
+            cause = f"{called(wall)} is not the same from period to period along {letter}"
+            if wall.kind == PLANE:
+                cure = f"take a plane whose normal has no part along {letter}"
+            else:
+                cure = "along a periodic axis there may be planes and tubes without end that follow it"
+            yield Finding((wall.section, wall.index), cause, f"{cure}, or set that period to 0")
             continue
-        letter = "xyz"[crossed]
-        cause = f"{_called(wall)} is not the same from period to period along {letter}"
-        if wall.kind == PLANE:
-            cure = f"take a plane whose normal (also when it moves) has no part along {letter}"
-        else:
-            cure = "along a periodic axis there may be planes and tubes without end that follow it"
-        yield Finding((wall.section, wall.index), cause, f"{cure}, or set that period to 0")
+        for key, axis in _turns(wall):
+            across = next((k for k in axes if not _parallel(axis, _axis(k))), None)
+            if across is not None:
+                letter = "xyz"[across]
+                cause = f"{called(wall)} turns about an axis that is not along {letter}, which is periodic"
+                cure = "its surface would move otherwise from period to period: take surface_velocity"
+                yield Finding(
+                    (wall.section, wall.index, "motion", key), cause, f"{cure}, or set that period to 0"
+                )
+
+
+def _axis(k: int) -> list[float]:
+    return [float(j == k) for j in range(3)]
+
+
+def _turns(wall: Placed) -> Iterator[tuple[str, Vec3]]:
+    """What turns of a wall or its surface, and about which axis."""
+    if wall.motion is not None and wall.motion.rotation is not None:
+        yield "rotation", wall.motion.rotation.axis
+    if wall.motion is not None and wall.motion.surface_rotation is not None:
+        yield "surface_rotation", wall.motion.surface_rotation.axis
 
 
 def _invariant(wall: Placed, k: int) -> bool:
-    """Whether a wall, wherever it moves, is the same after any shift along axis k."""
-    axis = [float(j == k) for j in range(3)]
-    turn = None if wall.motion is None else wall.motion.rotation
+    """Whether a wall is at the start the same after any shift along axis k."""
     if wall.kind == PLANE:
-        normal = wall.shape[1]
-        if abs(normal[k]) > PARALLEL:
-            return False
-        return turn is None or _parallel(turn.axis, normal) or _parallel(turn.axis, axis)
-    if wall.kind == "cylinder" and math.isinf(wall.shape[3]):
-        return _parallel(wall.shape[1], axis) and (turn is None or _parallel(turn.axis, axis))
-    return False
+        return abs(float(wall.shape[1][k])) < ALONG
+    return wall.kind == "cylinder" and math.isinf(wall.shape[3]) and _parallel(wall.shape[1], _axis(k))
 
 
 def _parallel(a: object, b: object) -> bool:
     u, v = scaled(a), scaled(b)  # type: ignore[arg-type]
-    return norm(cross(u, v)) < PARALLEL
-
-
-def check_flow(parts: Parts) -> Iterator[Finding]:
-    """Balls enter where there is room for them, and not where they would leave at once."""
-    if parts.entries["inflow"]:
-        yield from _held(parts)
-    outlets = [t for _, t in parts.entries["outlet"] if isinstance(t, Outlet)]
-    for i, inflow in parts.entries["inflow"]:
-        assert isinstance(inflow, Inflow)
-        corners = _corners(inflow.region)
-        radius = np.full(len(corners), inflow.radius)
-        for wall in parts.walls():
-            depth = -float(gaps(wall, corners, radius).min())
-            if depth > TOUCHING * inflow.radius:
-                cause = f"balls would enter {depth:.4g} m deep in {_called(wall)}"
-                cure = "the region is that of their centres: keep it one radius away from walls"
-                yield Finding(("inflow", i, "region"), cause, cure)
-                break
-        if any(_within(outlet, inflow.region.centre()) == outlet.inside for outlet in outlets):
-            cause = "balls would leave where they enter: the region lies where an outlet removes them"
-            yield Finding(("inflow", i, "region"), cause, "move the region or the outlet")
-
-
-def _held(parts: Parts) -> Iterator[Finding]:
-    """Joints and loads on balls that are not there yet."""
-    bodies = parts.bodies()
-    coming = {name for name, there in zip(bodies.names, bodies.present, strict=True) if not there}
-    for name, section, index, key, _ in references(parts.entries):
-        if name in coming:
-            cause = f"{quoted(name)} enters in the course of the run, and what enters must be free"
-            yield Finding((section, index, key), cause, "name a sphere that is there from the start")
-    for i, drag in parts.entries["drag"]:
-        if getattr(drag, "on", None) == ALL:
-            cause = (
-                '"all" would act on balls that enter in the course of the run, and what enters must be free'
-            )
-            yield Finding(("drag", i, "on"), cause, "name the spheres one by one, or do without the inflow")
-
-
-def _corners(region: Region) -> F64:
-    """Points whose hull is the region of centres, or (of a disc) nearly so, (C, 3), m."""
-    if region.low is not None and region.high is not None:
-        return np.array(list(product(*zip(region.low, region.high, strict=True))))
-    assert region.normal is not None
-    assert region.radius is not None
-    n = np.array(scaled(region.normal))
-    u = np.cross(n, np.eye(3)[int(np.abs(n).argmin())])
-    u /= np.linalg.norm(u)
-    angle = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
-    rim = np.outer(np.cos(angle), u) + np.outer(np.sin(angle), np.cross(n, u))
-    points: F64 = np.array(region.centre()) + region.radius * rim
-    return points
-
-
-def _within(outlet: Outlet, point: tuple[float, float, float]) -> bool:
-    return all(a <= x <= b for a, x, b in zip(outlet.low, point, outlet.high, strict=True))
-
-
-def _advise_narrow_cones(parts: Parts) -> Iterator[Finding]:
-    """Cones from inside whose narrow end holds a ball: it would touch a whole ring, and a wall is touched at one point."""
-    bodies = parts.bodies()
-    if not bodies.names:
-        return
-    largest = float(bodies.radius.max())
-    for wall in parts.walls():
-        if wall.shape[0] != "cone" or not wall.shape[5]:
-            continue
-        ends = {"radius": float(wall.shape[2]), "radius_end": float(wall.shape[3])}
-        key = min(ends, key=ends.__getitem__)
-        if ends[key] < largest:
-            cause = f"balls of radius {largest:g} m do not pass the narrow end of {_called(wall)}"
-            yield Finding(
-                (wall.section, wall.index, key),
-                cause + ": one that sits on the whole ring stops the run",
-                f"give {largest:g} m or more, and close the end with a disc if balls should stay",
-            )
-
-
-def advise_walls(parts: Parts) -> Iterator[Finding]:
-    """Laws of motion that break off within the run, and walls that are fast for the step."""
-    yield from _advise_narrow_cones(parts)
-    run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or not bodies.names:
-        return
-    times = np.linspace(0.0, run.until, SAMPLES + 1).tolist()
-    smallest = float(bodies.radius.min())
-    told: set[tuple[str, int]] = set()
-    for wall in parts.walls():
-        motion, path = wall.motion, (wall.section, wall.index, "motion")
-        if motion is None or path[:2] in told:  # the sides of a box share one motion
-            continue
-        told.add(path[:2])
-        laws = [(law, "translation") for law in motion.translation or ()]
-        laws += [(motion.rotation.law(), "rotation")] if motion.rotation is not None else []
-        broken = False
-        for law, key in laws:
-            for t in times:
-                if not math.isfinite(value_at(law, t)):
-                    cause = f"{key} has no finite value at t = {t:.4g} s{fault_at(law, t)}"
-                    yield Finding(path, cause, "the run would stop there: change the law or until")
-                    broken = True
-                    break
-        if motion.translation is None or broken:
-            continue
-        here = np.array([[value_at(law, t) for law in motion.translation] for t in times])
-        there = np.array([[value_at(law, t + run.step) for law in motion.translation] for t in times])
-        travel = float(np.nan_to_num(np.linalg.norm(there - here, axis=1)).max()) / smallest
-        if travel > WALL_TRAVEL:
-            cause = (
-                f"a step of {run.step:g} s moves {_called(wall)} by {travel:.2g} radii of the smallest ball"
-            )
-            step = run.step * WALL_TRAVEL / travel
-            yield Finding(path, cause, f"balls may be passed unnoticed: step = {step:.1g} is safe")
+    return norm(cross(u, v)) < ALONG

@@ -174,7 +174,7 @@ impl Walls {
                 within_bounds(end.velocity, end.spin) && within_bounds(start.velocity, start.spin);
             if !(slow && end.centre.is_finite() && end.angle.is_finite()) {
                 let text = format!(
-                    "its motion is not finite, or faster than {FASTEST:e} m/s or rad/s, by t = {} s",
+                    "the motion of this wall is not finite, or faster than {FASTEST:e} m/s or rad/s, by t = {} s",
                     span.end
                 );
                 return Err(LoadError::on((model.spheres() + index) as u32, text));

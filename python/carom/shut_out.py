@@ -1,0 +1,31 @@
+"""What a finished run says of inflows that let nobody in."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import TYPE_CHECKING
+
+from carom.errors import counted, quoted
+from carom.scenario.flow import Inflow
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+
+def shut_out(result: Result) -> str | None:
+    """That none of the balls of an inflow entered though their time came, with a cure; None if all inflows let some in.
+
+    Fewer than all is no trouble: an inflow without a rate goes on for as long as there is room.
+    """
+    tables = tomllib.loads(result.scenario).get("inflow", [])
+    if not tables or result.outcome.failed:
+        return None
+    events = result.events
+    entered = {
+        ball for ball, kind in zip(events["ball"].tolist(), events["kind"].tolist(), strict=True) if kind
+    }
+    told = []
+    for inflow in (Inflow.model_validate(table) for table in tables):
+        if inflow.start <= result.summary["time"] and entered.isdisjoint(inflow.ball_names()):
+            told.append(f"none of {counted(inflow.count, 'ball')} of inflow {quoted(inflow.name)} entered")
+    return "; ".join(told) + ": no place in the region had room for one" if told else None
