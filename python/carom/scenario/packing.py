@@ -262,7 +262,8 @@ def advise_packings(packings: Mapping[int, Packing]) -> Iterator[Finding]:
             continue
         found, balls = packing.packed().fraction, packing.size()
         if not 1.0 / FRACTION_OFF <= found / packing.fraction <= FRACTION_OFF:
-            cause = f"{packing.fraction:g} cannot be had of whole balls: the fraction of {counted(balls, 'ball')} is {found:.4g}"
+            cause = f"{packing.fraction:g} cannot be had of whole balls:"
+            cause += f" the fraction of {counted(balls, 'ball')} is {found:.4g}"
             yield Finding(("packing", i, "fraction"), cause, "give count, or a larger fraction or region")
 
 
