@@ -200,6 +200,13 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + 'diameter = 0.01\nregion = "sphere"\nperiodic = "x"\npoint = [3,3,3]\nregion_radius = 1.0\n',
         )
     ],
+    "... cannot be had of whole balls: the fraction of ... is ...": [
+        (
+            "fraction",
+            PACKING.replace("count = 2", "fraction = 1e-9")
+            + "diameter = 0.01\nlow = [3,3,3]\nhigh = [4,4,4]\n",
+        )
+    ],
     "low is not below high along each axis": [
         ("packing", PACKING + "diameter = 0.01\nlow = [3,3,3]\nhigh = [4,4,2]\n")
     ],

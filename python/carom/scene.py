@@ -26,7 +26,7 @@ from carom.scenario.flow import Inflow
 from carom.scenario.mechanics import MECHANICS
 from carom.scenario.model import FORMAT, Record, Scenario, World
 from carom.scenario.options import Run
-from carom.scenario.packing import Packing, Places, faults
+from carom.scenario.packing import Packing, Places, advise_packings, faults
 from carom.scenario.problems import Finding, Source
 from carom.scenario.taking import Taker
 from carom.scenario.walling import Waller
@@ -238,7 +238,8 @@ class Scene(Waller, Attacher, Taker):
         wrong += place.found(check(parts))
         if wrong:
             raise ScenarioError(self._problem(f) for f in wrong)
-        return [self._problem(f) for f in place.found(advise(parts, self._tree.world))]
+        advice = place.found(advise(parts, self._tree.world))
+        return [self._problem(f) for f in (*advice, *advise_packings(good))]
 
     def _problem(self, finding: Finding) -> Problem:
         """A finding with its place: the line of the file, or the call that made the table."""

@@ -6,7 +6,7 @@ A packing stands for single spheres: `spheres()` of it are what the checks, the 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import accumulate
@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
+from carom.errors import counted
 from carom.packing import (
     MOST_BALLS,
     Ball,
@@ -60,6 +61,8 @@ SIZES: dict[str, tuple[str, ...]] = {
     "table": ("classes",),
 }
 """Keys that each law of sizes needs; it takes no others of them."""
+FRACTION_OFF = 1.5
+"""A fraction that is so many times that asked for is worth a word."""
 AXES = ("", "x", "y", "z", "xy", "xz", "yz", "xyz")
 
 
@@ -244,6 +247,18 @@ def faults(packings: Sequence[Packing]) -> tuple[list[Finding], dict[int, Packin
             key = "count" if packing.count else "fraction"
             wrong.append(Finding(("packing", i, key), fault.cause, fault.cure))
     return wrong, good
+
+
+def advise_packings(packings: Mapping[int, Packing]) -> Iterator[Finding]:
+    """Packings of a few balls cannot have every fraction: whole balls are drawn, one at the least."""
+    for i, packing in packings.items():
+        if packing.fraction is None:
+            continue
+        found, balls = packing.packed().fraction, packing.size()
+        if not 1.0 / FRACTION_OFF <= found / packing.fraction <= FRACTION_OFF:
+            cause = f"{packing.fraction:g} cannot be had of whole balls: "
+            cause += f"the fraction of {counted(balls, 'ball')} is {found:.4g}"
+            yield Finding(("packing", i, "fraction"), cause, "give count, or a larger fraction or region")
 
 
 class Places:
