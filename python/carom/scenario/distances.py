@@ -29,13 +29,15 @@ def gaps(wall: Placed, centre: F64, radius: F64) -> F64:
         normal, side, size = (np.array(p) for p in parameters)
         within = np.stack([away @ side, away @ np.cross(normal, side)], axis=1)
         beyond = np.maximum(np.abs(within) - 0.5 * size, 0.0)
-        return np.hypot(away @ normal, np.linalg.norm(beyond, axis=1)) - radius
+        sheet: F64 = np.hypot(away @ normal, np.linalg.norm(beyond, axis=1)) - radius
+        return sheet
     axis = np.array(parameters[0])
     along: F64 = away @ axis
     across: F64 = np.linalg.norm(away - np.outer(along, axis), axis=1)
     if kind == "disc":
         beyond = np.maximum(np.maximum(across - parameters[1], parameters[2] - across), 0.0)
-        return np.hypot(along, beyond) - radius
+        flat: F64 = np.hypot(along, beyond) - radius
+        return flat
     if kind == "cylinder":
         r, length, inside = parameters[1:]
         if math.isinf(length):
