@@ -118,7 +118,8 @@ def main() -> int:
     print(table(columns, cells))
     for d in drops:
         if failed(d):
-            print(f"drop {d['seed']} of {d['balls']} balls failed: {d['outcome'] or ('unconverged' if d['unconverged'] else 'energy')}")
+            why = d["outcome"] or ("unconverged" if d["unconverged"] else "energy")
+            print(f"drop {d['seed']} of {d['balls']} balls failed: {why}")
     print(f"{len(drops)} drops, {failures} failed")
     return int(failures > 0)
 
