@@ -1,6 +1,6 @@
 """Pyramids of touching spheres on a rough floor: which friction holds them, against the least that could.
 
-    python validation/pyramids/rest.py                         # 14 s; exit code 1 if one does not do as friction says
+    python validation/pyramids/rest.py                         # 10 s; exit code 1 if one does not do as friction says
     python validation/pyramids/rest.py --stretched 1e-5 1e-3   # put down with gaps: which stay, and nothing is judged
 
 A pyramid can be held where impulses within Coulomb's cones balance the weight of all its spheres: a linear program, with
