@@ -89,10 +89,13 @@ pub fn step(
     timers.mark(Phase::Broad);
     meet(model, state, scratch)?;
     timers.mark(Phase::Meet);
-    correct_positions(model, state, scratch, span, report, *accept_unconverged)?;
+    // Marked before an error is passed on: its time is that of its own phase, not of the next attempt's first one.
+    let positions = correct_positions(model, state, scratch, span, report, *accept_unconverged);
     timers.mark(Phase::Position);
-    correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
+    positions?;
+    let velocities = correct_velocities(model, state, scratch, span, report, *accept_unconverged);
     timers.mark(Phase::Velocity);
+    velocities?;
     finish(model, state, scratch, coefficients, span, report)?;
     timers.mark(Phase::Finish);
     Ok(())

@@ -198,23 +198,25 @@ fn other_schemes_and_laws_too() {
 /// such that are accepted. Joints fail before contacts, in the smooth motion, so only the first step has them.
 #[test]
 fn steps_that_fail_fail_in_the_same_way() {
-    let fail = |input: &ModelInput, policy, tolerance, max_halvings| {
+    let fail = |input: &ModelInput, policy, tolerance: f64, max_halvings: u32, pile: f64| {
         same(&format!("{policy:?} {tolerance:e}"), input, 10, |o| {
             o.tolerance = tolerance;
+            o.pile_tolerance = pile;
             o.tolerance_floor = 1e-300;
             o.gauss_seidel_sweeps = 1;
             o.max_halvings = max_halvings;
             o.on_nonconvergence = policy;
         })
     };
-    let s = fail(&scene(), OnNonconvergence::Stop, 1e-18, 4);
+    // Impacts in the smallest part of a step may be solved as roughly as a pile: no better here.
+    let s = fail(&scene(), OnNonconvergence::Stop, 1e-18, 4, 1e-17);
     assert!(s.state.step == 0 && s.failed.is_some());
     let mut free = scene();
     free.joints.clear();
     free.loads.clear();
-    let s = fail(&free, OnNonconvergence::Stop, 8e-18, 4);
+    let s = fail(&free, OnNonconvergence::Stop, 8e-18, 4, 1e-7);
     assert!(s.state.step == 10 && s.monitors.halvings > 0);
-    let s = fail(&free, OnNonconvergence::Warn, 1e-18, 1);
+    let s = fail(&free, OnNonconvergence::Warn, 1e-18, 1, 1e-7);
     let (halvings, unconverged) = (s.monitors.halvings, s.monitors.unconverged);
     assert!(
         s.state.step == 10 && halvings > 0 && unconverged > 10,
