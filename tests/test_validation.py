@@ -73,6 +73,20 @@ def test_a_random_drop_does_not_fail(balls: int, seed: int) -> None:
 
 
 @pytest.mark.long
+def test_pyramids_do_as_friction_says_and_a_wedged_one_stops_no_run() -> None:
+    """`validation/pyramids/rest.py`; and one with hair gaps, which friction wedges before all of them are closed."""
+    folder = VALIDATION / "pyramids"
+    done = subprocess.run(
+        [sys.executable, str(folder / "rest.py")], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    code = "import rest; print(rest.outcome(rest.pyramid(4, False, 1.4865, 1e-8)))"
+    command = [sys.executable, "-c", code]
+    wedged = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=True)
+    assert wedged.stdout.startswith("("), wedged.stdout
+
+
+@pytest.mark.long
 def test_a_poured_heap_stands_still_and_is_the_same_on_two_threads() -> None:
     """`validation/heap/angle.py` with few grains. Seeds of so few differ by more than its bound, which is not asked here."""
     command = [sys.executable, str(VALIDATION / "heap" / "angle.py"), "--grains", "500", "--seeds", "1"]

@@ -23,6 +23,9 @@ use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::{Newton, SolveReport, Status};
 use glam::DVec3;
 
+/// Gaps that what rests may keep where nothing closes them, over the length of the contact and the tolerance of the island.
+const GAPS_AT_REST: f64 = 0.1;
+
 /// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.
 #[inline(always)]
 pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
@@ -294,13 +297,13 @@ fn solve_by_newton(
         Way::Hold(resting) => (Some(resting), false),
     };
     let before = resting.map(|_| rest::as_before(state, contacts, members, system, span.h));
-    let look = |newton: &mut Newton, system: &mut RowSystem, problem: &mut Positions| {
+    let look = |newton: &mut Newton, system: &mut RowSystem, problem: &mut Positions, spare| {
         let nu = before.as_ref()?.0.clone();
-        resting?.hold(newton, (system, problem, &options), nu)
+        resting?.hold(newton, (system, problem, &options), nu, spare)
     };
     let first = matches!(way, Way::Hold(_)) || before.as_ref().is_some_and(|b| b.1);
     let mut held = if first {
-        look(newton, system, &mut problem)
+        look(newton, system, &mut problem, None)
     } else {
         None
     };
@@ -315,9 +318,13 @@ fn solve_by_newton(
         result = newton.solve(system, &mut problem, &options, lambda, u);
         let moves = |r: &Resting| !result.converged || r.moves(system, newton.measures());
         rests = resting.is_some_and(|r| !moves(r));
-        if !first && !rests && resting.is_some() {
+        // Where nothing solves the smallest part of a step, what rests may keep what earlier steps left of its gaps.
+        let o = &model.options;
+        let share = o.touching_tolerance.max(GAPS_AT_REST * options.tolerance);
+        let spare = (!result.converged && span.smallest).then_some(share);
+        if (!first || spare.is_some()) && !rests && resting.is_some() {
             let history = std::mem::take(&mut newton.history);
-            held = look(newton, system, &mut problem);
+            held = look(newton, system, &mut problem, spare);
             if held.is_none() {
                 // What was tried is no part of the step: statuses and residuals are those of the solution again.
                 newton.judge(system, &mut problem, &options, lambda, u);

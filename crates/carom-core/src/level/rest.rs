@@ -124,12 +124,14 @@ impl Resting {
         })
     }
 
-    /// Looks for the solution that moves nothing, near the multipliers `nu` or wherever it is.
+    /// Looks for the solution that moves nothing, near the multipliers `nu` or wherever it is. Gaps up to `spare` times the length of
+    /// their contact may stay as well, where eq. 44 asks for less: wedged spheres may have no solution that closes or opens them.
     pub fn hold<P: Subproblem>(
         &self,
         newton: &mut Newton,
         (system, problem, options): (&mut RowSystem, &mut P, &NewtonOptions),
         mut nu: Vec<f64>,
+        spare: Option<f64>,
     ) -> Option<Held> {
         let mut correction = vec![0.0; NODE_DOF * system.nodes()];
         let mut z = vec![0.0; system.rows()];
@@ -150,8 +152,10 @@ impl Resting {
                 return None;
             }
             system.correction(&nu, &mut correction);
-            let report = newton.judge(system, problem, options, &nu, &correction);
-            if report.converged && !self.moves(system, newton.measures()) {
+            let mut report = newton.judge(system, problem, options, &nu, &correction);
+            let z = newton.measures();
+            report.converged |= spare.is_some_and(|share| self.gaps_below(system, z, share));
+            if report.converged && !self.moves(system, z) {
                 return Some(Held {
                     nu,
                     correction,
@@ -160,6 +164,16 @@ impl Resting {
             }
         }
         None
+    }
+
+    /// Whether all gaps of what touches are smaller than `share` of the length of their contact, open or overlapping.
+    fn gaps_below(&self, system: &RowSystem, measures: &[f64], share: f64) -> bool {
+        let mut touching = system
+            .contacts
+            .iter()
+            .zip(&self.gap_start)
+            .filter(|(_, gap)| gap.is_some());
+        touching.all(|(c, _)| measures[c.row as usize].abs() < share * c.length)
     }
 
     /// Measures with gaps as their changes.
