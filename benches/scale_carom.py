@@ -64,6 +64,7 @@ def run(ask: Mapping[str, Any]) -> dict[str, Any]:
     """One run; times are those of the core's steps alone."""
     from _measure import state_hash
     from carom import _core, summary
+    from carom.allocator import release_early
 
     found, side = model(ask["grains"], ask["seed"], ask["options"])
     if ask.get("heap"):
@@ -71,6 +72,7 @@ def run(ask: Mapping[str, Any]) -> dict[str, Any]:
         start, side = tiled(heap, tuple(ask["copies"]), found["radius"][0], float(heap["side"]))
         found = with_start(found, start, side)
     radius, mass, h = float(found["radius"][0]), float(found["mass"][0]), float(found["options"]["step"])
+    release_early(len(found["radius"]))  # as `carom run` does
     begin = time.perf_counter()
     simulation = _core.Simulation(found)
     built = time.perf_counter() - begin

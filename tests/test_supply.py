@@ -256,6 +256,7 @@ STARTS = {
 #: Modules that one source may have all the same, and why.
 EXCEPTIONS = {
     ("record/opening.py", "ctypes"): "a setting of HDF5 of which h5py knows nothing",
+    ("allocator.py", "ctypes"): "a setting of the C library of which Python knows nothing",
     ("cli/sweep.py", "runpy"): "the function that the user names with --measure",
 }
 CALLS = {"eval", "exec", "compile", "__import__", "breakpoint"}

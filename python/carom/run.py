@@ -20,6 +20,7 @@ import numpy as np
 import carom
 from carom import changes, checkpoint, restart, summary
 from carom.about import continued
+from carom.allocator import release_early
 from carom.drive import Cadence, Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
 from carom.errors import CaromError
 from carom.gained import gained
@@ -348,6 +349,7 @@ def _build(scene: Scene) -> tuple[Simulation, Mapping[str, Any], Plan]:
             "the scenario does not say how long to simulate; set `until` in [run], or pass until=..."
         )
     model = scene.to_model()
+    release_early(len(model["radius"]))
     try:
         simulation = _core.Simulation(model)
     except _core.ModelError as error:

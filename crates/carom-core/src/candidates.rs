@@ -305,13 +305,12 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
         }
         Ok(())
     })?;
-    let mut joining = Vec::new();
-    for near in found.iter().flatten() {
-        let mut contact = new_contact(model, state, walls, near);
-        follow_law(model, state, walls, &mut contact)?;
-        joining.push(contact);
-    }
-    let overlapping = |c: &Contact| c.gap_check < -model.options.gap_tolerance * c.length;
+    let overlapping = |near: &Near| {
+        let (i, j) = (near.pair.0 as usize, near.pair.1 as usize);
+        let rb = model.radius.get(j).copied().unwrap_or(f64::INFINITY);
+        near.gap < -model.options.gap_tolerance * model.radius[i].min(rb)
+    };
+    let mut joining: Vec<Near> = found.into_iter().flatten().collect();
     if margin == 0.0 {
         joining.retain(overlapping);
     }
@@ -322,14 +321,36 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
         Some(p) => state.position[body as usize] + p.displacement,
         None => DVec3::ZERO,
     };
-    for c in &mut joining {
-        c.gap_check = position::proximity(model, walls, c, smooth(c.a), smooth(c.b)).gap;
-    }
-    contacts.append(&mut joining);
-    // Stable: of two sorted runs, which are merged.
-    contacts.sort_by_key(|c| (c.a, c.b));
+    let joined = |near: &Near| {
+        let mut c = new_contact(model, state, walls, near);
+        follow_law(model, state, walls, &mut c)?;
+        c.gap_check = position::proximity(model, walls, &c, smooth(c.a), smooth(c.b)).gap;
+        Ok(c)
+    };
+    merge(contacts, &joining, joined)?;
     start_over(model, state, scratch);
     Ok(true)
+}
+
+/// Two sorted runs become one, from the back: contacts are large, and a copy of those of a large pile would be the most that it needs at once.
+fn merge(
+    contacts: &mut Vec<Contact>,
+    joining: &[Near],
+    joined: impl Fn(&Near) -> Result<Contact, Failure>,
+) -> Result<(), Failure> {
+    let mut there = contacts.len();
+    contacts.reserve_exact(joining.len());
+    contacts.resize(there + joining.len(), Contact::default());
+    let mut end = contacts.len();
+    for near in joining.iter().rev() {
+        while there > 0 && (contacts[there - 1].a, contacts[there - 1].b) > near.pair {
+            (there, end) = (there - 1, end - 1);
+            contacts[end] = contacts[there];
+        }
+        end -= 1;
+        contacts[end] = joined(near)?;
+    }
+    Ok(())
 }
 
 /// Spheres where the smooth step has put them. Multipliers stay: piles are swept on from them.
