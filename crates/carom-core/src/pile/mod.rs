@@ -149,10 +149,8 @@ impl Pile {
         let threads = threads(model, members.len());
         self.sweeps.threads = threads;
         self.huge = is_huge(contacts);
-        if self.huge {
-            // Of the round before this one.
-            (self.impulses, self.corrections) = (Vec::new(), Vec::new());
-        }
+        // Of the round before this one.
+        self.forget_solution();
         self.part.take_all();
         shares::refill(threads, &mut self.ends, members.len(), |k| {
             let c = &contacts[members[k] as usize];
