@@ -221,12 +221,12 @@ class Block:
 
     @cached_property
     def large(self) -> NDArray[np.bool_]:
-        """(B,) intervals in which an island may have had more than `dense_contacts` contacts; the projection does not count
+        """(B,) intervals in which an island may have been large, or a pile (`Run.small`); the projection does not count
         those that it looks at.
         """
         run = self.run
         projected = run.method == "moreau" and bool(run.options["position_projection"])
-        return np.asarray((self.over(run.steps["candidates"]) > run.options["dense_contacts"]) | projected)
+        return np.asarray((self.over(run.steps["candidates"]) > run.small) | projected)
 
     @cached_property
     def piled(self) -> NDArray[np.bool_]:
@@ -251,8 +251,7 @@ class Block:
     def least(self) -> float:
         """Contacts of an island up to which it is no pile (`docs/reference/scenario.md`, `pile_contacts`)."""
         o = self.run.options
-        few = min(o["dense_contacts"], o["pile_contacts"])
-        return float(few if o["pile_tolerance"] >= 1e-5 else o["pile_contacts"])
+        return self.run.small if o["pile_tolerance"] >= 1e-5 else float(o["pile_contacts"])
 
     @cached_property
     def tolerance(self) -> F64:

@@ -114,6 +114,11 @@ class Run:
         return any(form is not None for form in self.model.get("friction_law") or ())
 
     @property
+    def small(self) -> float:
+        """Contacts of an island up to which it is solved to `tolerance`: larger ones, and piles, to `pile_tolerance`."""
+        return float(min(self.options["dense_contacts"], self.options["pile_contacts"]))
+
+    @property
     def has_contacts(self) -> bool:
         """Whether impulses of contacts were recorded."""
         return bool(self.record.contacts)

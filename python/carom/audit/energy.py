@@ -226,7 +226,7 @@ def rises(run: Run, tally: Tally) -> None:
     motion = np.maximum(kinetic[1:], kinetic[:-1])
     top = np.maximum.accumulate(motion) + weight * run.radius.max()
     bound = 1e-12 * top + 16.0 * EPS * np.maximum(np.abs(potential[1:]), np.abs(potential[:-1]))
-    large = s["candidates"] > o["dense_contacts"]
+    large = s["candidates"] > run.small
     bound = bound + np.where(large, RISE_PILE * (h / 1e-3) ** 2 * top, 0.0)
     round_walls = any(not wall.flat or wall.rotation is not None for wall in run.walls)
     if run.bodies > 1 or round_walls:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit.block import Block, once
+from carom.audit import hits
+from carom.audit.block import Block, Rows, once
 from carom.audit.formula import law
 from carom.audit.vectors import add_at, cross, dot, norm
 
@@ -125,7 +126,20 @@ def speeds(block: Block) -> F64:
 @once
 def pushes(block: Block) -> tuple[F64, F64]:
     """(B, N) sums of the lengths of the recorded impulses of contacts on each body, N s, and of their moments, N m s."""
-    return _sizes(block, block.rows.impulse, block.rows.moment)
+    return _sizes(block, block.rows, block.rows.impulse, block.rows.moment)
+
+
+@once
+def strokes(block: Block) -> tuple[F64, F64]:
+    """(B, N) `pushes`, or the same of the recorded impacts if they are more: impulses of the parts of a step may cancel in
+    those of its contacts.
+    """
+    sums = pushes(block)
+    if not block.run.has_impacts:
+        return sums
+    r = hits.of_block(block)
+    struck = _sizes(block, r, r.impulse, r.moment)
+    return np.maximum(sums[0], struck[0]), np.maximum(sums[1], struck[1])
 
 
 @once
@@ -134,16 +148,16 @@ def shifts(block: Block) -> tuple[F64, F64]:
     the interval did: by position impulses, and in Moreau-Jean by the velocities that they gave within the step.
     """
     run, c = block.run, block.rows
-    way, turned = _sizes(block, c.position_impulse, c.position_moment)
+    way, turned = _sizes(block, c, c.position_impulse, c.position_moment)
     if run.method == "moreau":
         given = [block.dt[:, None] * size for size in pushes(block)]
         way, turned = way + given[0], turned + given[1]
     return way / run.mass, turned / run.inertia
 
 
-def _sizes(block: Block, impulse: F64, moment: F64) -> tuple[F64, F64]:
-    """(B, N) sums over the contacts of each body of the lengths of impulses (K, 3), and of moments (K, 3) beside them."""
-    c, run = block.rows, block.run
+def _sizes(block: Block, c: Rows | hits.Hits, impulse: F64, moment: F64) -> tuple[F64, F64]:
+    """(B, N) sums over the rows of each body of the lengths of impulses (K, 3), and of moments (K, 3) beside them."""
+    run = block.run
     pushed, turned = np.zeros((2, block.count, run.bodies))
     if run.has_contacts and len(c):
         size, couple = norm(impulse), norm(moment)
@@ -157,19 +171,47 @@ def _sizes(block: Block, impulse: F64, moment: F64) -> tuple[F64, F64]:
 
 
 @once
+def bent(block: Block) -> F64:
+    """(B, N) by how much the position impulses of each body may be off where they turned the normals that they act along,
+    as in piles, while they were solved: second order in the correction, N s^2; twice, since it may overshoot before.
+    """
+    c, run = block.rows, block.run
+    way = _together(block, shifts(block)[0])
+    with np.errstate(invalid="ignore"):
+        angle = np.where(way > 0.0, np.minimum(way * _curvature(block), np.pi), 0.0)
+    found = np.zeros((block.count, run.bodies))
+    each, ball = 2.0 * norm(c.position_impulse) * angle, c.b < run.bodies
+    add_at(found, (c.k, c.a), each)
+    add_at(found, (c.k[ball], c.b[ball]), each[ball])
+    return found
+
+
+def _together(block: Block, of: F64) -> F64:
+    """(K,) the sum of what is given of both balls of each recorded contact, (B, N)."""
+    c, last = block.rows, block.run.bodies - 1
+    return np.asarray(of[c.k, c.a] + np.where(c.b <= last, of[c.k, np.minimum(c.b, last)], 0.0))
+
+
+def _curvature(block: Block) -> F64:
+    """(K,) by how much the normal of each recorded contact turns on the way of its bodies, 1/m; 0 at flat walls."""
+    c, run = block.rows, block.run
+    curvature = 1.0 / (run.radius[c.a] + run.radius[np.minimum(c.b, run.bodies - 1)])
+    for k in np.unique(c.b[c.b >= run.bodies]):
+        curvature[c.b == k] = run.walls[k - run.bodies].curvature
+    return np.asarray(curvature)
+
+
+@once
 def turn(block: Block) -> F64:
     """(K,) a bound on the angle by which the normal of a contact turned within its interval, rad; 0 at flat walls that do
     not turn. The contact point moves at most at the speed of the bodies over the smallest radius of curvature.
     """
     c, run = block.rows, block.run
     speed = speeds(block)
-    ball = np.minimum(c.b, run.bodies - 1)
-    relative = speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, ball], 0.0)
-    curvature = 1.0 / (run.radius[c.a] + run.radius[ball])
+    relative, curvature = _together(block, speed), _curvature(block)
     spin = np.zeros(len(c))
     for k in np.unique(c.b[c.b >= run.bodies]):
         wall, rows = run.walls[k - run.bodies], np.flatnonzero(c.b == k)
-        curvature[rows] = wall.curvature
         if wall.travels:
             for end, time in ((False, block.t0), (True, block.t1)):
                 velocity, _, _ = wall.velocity(time[c.k[rows]], block.x1[c.k[rows], c.a[rows]], end=end)

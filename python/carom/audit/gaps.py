@@ -138,8 +138,7 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     ball, normal = np.minimum(b, run.bodies - 1), near.normal1[rows]
     motion = (block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball])
     found = rates(run, Pairs(a, b, block.t1[k], block.x1[k, a], normal, end=True), motion, normal, normal)
-    speed = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)
-    fastest = np.nan_to_num(speed).max(axis=1)
+    fastest = _fastest(block)
     left = block.left(norm(block.rows.impulse))[k] * 2.0 * compliance(run, a, b)[0]
     if (
         not run.has_contacts
@@ -164,15 +163,22 @@ def closing(block: Block) -> F64:
     small = o["closing_tolerance_load"]
     coarser = np.minimum(of_many(largest), max(1.0, o["pile_tolerance"] / 1e-4))
     share = np.where(largest > 100, coarser * max(o["pile_closing_tolerance"], small), small)
-    speed = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * norm(block.w1)
     of_bodies, of_walls = _load(block), _walls(block)
     load = of_bodies + of_walls
-    fastest = np.maximum(np.nan_to_num(speed).max(axis=1), load)
+    fastest = np.maximum(_fastest(block), load)
     by_speed = o["closing_tolerance_speed"] * fastest
     left = max(o["closing_tolerance_speed"], o["pile_tolerance"]) * fastest
     of_large = np.maximum(share * of_bodies, np.minimum(share * load, coarser * left))
     tolerance = np.where(largest > o["dense_contacts"], of_large, np.minimum(share * load, by_speed))
     return np.asarray(np.where(load == 0.0, by_speed, tolerance))
+
+
+def _fastest(block: Block) -> F64:
+    """(B,) largest `|v| + r |w|` of a body at either end, m/s."""
+    speed = np.maximum(
+        norm(block.v0) + block.run.radius * norm(block.w0), norm(block.v1) + block.run.radius * norm(block.w1)
+    )
+    return np.asarray(np.nan_to_num(speed).max(axis=1))
 
 
 def _load(block: Block) -> F64:

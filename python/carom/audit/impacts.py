@@ -2,7 +2,8 @@
 
 Where the frames do not show the state before and after each step, the recorded speeds are held against one another alone:
 approach and `V^-` differ by what loads give in a step, and by the impulses of problem 0 that an impact takes back: those
-carry at most the whole weight. Impacts slower than that are not judged.
+carry at most the whole weight, or what was recorded of them, which is more where balls are wedged. Impacts slower than that
+are not judged.
 """
 
 from __future__ import annotations
@@ -203,7 +204,7 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     left = 8.0 * block.tolerance[r.k] * whole * compliance(run, r.a, r.b)[0]
     # An impact takes back what carried the weight above its contact: at most all of it, on the lighter body.
     lightest = np.minimum(run.mass[r.a], np.append(run.mass, np.inf)[np.minimum(r.b, run.bodies)])
-    load = load * (2.0 + run.mass.sum() / lightest)
+    load = load * 2.0 + np.maximum(load * run.mass.sum() / lightest, _taken_back(block, r))
     unknown = e * (load + run.options["restitution_threshold"])
     bound = unknown + left + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation))
     # What loads may have added grows with the weight of all bodies: where it reaches the speeds of the impact, only a value
@@ -216,6 +217,17 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     tally.skip("impact", why, "a smaller step", int((blunt & shown).sum()))
     sharp = np.flatnonzero(~blunt)
     tally.measure("impact", value[sharp], bound[sharp], hits.place(block, r.of(sharp)))
+
+
+def _taken_back(block: Block, r: Hits) -> F64:
+    """(K,) how much the recorded impulses of problem 0 can have changed the relative velocity at a row, m/s."""
+    run = block.run
+    loads, size = np.flatnonzero(r.problem == 0), norm(r.impulse)
+    given, ball = np.zeros(block.count * run.bodies), r.b < run.bodies
+    for body, rows in ((r.a, loads), (r.b, loads[ball[loads]])):
+        np.add.at(given, r.k[rows] * run.bodies + body[rows], size[rows] / run.mass[body[rows]])
+    other = r.k * run.bodies + np.minimum(r.b, run.bodies - 1)
+    return np.asarray(given[r.k * run.bodies + r.a] + np.where(ball, given[other], 0.0))
 
 
 def _wall_change(block: Block, r: Hits, wall: Surface) -> F64:

@@ -67,14 +67,19 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
         tally.skip("momentum", "springs and drag between distant frames", "every = 1 in [record]", hidden)
     _momentum(block, tally, sums, loads, known)
     _spin(block, tally, sums, loads, known)
-    _position(block, tally, sums, loads, known)
-    _rotation(block, tally, sums, loads, known)
+    # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
+    touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
+    _position(block, tally, sums, loads, known, touched)
+    _rotation(block, tally, sums, loads, known, touched)
 
 
 def _rounding(block: Block) -> F64:
-    """Roundings that may have gathered: a few for every step, or substep."""
+    """Roundings that may have gathered: a few for every step, or substep; and of piles, of about six contacts a ball, those of
+    every sweep that adds to impulses.
+    """
     swept = np.where(block.large, 16.0, 1.0)  # larger islands add impulses in many sweeps, which may cancel
-    return EPS * (swept * (8.0 + 2.0 * block.updates))[:, None]
+    sums = block.total(block.run.steps["sweeps_position"] + block.run.steps["sweeps_velocity"])
+    return EPS * (swept * (8.0 + 2.0 * block.updates) + 6.0 * sums)[:, None]
 
 
 def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: NDArray[np.bool_]) -> None:
@@ -107,7 +112,9 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.b
     _take(block, tally, "spin", value, bound, known)
 
 
-def _position(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+def _position(
+    block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_], touched: NDArray[np.bool_]
+) -> None:
     run = block.run
     dt, g = block.dt[:, None, None], run.gravity
     smooth = loads.shift[..., :3]
@@ -126,20 +133,20 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
     bound = _rounding(block) * size + loads.shift_slack[..., 0] + np.where(
         single[:, None], 0.0, (norm(loads.impulse[..., :3]) + loads.spread[..., 0]) / run.mass * block.dt[:, None]
     )  # fmt: skip
-    touched = s.count > 0
     if run.method == "penalty":  # it has no position level
         c = block.rows
         tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
                       lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))  # fmt: skip
     left = (block.left(norm(block.rows.position_impulse)) + block.floor)[:, None] / run.mass
-    reach = 2.0 * (s.size * block.dt[:, None] + s.shift_size) / run.mass
-    # Piles turn their normals while they solve: second order in the correction.
-    turned = np.where(block.piled[:, None], (s.shift_size / run.mass) ** 2 / run.radius, 0.0)
+    reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
+    turned = np.where(block.piled[:, None], forces.bent(block) / run.mass, 0.0)
     bound = bound + np.where(touched, left + turned + np.where(single[:, None], 0.0, reach), 0.0)
     _take(block, tally, "position", value, bound, known)
 
 
-def _rotation(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+def _rotation(
+    block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_], touched: NDArray[np.bool_]
+) -> None:
     run = block.run
     dt = block.dt[:, None, None]
     inertia = run.inertia[:, None]
@@ -163,8 +170,10 @@ def _rotation(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
     )
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
     left = (block.left(size)[:, None] + block.floor[:, None] * run.radius) / inertia[:, 0]
-    reach = 2.0 * (s.moment_size * block.dt[:, None] + s.shift_size * run.radius) / inertia[:, 0]
-    bound = bound + np.where(s.count > 0, left + np.where(single[:, None], 0.0, reach), 0.0)
+    left = left + np.where(block.piled[:, None], forces.bent(block) * run.radius / inertia[:, 0], 0.0)
+    struck = forces.strokes(block)[1] * block.dt[:, None]
+    reach = 2.0 * (struck + s.shift_size * run.radius) / inertia[:, 0]
+    bound = bound + np.where(touched, left + np.where(single[:, None], 0.0, reach), 0.0)
     _take(block, tally, "rotation", value, bound, known)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
+from carom.audit.rates import compliance
 from carom.audit.vectors import norm
 from carom.packing.neighbours import pairs as neighbours
 
@@ -101,8 +102,10 @@ def _walls(block: Block, way: F64) -> tuple[I64, I64, I64]:
 def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """(K,) how deep pairs may overlap, m.
 
-    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate in islands of up to 50 contacts; beyond, the
-    solver aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then).
+    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate. Beyond `dense_contacts` contacts that is an aim: what
+    eq. 44 leaves of `p gap`, p = 0.5/D_cc, stays where gaps contradict one another (wedged balls). Beyond 50 the solver
+    aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then), and so do the smaller
+    ones where contacts were not recorded.
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
     end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. Penalty: the
     elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of the run; twice the indentation under the
@@ -119,9 +122,13 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     if run.method == "moreau" and not run.options["position_projection"]:
         return np.asarray(_way(run, a, b) + rounding)
     many = (block.over(run.steps["candidates"])[k] > 50) | block.piled[k]
+    known = block.kept[k] & run.has_contacts
+    many |= block.large[k] & ~known
+    left = 2.0 * compliance(run, a, b)[0] * (block.left(norm(block.rows.position_impulse)) + block.floor)[k]
     tired = block.over(run.steps["fallbacks"])[k] > 0
     aim = np.maximum(t["gap_tolerance"], block.pile_overlap[k] * np.where(tired, 10.0, 1.0))
-    return np.asarray(np.where(many, aim, t["gap_tolerance"]) * r + rounding)
+    bound = np.where(many, aim, t["gap_tolerance"]) * r + np.where(block.large[k] & known, left, 0.0)
+    return np.asarray(bound + rounding)
 
 
 def _way(run: Run, a: I64, b: I64) -> F64:
