@@ -47,6 +47,15 @@ impl Bounds {
             + usize::from(self.spinning > 0.0)
     }
 
+    /// Discs of this share of their radius.
+    pub fn scaled(&self, share: f64) -> Bounds {
+        Bounds {
+            sliding: share * self.sliding,
+            rolling: share * self.rolling,
+            spinning: share * self.spinning,
+        }
+    }
+
     /// The discs present, in row order.
     #[inline]
     pub fn discs(&self) -> impl Iterator<Item = Disc> {

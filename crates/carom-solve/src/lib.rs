@@ -8,6 +8,7 @@ pub mod direct;
 pub mod gauss_seidel;
 pub mod hold;
 mod hybrid;
+mod less_friction;
 pub mod linear_step;
 pub mod newton;
 pub mod problem;

@@ -57,8 +57,18 @@ impl ImpactScratch {
                     let solved = solve(self, s, &mut own) && own.unconverged == 0;
                     solved && !self.gains(model, &inside)
                 });
+                let residual = report.residual_velocity;
                 if !solve(self, scale, report) && !self.is_fine_enough(model, report) {
-                    return false;
+                    // It is solved with a gain of energy alone: no restitution at all, then, and less friction.
+                    self.scale.fill(0.0);
+                    self.build(model, scratch.contacts, law);
+                    let failed = std::mem::replace(&mut report.residual_velocity, residual);
+                    if !self.solve_with_less_friction(model, scratch, problem, report) {
+                        report.residual_velocity = failed;
+                        return false;
+                    }
+                    report.restitution_scale = 0.0;
+                    return true;
                 }
             }
             if done.is_empty() {

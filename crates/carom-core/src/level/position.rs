@@ -6,7 +6,9 @@
 
 use super::position_measures::{Coupled, Positions};
 use super::rest::{self, Resting};
-use super::{closed_form, newton_options, position_floor, single, worst_group, Demand};
+use super::{
+    closed_form, newton_options, position_floor, single, worst_group, Demand, LESS_FRICTION,
+};
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
 use crate::model::Model;
@@ -332,6 +334,19 @@ fn solve_by_newton(
             } else {
                 report.fallbacks += u32::from(!result.converged);
             }
+        }
+    }
+    if !result.converged && held.is_none() && span.smallest && !accept_unconverged {
+        let less = newton.solve_with_less_friction(
+            system,
+            &mut problem,
+            &options,
+            &LESS_FRICTION,
+            [&mut *lambda, &mut *u],
+        );
+        if let Some(less) = less {
+            result = less;
+            report.fallbacks += 1;
         }
     }
     let is_held = held.is_some();

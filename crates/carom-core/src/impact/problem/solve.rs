@@ -5,7 +5,7 @@ use crate::contact::Contact;
 use crate::impact::coupled::Velocities;
 use crate::level::coupling::Trial;
 use crate::level::position::along;
-use crate::level::{newton_options, worst_group};
+use crate::level::{newton_options, worst_group, LESS_FRICTION};
 use crate::model::Model;
 use crate::problem::Solve;
 use crate::report::{Level, StepReport};
@@ -79,7 +79,11 @@ impl ImpactScratch {
             report.fallbacks += 1;
         }
         if !solved && !self.is_fine_enough(model, report) {
-            return false;
+            let residual = std::mem::replace(&mut report.residual_velocity, residual_before);
+            if !self.solve_with_less_friction(model, scratch, problem, report) {
+                report.residual_velocity = residual;
+                return false;
+            }
         }
         // What was given up cannot be scaled further.
         if scaled && self.scale.iter().any(|&s| s > 0.0) {
@@ -111,6 +115,32 @@ impl ImpactScratch {
         self.last.converged |= fine;
         report.fallbacks += u32::from(fine);
         fine
+    }
+
+    /// Where not even that is found: the problem as it stands, with less friction in all its contacts.
+    pub(in crate::impact) fn solve_with_less_friction(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        problem: u32,
+        report: &mut StepReport,
+    ) -> bool {
+        if !self.span.smallest {
+            return false;
+        }
+        let (last, failed) = (self.last, scratch.keeper.failed.take());
+        for share in LESS_FRICTION {
+            for (c, &slot) in self.sub.contacts.iter_mut().zip(&self.chosen) {
+                c.bounds = self.full.contacts[slot].bounds.scaled(share);
+            }
+            if self.solve_built(model, scratch, problem, None, report) {
+                report.fallbacks += 1;
+                return true;
+            }
+        }
+        // What stopped the run is the problem itself.
+        (self.last, scratch.keeper.failed) = (last, failed);
+        false
     }
 
     /// Whether the last problem gave no impulse at all: the next ones would be the same.
