@@ -133,7 +133,7 @@ def test_a_ball_thrown_into_a_corner(friction: float) -> None:
         below(1e-12, f"corner, mu = {friction}: energy rise", result.summary["energy"]["max_rise_relative"])
 
 
-@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
 @pytest.mark.parametrize("level", ["position", "velocity"])
 def test_balls_that_wedge_one_another_go_on_with_less_friction(level: str) -> None:
     """States of falling towers (5 and 7 balls) of which no part of a step had a solution that the solvers found."""
