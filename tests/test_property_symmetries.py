@@ -181,12 +181,20 @@ def in_any_units(case: Case, powers: tuple[int, int, int]) -> None:
     agree(case, case.run(), unscaled(case, length, mass, time), f"units {powers}")
 
 
+def same_in_binary(case: Case, other: State, what: str) -> None:
+    """The solvers of islands of more than 10 contacts take the best of their iterates by a residual that compares impulses
+    with velocities, in the units given: units may choose another one within the tolerance."""
+    run = case.run()
+    if run.steps["candidates"].max() <= 10:
+        same_bits(case, state(run), other, what)
+    else:
+        agree(case, run, other, what)
+
+
 def in_binary_units(case: Case, mass: int, time: int) -> None:
     """Such a change rounds nothing, and no number of the program has a unit of mass or of time. Powers of four for
     masses, since factorisations take roots of them."""
-    same_bits(
-        case, state(case.run()), unscaled(case, 1.0, 4.0**mass, 2.0**time), f"mass 4^{mass}, time 2^{time}"
-    )
+    same_in_binary(case, unscaled(case, 1.0, 4.0**mass, 2.0**time), f"mass 4^{mass}, time 2^{time}")
 
 
 def in_binary_lengths(case: Case, length: int, mass: int, time: int) -> None:
@@ -195,7 +203,7 @@ def in_binary_lengths(case: Case, length: int, mass: int, time: int) -> None:
     law[3:] = wall[3:] = 0.0
     case = replace(case, law=law, wall_law=wall)
     other = unscaled(case, 2.0**length, 4.0**mass, 2.0**time)
-    same_bits(case, state(case.run()), other, f"length 2^{length}, mass 4^{mass}, time 2^{time}")
+    same_in_binary(case, other, f"length 2^{length}, mass 4^{mass}, time 2^{time}")
 
 
 # --------------------------------------------------------------------------------------------------- both tiers
