@@ -73,6 +73,14 @@ impl Contact {
         model.radius.get(self.b as usize).copied().unwrap_or(0.0)
     }
 
+    /// The frame of `t_n` again, where a pile had turned it to that of `t_{n+1}`.
+    pub fn set_start_frame(&mut self) {
+        if self.end_frame {
+            (self.t1, self.t2) = carom_geom::tangent_frame(self.n0);
+            self.end_frame = false;
+        }
+    }
+
     /// Axis of the spinning row.
     #[inline]
     fn spin_axis(&self) -> DVec3 {

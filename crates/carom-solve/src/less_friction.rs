@@ -6,22 +6,25 @@ use crate::report::SolveReport;
 use crate::rows::{RowSystem, Subproblem};
 
 impl Newton {
-    /// Solves with these shares of all friction, one after the other, until one converges; each from nothing. Where none does,
-    /// `(lambda, u)` and what the solver says of them are as they were.
+    /// Solves with these shares of the friction of the contacts that `of` names, one after the other, until one converges; each from
+    /// nothing. Where none does, `(lambda, u)` and what the solver says of them are as they were.
     pub fn solve_with_less_friction<P: Subproblem>(
         &mut self,
         system: &mut RowSystem,
         problem: &mut P,
         options: &NewtonOptions,
         shares: &[f64],
+        of: impl Fn(usize) -> bool,
         [lambda, u]: [&mut [f64]; 2],
     ) -> Option<SolveReport> {
         let bounds: Vec<Bounds> = system.contacts.iter().map(|c| c.bounds).collect();
         let start = (lambda.to_vec(), u.to_vec());
         let history = self.history.clone();
         let found = shares.iter().find_map(|&share| {
-            for (c, b) in system.contacts.iter_mut().zip(&bounds) {
-                c.bounds = b.scaled(share);
+            for (index, (c, b)) in system.contacts.iter_mut().zip(&bounds).enumerate() {
+                if of(index) {
+                    c.bounds = b.scaled(share);
+                }
             }
             lambda.fill(0.0);
             u.fill(0.0);

@@ -9,6 +9,7 @@ pub mod smooth;
 mod smooth_matrix;
 pub mod smooth_newton;
 pub mod velocity;
+mod wedge;
 
 use crate::contact::Contact;
 use crate::model::Model;

@@ -6,6 +6,7 @@
 
 use super::position_measures::{Coupled, Positions};
 use super::rest::{self, Resting};
+use super::wedge;
 use super::{
     closed_form, newton_options, position_floor, single, worst_group, Demand, LESS_FRICTION,
 };
@@ -170,16 +171,17 @@ fn solve_by_newton(
     let members = island.contacts;
     solve.begin(model, contacts, island);
     let mut rows: Rows = Default::default();
-    let frames: Vec<bool> = match way {
+    let frames: Vec<_> = match way {
         Way::Hold(_) => members
             .iter()
-            .map(|&m| contacts[m as usize].end_frame)
+            .map(|&m| &contacts[m as usize])
+            .map(|c| (c.t1, c.t2, c.end_frame))
             .collect(),
         Way::Solve { .. } => Vec::new(),
     };
     for &m in members {
         // A pile may have had it before.
-        contacts[m as usize].end_frame = false;
+        contacts[m as usize].set_start_frame();
         let c = &contacts[m as usize];
         let dim = c.rows(model, c.n0, &mut rows);
         let (ja, jb) = (solve.node(model, c.a), solve.node(model, c.b));
@@ -313,7 +315,8 @@ fn solve_by_newton(
     if held.is_none() {
         if matches!(way, Way::Hold(_)) {
             for (&m, frame) in members.iter().zip(frames) {
-                contacts[m as usize].end_frame = frame;
+                let c = &mut contacts[m as usize];
+                (c.t1, c.t2, c.end_frame) = frame;
             }
             return false;
         }
@@ -342,11 +345,36 @@ fn solve_by_newton(
             &mut problem,
             &options,
             &LESS_FRICTION,
+            |_| true,
             [&mut *lambda, &mut *u],
         );
         if let Some(less) = less {
             result = less;
             report.fallbacks += 1;
+        }
+    }
+    if result.converged && held.is_none() && !rests {
+        let ways = bodies.iter().map(|&b| {
+            let i = b as usize;
+            let way = linear[i].displacement - span.h * state.velocity[i];
+            [way.length(), model.mass[i] * way.length()]
+        });
+        let [way, load] = ways.fold([0.0f64, 0.0], |[w, l], [way, load]| [w.max(way), l + load]);
+        let solution = [newton.measures(), &lambda[..]];
+        let stopped = wedge::stopped(model, contacts, members, system, [way, load], solution);
+        if stopped.contains(&true) {
+            let less = newton.solve_with_less_friction(
+                system,
+                &mut problem,
+                &options,
+                &[wedge::NEXT_TO_NONE],
+                |slot| stopped.get(slot) == Some(&true),
+                [&mut *lambda, &mut *u],
+            );
+            if let Some(less) = less {
+                result = less;
+                report.fallbacks += 1;
+            }
         }
     }
     let is_held = held.is_some();

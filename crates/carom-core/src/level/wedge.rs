@@ -1,0 +1,54 @@
+//! Spheres that friction stops dead where nothing hits them.
+//!
+//! Where friction is large, wedged spheres may press one another with any force, and hold what slides: of the solutions of Coulomb's law
+//! the position level then has one, the velocity level may have another one without such forces. A sphere would stay where it is while its
+//! velocity grows with every step (decision record 020). The velocity at `t_n` obeyed the law there: what slides on without being
+//! hit is slowed by its loads, not stopped.
+
+use crate::contact::Contact;
+use crate::model::Model;
+use carom_solve::rows::RowSystem;
+
+/// Share of friction that is left to contacts which stop a slide. (Bounds of 0 would be other rows.)
+pub(super) const NEXT_TO_NONE: f64 = 1e-9;
+/// A slide, or an approach, counts beyond this many times the way of the loads in a step: three times the speed that they give.
+const FAST: f64 = 6.0;
+/// And has been stopped where less than this share of it is left.
+const LEFT: f64 = 0.5;
+
+/// Contacts of an island, solved at the position level, that stop a slide although nothing was hit, by more than all loads together. `way`:
+/// the largest of a sphere by the loads of the step, m; `load`: the sum of these times the masses, kg m; `measures` and `nu` those of the
+/// solution.
+pub(super) fn stopped(
+    model: &Model,
+    contacts: &[Contact],
+    members: &[u32],
+    system: &RowSystem,
+    [way, load]: [f64; 2],
+    [measures, nu]: [&[f64]; 2],
+) -> Vec<bool> {
+    let touches = |c: &Contact| c.gap_start <= model.options.touching_tolerance * c.length;
+    let each = || {
+        members
+            .iter()
+            .map(|&m| &contacts[m as usize])
+            .zip(&system.contacts)
+    };
+    let hit = each().any(|(c, row)| {
+        nu[row.row as usize] > 0.0 && !(touches(c) && c.gap_start - c.gap_check <= FAST * way)
+    });
+    if hit || way == 0.0 {
+        return Vec::new();
+    }
+    each()
+        .map(|(c, row)| {
+            let slide = row.row as usize + 1..row.row as usize + 3;
+            let length = |z: &[f64]| z[slide.clone()].iter().map(|z| z * z).sum::<f64>().sqrt();
+            touches(c)
+                && c.bounds.sliding > 0.0
+                && nu[row.row as usize] > load
+                && length(&system.z0) > FAST * way
+                && length(measures) < LEFT * length(&system.z0)
+        })
+        .collect()
+}
