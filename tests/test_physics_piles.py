@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import carom
 import numpy as np
 import pytest
@@ -131,25 +129,6 @@ def test_a_ball_thrown_into_a_corner(friction: float) -> None:
         assert result.summary["unconverged"] == 0
         below(1e-9, f"corner, mu = {friction}: penetration / r", result.summary["penetration_max_relative"])
         below(1e-12, f"corner, mu = {friction}: energy rise", result.summary["energy"]["max_rise_relative"])
-
-
-@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
-@pytest.mark.parametrize("level", ["position", "velocity"])
-def test_balls_that_wedge_one_another_go_on_with_less_friction(level: str) -> None:
-    """States of falling towers (5 and 7 balls) of which no part of a step had a solution that the solvers found."""
-    tower = carom.Scene.from_toml(Path(__file__).parent / "data" / "wedged" / f"{level}.toml")
-    result = carom.simulate(tower, every=1, contacts=True, impacts="every")
-    s = result.summary
-    assert result.outcome.ok
-    assert s["unconverged"] == 0
-    assert s["fallbacks"] > 0
-    below(1e-9, "penetration / r", s["penetration_max_relative"])
-    # Balls that are held by friction at one level alone: first order in the step, here one of 2 ms (decision record 020).
-    below(1e-3, "energy rise", s["energy"]["max_rise_relative"])
-    assert carom.audit.check(result).ok
-    # With all of the friction it is not solved, in parts as small.
-    as_it_is = carom.simulate(tower.with_options(on_nonconvergence="warn"))
-    assert as_it_is.summary["unconverged"] > 0
 
 
 @pytest.mark.long

@@ -74,8 +74,8 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
 
 
 def _rounding(block: Block) -> F64:
-    """Roundings that may have gathered: a few for every step, or substep; and of piles, of about six contacts a ball, those of
-    every sweep that adds to impulses.
+    """Roundings that may have gathered: a few for every step, or substep; and of piles, of about six contacts a ball,
+    those of every sweep that adds to impulses.
     """
     swept = np.where(block.large, 16.0, 1.0)  # larger islands add impulses in many sweeps, which may cancel
     sums = block.total(block.run.steps["sweeps_position"] + block.run.steps["sweeps_velocity"])

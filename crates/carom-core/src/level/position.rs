@@ -6,9 +6,8 @@
 
 use super::position_measures::{Coupled, Positions};
 use super::rest::{self, Resting};
-use super::wedge;
 use super::{
-    closed_form, newton_options, position_floor, single, worst_group, Demand, LESS_FRICTION,
+    closed_form, newton_options, position_floor, single, wedge, worst_group, Demand, LESS_FRICTION,
 };
 use crate::contact::{Contact, Rows};
 use crate::islands::Island;
@@ -353,7 +352,8 @@ fn solve_by_newton(
             report.fallbacks += 1;
         }
     }
-    if result.converged && held.is_none() && !rests {
+    // Joints, and loads that depend on the motion, stop slides by themselves.
+    if result.converged && held.is_none() && !rests && island.is_free() {
         let ways = bodies.iter().map(|&b| {
             let i = b as usize;
             let way = linear[i].displacement - span.h * state.velocity[i];
@@ -361,7 +361,7 @@ fn solve_by_newton(
         });
         let [way, load] = ways.fold([0.0f64, 0.0], |[w, l], [way, load]| [w.max(way), l + load]);
         let solution = [newton.measures(), &lambda[..]];
-        let stopped = wedge::stopped(model, contacts, members, system, [way, load], solution);
+        let stopped = wedge::stopped(contacts, members, system, [way, load], solution);
         if stopped.contains(&true) {
             let less = newton.solve_with_less_friction(
                 system,

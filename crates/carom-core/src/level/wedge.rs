@@ -6,7 +6,6 @@
 //! hit is slowed by its loads, not stopped.
 
 use crate::contact::Contact;
-use crate::model::Model;
 use carom_solve::rows::RowSystem;
 
 /// Share of friction that is left to contacts which stop a slide. (Bounds of 0 would be other rows.)
@@ -20,23 +19,20 @@ const LEFT: f64 = 0.5;
 /// the largest of a sphere by the loads of the step, m; `load`: the sum of these times the masses, kg m; `measures` and `nu` those of the
 /// solution.
 pub(super) fn stopped(
-    model: &Model,
     contacts: &[Contact],
     members: &[u32],
     system: &RowSystem,
     [way, load]: [f64; 2],
     [measures, nu]: [&[f64]; 2],
 ) -> Vec<bool> {
-    let touches = |c: &Contact| c.gap_start <= model.options.touching_tolerance * c.length;
     let each = || {
         members
             .iter()
             .map(|&m| &contacts[m as usize])
             .zip(&system.contacts)
     };
-    let hit = each().any(|(c, row)| {
-        nu[row.row as usize] > 0.0 && !(touches(c) && c.gap_start - c.gap_check <= FAST * way)
-    });
+    let hit =
+        each().any(|(c, row)| nu[row.row as usize] > 0.0 && c.gap_start - c.gap_check > FAST * way);
     if hit || way == 0.0 {
         return Vec::new();
     }
@@ -44,8 +40,7 @@ pub(super) fn stopped(
         .map(|(c, row)| {
             let slide = row.row as usize + 1..row.row as usize + 3;
             let length = |z: &[f64]| z[slide.clone()].iter().map(|z| z * z).sum::<f64>().sqrt();
-            touches(c)
-                && c.bounds.sliding > 0.0
+            c.bounds.sliding > 0.0
                 && nu[row.row as usize] > load
                 && length(&system.z0) > FAST * way
                 && length(measures) < LEFT * length(&system.z0)
