@@ -10,8 +10,11 @@ use carom_solve::rows::RowSystem;
 
 /// Share of friction that is left to contacts which stop a slide. (Bounds of 0 would be other rows.)
 pub(super) const NEXT_TO_NONE: f64 = 1e-9;
-/// A slide, or an approach, counts beyond this many times the way of the loads in a step: three times the speed that they give.
+/// A slide counts beyond this many times the way of the loads in a step: three times the speed that they give.
 const FAST: f64 = 6.0;
+/// An approach is a hit beyond this many of them, or where it began at more than this gap, over the length of the contact.
+const HIT: f64 = 3.0;
+const NEAR: f64 = 1e-6;
 /// And has been stopped where less than this share of it is left.
 const LEFT: f64 = 0.5;
 
@@ -31,8 +34,10 @@ pub(super) fn stopped(
             .map(|&m| &contacts[m as usize])
             .zip(&system.contacts)
     };
-    let hit =
-        each().any(|(c, row)| nu[row.row as usize] > 0.0 && c.gap_start - c.gap_check > FAST * way);
+    let hit = each().any(|(c, row)| {
+        let closes = c.gap_start > NEAR * c.length || c.gap_start - c.gap_check > HIT * way;
+        nu[row.row as usize] > 0.0 && closes
+    });
     if hit || way == 0.0 {
         return Vec::new();
     }
