@@ -1,6 +1,6 @@
 //! Joints, loads and laws of one variable, from lists of dicts and tuples.
 
-use crate::convert::item;
+use crate::arrays::item;
 use crate::ModelError;
 use carom_core::force::applied::Applied;
 use carom_core::force::drag::Drag;

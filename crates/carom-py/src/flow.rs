@@ -1,6 +1,6 @@
 //! Periodic boxes, and balls that come and go, from optional keys of the model; their tables and state.
 
-use crate::convert::{self, item, put};
+use crate::arrays::{self, item, put};
 use crate::coupling::{list, refuse, vector};
 use carom_core::flow::{Event, Inflow, Outlet, Region};
 use carom_core::{Model, State};
@@ -115,8 +115,8 @@ pub fn read_state(dict: &Bound<'_, PyDict>, model: &Model, state: &mut State) ->
     if model.flow.is_none() {
         return Ok(());
     }
-    let present = convert::indices(dict, "present")?;
-    let entered = convert::indices(dict, "entered")?;
+    let present = arrays::indices(dict, "present")?;
+    let entered = arrays::indices(dict, "entered")?;
     state.present = present.iter().map(|&p| p != 0).collect();
     // More balls than there are indices have not entered.
     let number = |&k: &u64| u32::try_from(k).unwrap_or(u32::MAX);

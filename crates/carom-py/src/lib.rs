@@ -1,5 +1,6 @@
 //! The skin: converts arrays, releases the interpreter lock, maps errors. No physics.
 
+mod arrays;
 mod contact_solver;
 mod convert;
 mod coupling;

@@ -1,6 +1,6 @@
 //! Kept contact problems as dicts of arrays.
 
-use crate::convert::{flat, put};
+use crate::arrays::{flat, put};
 use carom_core::problem::KeptProblem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

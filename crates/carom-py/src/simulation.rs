@@ -1,6 +1,7 @@
 //! The class `Simulation`.
 
-use crate::convert::{self, flat, put};
+use crate::arrays::{self, flat, put};
+use crate::convert::{self};
 use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{
@@ -182,8 +183,8 @@ impl Simulation {
         flow::read_state(state, &self.inner.model, &mut loaded)?;
         (loaded.check(&self.inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;
         let open = read_open(state, bodies as u64)?;
-        let integers = convert::indices(state, "monitor_int")?;
-        let floats = convert::floats(state, "monitor_float")?;
+        let integers = arrays::indices(state, "monitor_int")?;
+        let floats = arrays::floats(state, "monitor_float")?;
         let Some(monitors) = monitors_from(&integers, &floats) else {
             return Err(ModelError::new_err(
                 "state: the monitors are of another version",

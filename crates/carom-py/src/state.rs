@@ -1,6 +1,6 @@
 //! State, open contact records and monitors as arrays, there and back: what a checkpoint holds.
 
-use crate::convert::{self, flat, put};
+use crate::arrays::{self, flat, put};
 use crate::ModelError;
 use carom_core::penalty::Touch;
 use carom_core::record::ContactRecord;
@@ -82,7 +82,7 @@ pub fn touch_values(t: &Touch) -> [f64; 11] {
 
 /// Closed contacts of method `penalty`.
 fn read_touches(state: &Bound<'_, PyDict>) -> PyResult<Vec<Touch>> {
-    let values = convert::rows::<11>(state, "touch_value")?;
+    let values = arrays::rows::<11>(state, "touch_value")?;
     let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
     let touches = read_keys(state, "touch", values.len())?;
     let touches = touches.into_iter().zip(&values).map(|(key, v)| Touch {
@@ -98,7 +98,7 @@ fn read_touches(state: &Bound<'_, PyDict>) -> PyResult<Vec<Touch>> {
 
 /// Keys of contacts, as many as there are values.
 fn read_keys(state: &Bound<'_, PyDict>, name: &str, count: usize) -> PyResult<Vec<ContactKey>> {
-    let keys = convert::indices(state, &format!("{name}_key"))?;
+    let keys = arrays::indices(state, &format!("{name}_key"))?;
     if keys.len() != 2 * count {
         return Err(ModelError::new_err(format!(
             "state: {name}_key and {name}_value differ in length"
@@ -120,9 +120,9 @@ fn check_keys(name: &str, keys: &[u64], bodies: u64) -> PyResult<()> {
 }
 
 pub fn read_open(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<ContactRecord>> {
-    let keys = convert::indices(state, "open_key")?;
-    let status = convert::indices(state, "open_status")?;
-    let values = convert::rows::<20>(state, "open_value")?;
+    let keys = arrays::indices(state, "open_key")?;
+    let status = arrays::indices(state, "open_status")?;
+    let values = arrays::rows::<20>(state, "open_value")?;
     if keys.len() != 2 * values.len() || status.len() != values.len() {
         return Err(ModelError::new_err(
             "state: the open contact records differ in length",
@@ -152,7 +152,7 @@ pub fn read_open(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<Contact
 
 /// Pairs of vectors, 6 numbers each.
 pub fn read_pairs(state: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<[DVec3; 2]>> {
-    Ok(convert::rows::<6>(state, name)?
+    Ok(arrays::rows::<6>(state, name)?
         .into_iter()
         .map(|v| [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])])
         .collect())
@@ -161,14 +161,14 @@ pub fn read_pairs(state: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<[DVec3;
 /// The arrays of a state, of whatever model: [`State::check`] says whether it is one of this.
 pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
     let vectors = |name: &str| -> PyResult<Vec<DVec3>> {
-        Ok(convert::rows::<3>(state, name)?
+        Ok(arrays::rows::<3>(state, name)?
             .into_iter()
             .map(DVec3::from)
             .collect())
     };
     // Nine numbers: of a version in which piles had no rolling friction, so that the last three are 0.
-    let values = convert::rows::<12>(state, "warm_value").or_else(|error| {
-        let short = convert::rows::<9>(state, "warm_value").map_err(|_| error)?;
+    let values = arrays::rows::<12>(state, "warm_value").or_else(|error| {
+        let short = arrays::rows::<9>(state, "warm_value").map_err(|_| error)?;
         let longer = |v: &[f64; 9]| std::array::from_fn(|k| v.get(k).copied().unwrap_or(0.0));
         Ok::<_, PyErr>(short.iter().map(longer).collect::<Vec<[f64; 12]>>())
     })?;
@@ -180,7 +180,7 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
         position: DVec3::new(v[6], v[7], v[8]),
         position_moment: DVec3::new(v[9], v[10], v[11]),
     });
-    let warm_step = convert::floats(state, "warm_step")?
+    let warm_step = arrays::floats(state, "warm_step")?
         .first()
         .copied()
         .ok_or_else(|| ModelError::new_err("state: warm_step is empty"))?;
@@ -194,12 +194,12 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
         ));
     }
     Ok(State {
-        step: convert::indices(state, "step")?
+        step: arrays::indices(state, "step")?
             .first()
             .copied()
             .unwrap_or(0),
         position: vectors("position")?,
-        orientation: convert::rows::<4>(state, "orientation")?
+        orientation: arrays::rows::<4>(state, "orientation")?
             .into_iter()
             .map(|q| DQuat::from_xyzw(q[1], q[2], q[3], q[0]))
             .collect(),

@@ -1,6 +1,6 @@
 //! The tables of a block, and outcomes, as dicts of arrays.
 
-use crate::convert::{flat, put};
+use crate::arrays::{flat, put};
 use carom_core::record::{Block, ContactRecord};
 use carom_core::report::Column;
 use carom_core::{Outcome, StepReport};

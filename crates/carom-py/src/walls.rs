@@ -1,6 +1,6 @@
 //! Walls and their motions, from lists of dicts and tuples.
 
-use crate::convert::item;
+use crate::arrays::item;
 use crate::coupling::{law, list, refuse, three_laws, vector};
 use carom_core::wall::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
 use carom_core::wall::{WallMotion, WallRotation};

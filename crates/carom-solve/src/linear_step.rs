@@ -8,6 +8,7 @@
 //! Inactive rows (`xi_N < 0`) have `dl = -l` and leave the matrix. A proximal shift on the diagonal keeps redundant
 //! contacts factorable; it scales with the residual, so it changes the path and not the limit.
 
+mod iterate;
 mod mass;
 mod sparse;
 
@@ -15,22 +16,12 @@ use crate::cone::{Block, Status, MAX_ROWS};
 use crate::direct::dense::{lu_factor, lu_solve};
 use crate::direct::DirectError;
 use crate::rows::{RowSystem, NODE_DOF, WORLD};
+pub use iterate::Iterate;
 use mass::{curvature, is_curved, Mass, MassKind};
 use sparse::SparseParts;
 
 /// Ratio of the pivots below which rows count as dependent.
 const PIVOT_RATIO: f64 = 1e-9;
-
-/// The iterate at which the system is linearised.
-pub struct Iterate<'a> {
-    pub z: &'a [f64],
-    pub penalty: &'a [f64],
-    pub phi: &'a [f64],
-    pub tangents: &'a [Block],
-    pub statuses: &'a [Status],
-    pub lambda: &'a [f64],
-    pub u: &'a [f64],
-}
 
 /// Buffers of the reduced system.
 #[derive(Default)]

@@ -1,6 +1,6 @@
 //! The matrix of the nodes: `Mt = M - sum phi_N K - db/du`, dense.
 
-use super::Iterate;
+use super::iterate::Iterate;
 use crate::direct::dense::{chol_factor, chol_solve, lu_factor, lu_solve};
 use crate::rows::{RowContact, RowSystem, NODE_DOF, WORLD};
 

@@ -6,52 +6,13 @@
 
 mod blocks;
 mod build;
+mod group;
 pub mod natural;
 mod scaled;
+mod statement;
 
 pub use blocks::BlockMatrix;
 pub use build::{ProblemError, RowMap};
+pub use group::Group;
 pub use scaled::Scaled;
-
-use crate::cone::Bounds;
-
-/// One contact, or joint, of a [`Problem`].
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Group {
-    /// First row.
-    pub row: usize,
-    /// Rows: those of [`Bounds::dim`], or of a joint.
-    pub dim: usize,
-    /// All bounds that have rows are positive: rows whose bound is 0 take no force and are left out.
-    pub bounds: Bounds,
-    /// A joint: its multipliers have no bounds.
-    pub bilateral: bool,
-}
-
-impl Group {
-    #[inline]
-    pub fn rows(&self) -> std::ops::Range<usize> {
-        self.row..self.row + self.dim
-    }
-}
-
-/// `u = W r + q` over groups of rows.
-#[derive(Clone, Debug, Default)]
-pub struct Problem {
-    pub groups: Vec<Group>,
-    pub w: BlockMatrix,
-    pub q: Vec<f64>,
-}
-
-impl Problem {
-    #[inline]
-    pub fn rows(&self) -> usize {
-        self.q.len()
-    }
-
-    /// `u = W r + q`.
-    pub fn velocity(&self, r: &[f64], u: &mut [f64]) {
-        u.copy_from_slice(&self.q);
-        self.w.add_product(r, u);
-    }
-}
+pub use statement::Problem;

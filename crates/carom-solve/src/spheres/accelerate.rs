@@ -13,7 +13,8 @@
 
 use super::kernel::{Along, State};
 use super::lanes::{Lanes, Work, GROUP};
-use super::{pass, Sweeps};
+use super::momentum::Change;
+use super::sweeps::{pass, Sweeps};
 use crate::team::{self, lock};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::Mutex;
@@ -23,21 +24,6 @@ use std::sync::Mutex;
 const GROWTH: f64 = 1.1;
 /// `beta = k / (k + RAMP)`.
 const RAMP: f64 = 3.0;
-
-/// Bodies after the sweep before the last one; what the last sweep changed.
-#[derive(Debug, Default)]
-pub struct Memory {
-    states: Vec<State>,
-    pub last: Change,
-    age: u64,
-}
-
-/// What a sweep changed: `|d|^2` over the masses, and the largest `-z_N` that it met.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Change {
-    pub squared: f64,
-    pub closing: f64,
-}
 
 /// Age of the momentum of the first sweep: there is nothing to go on from.
 const NEW: u64 = 0;

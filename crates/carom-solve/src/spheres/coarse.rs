@@ -9,10 +9,11 @@
 //!
 //! Not where something rolls, nor in problems of one chunk.
 
-use super::groups::{Block, EMPTY};
+use super::groups::Block;
 use super::kernel::{Group, State};
+use super::lanes::EMPTY;
 use super::residual::{head, vector};
-use super::Sweeps;
+use super::sweeps::Sweeps;
 use crate::direct::dense::{lu_factor, lu_solve};
 use crate::team;
 use glam::DVec3;

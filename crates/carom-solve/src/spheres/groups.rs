@@ -1,17 +1,13 @@
 //! Groups: contacts that share no moving body, swept as one.
 
 use super::kernel::{Group, State};
-use super::lanes::GROUP;
-use super::rolling::Rolls;
-use super::Contact;
+use super::lanes::{EMPTY, GROUP, SWAPPED};
+use super::problem::Contact;
+use super::rolls::Rolls;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Groups of a block that are open at a time.
 const WINDOW: usize = 64;
-/// Bit of an id: the sides of this contact are exchanged.
-pub const SWAPPED: u32 = 1 << 31;
-/// Id of a lane without contact.
-pub const EMPTY: u32 = u32::MAX;
 
 /// Contacts inside a chunk (`left == right`), or between two.
 #[derive(Debug, Default)]

@@ -4,6 +4,10 @@ use pulp::Simd;
 
 /// Contacts of a group; a multiple of the lanes of every instruction set.
 pub const GROUP: usize = 8;
+/// Bit of an id: the sides of this contact are exchanged.
+pub const SWAPPED: u32 = 1 << 31;
+/// Id of a lane without contact.
+pub const EMPTY: u32 = u32::MAX;
 
 /// An instruction set that treats `F64_LANES` contacts at a time, and the four numbers of a row of a body at a time.
 pub trait Lanes: Simd {

@@ -6,8 +6,9 @@
 //! share no moving body. All is O(contacts) but for the sort of the bodies and of the few contacts between chunks.
 
 use super::curve::Curve;
-use super::groups::{Block, Link, Packing, Source, SWAPPED};
+use super::groups::{Block, Link, Packing, Source};
 use super::kernel::State;
+use super::lanes::SWAPPED;
 use super::{Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;
 use crate::team::{self, lock};

@@ -7,7 +7,7 @@ use super::kernel::{
 };
 use super::lanes::{Lanes, Work, GROUP};
 use super::residual::{head, vector, Sums};
-use super::rolling::Rolls;
+use super::rolls::Rolls;
 use glam::DVec3;
 
 /// What a sweep does beside solving moments.

@@ -1,7 +1,8 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
-use super::groups::{Block, EMPTY};
+use super::groups::Block;
 use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, Group, State};
+use super::lanes::EMPTY;
 use super::lanes::{Lanes, Work, GROUP};
 use glam::DVec3;
 

@@ -1,0 +1,25 @@
+//! The problem itself.
+
+use super::blocks::BlockMatrix;
+use super::group::Group;
+
+/// `u = W r + q` over groups of rows.
+#[derive(Clone, Debug, Default)]
+pub struct Problem {
+    pub groups: Vec<Group>,
+    pub w: BlockMatrix,
+    pub q: Vec<f64>,
+}
+
+impl Problem {
+    #[inline]
+    pub fn rows(&self) -> usize {
+        self.q.len()
+    }
+
+    /// `u = W r + q`.
+    pub fn velocity(&self, r: &[f64], u: &mut [f64]) {
+        u.copy_from_slice(&self.q);
+        self.w.add_product(r, u);
+    }
+}

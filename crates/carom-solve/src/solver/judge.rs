@@ -1,0 +1,235 @@
+//! What all solvers share: when to stop, the trait, and the judge that keeps the best iterate.
+
+use crate::problem::{natural, Problem, Scaled};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// Where contacts cannot be kept apart, forces without bound make `err` as small as one likes. Where they are, scaled, this
+/// many times the velocities, the natural map must come below the second number over velocities alone, and stands for
+/// `err` until then.
+const RUNAWAY: f64 = 1e3;
+const EXPLAINED: f64 = 1e-3;
+
+/// When to stop.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a> {
+    /// Natural-map residual `err` that counts as solved, of the problem as given and of the scaled one.
+    pub tolerance: f64,
+    /// Iterations (sweeps, Newton steps); 0: as many as the method takes by itself.
+    pub max_iterations: u32,
+    /// Time after which the best iterate is returned.
+    pub time_limit: Option<Duration>,
+    /// Another thread sets it and the best iterate is returned.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Threads for what can use them; they change no bit of the result.
+    pub threads: usize,
+}
+
+impl Default for Settings<'_> {
+    fn default() -> Self {
+        Settings {
+            tolerance: 1e-8,
+            max_iterations: 0,
+            time_limit: None,
+            cancel: None,
+            threads: 1,
+        }
+    }
+}
+
+/// Tells when to give up, from any thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock<'a> {
+    began: Instant,
+    time_limit: Option<Duration>,
+    cancel: Option<&'a AtomicBool>,
+}
+
+impl Clock<'_> {
+    /// Out of time, or cancelled.
+    pub fn late(&self) -> bool {
+        self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
+            || self
+                .time_limit
+                .is_some_and(|limit| self.began.elapsed() > limit)
+    }
+}
+
+/// One stretch of work of one method.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// Checkpoint of `auto`, or the method's name.
+    pub name: &'static str,
+    /// Method.
+    pub solver: &'static str,
+    pub iterations: u32,
+    /// `err` of the best iterate so far, when the stage ended.
+    pub err: f64,
+    pub seconds: f64,
+    /// Why it was taken, in words.
+    pub why: String,
+}
+
+/// What came out.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    pub converged: bool,
+    /// Forces grew so large that `err` means nothing.
+    pub ran_away: bool,
+    pub err: f64,
+    pub iterations: u32,
+    pub stages: Vec<Stage>,
+}
+
+/// A method that improves `r`.
+pub trait ConeSolver {
+    /// Name by which it is chosen.
+    fn name(&self) -> &'static str;
+
+    /// Works on the scaled problem of `judge` from `judge.start`, tells the judge about iterates worth keeping, and returns the
+    /// iterations. Stops when the judge says so.
+    fn run(&mut self, judge: &mut Judge<'_>, max_iterations: u32) -> u32;
+}
+
+/// Keeps the best iterate, measures every candidate by the natural map, and knows when to stop.
+pub struct Judge<'a> {
+    pub source: &'a Problem,
+    pub scaled: &'a Scaled,
+    settings: Settings<'a>,
+    clock: Clock<'a>,
+    /// Best scaled iterate so far; methods start from it.
+    pub best: Vec<f64>,
+    /// Its `err`: the larger of those of the problem as given and as scaled.
+    pub best_err: f64,
+    /// `err` of the problem as given alone, at the best iterate.
+    pub best_given: f64,
+    /// Its forces ran away: whatever `err` says, they are no solution.
+    pub(super) best_ran_away: bool,
+    r: Vec<f64>,
+    u: Vec<f64>,
+    pub stages: Vec<Stage>,
+    done: u32,
+    number: u64,
+}
+
+/// Solves begun in this process.
+static SOLVES: AtomicU64 = AtomicU64::new(0);
+
+impl<'a> Judge<'a> {
+    pub fn new(
+        source: &'a Problem,
+        scaled: &'a Scaled,
+        start: &[f64],
+        settings: Settings<'a>,
+    ) -> Judge<'a> {
+        let n = source.rows();
+        let mut judge = Judge {
+            source,
+            scaled,
+            settings,
+            clock: Clock {
+                began: Instant::now(),
+                time_limit: settings.time_limit,
+                cancel: settings.cancel,
+            },
+            best: vec![0.0; n],
+            best_err: f64::INFINITY,
+            best_given: f64::INFINITY,
+            best_ran_away: false,
+            r: vec![0.0; n],
+            u: vec![0.0; n],
+            stages: Vec::new(),
+            done: 0,
+            number: SOLVES.fetch_add(1, Ordering::Relaxed),
+        };
+        let mut y = vec![0.0; n];
+        judge.see(&y.clone());
+        scaled.enter(start, &mut y);
+        judge.see(&y);
+        judge
+    }
+
+    /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`; of forces that ran away what they
+    /// leave of the velocities.
+    pub fn see(&mut self, y: &[f64]) -> f64 {
+        let (scaled, share) = natural::residuals(&self.scaled.problem, y, &mut self.u);
+        self.scaled.leave(y, &mut self.r);
+        let given = natural::residual(self.source, &self.r, &mut self.u);
+        let ran_away = share > EXPLAINED && share > RUNAWAY * scaled;
+        let err = if ran_away { share } else { scaled.max(given) };
+        if err < self.best_err {
+            self.best_err = err;
+            self.best_given = given;
+            self.best_ran_away = ran_away;
+            self.best.copy_from_slice(y);
+        }
+        err
+    }
+
+    /// The best iterate is good enough.
+    #[inline]
+    pub fn solved(&self) -> bool {
+        self.best_err <= self.settings.tolerance
+    }
+
+    #[inline]
+    pub fn tolerance(&self) -> f64 {
+        self.settings.tolerance
+    }
+
+    #[inline]
+    pub fn threads(&self) -> usize {
+        self.settings.threads
+    }
+
+    /// A number of this solve alone: methods know by it what they may keep from stage to stage.
+    #[inline]
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// What tells when to give up, for other threads and inner loops.
+    #[inline]
+    pub fn clock(&self) -> Clock<'a> {
+        self.clock
+    }
+
+    /// Solved, out of time, or cancelled.
+    pub fn stop(&self) -> bool {
+        self.solved() || self.late()
+    }
+
+    /// Out of time, or cancelled.
+    pub fn late(&self) -> bool {
+        self.clock.late()
+    }
+
+    /// Runs a method and writes down what it did.
+    pub fn stage(
+        &mut self,
+        name: &'static str,
+        solver: &mut dyn ConeSolver,
+        max_iterations: u32,
+        why: String,
+    ) -> bool {
+        let began = Instant::now();
+        let max = match self.settings.max_iterations {
+            0 => max_iterations,
+            cap => max_iterations.min(cap.saturating_sub(self.done)),
+        };
+        if max == 0 {
+            return self.solved(); // the settings' iterations are used up
+        }
+        let iterations = solver.run(self, max);
+        self.done += iterations;
+        self.stages.push(Stage {
+            name,
+            solver: solver.name(),
+            iterations,
+            err: self.best_given,
+            seconds: began.elapsed().as_secs_f64(),
+            why,
+        });
+        self.solved()
+    }
+}

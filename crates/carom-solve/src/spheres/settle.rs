@@ -1,0 +1,92 @@
+//! Sweeps until a goal is reached.
+
+use super::goal::{Goal, Progress};
+use super::momentum::Change;
+use super::sweeps::Sweeps;
+
+/// Sweeps before the first look, and between two looks at least and at most.
+const FIRST: usize = 4;
+const LEAST_BETWEEN: usize = 3;
+const MOST_BETWEEN: usize = 64;
+/// How far below the goal the changes of a sweep must promise to be before it is looked at.
+const LIKELY: f64 = 0.9;
+/// Sweeps after which the momentum is bounded by the next of these, in turn.
+const TIRED: usize = 250;
+const CAPS: [f64; 2] = [1.0, 0.5];
+/// No change is as small.
+const NEVER: Change = Change {
+    squared: -1.0,
+    closing: -1.0,
+};
+
+impl Sweeps {
+    /// Where the present impulses stand after so many sweeps.
+    pub fn judge(&mut self, goal: &Goal, sweeps: usize) -> Progress {
+        let norms = match self.norms {
+            // Nothing has changed since.
+            Some((scale, norms)) if scale == goal.penalty_scale => norms,
+            _ => self.norms(goal.penalty_scale),
+        };
+        self.norms = Some((goal.penalty_scale, norms));
+        goal.judge(&norms, sweeps)
+    }
+
+    /// Sweeps until the goal is met or its sweeps are used up. When to look follows from what the sweeps change.
+    pub fn settle(&mut self, goal: &Goal) -> Progress {
+        let mut now = self.judge(goal, 0);
+        let (mut most, mut enough) = (FIRST, Change::default());
+        self.restart();
+        let mut rescale = if self.scales() {
+            goal.rescale
+        } else {
+            usize::MAX
+        };
+        let mut weighed = !(goal.weighed && self.scales());
+        while now.sweeps < goal.most && now.residual.is_finite() {
+            if now.converged {
+                if std::mem::replace(&mut weighed, true) || !self.rescale() {
+                    break;
+                }
+                (most, enough) = (FIRST, Change::default());
+            } else if now.sweeps >= rescale {
+                if self.rescale() {
+                    (most, enough) = (FIRST, Change::default());
+                }
+                rescale = 2 * now.sweeps.max(1);
+            }
+            let until = goal.most.min(rescale.max(now.sweeps + 1)) - now.sweeps;
+            let least = LEAST_BETWEEN.min(until);
+            let count = (most.min(until)).max(least);
+            let calm = now.residual <= 0.5 * goal.tolerance;
+            let most_now = if calm { goal.calm } else { 1.0 };
+            let cap = momentum(goal.had + now.sweeps).min(most_now);
+            self.accelerated(least, cap, NEVER);
+            let done = least + self.accelerated(count - least, cap, enough);
+            now = self.judge(goal, now.sweeps + done);
+            most = MOST_BETWEEN;
+            enough = likely(&self.memory.last, &now, goal);
+        }
+        now
+    }
+}
+
+/// Largest `beta` after so many sweeps: where contacts stick, slip and open in turn it may be the momentum that drives them.
+fn momentum(sweeps: usize) -> f64 {
+    CAPS[sweeps / TIRED % CAPS.len()]
+}
+
+/// The change of a sweep after which the goal is likely met: residuals are proportional to changes, closing measures at the end of a
+/// sweep to those that it met.
+fn likely(last: &Change, now: &Progress, goal: &Goal) -> Change {
+    let share = |goal: f64, now: f64| {
+        if now > 0.0 {
+            LIKELY * goal / now
+        } else {
+            f64::INFINITY
+        }
+    };
+    Change {
+        squared: last.squared * share(goal.tolerance, now.residual).powi(2),
+        closing: last.closing * share(goal.closing, now.closing),
+    }
+}

@@ -1,0 +1,440 @@
+//! The sweeps: a problem in the order in which it is swept, and what is asked of it.
+
+use super::goal::Norms;
+use super::groups::{Block, Slots, Source};
+use super::kernel::{self, One, Pass, Plain, Push, State, Two};
+use super::lanes::{Instructions, EMPTY, SWAPPED};
+use super::layout::{Desk, Layout};
+use super::moments::{self, CarryMoments, RollingPass};
+use super::momentum::Memory;
+use super::problem::{self, Body, Contact, Place, SpheresError};
+use super::residual;
+use crate::team::{self, lock};
+use std::sync::Mutex;
+
+/// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
+#[derive(Debug)]
+pub struct Sweeps {
+    pub(super) layout: Layout,
+    pub(super) states: Vec<State>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) slots: Slots,
+    pub(super) desk: Desk,
+    pub(super) radius: Vec<f64>,
+    pub(super) pairs: usize,
+    /// Norms at the present impulses, by their penalty scale, once they were asked for.
+    pub(super) norms: Option<(f64, Norms)>,
+    pub(super) memory: Memory,
+    /// Threads of all that follows; changes no bit of any result.
+    pub threads: usize,
+    pub instructions: Instructions,
+}
+
+impl Sweeps {
+    /// Sorts bodies and contacts into the order of the sweep. With `places` neighbours in space become neighbours in memory; without
+    /// them the caller's order of the bodies is kept.
+    pub fn new(
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+        threads: usize,
+    ) -> Result<Self, SpheresError> {
+        let mut sweeps = Self::empty();
+        sweeps.threads = threads;
+        sweeps.renew(bodies, contacts, places)?;
+        Ok(sweeps)
+    }
+
+    /// No bodies and no contacts: a place for [`Sweeps::renew`].
+    pub fn empty() -> Self {
+        Self {
+            layout: Layout::default(),
+            states: Vec::new(),
+            blocks: Vec::new(),
+            slots: Slots::default(),
+            desk: Desk::default(),
+            radius: Vec::new(),
+            pairs: 0,
+            norms: None,
+            memory: Memory::default(),
+            threads: 1,
+            instructions: Instructions::default(),
+        }
+    }
+
+    /// [`Sweeps::new`] in the memory of this one, as for the next step of a simulation: new memory is a good part of the cost of
+    /// `new`. After an error the problem is empty.
+    pub fn renew(
+        &mut self,
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+    ) -> Result<(), SpheresError> {
+        self.prepare(bodies, contacts, places, None)
+    }
+
+    /// [`Sweeps::renew`] and [`Sweeps::warm_start`] in one: what is started from is written as the groups are made.
+    pub fn renew_from(
+        &mut self,
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+        impulses: &[[f64; 3]],
+    ) -> Result<(), SpheresError> {
+        assert_eq!(impulses.len(), contacts.len(), "one impulse per contact");
+        self.prepare(bodies, contacts, places, Some(impulses))?;
+        self.push();
+        Ok(())
+    }
+
+    fn prepare(
+        &mut self,
+        bodies: &[Body],
+        contacts: &[Contact],
+        places: Option<&[Place]>,
+        impulses: Option<&[[f64; 3]]>,
+    ) -> Result<(), SpheresError> {
+        // Empty until all is well.
+        let mut blocks = std::mem::take(&mut self.blocks);
+        let mut layout = std::mem::take(&mut self.layout);
+        self.radius.clear();
+        self.pairs = 0;
+        self.norms = None;
+        problem::check(bodies, contacts.len(), places)?;
+        layout.place(
+            bodies,
+            places,
+            &mut self.states,
+            &mut self.desk,
+            self.threads,
+        );
+        self.slots.resize(contacts.len());
+        let source = Source {
+            contacts,
+            impulses,
+            slots: &self.slots,
+        };
+        layout.cut(
+            source,
+            &self.states,
+            &mut blocks,
+            &mut self.desk,
+            self.threads,
+        )?;
+        (self.blocks, self.layout) = (blocks, layout);
+        self.radius.extend(bodies.iter().map(|b| b.radius));
+        self.pairs = contacts.len();
+        Ok(())
+    }
+
+    /// New normals, slips and friction of the same pairs of bodies; impulses stay, velocity corrections follow. After an error some
+    /// contacts are new and some are not.
+    pub fn set_contacts(&mut self, contacts: &[Contact]) -> Result<(), SpheresError> {
+        if contacts.len() != self.pairs {
+            return Err(SpheresError::Changed {
+                contact: self.pairs.min(contacts.len()),
+            });
+        }
+        let set = |block: &mut Block| {
+            let mut bad = usize::MAX;
+            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    let (index, swapped) = ((id & !SWAPPED) as usize, id & SWAPPED != 0);
+                    let contact = &contacts[index];
+                    if contact.check(index).is_err() {
+                        bad = bad.min(index);
+                    }
+                    group.set_contact(lane, contact, swapped);
+                }
+            }
+            bad
+        };
+        let bad = team::map(self.threads, self.blocks.iter_mut().collect(), set);
+        self.refresh();
+        let bad = bad.into_iter().min().unwrap_or(usize::MAX);
+        contacts.get(bad).map_or(Ok(()), |c| c.check(bad))
+    }
+
+    /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
+    pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
+        assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
+        let set = |block: &mut Block| {
+            for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
+                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
+                    let impulse = impulses[(id & !SWAPPED) as usize];
+                    group.set_impulse(lane, impulse, id & SWAPPED != 0);
+                }
+            }
+        };
+        team::map(self.threads, self.blocks.iter_mut().collect(), set);
+        self.refresh();
+    }
+
+    /// Computes `u = M^-1 G^T r` anew: clears what rounding has left after very many sweeps.
+    pub fn refresh(&mut self) {
+        for state in &mut self.states {
+            state.linear[..3].fill(0.0);
+            state.surface[..3].fill(0.0);
+        }
+        self.push();
+    }
+
+    /// Adds `M^-1 G^T r` to bodies at rest.
+    fn push(&mut self) {
+        self.norms = None;
+        let instructions = self.instructions;
+        self.stages(1, |block, left, mut right| {
+            let groups = &block.groups[..];
+            match right.as_deref_mut() {
+                None => instructions.run(Push {
+                    bodies: One(left),
+                    groups,
+                }),
+                Some(right) => instructions.run(Push {
+                    bodies: Two(left, right),
+                    groups,
+                }),
+            }
+            moments::push(block, left, right);
+        });
+    }
+
+    /// Runs `count` sweeps.
+    pub fn sweep(&mut self, count: usize) {
+        self.norms = None;
+        let instructions = self.instructions;
+        self.stages(count, |block, left, right| {
+            pass(instructions, block, left, right, Plain);
+        });
+    }
+
+    /// Largest `|r - P(r - z/w)|` of all contacts, N s, where P is the projection on the half-line of the normal impulse and then on
+    /// the disc that belongs to it, and `w` are the diagonals `w_N`, `w_T`: 0 at solutions, nowhere else.
+    pub fn residual(&self) -> f64 {
+        let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
+        team::map(
+            self.threads,
+            self.blocks.iter().collect(),
+            |block: &Block| {
+                let (left, right) = (chunks[block.left as usize], chunks[block.right as usize]);
+                let forces = residual::largest(block, left, right);
+                let moments = moments::largest(block, left, right);
+                if moments > forces || moments.is_nan() {
+                    moments
+                } else {
+                    forces
+                }
+            },
+        )
+        .into_iter()
+        .fold(0.0, |m: f64, r| if r > m || r.is_nan() { r } else { m })
+    }
+
+    /// Norms of eq. 44 at the present impulses. Momentum balance holds by construction (see [`Sweeps::refresh`]), so the residual is that
+    /// of the contacts. Sums are taken in the order of the blocks, whatever the threads.
+    pub fn norms(&self, penalty_scale: f64) -> Norms {
+        let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
+        let parts = team::map(
+            self.threads,
+            self.blocks.iter().collect(),
+            |block: &Block| {
+                let (left, right) = (chunks[block.left as usize], chunks[block.right as usize]);
+                let mut sums = self.instructions.run(residual::NormsOf {
+                    block,
+                    left,
+                    right,
+                    penalty_scale,
+                });
+                if !block.rolls.is_empty() {
+                    sums.add(&self.instructions.run(moments::NormsOf {
+                        block,
+                        left,
+                        right,
+                        penalty_scale,
+                    }));
+                }
+                sums
+            },
+        );
+        let mut sum = residual::Sums::default();
+        for part in &parts {
+            sum.add(part);
+        }
+        let momenta = team::map(self.threads, chunks, residual::momentum);
+        let momentum = momenta.iter().sum::<f64>().sqrt();
+        Norms {
+            residual: sum.residual.sqrt(),
+            terms: 2.0 * momentum + sum.projected.sqrt() + sum.impulse.sqrt(),
+            closing: sum.closing,
+        }
+    }
+
+    /// Sweeps until the residual is at most `tolerance` (N s) or `most` sweeps are done; the residual is looked at after every
+    /// `interval` sweeps. Returns the sweeps done and the residual.
+    pub fn solve(&mut self, tolerance: f64, interval: usize, most: usize) -> (usize, f64) {
+        let (mut done, mut residual) = (0, self.residual());
+        while residual > tolerance && done < most {
+            let count = interval.clamp(1, most - done);
+            self.sweep(count);
+            done += count;
+            residual = self.residual();
+        }
+        (done, residual)
+    }
+
+    /// Impulse on body `a` of each contact, N s.
+    pub fn impulses(&self) -> Vec<[f64; 3]> {
+        let mut impulses = Vec::new();
+        self.impulses_into(&mut impulses);
+        impulses
+    }
+
+    /// [`Sweeps::impulses`] in memory that is there.
+    pub fn impulses_into(&self, out: &mut Vec<[f64; 3]>) {
+        self.gather(out, |block, group, lane| {
+            residual::vector(&block.groups[group].impulse, lane).to_array()
+        });
+    }
+
+    /// Corrections of velocity, m/s, and angular velocity, 1/s, of each body.
+    pub fn velocities(&self) -> Vec<[f64; 6]> {
+        let mut velocities = Vec::new();
+        self.velocities_into(&mut velocities);
+        velocities
+    }
+
+    /// [`Sweeps::velocities`] in memory that is there.
+    pub fn velocities_into(&self, out: &mut Vec<[f64; 6]>) {
+        out.resize(self.radius.len(), [0.0; 6]);
+        team::fill(self.threads, out, |body| {
+            let State {
+                linear: v,
+                surface: s,
+            } = self.states[self.layout.state[body] as usize];
+            // A body without lever arm is never turned.
+            let radius = self.radius[body];
+            let turn = if radius > 0.0 { 1.0 / radius } else { 0.0 };
+            [v[0], v[1], v[2], turn * s[0], turn * s[1], turn * s[2]]
+        });
+    }
+
+    /// Vectors on the bodies `a` of all contacts, of `vector(block, group, lane)` on the sides as they are swept.
+    pub(super) fn gather(
+        &self,
+        out: &mut Vec<[f64; 3]>,
+        vector: impl Fn(&Block, usize, usize) -> [f64; 3] + Sync,
+    ) {
+        out.resize(self.pairs, [0.0; 3]);
+        team::fill(self.threads, out, |contact| {
+            let (block, group, lane) = self.slots.of(contact);
+            let block = &self.blocks[block];
+            let swapped = block.ids[group][lane] & SWAPPED != 0;
+            let sign = if swapped { -1.0 } else { 1.0 };
+            vector(block, group, lane).map(|x| sign * x)
+        });
+    }
+
+    /// Bytes a sweep moves at least: groups and bodies in, impulses and bodies out.
+    pub fn traffic(&self) -> usize {
+        let groups: usize = self.blocks.iter().map(|b| b.groups.len()).sum();
+        let impulses = std::mem::size_of::<[kernel::Column; 3]>();
+        let states = 2 * std::mem::size_of_val(&self.states[..]);
+        groups * (std::mem::size_of::<kernel::Group>() + impulses) + states
+    }
+
+    /// How the problem is cut.
+    pub fn shape(&self) -> Shape {
+        let filled = |blocks: &[Block]| {
+            let ids = blocks.iter().flat_map(|b| b.ids.iter().flatten());
+            ids.filter(|&&id| id != EMPTY).count()
+        };
+        Shape {
+            chunks: self.layout.chunks,
+            blocks: self.blocks.len(),
+            stages: self.layout.stages.len() - 1,
+            groups: self.blocks.iter().map(|b| b.groups.len()).sum(),
+            between: filled(&self.blocks[self.layout.chunks..]),
+        }
+    }
+
+    /// `work(block, left chunk, right chunk)` of every block, `count` times, stage by stage.
+    fn stages(
+        &mut self,
+        count: usize,
+        work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync,
+    ) {
+        let threads = self.threads;
+        let chunks: Vec<_> = self
+            .states
+            .chunks_mut(self.layout.stride)
+            .map(Mutex::new)
+            .collect();
+        let blocks: Vec<_> = self.blocks.iter_mut().map(Mutex::new).collect();
+        team::run(threads, count, &self.layout.stages, |index| {
+            let block = &mut **lock(&blocks[index]);
+            let left = &mut **lock(&chunks[block.left as usize]);
+            if block.left == block.right {
+                work(block, left, None);
+            } else {
+                work(
+                    block,
+                    left,
+                    Some(&mut **lock(&chunks[block.right as usize])),
+                );
+            }
+        });
+    }
+}
+
+/// One pass over the groups of a block.
+pub(super) fn pass<C: CarryMoments>(
+    instructions: Instructions,
+    block: &mut Block,
+    left: &mut [State],
+    right: Option<&mut [State]>,
+    carry: C,
+) -> C {
+    let Block { groups, rolls, .. } = block;
+    if !rolls.is_empty() {
+        return match right {
+            None => instructions.run(RollingPass {
+                bodies: One(left),
+                groups,
+                rolls,
+                carry,
+            }),
+            Some(right) => instructions.run(RollingPass {
+                bodies: Two(left, right),
+                groups,
+                rolls,
+                carry,
+            }),
+        };
+    }
+    match right {
+        None => instructions.run(Pass {
+            bodies: One(left),
+            groups,
+            carry,
+        }),
+        Some(right) => instructions.run(Pass {
+            bodies: Two(left, right),
+            groups,
+            carry,
+        }),
+    }
+}
+
+/// How a problem is cut for the sweeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Sets of bodies.
+    pub chunks: usize,
+    /// Sets of contacts, and the stages in which they are swept.
+    pub blocks: usize,
+    pub stages: usize,
+    /// Groups of contacts.
+    pub groups: usize,
+    /// Contacts between chunks.
+    pub between: usize,
+}
