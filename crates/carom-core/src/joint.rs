@@ -5,8 +5,8 @@
 
 use crate::contact::Rows;
 use crate::rotation;
-use crate::scalar::Scalar;
 use crate::stepper::Span;
+use carom_laws::Scalar;
 use glam::{DMat3, DQuat, DVec3};
 
 /// Body B of a joint with the ground.

@@ -22,7 +22,6 @@ pub mod problem;
 pub mod record;
 pub mod report;
 pub mod rotation;
-pub mod scalar;
 pub mod scratch;
 mod share;
 pub mod simulation;

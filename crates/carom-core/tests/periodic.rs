@@ -242,7 +242,7 @@ fn what_cannot_repeat_is_refused() {
         let rotation = WallRotation {
             axis,
             point: DVec3::ZERO,
-            angle: carom_core::scalar::Scalar::zero(),
+            angle: carom_laws::Scalar::zero(),
         };
         input.wall_motion = vec![(
             0,

@@ -3,9 +3,9 @@
 mod common;
 
 use carom_core::options::Method;
-use carom_core::scalar::Scalar;
 use carom_core::wall::{Cone, Cylinder, Disc, Rectangle, Shape, WallMotion};
 use carom_core::{ModelInput, Options, Outcome};
+use carom_laws::Scalar;
 use common::{advance, balls, simulation, R};
 use glam::DVec3;
 

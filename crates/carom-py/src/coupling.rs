@@ -7,7 +7,7 @@ use carom_core::force::drag::Drag;
 use carom_core::force::spring::Spring;
 use carom_core::force::{Dependence, Load, LoadError, Motion};
 use carom_core::joint::{Joint, JointRow, RowKind, GROUND};
-use carom_core::scalar::{Expression, Scalar};
+use carom_laws::{Expression, Scalar};
 use glam::DVec3;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;

@@ -1,28 +1,27 @@
 //! Expressions of scenario files.
 
 use crate::ExpressionError;
-use carom_core::scalar;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 
 /// A formula of named variables.
 #[pyclass(module = "carom._core", frozen)]
 pub struct Expression {
-    inner: scalar::Expression,
+    inner: carom_laws::Expression,
 }
 
 #[pymethods]
 impl Expression {
     #[new]
     fn new(text: &str) -> PyResult<Self> {
-        let inner = scalar::Expression::parse(text).map_err(ExpressionError::new_err)?;
+        let inner = carom_laws::Expression::parse(text).map_err(ExpressionError::new_err)?;
         Ok(Expression { inner })
     }
 
     /// Names of all functions.
     #[staticmethod]
     fn functions() -> Vec<&'static str> {
-        scalar::functions().collect()
+        carom_laws::functions().collect()
     }
 
     #[getter]

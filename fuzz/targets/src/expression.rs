@@ -1,6 +1,6 @@
 //! Target `expression`: text as a law of one variable.
 
-use carom_core::scalar::{Expression, Scalar};
+use carom_laws::{Expression, Scalar};
 
 /// Longest message of an error, characters: it is shown in one line.
 const LONGEST: usize = 500;

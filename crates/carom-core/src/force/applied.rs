@@ -1,7 +1,7 @@
 //! Force and torque on one sphere as functions of time.
 
 use super::{wrench_power, Dependence, Load, LoadError, Motion};
-use crate::scalar::Scalar;
+use carom_laws::Scalar;
 use glam::DVec3;
 
 /// Components in fixed axes: force in N, torque in N m.

@@ -3,8 +3,8 @@
 use super::place;
 use crate::contact::Rows;
 use crate::level::position::along;
-use crate::scalar::Scalar;
 use carom_geom::Displacement;
+use carom_laws::Scalar;
 use glam::{DQuat, DVec3};
 
 /// Turning about an axis through a point (which the translation takes along).

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::common::{simulation, G, MASS, R};
-use carom_core::scalar::Scalar;
 use carom_core::wall::WallMotion;
 use carom_core::ModelInput;
+use carom_laws::Scalar;
 use scenes::{drop, from_state};
 
 const BALLS: usize = 60;

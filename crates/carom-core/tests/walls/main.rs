@@ -8,9 +8,9 @@ mod invariance;
 mod records;
 mod sheets;
 
-use carom_core::scalar::{Expression, Scalar};
 use carom_core::wall::{Shape, WallMotion, WallRotation};
 use carom_core::{ModelInput, Options, Recording, Simulation};
+use carom_laws::{Expression, Scalar};
 use common::{simulation, R};
 use glam::DVec3;
 use std::time::Duration;

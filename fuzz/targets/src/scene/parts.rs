@@ -6,9 +6,9 @@ use carom_core::force::drag::Drag;
 use carom_core::force::spring::Spring;
 use carom_core::force::Load;
 use carom_core::joint::{Joint, JointRow, RowKind, GROUND};
-use carom_core::scalar::{Expression, Scalar};
 use carom_core::wall::{WallMotion, WallRotation};
 use carom_core::ModelInput;
+use carom_laws::{Expression, Scalar};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 

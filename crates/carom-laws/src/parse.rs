@@ -13,34 +13,37 @@ const LONGEST_MESSAGE: usize = 400;
 /// Deepest nesting of parentheses and powers of powers: bounds the stack of the parser, whatever the text.
 pub const DEEPEST: usize = 64;
 
-pub fn parse(text: &str) -> Result<Expression, String> {
-    let characters: Vec<char> = text.chars().take(LONGEST + 1).collect();
-    if characters.len() > LONGEST {
-        return Err(format!(
-            "the expression is longer than {LONGEST} characters; give names to its parts"
-        ));
-    }
-    let mut parser = Parser {
-        characters: &characters,
-        at: 0,
-        level: 0,
-        length: 0,
-        out: Expression {
-            text: text.to_owned(),
-            variables: Vec::new(),
-            operations: Vec::new(),
-            columns: Vec::new(),
-            depth: 0,
-        },
-    };
-    parser.skip_space();
-    if parser.peek().is_none() {
-        return Err("the expression is empty; write a number, a name or a formula".into());
-    }
-    parser.operation(LOWEST)?;
-    match parser.peek() {
-        None => Ok(parser.out),
-        Some(_) => Err(parser.surplus()),
+impl Expression {
+    /// Reads a formula. The message of an error gives the column, counted in characters from 1, and the cure.
+    pub fn parse(text: &str) -> Result<Expression, String> {
+        let characters: Vec<char> = text.chars().take(LONGEST + 1).collect();
+        if characters.len() > LONGEST {
+            return Err(format!(
+                "the expression is longer than {LONGEST} characters; give names to its parts"
+            ));
+        }
+        let mut parser = Parser {
+            characters: &characters,
+            at: 0,
+            level: 0,
+            length: 0,
+            out: Expression {
+                text: text.to_owned(),
+                variables: Vec::new(),
+                operations: Vec::new(),
+                columns: Vec::new(),
+                depth: 0,
+            },
+        };
+        parser.skip_space();
+        if parser.peek().is_none() {
+            return Err("the expression is empty; write a number, a name or a formula".into());
+        }
+        parser.operation(LOWEST)?;
+        match parser.peek() {
+            None => Ok(parser.out),
+            Some(_) => Err(parser.surplus()),
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Expressions: meaning, slopes, messages; no text makes them panic.
 
-use carom_core::scalar::Expression;
+use carom_laws::Expression;
 use proptest::prelude::*;
 use std::f64::consts::PI;
 

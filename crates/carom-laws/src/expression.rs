@@ -1,7 +1,6 @@
 //! An expression as a list of operations on a stack, with value and slope.
 
 use super::function::{Binary, Function, Unary};
-use super::parse;
 use std::fmt;
 
 /// One operation: puts a number on the stack or replaces those on top by its result.
@@ -36,11 +35,6 @@ struct Dual {
 }
 
 impl Expression {
-    /// Reads a formula. The message of an error gives the column, counted in characters from 1, and the cure.
-    pub fn parse(text: &str) -> Result<Expression, String> {
-        parse::parse(text)
-    }
-
     /// Names that are neither functions nor constants, in the order of their first appearance.
     pub fn variables(&self) -> &[String] {
         &self.variables
