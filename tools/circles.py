@@ -17,7 +17,9 @@ CRATES = Path(__file__).resolve().parent.parent / "crates"
 Module = tuple[str, ...]
 
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:\\.|[^\"\\])*\"", re.S)
-TESTS = re.compile(r"#\[cfg\(test\)\]\s*(?:pub(?:\([^)]*\))?\s+)?(?:mod \w+\s*\{.*?^\}|mod \w+;)", re.S | re.M)
+TESTS = re.compile(
+    r"#\[cfg\(test\)\]\s*(?:pub(?:\([^)]*\))?\s+)?(?:mod \w+\s*\{.*?^\}|mod \w+;)", re.S | re.M
+)
 ITEM = re.compile(
     r"^(?:pub(?:\([^)]*\))?\s+)?(?:unsafe |const |async )*"
     r"(?:fn|struct|enum|trait|type|const|static|union|macro_rules!)\s+(\w+)",
@@ -78,7 +80,12 @@ class Crate:
             at = at[:-1] if names.pop(0) == "super" else at
         while names and (*at, names[0]) in self.text:
             at = (*at, names.pop(0))
-        if names and names[0] not in self.items.get(at, set()) and names[0] in self.passed.get(at, {}) and depth < 9:
+        if (
+            names
+            and names[0] not in self.items.get(at, set())
+            and names[0] in self.passed.get(at, {})
+            and depth < 9
+        ):
             further = self.passed[at][names[0]]
             if at != module or further != path:
                 return self.defining(at, further, depth + 1)
@@ -164,11 +171,15 @@ def main() -> int:
             way = shortest(arrows, part)
             print(f"{source.parent.name}: a circle of {len(part)} files; the shortest way round in it:")
             for at, other in zip(way, [*way[1:], way[0]]):
-                print(f"    {crate.files[at]} takes {', '.join(sorted(arrows[at][other]))} from {crate.files[other]}")
+                print(
+                    f"    {crate.files[at]} takes {', '.join(sorted(arrows[at][other]))} from {crate.files[other]}"
+                )
             if "-v" in sys.argv or len(sys.argv) > 1:
                 for at in sorted(part):
                     for other in sorted(part & arrows[at].keys()):
-                        print(f"      {crate.files[at]} -> {crate.files[other]}: {', '.join(sorted(arrows[at][other]))}")
+                        print(
+                            f"      {crate.files[at]} -> {crate.files[other]}: {', '.join(sorted(arrows[at][other]))}"
+                        )
     print(f"{count} circles of imports")
     return 1 if count else 0
 
