@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 
 import carom
 import pytest
+from carom.cli.app import GROUPS, app
+from prose import SENTENCE, long_sentences, words
+from typer.main import get_command
 
 
 def process(*arguments: str, **environment: str) -> str:
@@ -24,6 +28,10 @@ def process(*arguments: str, **environment: str) -> str:
     return done.stdout
 
 
+def app_commands() -> list[str]:
+    return list(get_command(app).commands)  # type: ignore[attr-defined]
+
+
 def completed(line: str) -> list[str]:
     """What bash offers after this line."""
     words = line.split(" ")
@@ -37,10 +45,25 @@ def test_the_shell_completes_commands_options_and_examples() -> None:
     assert "_CAROM_COMPLETE" in process("--show-completion", "bash")
 
 
-def test_the_list_of_commands_is_whole_sentences() -> None:
-    text = process("--help").split("Commands:")[1]
-    assert "..." not in text
-    assert "examples" in text
+def test_help_lists_every_command_once_in_groups_of_one_line_each() -> None:
+    """Commands stand before the options, by purpose; each is a whole sentence that begins with a verb."""
+    text = process("--help")
+    listed = re.findall(r"^  ([a-z]+) +([A-Z].*)$", text.split("Options:")[0], re.M)
+    assert sorted(name for name, _ in listed) == sorted(app_commands())
+    for name, sentence in listed:
+        assert sentence.endswith("."), (name, sentence)  # whole: nothing wrapped, nothing cut
+        assert "..." not in sentence
+        assert words(sentence) <= SENTENCE
+    assert max(map(len, text.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("command", sorted(name for group in GROUPS.values() for name in group))
+def test_the_help_of_a_command_has_short_sentences(command: str) -> None:
+    """Each paragraph of its text and each line on an option by itself."""
+    text = process(command, "--help")
+    paragraphs = re.split(r"\n\n|\n(?=  -|  [A-Z|.]+ )", text)
+    plain = [re.sub(r"\s+", " ", p) for p in paragraphs if "Example: " not in p]
+    assert [p for p in plain if long_sentences(p)] == []
 
 
 def test_the_doctor_names_what_an_extra_would_bring() -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from carom.cli.check import check
 from carom.cli.cite import cite
@@ -24,8 +25,34 @@ from carom.cli.solve import solve
 from carom.cli.sweep import sweep
 from carom.cli.view import view
 
+#: The commands by purpose, in the order of `carom --help`.
+GROUPS = {
+    "Start": ("demo", "examples", "doctor"),
+    "Simulate": ("run", "resume", "sweep"),
+    "Look": ("view", "plot", "export", "info"),
+    "Check": ("check", "converge", "compare", "reproduce"),
+    "Other tasks": ("solve", "schema", "cite"),
+}
+
+
+class GroupedCommands(TyperGroup):
+    """A list of commands by purpose, before the options. Typer itself groups commands only in Rich's frames."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        width = max(map(len, self.commands))
+        for title, names in GROUPS.items():
+            rows = [(n.ljust(width), self.commands[n].get_short_help_str(formatter.width)) for n in names]
+            with formatter.section(title):
+                formatter.write_dl(rows)
+        super().format_options(ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """`format_options` has listed the commands."""
+
+
 app = typer.Typer(
     name="carom",
+    cls=GroupedCommands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -44,33 +71,39 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def carom(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Simulate spheres that touch, hit, slide, roll and spin.
+    """Simulate rigid balls that hit, slide, roll and spin.
 
-    Exit codes: 0 done, 2 bad input, 3 solver not converged, 130 interrupted.
+    Begin with
 
-    Begin with `carom demo`, or with `carom examples copy three_balls` and `carom run three_balls.toml`.
+    \b
+      carom demo                       a billiard break: table, figures, 3D pages
+      carom examples copy three_balls  a scenario file, to read and to edit
+      carom run three_balls.toml       simulate it
+      carom COMMAND --help             options of a command, and an example
+
+    Exit codes: 0 done, 2 bad input, 3 not converged, 130 interrupted.
     """
 
 
 for _command in (
     demo,
+    doctor,
     run,
     resume,
-    check,
-    compare,
-    converge,
     sweep,
-    plot,
     view,
+    plot,
     export,
+    info,
+    check,
+    converge,
+    compare,
     reproduce,
     solve,
-    info,
     schema,
-    doctor,
     cite,
 ):
     # Its first sentence stands whole in the list of commands, which click would cut at 45 characters.

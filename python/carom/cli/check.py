@@ -22,30 +22,30 @@ def check(
     what: Annotated[
         Path,
         typer.Argument(
-            metavar="SCENARIO|RUN", help="A scenario file (TOML), or a run directory.", show_default=False
+            metavar="SCENARIO|RUN", help="Scenario file (TOML) or run directory.", show_default=False
         ),
     ],
     case: Case = None,
     set_: Set = None,
     rerun: Annotated[
         bool,
-        typer.Option("--rerun", help="Of a run: run its scenario again, and compare all data bit for bit."),
+        typer.Option("--rerun", help="Runs: simulate again, and compare all data bit for bit."),
     ] = False,
     threads: Annotated[
         str | None,
         typer.Option(
-            "--threads", metavar="N,M", help="Run again on these numbers of threads (implies --rerun)."
+            "--threads", metavar="N,M", help="Runs: repeat on these numbers of threads (implies --rerun)."
         ),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Check a scenario without running it, or judge a finished run by the laws of physics.
+    """Find mistakes in a scenario; judge a run by the laws of physics.
 
-    Of a scenario: all errors at once, and advice on what may go wrong. Of a file with cases the file as it stands and every
-    case are checked; with --case that one alone.
+    A scenario: lists all errors at once, and warns of what may go wrong. It checks the file itself and each of its cases;
+    --case checks only that case.
 
-    Of a run: whether its recorded motion, contacts and impacts obey mechanics, without any code of the solvers. The worst
-    violation of each law is shown, where and when; the exit code is 3 if there is any.
+    A run: checks that recorded motion, contacts and impacts obey mechanics. No code of the solvers takes part. It shows
+    the worst violation of each law, with time and place; the exit code is 3 if there is any.
 
     Example: carom check break.toml; carom check runs/break-1
     """

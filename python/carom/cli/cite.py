@@ -14,11 +14,13 @@ from carom.cli.output import emit, guarded
 @guarded
 def cite(
     what: Annotated[
-        Path | None, Argument(metavar="[SCENARIO|RUN]", help="only what this scenario or run rests on")
+        Path | None, Argument(metavar="[SCENARIO|RUN]", help="Scenario file or run directory.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Say how to cite Carom and what it is built on, or what a scenario or a run is.
+    """Print how to cite Carom, and the sources of its methods.
+
+    With a scenario or a run, print only the sources that it uses.
 
     Example: carom cite runs/5.6_break-1
     """

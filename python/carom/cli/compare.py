@@ -22,27 +22,28 @@ def compare(
         typer.Option(
             "--methods",
             metavar="A,B",
-            help="Methods, the first is the reference; choices follow a plus sign: moreau+projection, nsga+one-shot."
-            " Default all.",
+            help="Methods; the first is the reference. Options follow a plus sign: moreau+projection, nsga+one-shot."
+            " Default: all.",
         ),
     ] = None,
     at: Annotated[
         list[str] | None,
-        typer.Option("--at", metavar="TIME", help="Compare at this time (s) too; several with commas."),
+        typer.Option("--at", metavar="TIME", help="Also compare at this time (s); several with commas."),
     ] = None,
     until: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Simulated time, s or with a unit.")
+        str | None, typer.Option("--until", metavar="TIME", help="Simulated time: seconds, or with a unit.")
     ] = None,
     case: Case = None,
     set_: Set = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Keep the runs there; default nothing.")
+        Path | None,
+        typer.Option("-o", "--out", metavar="DIR", help="Save the runs in DIR. Default: save nothing."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the runs in DIR.")] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Run a scenario by several methods in time and show how far apart they end, and what each costs.
+    """Run a scenario with several methods; compare results and cost.
 
     Example: carom compare three_balls.toml --methods nsga,moreau --at 0.02
     """

@@ -27,7 +27,7 @@ def converge(
         typer.Option(
             "--reference",
             metavar="REF",
-            help="What counts as exact: a finer step (s), a run directory, or a TOML file with formulas of t.",
+            help="Exact solution: a finer step (s), a run directory, or a TOML file with formulas of t.",
             show_default=False,
         ),
     ],
@@ -36,19 +36,19 @@ def converge(
         typer.Option(
             "--quantities",
             metavar="Q,Q,...",
-            help="position, velocity, angular_velocity, orientation; of one sphere velocity:cue, one component"
-            " velocity:cue:x. Default the first three.",
+            help="Quantities: position, velocity, angular_velocity, orientation. One sphere: velocity:cue. One component:"
+            " velocity:cue:x. Default: the first three.",
         ),
     ] = None,
     until: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Simulated time, s or with a unit.")
+        str | None, typer.Option("--until", metavar="TIME", help="Simulated time: seconds, or with a unit.")
     ] = None,
     at: Annotated[
         list[str] | None,
         typer.Option(
             "--at",
             metavar="TIME",
-            help="Take the error at this time (s) alone; several with commas. Default all steps.",
+            help="Measure the error at this time (s) only; several with commas. Default: all steps.",
         ),
     ] = None,
     case: Case = None,
@@ -56,17 +56,21 @@ def converge(
     plot: Annotated[
         Path | None,
         typer.Option(
-            "--plot", metavar="FILE", help="Draw it too: .png, .svg or .pdf; numbers beside it as CSV."
+            "--plot",
+            metavar="FILE",
+            help="Also draw the errors: .png, .svg or .pdf, with the numbers as CSV.",
         ),
     ] = None,
     threads: Annotated[
         int | None,
-        typer.Option("--threads", min=1, metavar="N", help="Runs at once; default all processors."),
+        typer.Option("--threads", min=1, metavar="N", help="Runs at once. Default: one per processor."),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Run a scenario with several steps and find the order with which its error vanishes (eq. 45).
+    """Measure how the error of a scenario shrinks with the step.
+
+    Runs the scenario with several steps, and fits the order of the error (eq. 45).
 
     Example: carom converge 5.5_bernoulli.toml --steps 2e-3,1e-3,5e-4 --reference 1e-5
     """

@@ -15,16 +15,15 @@ from carom.cli.progress import progress_bar
 
 @guarded
 def demo(
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="Where runs, plots and pages go.")
-    ] = Path("demo"),
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Output directory.")] = Path("demo"),
     plots: Annotated[bool, typer.Option(help="Draw the figures (needs matplotlib).")] = True,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Simulate the billiard break of the paper, with and without rolling resistance, and compare.
+    """Run the paper's billiard break; print a table, write 3D pages.
 
-    Writes the runs, figures and a 3D page of each case to DIR; an earlier demo there is replaced.
+    The table compares Carom with the paper, with and without rolling resistance. Runs, figures and a 3D page of each case
+    go to DIR; an earlier demo there is replaced.
 
     Example: carom demo -o /tmp/demo
     """

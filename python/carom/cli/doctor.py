@@ -12,7 +12,7 @@ from carom.cli.output import BAD_INPUT, DONE, emit, guarded
 
 @guarded
 def doctor(as_json: Json = False) -> int:
-    """Look whether everything that Carom needs is there and works.
+    """Check that the installation works, and list missing extras.
 
     Example: carom doctor
     """

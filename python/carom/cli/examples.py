@@ -12,7 +12,7 @@ from carom.cli.options import Json
 from carom.cli.output import emit, guarded
 from carom.scenario.shipped import find as find
 
-examples = typer.Typer(no_args_is_help=True, help="Scenario files that come with Carom.")
+examples = typer.Typer(no_args_is_help=True, help="List and copy the scenarios that come with Carom.")
 
 
 def _names(incomplete: str) -> list[str]:
@@ -43,13 +43,14 @@ def list_(as_json: Json = False) -> None:
 @guarded
 def copy(
     name: Annotated[
-        str, typer.Argument(help="Name of an example, as listed.", show_default=False, autocompletion=_names)
+        str,
+        typer.Argument(help="Name from `carom examples list`.", show_default=False, autocompletion=_names),
     ],
-    to: Annotated[Path, typer.Argument(help="File or directory to copy it to.")] = Path(),
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+    to: Annotated[Path, typer.Argument(help="File or directory to copy to.")] = Path(),
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Copy a scenario, to run and to change it.
+    """Copy a scenario, to run it and to edit it.
 
     Example: carom examples copy paper/5.6_break
     """

@@ -20,66 +20,66 @@ def export(
         typer.Option(
             "--format",
             metavar="FORMAT",
-            help="vtkhdf, vtp (ParaView), csv, parquet (tables), extxyz, gsd (OVITO), mp4, gif, png (films, pictures),"
-            " or several with commas.",
+            help="Formats: vtkhdf, vtp (ParaView), csv, parquet (tables), extxyz, gsd (OVITO), mp4, gif, png (films,"
+            " pictures); several with commas.",
         ),
     ] = "vtkhdf",
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Where to write; default RUN/export.")
+        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Output directory. Default: RUN/export.")
     ] = None,
     every: Annotated[
-        int, typer.Option("--every", metavar="K", min=1, help="Every K-th recorded frame only.")
+        int, typer.Option("--every", metavar="K", min=1, help="Export every K-th recorded frame.")
     ] = 1,
     start: Annotated[
-        float | None, typer.Option("--from", metavar="TIME", help="From this time on, s.")
+        float | None, typer.Option("--from", metavar="TIME", help="Start at this time, s.")
     ] = None,
-    stop: Annotated[float | None, typer.Option("--to", metavar="TIME", help="Up to this time, s.")] = None,
+    stop: Annotated[float | None, typer.Option("--to", metavar="TIME", help="Stop at this time, s.")] = None,
     contacts: Annotated[
-        bool, typer.Option("--contacts/--no-contacts", help="Contacts with their forces too.")
+        bool, typer.Option("--contacts/--no-contacts", help="Also export contacts and their forces.")
     ] = True,
     at: Annotated[
-        float | None, typer.Option("--at", metavar="TIME", help="Of png: one still at this time, s.")
+        float | None, typer.Option("--at", metavar="TIME", help="png: one picture at this time, s.")
     ] = None,
     speed: Annotated[
         float | None,
         typer.Option(
             "--speed",
             metavar="X",
-            help="Of films: simulated seconds per second; default 1, or what suits the run.",
+            help="Films: simulated seconds per second. Default: 1, or what suits the run.",
         ),
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option("--fps", metavar="N", help="Of films: pictures per second; default 30, of gif 20."),
+        typer.Option("--fps", metavar="N", help="Films: frames per second. Default: 30; gif 20."),
     ] = None,
     width: Annotated[
-        int | None, typer.Option("--width", metavar="PIXELS", help="Of films; default 1280, of gif 640.")
+        int | None, typer.Option("--width", metavar="PIXELS", help="Films: width. Default: 1280; gif 640.")
     ] = None,
     height: Annotated[
-        int | None, typer.Option("--height", metavar="PIXELS", help="Of films; default 720, of gif 360.")
+        int | None, typer.Option("--height", metavar="PIXELS", help="Films: height. Default: 720; gif 360.")
     ] = None,
     camera: Annotated[
         str | None,
-        typer.Option("--camera", metavar="NAME", help="Of films: fit (default), top, side or end."),
+        typer.Option("--camera", metavar="NAME", help="Films: fit (default), top, side or end."),
     ] = None,
     follow: Annotated[
-        str | None, typer.Option("--follow", metavar="BALL", help="Of films: go along with this ball.")
+        str | None, typer.Option("--follow", metavar="BALL", help="Films: follow this ball.")
     ] = None,
     shading: Annotated[
         str | None,
         typer.Option(
             "--shading",
             metavar="NAME",
-            help="Of films: pattern (default, shows rotation), plain, or colours by speed or spin.",
+            help="Films: pattern (default, shows rotation), plain, or colours by speed or spin.",
         ),
     ] = None,
     stamp: Annotated[
-        bool, typer.Option("--stamp/--no-stamp", help="Of films: the time in the corner.")
+        bool, typer.Option("--stamp/--no-stamp", help="Films: show the time in the corner.")
     ] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress bar.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a run in a format of other programs: ParaView, OVITO, data frames; or as a film.
+    """Convert a run for ParaView, OVITO or pandas, or make a film.
 
     Example: carom export runs/break-1 --format vtkhdf -o paraview
 

@@ -13,7 +13,9 @@ from carom.cli.output import emit, guarded, table
 
 @guarded
 def info(run: Run, as_json: Json = False) -> None:
-    """Say what a run directory holds and how the run ended; also for a run in progress.
+    """Show what a run directory holds and how the run ended.
+
+    This works on a run in progress, too.
 
     Example: carom info runs/break-1
     """

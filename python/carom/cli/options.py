@@ -13,20 +13,18 @@ if TYPE_CHECKING:
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on standard output and nothing else.")
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress bar and no summary.")]
 Run = Annotated[
-    Path, typer.Argument(metavar="RUN", help="A run directory, as `carom run` makes it.", show_default=False)
+    Path, typer.Argument(metavar="RUN", help="Run directory, made by `carom run`.", show_default=False)
 ]
 Scenario = Annotated[
-    Path, typer.Argument(metavar="SCENARIO", help="A scenario file (TOML).", show_default=False)
+    Path, typer.Argument(metavar="SCENARIO", help="Scenario file (TOML).", show_default=False)
 ]
 
 
 Case = Annotated[
     str | None,
-    typer.Option(
-        "--case", metavar="NAME", help="The variant of the file that [[case]] defines by this name."
-    ),
+    typer.Option("--case", metavar="NAME", help="Use this [[case]] of the file."),
 ]
 Set = Annotated[
     list[str] | None,

@@ -20,8 +20,8 @@ def plot(
         typer.Option(
             "--what",
             metavar="FIGURE",
-            help="velocities, angular-velocities, heights, trajectories, energies, phases, impacts, iterations, residuals"
-            " or all (default); may be repeated.",
+            help="Figures: velocities, angular-velocities, heights, trajectories, energies, phases, impacts, iterations,"
+            " residuals, or all (default); may be repeated.",
         ),
     ] = None,
     step: Annotated[
@@ -29,24 +29,25 @@ def plot(
         typer.Option(
             "--step",
             metavar="K",
-            help="Step of the residuals or impacts; default that with most iterations or impact problems.",
+            help="Step shown by residuals and impacts. Default: the one with most iterations or impact problems.",
         ),
     ] = None,
     bodies: Annotated[
-        str | None, typer.Option("--bodies", metavar="A,B", help="Draw these bodies only.")
+        str | None, typer.Option("--bodies", metavar="A,B", help="Draw only these bodies.")
     ] = None,
     format_: Annotated[
-        str, typer.Option("--format", metavar="FORMAT", help="png, svg, pdf, or several with commas.")
+        str,
+        typer.Option("--format", metavar="FORMAT", help="File formats: png, svg, pdf; several with commas."),
     ] = "png",
     width: Annotated[
-        str, typer.Option("--width", metavar="WIDTH", help="single or double: columns of a page.")
+        str, typer.Option("--width", metavar="WIDTH", help="Figure width: single or double column of a page.")
     ] = "double",
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Where to write; default RUN/plots.")
+        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Output directory. Default: RUN/plots.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Draw what happened in a run, ready for print; the numbers are written beside every figure as CSV.
+    """Draw figures of a run, and write their numbers as CSV.
 
     Example: carom plot runs/break-1 --what velocities --format pdf
     """

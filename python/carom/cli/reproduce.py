@@ -26,20 +26,20 @@ def reproduce(
         list[str] | None,
         typer.Argument(
             metavar="EXAMPLE",
-            help="Sections and appendices of the paper: 5.1 to 5.6, A, B, C, or all (default).",
+            help="Sections and appendices of the paper: 5.1 to 5.6, A, B, C; default all.",
             show_default=False,
         ),
     ] = None,
     out: Annotated[
         Path,
         typer.Option(
-            "-o", "--out", metavar="DIR", help="Where page and figures go; an earlier one is replaced."
+            "-o", "--out", metavar="DIR", help="Output directory; an earlier reproduction is replaced."
         ),
     ] = Path("reproduction"),
-    force: Annotated[bool, typer.Option("--force", help="Set DIR aside if it holds anything else.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Rename DIR if it holds anything else.")] = False,
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="The same tables and tolerances from fewer points, without figures."),
+        typer.Option("--quick", help="Same tables and tolerances with fewer points and no figures."),
     ] = False,
     figures: Annotated[
         bool | None,
@@ -48,27 +48,28 @@ def reproduce(
         ),
     ] = None,
     format_: Annotated[
-        str, typer.Option("--format", metavar="FORMAT", help="png, svg, pdf, or several with commas.")
+        str,
+        typer.Option("--format", metavar="FORMAT", help="File formats: png, svg, pdf; several with commas."),
     ] = "png",
     jobs: Annotated[
         int | None,
-        typer.Option(
-            "--jobs", "-j", min=1, metavar="N", help="Processes at a time; default as many as CPUs."
-        ),
+        typer.Option("--jobs", "-j", min=1, metavar="N", help="Processes at a time. Default: one per CPU."),
     ] = None,
     docs: Annotated[
         Path | None,
         typer.Option(
-            "--docs", metavar="DIR", help="Also write DIR/paper.md and its figures, for Carom's own pages."
+            "--docs",
+            metavar="DIR",
+            help="Also write DIR/paper.md and its figures, for Carom's documentation.",
         ),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Run the examples of the paper anew and hold every number against what it prints, and against theory.
+    """Run the paper's examples and compare every number with theory.
 
-    Writes a page (HTML and Markdown) with a table of each example, and every figure. Exit code 1 if a number falls short
-    or an example fails.
+    Writes a page (HTML and Markdown) with a table and the figures of each example. The exit code is 1 if a number misses
+    its tolerance or an example fails.
 
     Example: carom reproduce 5.4 5.6 --format png,pdf
     """

@@ -18,14 +18,14 @@ def resume(
     run: Run,
     until: Annotated[
         str | None,
-        typer.Option("--until", metavar="TIME", help="Simulate on to this time, s or with a unit."),
+        typer.Option("--until", metavar="TIME", help="New end of the run: seconds, or with a unit."),
     ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Go on with another numerical option of [run], as tolerance; may be repeated.",
+            help="Change a numerical option of [run], such as tolerance; may be repeated.",
         ),
     ] = None,
     checkpoint: Annotated[
@@ -33,20 +33,22 @@ def resume(
         typer.Option(
             "--checkpoint",
             metavar="newest|previous|start",
-            help="Continue from the one before the newest, or compute the run anew, if the newest cannot be used.",
+            help="Checkpoint to continue from. If the newest cannot be used, take the previous one, or start anew.",
         ),
     ] = "newest",
     any_version: Annotated[
         bool,
-        typer.Option("--any-version", help="Take a checkpoint of another version of Carom; bits may differ."),
+        typer.Option(
+            "--any-version", help="Accept a checkpoint of another version of Carom; bits may differ."
+        ),
     ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Continue a run that was interrupted or killed, bit for bit as if nothing had happened.
+    """Continue an interrupted run, or extend a finished one.
 
-    With --until a finished run is extended; with --set a run that failed goes on from its last good state. What
-    is new goes into a further segment of the results.
+    A continued run has the same bits as an uninterrupted one. --until extends a finished run. --set lets a failed run
+    go on from its last good state. New results go into a further segment.
 
     Example: carom resume runs/break-1 --until 6
     """

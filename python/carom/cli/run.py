@@ -26,12 +26,12 @@ def run(
             "-o",
             "--out",
             metavar="DIR",
-            help="Run directory; default runs/SCENARIO-<n> or runs/SCENARIO-CASE-<n>.",
+            help="Run directory. Default: runs/SCENARIO-<n> or runs/SCENARIO-CASE-<n>.",
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the run in DIR.")] = False,
     until: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Simulated time, s or with a unit.")
+        str | None, typer.Option("--until", metavar="TIME", help="Simulated time: seconds, or with a unit.")
     ] = None,
     case: Case = None,
     set_: Set = None,
@@ -40,27 +40,27 @@ def run(
         typer.Option(
             "--save-problems",
             metavar="STEPS",
-            help="Keep the contact problems of steps, as 100,200:300:50 (first:last:stride) or all, or worst:10 for the 10"
-            " with most iterations, in DIR/problems.",
+            help="Save the contact problems of these steps in DIR/problems: all, 100,200:300:50 (first:last:stride), or"
+            " worst:10 (the 10 with most iterations).",
         ),
     ] = None,
     form: Annotated[
-        str, typer.Option("--form", metavar="local|global", help="Form of these problems.")
+        str, typer.Option("--form", metavar="local|global", help="Form of the saved problems.")
     ] = "local",
     on_nonconvergence: Annotated[
         str | None,
         typer.Option(
             "--on-nonconvergence",
             metavar="stop|warn",
-            help="A step that cannot be solved: stop there (default), or go on and mark it in the result.",
+            help="If a step cannot be solved: stop (default), or mark it in the results and go on.",
         ),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Simulate a scenario and keep everything in a run directory.
+    """Simulate a scenario and save the results in a run directory.
 
-    Ctrl-C writes a checkpoint and leaves with 130; `carom resume` then continues bit for bit.
+    Ctrl-C writes a checkpoint and exits with code 130. `carom resume` then continues the run, bit for bit.
 
     Example: carom run break.toml -o runs/fine --set step=1e-4
 

@@ -8,7 +8,9 @@ from carom.cli.output import emit, guarded
 
 @guarded
 def schema(as_json: Json = False) -> None:
-    """Print the JSON Schema of scenario files, for editors that complete and check them.
+    """Print the JSON Schema of scenario files, for editors.
+
+    Editors use it to complete and to check what you type.
 
     Example: carom schema > carom-scenario.schema.json
     """

@@ -32,8 +32,7 @@ def solve(
         list[Path] | None,
         typer.Argument(
             metavar="FILE...",
-            help="Contact problems in FCLib's layout; of a directory all its *.hdf5 and *.h5, of a run directory"
-            " what it kept.",
+            help="Contact problems (FCLib's layout), directories of them (*.hdf5, *.h5), or runs with saved problems.",
             show_default=False,
         ),
     ] = None,
@@ -42,14 +41,14 @@ def solve(
         typer.Option(
             "--solver",
             metavar="NAME",
-            help="auto (default), another solver, several with commas, or all; may be repeated.",
+            help="Solver: auto (default), another name, several with commas, or all; may be repeated.",
         ),
     ] = None,
-    tol: Annotated[float, typer.Option("--tol", metavar="ERR", help="What err must come below.")] = 1e-8,
+    tol: Annotated[float, typer.Option("--tol", metavar="ERR", help="Residual tolerance.")] = 1e-8,
     max_iterations: Annotated[
         int | None,
         typer.Option(
-            "--max-iterations", min=1, metavar="N", help="Most iterations; default the solver's own limit."
+            "--max-iterations", min=1, metavar="N", help="Iteration limit. Default: the solver's own."
         ),
     ] = None,
     time_limit: Annotated[
@@ -57,47 +56,50 @@ def solve(
         typer.Option(
             "--time-limit",
             metavar="S",
-            help="Most seconds for a solver and a file (a factorisation is not broken off); default none.",
+            help="Time limit per solver and file, s; factorisations are not interrupted. Default: none.",
         ),
     ] = None,
     threads: Annotated[
         int,
-        typer.Option("--threads", min=1, metavar="N", help="Threads; the result is the same for any number."),
+        typer.Option("--threads", min=1, metavar="N", help="Threads; the result does not depend on it."),
     ] = 1,
     repeat: Annotated[
-        int, typer.Option("--repeat", min=1, metavar="N", help="Solve N times and take the shortest time.")
+        int, typer.Option("--repeat", min=1, metavar="N", help="Solve N times and report the shortest time.")
     ] = 1,
     solution: Annotated[
         Path | None,
         typer.Option(
             "--solution",
             metavar="HDF5",
-            help="Write the problem with r and u there (of one file and solver).",
+            help="Save the problem with its solution r, u (one file, one solver).",
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--out", metavar="DIR", help="Write the table as CSV there, of several files profiles too."
+            "-o",
+            "--out",
+            metavar="DIR",
+            help="Output directory for the table (CSV) and, with several files, profiles.",
         ),
     ] = None,
     format_: Annotated[
         str,
         typer.Option(
-            "--format", metavar="FORMAT", help="Of the profiles: png, svg, pdf, or several with commas."
+            "--format", metavar="FORMAT", help="Formats of the profiles: png, svg, pdf; several with commas."
         ),
     ] = "png",
     explain: Annotated[
         bool,
-        typer.Option("--explain", help="Print the rule of auto, and why each stage was entered."),
+        typer.Option("--explain", help="Print the rule of auto, and why it used each stage."),
     ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Solve contact problems, and say how well they are solved.
+    """Solve contact problems from files, and measure the residuals.
 
-    Several files or solvers give a table. The residual err is computed anew outside of the solvers. Exit code 3 if a
-    problem is not solved, 2 if one cannot be read.
+    Several files or solvers give a table. Residuals are computed outside of the solvers. The exit code is 3 if a problem
+    is not solved, 2 if a file cannot be read.
 
     Example: carom solve Capsules.hdf5
 

@@ -24,10 +24,10 @@ SHOWN = 10
 
 @guarded
 def sweep(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A study file (TOML).", show_default=False)],
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).", show_default=False)],
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Folder of the study; default sweeps/STUDY."),
+        typer.Option("-o", "--out", metavar="DIR", help="Folder of the study. Default: sweeps/STUDY."),
     ] = None,
     workers: Annotated[
         int | None,
@@ -35,42 +35,44 @@ def sweep(
             "--workers",
             metavar="N",
             min=0,
-            help="Processes on this machine; default one per processor. 0: this process alone.",
+            help="Processes on this machine. Default: one per processor. 0: run in this process.",
         ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="A running dask scheduler, as tcp://host:8786."),
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="Address of a running dask scheduler: tcp://host:8786."
+        ),
     ] = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Compute failed cases again.")] = False,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Run failed cases again.")] = False,
     measure: Annotated[
         str | None,
         typer.Option(
             "--measure",
             metavar="FILE.py:FUNCTION",
-            help="Your Python function that takes the Result of a case and returns {name: number}.",
+            help="Python function that takes the Result of a case and returns {name: number}.",
         ),
     ] = None,
     plots: Annotated[
         bool | None,
-        typer.Option("--plots/--no-plots", help="Summary figures; by default if matplotlib is there."),
+        typer.Option("--plots/--no-plots", help="Draw summary figures. Default: if matplotlib is installed."),
     ] = None,
     columns: Annotated[
         str | None,
-        typer.Option("--columns", metavar="A,B", help="Columns of the figures and of --csv."),
+        typer.Option("--columns", metavar="A,B", help="Columns for the figures and --csv."),
     ] = None,
     csv: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV, too.")
+        Path | None, typer.Option("--csv", metavar="FILE", help="Also write the table as CSV.")
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
-    """Compute the cases of a study that its folder does not hold yet, on several processes or a cluster.
+    """Run all cases of a study, on several processes or a cluster.
 
-    Whatever is killed, what was computed stays; the same command goes on from there.
+    Finished cases are not run again: after a crash the same command continues the study.
 
     Example: carom sweep break_study.toml -o break_study --workers 2
-    """  # fmt: skip
+    """
     from carom.sweeps import Study
     from carom.sweeps import sweep as compute
 

@@ -16,20 +16,24 @@ def view(
     run: Run,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help="Where to write; default RUN/view.html."),
+        typer.Option("-o", "--out", metavar="FILE", help="Output file. Default: RUN/view.html."),
     ] = None,
     max_mb: Annotated[
-        float, typer.Option("--max-mb", metavar="MB", help="Largest page; a longer run is thinned.")
+        float, typer.Option("--max-mb", metavar="MB", help="Largest page; longer runs keep fewer frames.")
     ] = 100.0,
     live: Annotated[
         bool,
-        typer.Option("--live", help="Serve it on this machine and follow it while it runs (extra `live`)."),
+        typer.Option("--live", help="Serve the run on this machine and follow it (needs the extra `live`)."),
     ] = False,
-    port: Annotated[int, typer.Option("--port", metavar="N", help="Of --live.", min=1, max=65535)] = 8080,
-    open_: Annotated[bool, typer.Option("--open", help="Open it in the web browser.")] = False,
+    port: Annotated[
+        int, typer.Option("--port", metavar="N", help="Port of --live.", min=1, max=65535)
+    ] = 8080,
+    open_: Annotated[bool, typer.Option("--open", help="Open the page in the web browser.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a run as one HTML file that plays in any browser, offline; or show it while it runs.
+    """Write a run as one HTML page that plays in 3D, offline.
+
+    With --live, show the run while it is computed, on this machine only.
 
     Example: carom view runs/break-1 --open
     """
