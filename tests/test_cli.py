@@ -20,6 +20,7 @@ from carom.cli import main
 from carom.cli.options import settings
 from carom.cli.output import seconds, table
 from carom.cli.progress import facts
+from carom.demo import Row, as_table
 from carom.drive import Progress
 
 COMMANDS = ["demo", "run", "resume", "check", "plot", "view", "info", "schema", "doctor", "cite"]
@@ -475,6 +476,23 @@ def test_the_demo_computes_what_it_shows(tmp_path: Path) -> None:
     text = cli("demo", "--no-plots", "-o", "d", cwd=tmp_path).stdout  # a second one replaces the first
     assert text.count("pure rolling at t = 3 s") == 1
     assert "3D page     d/5.6_break/view.html" in text
+
+
+def test_the_table_of_the_demo_fits_a_narrow_terminal() -> None:
+    """Its cells wrap between words; none is cut."""
+    cells = (
+        "contact of balls 2 and 3 (s)",
+        "below 10.729 (exact 10.5051)",
+        "slip at most 3e-33 m/s, 4 of 4",
+        "agrees",
+    )
+    narrow, wide = (as_table([Row(*cells)] * 3, width) for width in (80, 160))
+    assert max(map(len, narrow.splitlines())) <= 80
+    for text in (narrow, wide):
+        for cell in cells:
+            for word in cell.split():
+                assert text.count(word) >= 3, word
+    assert len(wide.splitlines()) == 5  # head, rule, one line for each row
 
 
 # --- costs and formats ----------------------------------------------------------------------------------------------

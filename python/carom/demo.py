@@ -336,16 +336,23 @@ def _words(quantity: str, paper: str, carom: str, agrees: bool | None) -> Row:
     return Row(quantity, paper or "-", carom, verdict)
 
 
-def as_table(rows: Sequence[Row]) -> str:
-    """The comparison for a terminal: quantity, paper, Carom, difference."""
-    cells = [
-        ("quantity", "paper", "Carom", "difference"),
-        *((r.quantity, r.paper, r.carom, r.difference) for r in rows),
-    ]
-    widths = [max(len(row[i]) for row in cells) for i in range(4)]
-    lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
-    lines.insert(1, "  ".join("-" * w for w in widths))
-    return "\n".join(lines)
+def as_table(rows: Sequence[Row], width: int = 160) -> str:
+    """The comparison in lines of at most `width` characters: quantity, paper, Carom, difference; long cells wrap."""
+    from io import StringIO
+
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for name in ("quantity", "paper", "Carom", "difference"):
+        table.add_column(name)
+    for r in rows:
+        table.add_row(*map(Text, (r.quantity, r.paper, r.carom, r.difference)))
+    text = StringIO()
+    Console(file=text, width=width).print(table)
+    lines = [line.rstrip() for line in text.getvalue().splitlines()]
+    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])
 
 
 def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:

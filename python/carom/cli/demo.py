@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from carom.cli.options import Json, Quiet
-from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note, seconds
+from carom.cli.output import DONE, NOT_CONVERGED, columns, emit, guarded, note, seconds
 from carom.cli.progress import progress_bar
 
 
@@ -49,7 +49,7 @@ def demo(
             "files": [str(f) for f in files],
         }
         if not (quiet or as_json):
-            print(f"{result.title or case}\n\n{story.as_table(rows)}\n")
+            print(f"{result.title or case}\n\n{story.as_table(rows, columns())}\n")
             print(f"3D page     {files[0]}  (open it in a browser; it needs no network)")
             if len(files) > 1:
                 print(f"figures     {files[1].parent}{'/'}  ({len(files) - 1} files)")

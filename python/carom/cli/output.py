@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec
@@ -64,6 +65,11 @@ def fail(message: str, code: int, as_json: bool = False, **facts: Any) -> int:
 def emit(document: Any) -> None:
     """The one JSON document of a command with `--json`. What is not a finite number becomes null, as JSON demands."""
     print(json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def columns() -> int:
+    """Characters in a line of standard output: those of the terminal; 160 in a file or a pipe."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
 
 
 def note(message: str) -> None:
