@@ -70,7 +70,7 @@ def converge(
 ) -> int:
     """Measure how the error of a scenario shrinks with the step.
 
-    Runs the scenario with several steps, and fits the order of the error (eq. 45).
+    Runs the scenario with several steps, and fits the order of the error (eq. 45 of the paper).
 
     Example: carom converge 5.5_bernoulli.toml --steps 2e-3,1e-3,5e-4 --reference 1e-5
     """
