@@ -127,3 +127,16 @@ def test_every_link_of_the_readme_leads_somewhere() -> None:
     assert len(links) > 8
     for link in links:
         assert link.startswith("https://") or (ROOT / link).exists(), link
+
+
+def test_every_measured_figure_of_the_table_stands_on_the_page_that_it_names() -> None:
+    targets = dict(re.findall(r"^\[([^\]]+)\]: (\S+)$", README, re.M))
+    table = README.partition("| task | measured | details |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| (.+) \| (.+) \| \[(.+)\] \|$", table, re.M)
+    assert len(rows) >= 6
+    for task, measured, page in rows:
+        text = (ROOT / targets[page]).read_text("utf-8")
+        figures = re.findall(r"\d+(?:\.\d+)?(?:\^\d+)?(?:e-?\d+)?", measured)
+        assert figures, task
+        for figure in figures:
+            assert re.search(rf"(?<![\d.]){re.escape(figure)}(?!\d)", text), (task, figure, page)
