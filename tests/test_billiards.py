@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import tomllib
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +13,6 @@ import numpy as np
 import pytest
 from carom import billiards, events
 from carom.billiards import LAWS, TABLES, cue_impulse, rack_places, strike, table
-from carom.billiards.data import Value
 from carom.billiards.racks import rows_of
 from carom.errors import CaromError, ScenarioError
 
@@ -19,12 +20,9 @@ G = 9.8
 pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
 
 
-def laws(**values: float | str) -> billiards.Laws:
+def laws(**values: Any) -> billiards.Laws:
     """The usual laws with other numbers."""
-    given: dict[str, Any] = {
-        k: v if k == "ball_friction" else Value(float(v), "1", "test") for k, v in values.items()
-    }
-    return replace(LAWS, **given)
+    return replace(LAWS, **values)
 
 
 IDEAL = laws(ball_restitution=1.0, ball_friction=0.0, rolling_deceleration=0.0, spin_deceleration=0.0)
@@ -45,6 +43,7 @@ def test_strike_is_the_formula_of_leckie_and_greenspan() -> None:
         height=height,
         elevation=theta,
         cue_mass=cue_mass,
+        restitution=1.0,
         **BALL,
     )
     # Their frame: x to the left, y from the ball to the player, z up; the ball leaves along -y.
@@ -147,7 +146,10 @@ def test_a_tip_that_does_not_slip(height: float) -> None:
 
 
 def test_tips_by_name_give_their_share_of_the_textbooks_speed() -> None:
+    """The default is leather: a stroke of 9 m/s gave a ball of 13.7 m/s by the textbook's tip, and gives 11.8 m/s."""
     speeds = {}
+    scene = table().scene()
+    assert strike(table().cue_ball(scene), speed=9.0).velocity[0] == pytest.approx(11.83, abs=0.01)
     for tip in ("leather", "phenolic", 1.0):
         scene = table().scene()
         speeds[tip] = np.linalg.norm(strike(table().cue_ball(scene), speed=5.0, restitution=tip).velocity)  # type: ignore[arg-type]
@@ -156,6 +158,13 @@ def test_tips_by_name_give_their_share_of_the_textbooks_speed() -> None:
     gains = [((1 + hard) / (1 + soft)) ** 2 for hard, soft in ((0.81, 0.71), (0.87, 0.75), (0.87, 0.71))]
     assert gains[0] <= (speeds["phenolic"] / speeds["leather"]) ** 2 <= gains[2]
     assert billiards.TIPS["leather"].low <= billiards.TIPS["leather"].value <= billiards.TIPS["leather"].high
+
+
+@pytest.mark.parametrize(("given", "speed"), [("20 mph", 8.9408), ("36 km/h", 10.0), ("9 m/s", 9.0)])
+def test_speeds_are_given_as_players_say_them(given: str, speed: float) -> None:
+    """A mile is 1609.344 m."""
+    ball = table().cue_ball(table().scene())
+    assert strike(ball, speed=given).cue_speed == pytest.approx(speed, rel=1e-15)
 
 
 def test_wrong_strikes_are_told() -> None:
@@ -167,6 +176,8 @@ def test_wrong_strikes_are_told() -> None:
         ({"speed": -1.0}, "speed must be above 0"),
         ({"speed": 1.0, "side": 0.8, "height": 0.8}, "misses the ball"),
         ({"speed": 1.0, "elevation": "90 deg"}, "below 90 deg"),
+        ({"speed": 1.0, "elevation": 45}, "elevation: 45 rad is more than a turn; write '45 deg'"),
+        ({"speed": 1.0, "direction": -90.0}, "direction: -90 rad is more than a turn; write '-90 deg'"),
         ({"speed": "1 kg"}, "expected a speed"),
         ({"speed": 1.0, "direction": (0.0, 0.0)}, "not zero"),
         ({"speed": 1.0, "restitution": 1.1}, "from 0 to 1"),
@@ -174,6 +185,7 @@ def test_wrong_strikes_are_told() -> None:
         ({"speed": 1.0, "direction": (1.0,)}, r"direction must be \(x, y\)"),
         ({"speed": 1.0, "direction": math.nan}, "direction must be a finite number"),
         ({"speed": 1.0, "side": "5 mm"}, r"side \(in radii\) must be a finite number"),
+        ({"speed": "20 mhp"}, "did you mean mph"),
         ({"speed": [1.0]}, "speed must be a finite number"),
         ({"speed": math.inf}, "speed must be a finite number"),
     ):
@@ -386,11 +398,12 @@ def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None
         ({"ball_mass": -0.17}, "ball_mass must be above 0"),
         ({"ball_radius": "28 g"}, "ball_radius: expected a length, found"),
         ({"nose_height": [0.037]}, "nose_height must be a finite number in SI units"),
-        ({"corner_angle": "1 rad"}, "from 90 to below 180, found '1 rad'"),
+        ({"corner_angle": "1 rad"}, "from 90 deg to below 180 deg, found 57.2958 deg"),
+        ({"corner_angle": 142}, "corner_angle: 142 rad is more than a turn; write '142 deg'"),
         ({"length": math.nan}, "length must be a finite number"),
         ({"corner_mouth": -0.1}, "corner_mouth must not be below 0"),
         ({"corner_mouth": 2.0}, "leave no cushion"),
-        ({"side_angle": 20.0}, "side_angle is that between nose and facing"),
+        ({"side_angle": "20 deg"}, "side_angle is that between nose and facing"),
     ):
         with pytest.raises(CaromError, match=said):
             table("9ft", **keys)
@@ -445,10 +458,10 @@ def test_full_racks_are_those_of_the_format() -> None:
 
 def test_tables_racks_and_places_take_units_as_scenes_do() -> None:
     given, plain = (
-        table("9ft", nose_height="37 mm", corner_angle="142 deg", ball_mass="170 g"),
+        table("9ft", nose_height="37 mm", corner_angle=math.radians(142), ball_mass="170 g"),
         table("9ft").spec,
     )
-    assert given.spec == replace(plain, nose_height=0.037, corner_angle=pytest.approx(142.0), ball_mass=0.17)
+    assert given.spec == replace(plain, nose_height=0.037, ball_mass=0.17)
     assert np.array_equal(rack_places(4, "28.575 mm", gap="0.1 mm"), rack_places(4, 0.028575, gap=1e-4))
     scene = given.scene()
     assert given.cue_ball(scene, ("50 cm", 0.25)).position == (0.5, 0.25, plain.ball_radius)
@@ -460,6 +473,26 @@ def test_values_print_with_range_unit_and_source() -> None:
     assert "spin_deceleration = 10 (5 to 15) rad/s^2: middle of D. Alciatore" in lines[5]
     assert "Marlow" in lines[1]
     assert "Marlow" not in str(replace(LAWS, ball_friction="0.06"))  # of somebody else
+
+
+def test_laws_take_bare_numbers_and_scenes_take_values() -> None:
+    """A number keeps the unit of what it replaces, and says that it has no source; a value is a number with one."""
+    other = replace(LAWS, cloth_friction=0.3, rolling_deceleration=np.float64(0.02))
+    assert str(other.cloth_friction) == "0.3: given by the caller"
+    assert str(other.rolling_deceleration) == "0.02 g: given by the caller"
+    assert replace(LAWS, cloth_friction=0.2).cloth_friction == LAWS.cloth_friction
+    written = tomllib.loads(table().scene(laws=other).to_toml())["contact"]
+    assert [c["friction"] for c in written if set(c["between"]) == {"ball", "cloth"}] == [0.3]
+    scene = carom.Scene("the laws of the kit on a scene of one's own")
+    law = scene.contact("a", "a", friction=LAWS.ball_friction, restitution=LAWS.ball_restitution)
+    assert law.friction == {"expression": LAWS.ball_friction}
+    assert scene.contact("a", "b", friction=LAWS.cloth_friction, restitution=0.5).friction == 0.2
+    assert carom.Scene.from_toml(scene.to_toml()) == scene
+    copied = copy.deepcopy(LAWS.cloth_friction)
+    assert (str(copied), copied.low, copied.value) == (str(LAWS.cloth_friction), 0.15, 0.2)
+    for wrong in ("0.3", math.nan, None):
+        with pytest.raises(CaromError, match="Laws: cloth_friction must be a finite number"):
+            replace(LAWS, cloth_friction=wrong)  # type: ignore[arg-type]
 
 
 def test_wrong_racks_are_told() -> None:

@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.billiards.data import TIPS
-from carom.billiards.given import number, place
+from carom.billiards.given import angle, number, place
 from carom.errors import CaromError, did_you_mean
 
 if TYPE_CHECKING:
@@ -78,27 +78,29 @@ def cue_impulse(
     radius: float,
     mass: float,
     inertia: float,
-    direction: float,
+    direction: float | str,
     speed: float | None = None,
     ball_speed: float | None = None,
     side: float = 0.0,
     height: float = 0.0,
-    elevation: float = 0.0,
+    elevation: float | str = 0.0,
     cue_mass: float = CUE_MASS,
-    restitution: float = 1.0,
+    restitution: float | str = "leather",
     end_mass: float | None = None,
 ) -> Strike:
-    """The velocities of a ball at rest after a strike; angles in rad.
+    """The velocities of a ball at rest after a strike; angles are numbers in rad or texts with a unit ("30 deg").
 
     `speed` is that of the cue, or `ball_speed` |v| of the ball after the strike, m/s. The tip touches `side` radii to the
     right of the cue's line through the centre and `height` radii above it, both across the cue as the player sees it.
     `elevation` is that of the butt; `cue_mass` the mass that moves along the cue, that of the stick and of what of the hand
-    holds it firmly (kg); `restitution` that of the tip: 1 is the textbook's, which loses no energy, real tips have less
-    (`data.TIPS`). With `end_mass`, the mass of the shaft's front end (kg), the ball squirts: it starts off the line of the
-    cue, away from the side on which it is struck, also upwards if struck low; without it, along the cue.
+    holds it firmly (kg); `restitution` that of the tip, "leather" or "phenolic" (`data.TIPS`), or a number: 1 is the
+    textbook's, which loses no energy. With `end_mass`, the mass of the shaft's front end (kg), the ball squirts: it starts
+    off the line of the cue, away from the side on which it is struck, also upwards if struck low; without it, along the cue.
     """
     if (speed is None) == (ball_speed is None):
         raise CaromError("strike: give speed (of the cue) or ball_speed, one of them, in m/s")
+    restitution = _tip(restitution)
+    direction, elevation = angle("strike", "direction", direction), angle("strike", "elevation", elevation)
     for name, value, good in (
         ("speed", speed, speed is None or speed > 0),
         ("ball_speed", ball_speed, ball_speed is None or ball_speed > 0),
@@ -109,7 +111,8 @@ def cue_impulse(
     ):
         if not good:
             span = {"restitution": "from 0 to 1", "elevation": "from 0 to below 90 deg"}.get(name, "above 0")
-            raise CaromError(f"strike: {name} must be {span}, found {value!r}")
+            found = f"{math.degrees(elevation):g} deg" if name == "elevation" else repr(value)
+            raise CaromError(f"strike: {name} must be {span}, found {found}")
     offset = math.hypot(side, height)
     if not offset < 1:
         raise CaromError(
@@ -167,38 +170,35 @@ def strike(
     height: float = 0.0,
     elevation: float | str = 0.0,
     cue_mass: float | str = CUE_MASS,
-    restitution: float | str = 1.0,
+    restitution: float | str = "leather",
     end_mass: float | str | None = None,
 ) -> Strike:
     """Strike a ball of a scene that lies still: sets its velocity and angular velocity, and returns what it set.
 
     `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table.
-    `restitution` may be the name of a tip of `data.TIPS`, "leather" or "phenolic". The other arguments are those of
-    `cue_impulse`, numbers in SI or texts with a unit.
+    The other arguments are those of `cue_impulse`, numbers in SI or texts with a unit: `speed="20 mph"`.
     """
     if any(ball.velocity) or any(ball.angular_velocity):
         raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
-    if isinstance(direction, str | Real):
-        angle = number("strike", "direction", direction, "angle")
-    else:
+    if not isinstance(direction, str | Real):
         x, y = place("strike", "direction", direction)
         if not math.hypot(x, y) > 0:
             raise CaromError(
                 "strike: direction must be an angle or a vector within the table that is not zero"
             )
-        angle = math.atan2(y, x)
+        direction = math.atan2(y, x)
     found = cue_impulse(
         radius=ball.radius,
         mass=ball.mass_kg(),
         inertia=ball.inertia_kg_m2(),
-        direction=angle,
+        direction=direction,
         speed=None if speed is None else number("strike", "speed", speed, "speed"),
         ball_speed=None if ball_speed is None else number("strike", "ball_speed", ball_speed, "speed"),
         side=number("strike", "side (in radii)", side),
         height=number("strike", "height (in radii)", height),
-        elevation=number("strike", "elevation", elevation, "angle"),
+        elevation=elevation,
         cue_mass=number("strike", "cue_mass", cue_mass, "mass"),
-        restitution=_tip(restitution),
+        restitution=restitution,
         end_mass=None if end_mass is None else number("strike", "end_mass", end_mass, "mass"),
     )
     ball.velocity = tuple(found.velocity.tolist())
@@ -214,4 +214,4 @@ def _tip(given: float | str) -> float:
         raise CaromError(
             f"strike: restitution: no tip is called {given!r}; {did_you_mean(given, list(TIPS))}"
         )
-    return TIPS[given].value
+    return float(TIPS[given])

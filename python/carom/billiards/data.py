@@ -1,8 +1,12 @@
-"""Sizes of tables and values of materials, each with its source. Change any: `replace(LAWS, cloth_friction=...)`."""
+"""Sizes of tables and values of materials, each with its source. Change any: `replace(LAWS, cloth_friction=0.3)`."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
+from typing import Any
+
+from carom.billiards.given import number
 
 INCH = 0.0254
 OUNCE = 0.028349523125
@@ -18,25 +22,43 @@ MATHAVAN_CUSHION = (
 )
 
 
-@dataclass(frozen=True)
-class Value:
-    """A number in SI, what is usual, and where it is from."""
+class Value(float):
+    """A number in SI that knows its unit, its usual range and its source; it computes as any number does."""
 
-    value: float
     unit: str
     source: str
-    low: float | None = None
-    high: float | None = None
+    low: float | None
+    high: float | None
+
+    def __new__(
+        cls, value: float, unit: str, source: str, low: float | None = None, high: float | None = None
+    ) -> Value:
+        self = super().__new__(cls, value)
+        self.unit, self.source, self.low, self.high = unit, source, low, high
+        return self
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        """What copies and pickles are made from."""
+        return float(self), self.unit, self.source, self.low, self.high
+
+    @property
+    def value(self) -> float:
+        """The plain number."""
+        return float(self)
+
+    def __repr__(self) -> str:
+        return f"Value({self})"
 
     def __str__(self) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"
         usual = "" if self.low is None or self.high is None else f" ({self.low:g} to {self.high:g})"
-        return f"{self.value:g}{usual}{unit}: {self.source}"
+        return f"{float(self):g}{usual}{unit}: {self.source}"
 
 
+EFFICIENCY = "D. Alciatore, experiment of billiards.colostate.edu/faq/cue-tip/efficiency"
 TIPS: dict[str, Value] = {
-    "leather": Value(0.73, "1", f"middle of {ALCIATORE}: playing cues, tips of medium hardness", 0.71, 0.75),
-    "phenolic": Value(0.84, "1", f"middle of {ALCIATORE}: jump and break cues", 0.81, 0.87),
+    "leather": Value(0.73, "1", f"middle of {EFFICIENCY}: playing cues, tips of medium hardness", 0.71, 0.75),
+    "phenolic": Value(0.84, "1", f"middle of {EFFICIENCY}: jump and break cues", 0.81, 0.87),
 }
 """Restitution of cue tips against a ball, by what they are made of."""
 
@@ -54,9 +76,9 @@ class Spec:
     corner_mouth: float = 0.0
     """Distance of the two points of a corner pocket; 0: no pockets."""
     side_mouth: float = 0.0
-    corner_angle: float = 142.0
-    """Between nose and facing, degrees."""
-    side_angle: float = 104.0
+    corner_angle: float = math.radians(142)
+    """Between nose and facing, rad."""
+    side_angle: float = math.radians(104)
     corner_shelf: float = 0.0
     """From the middle of the mouth to the edge of the slate."""
     side_shelf: float = 0.0
@@ -97,8 +119,8 @@ TABLES: dict[str, Spec] = {
         nose_height=0.7 * 0.0525,
         corner_mouth=0.0889,
         side_mouth=0.105,
-        corner_angle=140.0,
-        side_angle=110.0,
+        corner_angle=math.radians(140),
+        side_angle=math.radians(110),
         corner_shelf=0.03,
         side_shelf=0.01,
         source=f"area and ball: {WPBSA}; nose height 7/5 r: Mathavan et al. (2010); pockets: rough, the rules refer to"
@@ -111,8 +133,9 @@ TABLES: dict[str, Spec] = {
 
 @dataclass(frozen=True)
 class Laws:
-    """Contact laws of a table. Where a value is no `Value`'s, say so in what you publish."""
+    """Contact laws of a table. A bare number becomes a `Value` in the same unit with the source "given by the caller"."""
 
+    # ruff: noqa: RUF009 - defaults are computed once; a `Value` is a number, which nothing changes.
     # The ranges are those of `ALCIATORE` unless said otherwise.
     ball_restitution: Value = Value(0.95, "1", POOLTOOL, 0.92, 0.98)
     ball_friction: str | float = "9.951e-3 + 0.108*exp(-1.088*v)"
@@ -126,6 +149,13 @@ class Laws:
     cushion_restitution: Value = Value(0.85, "1", f"the paper, section 5.6; {POOLTOOL}", 0.6, 0.9)
     """Of the speed across the rail of a ball on the bed. Mathavan's 0.98 belongs to another law, of the energy."""
     cushion_friction: Value = Value(0.14, "1", f"{MATHAVAN_CUSHION}; upper end: {POOLTOOL}", 0.14, 0.2)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            given, usual = getattr(self, field.name), field.default
+            if isinstance(usual, Value) and not isinstance(given, Value):
+                sourced = Value(number("Laws", field.name, given), usual.unit, "given by the caller")
+                object.__setattr__(self, field.name, sourced)  # the only way in a frozen dataclass
 
     def __str__(self) -> str:
         """A line for each value: the usual range, the unit, the source."""
@@ -141,11 +171,11 @@ class Laws:
 
     def rolling_radius(self, radius: float) -> float:
         """rho, m: a ball that rolls under the moment rho N slows down by 5 rho g/(7 r)."""
-        return 1.4 * self.rolling_deceleration.value * radius
+        return 1.4 * self.rolling_deceleration * radius
 
     def spinning_radius(self, radius: float, gravity: float) -> float:
         """delta, m: spin about the vertical decays by delta m g/I, I = 2/5 m r^2."""
-        return 0.4 * radius * radius * self.spin_deceleration.value / gravity
+        return 0.4 * radius * radius * self.spin_deceleration / gravity
 
 
 LAWS = Laws()

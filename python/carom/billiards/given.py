@@ -26,6 +26,14 @@ def number(call: str, name: str, value: Any, dimension: str | None = None) -> fl
     return float(value)
 
 
+def angle(call: str, name: str, value: Any) -> float:
+    """An angle in rad: a number in rad, or a text with a unit. More than a turn is taken for forgotten degrees."""
+    found = number(call, name, value, "angle")
+    if not isinstance(value, str) and abs(found) > math.tau:
+        raise CaromError(f"{call}: {name}: {found:g} rad is more than a turn; write '{found:g} deg'")
+    return found
+
+
 def place(call: str, name: str, value: Any, dimension: str | None = None) -> tuple[float, float]:
     """The x and y of a vector of two numbers (`number`), or of three, of which the last does not count."""
     if (

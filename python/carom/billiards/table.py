@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.billiards.data import LAWS, TABLES, Laws, Spec
+from carom.billiards.given import angle as angle_of
 from carom.billiards.given import number, place
 from carom.billiards.racks import rack_places
 from carom.errors import CaromError, did_you_mean
@@ -56,7 +57,7 @@ class Pocketed:
 def table(name: str = "9ft", **changes: Any) -> Table:
     """A table by name, `7ft`, `8ft`, `9ft`, `snooker` or `carom`; `changes` are fields of `Spec`: `nose_height="37 mm"`.
 
-    Lengths and the mass are numbers in SI or texts with a unit, angles numbers in degrees or texts with a unit.
+    Lengths, angles and the mass are numbers in SI or texts with a unit: `corner_angle="142 deg"`.
     `table("9ft", corner_mouth=0.0)` has no pockets.
     """
     if name not in TABLES:
@@ -84,12 +85,11 @@ class Table:
             if not given[name] >= 0:
                 raise CaromError(f"table: {name} must not be below 0, found {getattr(spec, name)!r}")
         for name in ("corner_angle", "side_angle"):
-            angle = number("table", name, getattr(spec, name), "angle")
-            given[name] = math.degrees(angle) if isinstance(getattr(spec, name), str) else angle
-            if not 90 <= given[name] < 180:
+            given[name] = angle_of("table", name, getattr(spec, name))
+            if not math.pi / 2 <= given[name] < math.pi:
                 raise CaromError(
-                    f"table: {name} is that between nose and facing, in degrees, from 90 to below 180,"
-                    f" found {getattr(spec, name)!r}"
+                    f"table: {name} is that between nose and facing, from 90 deg to below 180 deg,"
+                    f" found {math.degrees(given[name]):g} deg"
                 )
         spec = replace(spec, **given)
         r = spec.ball_radius
@@ -214,22 +214,21 @@ class Table:
         ]
 
     def _laws(self, scene: Scene, laws: Laws, gravity: float) -> None:
-        mu, r = laws.ball_friction, self.spec.ball_radius
-        friction = {"expression": mu} if isinstance(mu, str) else mu
-        scene.contact("ball", "ball", friction=friction, restitution=laws.ball_restitution.value)
+        r = self.spec.ball_radius
+        scene.contact("ball", "ball", friction=laws.ball_friction, restitution=laws.ball_restitution)
         scene.contact(
             "ball",
             "cloth",
-            friction=laws.cloth_friction.value,
-            restitution=laws.cloth_restitution.value,
+            friction=laws.cloth_friction,
+            restitution=laws.cloth_restitution,
             rolling_radius=laws.rolling_radius(r),
             spinning_radius=laws.spinning_radius(r, gravity) if gravity > 0 else 0.0,
         )
         scene.contact(
             "ball",
             "cushion",
-            friction=laws.cushion_friction.value,
-            restitution=laws.cushion_restitution.value,
+            friction=laws.cushion_friction,
+            restitution=laws.cushion_restitution,
         )
 
     # --- geometry -----------------------------------------------------------------------------------------------
@@ -259,7 +258,7 @@ class Table:
             reach = FACING * self.spec.ball_radius
             for kind, point, along, tip in ((before, start, -way, "a"), (after, end, way, "b")):
                 angle = self.spec.corner_angle if kind == "corner" else self.spec.side_angle
-                turn = math.pi - math.radians(angle)  # off the line of the nose, outwards
+                turn = math.pi - angle  # off the line of the nose, outwards
                 far = np.array(point) + reach * (math.cos(turn) * along + math.sin(turn) * out)
                 deep = (float(far[0]), float(far[1]))
                 ends = (deep, point) if tip == "a" else (point, deep)

@@ -54,7 +54,7 @@ class Builder:
         a: str,
         b: str,
         *,
-        friction: float | Mapping[str, Any],
+        friction: float | str | Mapping[str, Any],
         restitution: float,
         tangential_restitution: float | None = None,
         rolling_radius: Number | None = None,
@@ -62,7 +62,7 @@ class Builder:
     ) -> Contact:
         """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
 
-        `friction` mu >= 0, a number or a law of the slip speed `v`, as `{"expression": "0.01 + 0.1*exp(-v)"}`;
+        `friction` mu >= 0, a number or a law of the slip speed `v`, as "0.01 + 0.1*exp(-v)" or any `{"expression": ...}`;
         `restitution` e_N in [0, 1]; `tangential_restitution` e_T in (-1, 1); `rolling_radius` rho and
         `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m.
         """
@@ -71,7 +71,7 @@ class Builder:
             Contact,
             label,
             between=(a, b),
-            friction=friction,
+            friction={"expression": friction} if isinstance(friction, str) else friction,
             restitution=restitution,
             tangential_restitution=tangential_restitution,
             rolling_radius=rolling_radius,
