@@ -8,6 +8,7 @@ import sys
 import tomllib
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import carom
 import pytest
@@ -83,3 +84,14 @@ def test_the_scenario_of_the_reference_runs(tmp_path: Path) -> None:
     first = blocks(DOCS / "reference" / "scenario.md", "toml")[0]
     result = carom.simulate(carom.Scene.from_toml(first), every=1000)
     assert result["cue"].speed[-1] == pytest.approx(5 / 7, abs=1e-8)
+
+
+@pytest.mark.parametrize("count", [400, 2000])
+def test_the_packing_of_the_reference_has_room_for_the_counts_that_it_names(count: int) -> None:
+    """docs/reference/granular.md: `fill(count=2000)` alone makes the larger pile."""
+    fill = next(text for text in blocks(DOCS / "reference" / "granular.md", "python") if "def fill(" in text)
+    names: dict[str, Any] = {"carom": carom}
+    exec(fill.split("filled = ")[0], names)
+    scene = names["fill"](count=count)
+    assert scene.validate() == []
+    assert len(scene.names) == count

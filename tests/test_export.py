@@ -249,7 +249,7 @@ def test_extxyz_is_what_its_first_lines_announce(flow: carom.Result, tmp_path: P
         for row, body in zip(rows, there, strict=True):
             values = np.array(row[1:], dtype=float)
             assert np.array_equal(values[:3], flow.position[k][body])
-            assert int(row[4]) == body + 1
+            assert int(row[4]) == body
             assert values[4] == 0.009
             assert np.array_equal(values[6:9], flow.velocity[k][body])
             assert np.array_equal(values[9:12], flow.angular_velocity[k][body])
@@ -281,6 +281,23 @@ def test_contacts_for_ovito_are_points_with_their_forces(column: carom.Result, t
             assert np.linalg.norm(force) == pytest.approx(above * weight, rel=1e-9)
             assert len(row) == sum(width)
     assert not lines
+
+
+def test_contacts_for_ovito_name_their_balls_by_the_ids_of_the_balls(
+    column: carom.Result, tmp_path: Path
+) -> None:
+    """A contact of two balls of one size lies half way between the balls of these ids."""
+    balls, contacts = (path.read_text().splitlines() for path in column.export(tmp_path, "extxyz"))
+    place = {
+        int(row[4]): np.array(row[1:4], dtype=float) for row in map(str.split, balls[-len(column.names) :])
+    }
+    pairs = [
+        (np.array(row[1:4], dtype=float), int(row[-2]), int(row[-1])) for row in map(str.split, contacts[-3:])
+    ]
+    pairs = [(point, a, b) for point, a, b in pairs if b in place]  # the floor is no ball
+    assert len(pairs) == 2
+    for point, a, b in pairs:
+        assert 0.5 * (place[a] + place[b]) == pytest.approx(point, abs=1e-9)
 
 
 def test_contacts_of_balls_are_bonds_of_gsd(column: carom.Result, tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     judged = np.flatnonzero(angle < 0.5 * np.pi)
     open_place = _place(block, judged)
     for kind in ("sign", "friction cone"):
-        tally.skip(kind, "the normal turned by more than a right angle between frames", "every = 1 in [record]",
+        tally.skip(kind, "the normal may have turned by more than a right angle between frames", "every = 1 in [record]",
                    len(c) - len(judged))  # fmt: skip
     # A normal that turned by `angle` makes of a push at most so much of a pull.
     pulled = np.minimum(*(-p.normal for p in parts)) - size * np.sin(np.minimum(angle, 0.5 * np.pi))

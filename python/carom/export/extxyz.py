@@ -94,7 +94,7 @@ def _lines(frame: Frame) -> list[str]:
         found["material"].tolist(), frame.position.tolist(), frame.body.tolist(), numbers, strict=True
     ):
         values = " ".join(map(repr, rest))
-        lines.append(f"M{material} {centre[0]!r} {centre[1]!r} {centre[2]!r} {body + 1} {values}\n")
+        lines.append(f"M{material} {centre[0]!r} {centre[1]!r} {centre[2]!r} {body} {values}\n")
     return lines
 
 
