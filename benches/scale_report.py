@@ -6,7 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,8 @@ class Row:
     young: float = math.nan
     told: dict[str, Any] = field(default_factory=dict)
     why: str = ""
+    #: CPU times (s) of all runs of this row, where there were several.
+    cpu_of_runs: tuple[float, ...] = ()
 
     @property
     def label(self) -> str:
@@ -115,6 +117,33 @@ class Row:
         return found
 
 
+def medians(rows: Sequence[Row]) -> list[Row]:
+    """One row of each kind: the run of median CPU time (the lower one of an even number), with the times of all."""
+    kinds: dict[tuple[str, int, int], list[Row]] = {}
+    for row in rows:
+        kinds.setdefault((row.label, row.grains, row.threads), []).append(row)
+    found = []
+    for runs in kinds.values():
+        done = sorted((row for row in runs if row.complete), key=lambda row: row.told["cpu"])
+        if len(runs) == 1 or len(done) < len(runs):
+            found.append(next((row for row in runs if not row.complete), runs[0]))
+        else:
+            found.append(
+                replace(done[(len(done) - 1) // 2], cpu_of_runs=tuple(row.told["cpu"] for row in done))
+            )
+    return found
+
+
+def spread(rows: Sequence[Row]) -> list[str]:
+    """How far the CPU times of repeated runs lie apart."""
+    return [
+        f"{row.label}, N = {row.grains}, {row.threads} thread(s): {len(row.cpu_of_runs)} runs, "
+        f"CPU {row.cpu_of_runs[0]:.3g} to {row.cpu_of_runs[-1]:.3g} s; the row of the median"
+        for row in rows
+        if row.cpu_of_runs
+    ]
+
+
 def aligned(lines: Sequence[Sequence[str]]) -> list[str]:
     """Rows as text with columns below each other; short rows end with a remark, which may be as long as it likes."""
     full = [row for row in lines if len(row) == len(lines[0])]
@@ -168,21 +197,31 @@ def copies(rows: Sequence[Row]) -> list[str]:
 
 
 def ratios(rows: Sequence[Row]) -> list[str]:
-    """Carom over each peer, same size and threads, and the peers with real stiffness."""
+    """Carom over each peer, same size and threads, and the soft peers with real stiffness.
+
+    On one thread by CPU time, which the rest of the machine disturbs less; on several that of one process says too little.
+    """
     found = []
     for peer in rows:
         if peer.program == "Carom" or not peer.complete:
             continue
-        scale = math.sqrt(REAL_STIFFNESS / peer.young)
-        line = (
-            f"{peer.label}, N = {peer.grains}, {peer.threads} thread(s): {peer.wall:.3g} s at "
-            f"{peer.told['deepest']:.1%} overlap; with the stiffness of glass ({REAL_STIFFNESS:g} Pa) "
-            f"up to {scale * peer.wall:.3g} s, extrapolated by the number of steps"
+        clock, mark = (
+            (lambda row: row.told["cpu"], "CPU") if peer.threads == 1 else (lambda row: row.wall, "wall")
         )
+        line = (
+            f"{peer.label}, N = {peer.grains}, {peer.threads} thread(s): {mark} {clock(peer):.3g} s at "
+            f"{peer.told['deepest']:.1%} overlap"
+        )
+        if not math.isnan(peer.young):
+            scale = math.sqrt(REAL_STIFFNESS / peer.young)
+            line += (
+                f"; with the stiffness of glass ({REAL_STIFFNESS:g} Pa) up to {scale * clock(peer):.3g} s, "
+                "extrapolated by the number of steps"
+            )
         for mine in rows:
             same = (mine.grains, mine.threads, mine.until) == (peer.grains, peer.threads, peer.until)
             if mine.program == "Carom" and mine.complete and same:
-                line += f"; {mine.law} / {peer.program} {mine.wall / peer.wall:.2g}"
+                line += f"; {mine.law} / {peer.program} {clock(mine) / clock(peer):.2g}"
         found.append(line)
     return found
 
@@ -227,7 +266,9 @@ def lines(rows: Sequence[Row]) -> list[str]:
     """All there is to say."""
     table = aligned([HEAD, *(row.cells() for row in rows)])
     remarks = [text for row in rows if (text := row.remark())]
-    parts = [table, remarks, goals(rows), copies(rows), ratios(rows), growth(rows), same_bits(rows)]
+    parts = [
+        table, remarks, spread(rows), goals(rows), copies(rows), ratios(rows), growth(rows), same_bits(rows),
+    ]  # fmt: skip
     return [line for part in parts if part for line in (*part, "")][:-1]
 
 

@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "benches"))
 
 import scale as bench
 import scale_report as report
+from _lammps_pile import time_step
 from scale_carom import model, tiled, with_start
 from scale_overlap import depth, kinetic, near_pairs
 from scale_report import Row
@@ -138,11 +139,20 @@ def parsed(monkeypatch: pytest.MonkeyPatch, *given: str) -> Any:
 def test_a_run_of_carom_and_peers_that_are_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("CAROM_LAMMPS_PYTHON", raising=False)
     monkeypatch.delenv("CAROM_YADE", raising=False)
-    monkeypatch.setattr(bench, "LAMMPS", tmp_path / "none")
+    monkeypatch.delenv("CAROM_PECLET_PYTHON", raising=False)
+    monkeypatch.setattr(bench, "PEERS", tmp_path / "bin" / "none")
     monkeypatch.setattr(bench.shutil, "which", lambda _: None)
     given = ("--sizes", "30", "--until", "0.02", "--threads", "1", "2", "--impact", "sequence")
     rows = list(bench.Bench(parsed(monkeypatch, *given), tmp_path).rows())
-    assert [r.program for r in rows] == ["Carom", "LAMMPS", "YADE"] * 2
+    peers = [
+        "LAMMPS",
+        "LAMMPS",
+        "YADE",
+        "YADE",
+        "peclet-dem",
+        "peclet-dem",
+    ]  # two steps each, asleep and awake
+    assert [r.program for r in rows] == ["Carom", *peers] * 2
     assert rows[0].complete
     assert rows[0].told["phases"][0] > 0
     assert rows[0].told["phases"][1:] == [0, 0]
@@ -192,6 +202,7 @@ def test_a_program_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path
         ("LAMMPS", 1, ["/p/python"]),
         ("LAMMPS", 2, ["/p/mpiexec", "-n", "2", "/p/python"]),
         ("YADE", 2, ["/p/python", "-x", "-n", "-j2"]),
+        ("peclet-dem", 2, ["/p/python", str(bench.HERE / "_peclet_pile.py")]),
     ],
 )
 def test_threads_of_the_peers(program: str, threads: int, expected: list[str]) -> None:
@@ -229,9 +240,28 @@ def test_bits_that_differ_are_said_aloud() -> None:
 def test_a_peer_stands_beside_carom_with_its_overlap() -> None:
     peer = Row("LAMMPS", "soft", 1000, 1, 1, 1.0, 7e8, told=told(8.0, deepest=0.03))
     (line,) = report.ratios([row(seconds=2.0), peer])
-    assert "8 s at 3.0% overlap" in line
+    assert "CPU 8 s at 3.0% overlap" in line
     assert "up to 80 s, extrapolated" in line
     assert "sequence / LAMMPS 0.25" in line
+
+
+def test_of_repeated_runs_the_median_stands_in_the_table() -> None:
+    runs = [row(seconds=s) for s in (3.0, 9.0, 2.0)] + [row(grains=8000)]
+    found = report.medians(runs)
+    assert [(r.grains, r.told["cpu"]) for r in found] == [(1000, 3.0), (8000, 1.0)]
+    (line,) = report.spread(found)
+    assert "3 runs, CPU 2 to 9 s" in line
+    # One run of three that did not come to its end is shown, not hidden behind the other two.
+    (shown,) = report.medians([row(), row(failure="not_converged"), row()])
+    assert not shown.complete
+
+
+def test_steps_of_the_peers_are_parts_of_rayleighs_time() -> None:
+    """Rayleigh's time of these grains is 4.33e-4 s (Li, Xu and Thornton, Powder Technol. 160, 219, 2005)."""
+    long, short = (time_step(1e7, R, 2500.0, 0.01, part) for part in (0.2, 0.05))
+    assert long == pytest.approx(0.2 * 4.33e-4, rel=0.02)
+    assert long / short == pytest.approx(4.0, rel=0.02)
+    assert 0.01 / long == pytest.approx(round(0.01 / long))
 
 
 def test_a_run_that_was_cut_short_is_no_result() -> None:
