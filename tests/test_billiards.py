@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from carom import billiards, events
 from carom.billiards import LAWS, TABLES, cue_impulse, rack_places, strike, table
-from carom.billiards.racks import rows_of
+from carom.billiards.racks import numbers_of, rows_of
 from carom.errors import CaromError, ScenarioError
 
 G = 9.8
@@ -517,3 +517,92 @@ def test_a_break_of_fifteen_runs_and_spreads() -> None:
     assert result.summary["unconverged"] == 0
     assert (np.asarray(result.velocity[-1])[:, 0].std()) > 0.1
     assert result.energy.total[-1] < result.energy.total[0]
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+@pytest.mark.parametrize(("order", "count"), [("8-ball", 15), ("9-ball", 9), ("10-ball", 10)])
+def test_racks_by_game_follow_the_rules(order: str, count: int, seed: int | None) -> None:
+    """WPA: the 1 on the foot spot, the ball of the game in the middle; 8-ball has a solid and a stripe in its corners."""
+    t = table("9ft")
+    scene = t.scene()
+    balls = t.rack(scene, order=order, gap=2e-4, jitter=2e-5, seed=seed or 1)
+    assert [ball.name for ball in balls] == [str(k) for k in range(1, count + 1)]
+    at = np.array([ball.position[:2] for ball in balls])
+    np.testing.assert_allclose(at[0], t.spots["foot spot"], atol=3e-5)
+    # In the middle is the ball that six others touch, at the centre of the rack along its axis.
+    middle = at[{"8-ball": 7, "9-ball": 8, "10-ball": 9}[order]]
+    assert np.sum(np.linalg.norm(at - middle, axis=1) < 2.1 * t.spec.ball_radius) == 7
+    pitch = 2 * t.spec.ball_radius + 2e-4
+    np.testing.assert_allclose(middle - at[0], [math.sqrt(3) * pitch, 0.0], atol=1e-4)
+    if order == "8-ball":
+        last = np.flatnonzero(at[:, 0] > at[:, 0].max() - 0.01)
+        ends = last[[at[last, 1].argmin(), at[last, 1].argmax()]] + 1
+        assert (ends < 8).sum() == 1
+    again = t.rack(t.scene(), order=order, gap=2e-4, jitter=2e-5, seed=seed or 1)
+    assert [b.position for b in again] == [b.position for b in balls]
+
+
+def test_seeds_draw_other_racks_of_a_game() -> None:
+    drawn = {tuple(numbers_of("8-ball", seed)) for seed in range(20)}
+    assert len(drawn) == 20
+    assert {numbers[10] < 8 for numbers in drawn} == {True, False}  # the stripe is on either side
+    assert all(sorted(numbers) == list(range(1, 16)) for numbers in drawn)
+    assert numbers_of("8-ball") == numbers_of("8-ball", 0)
+
+
+# --- aiming -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cut", ["30 deg", -0.7, 0.0])
+def test_the_angle_of_a_cut_is_that_asked_for(cut: float | str) -> None:
+    t = table("9ft")
+    scene = t.scene(laws=IDEAL, until=0.8, step=1e-5)
+    cue, ball = t.cue_ball(scene, (0.9, 0.5)), t.ball(scene, "object", (1.1, 0.7))
+    direction = t.aim(cue, ball, cut=cut)
+    strike(cue, ball_speed=2.0, direction=direction)
+    result = carom.simulate(scene, stop=lambda view: view["object"].speed > 0, callback_every=10)
+    out = result["object"].velocity[-1]
+    wanted = math.radians(30) if cut == "30 deg" else float(cut)
+    assert math.atan2(out[1], out[0]) - direction == pytest.approx(wanted, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("pocket", "y"), [("foot left", 0.4), ("side left", 0.4), ("foot right", 0.9), ((1.27, 1.27), 0.4)]
+)
+def test_a_ball_that_is_aimed_at_a_pocket_goes_there(pocket: str | tuple[float, float], y: float) -> None:
+    t = table("9ft")
+    scene = t.scene(laws=replace(LAWS, ball_friction=0.0), until=4.0, step=1e-4, record={"every": 20})
+    cue, ball = t.cue_ball(scene, (0.9, y)), t.ball(scene, "object", (1.15, 0.7))
+    strike(cue, ball_speed=2.5, direction=t.aim(cue, ball, pocket), height=-0.2)
+    result = carom.simulate(scene, stop=lambda view: not view["object"].present)
+    wanted = pocket if isinstance(pocket, str) else "side left"
+    assert ("object", wanted) in [(p.ball, p.pocket) for p in t.pocketed(result)]
+
+
+def test_wrong_aims_are_told() -> None:
+    t = table("9ft")
+    scene = t.scene()
+    cue, ball = t.cue_ball(scene, (0.9, 0.4)), t.ball(scene, "object", (1.15, 0.7))
+    for given, keys, said in (
+        ((), {}, "give a pocket or cut="),
+        (("foot left",), {"cut": 0.1}, "give a pocket or cut="),
+        (("foot lef",), {}, "no pocket is called 'foot lef'; did you mean foot left"),
+        (("head right",), {}, r"the cut would be 16\d deg, and must be below 90"),
+        ((), {"cut": 30}, "cut: 30 rad is more than a turn; write '30 deg'"),
+        ((), {"cut": "90 deg"}, "between -90 deg and 90 deg, found 90 deg"),
+        (((1.15, 0.7),), {}, "'object' lies at the place"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            t.aim(cue, ball, *given, **keys)  # type: ignore[arg-type]
+    with pytest.raises(CaromError, match="overlap"):
+        t.aim(cue, t.ball(scene, "near", (0.92, 0.4)), cut=0.0)
+    carom_table = table("carom")
+    with pytest.raises(CaromError, match="the table has none"):
+        carom_table.aim(cue, ball, "foot left")
+    for keys, said in (
+        ({"order": "9ball"}, "no game is called '9ball'; did you mean 9-ball"),
+        ({"order": "9-ball", "balls": 15}, "9-ball has 9 balls, found 15"),
+        ({"balls": 16}, "3 to 15"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            t.rack(t.scene(), **keys)  # type: ignore[arg-type]

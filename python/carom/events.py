@@ -168,16 +168,22 @@ class AtRest:
     `hold` s.
 
     Still is |v| and r |w| below `speed`, m/s. A ball at the top of its way is no slower than that for 2 speed/g, 0.2 ms:
-    that is what `hold` is for.
+    that is what `hold` is for. With `ignore_spin` the spin about z does not count: a ball on a horizontal bed may turn on
+    the spot for seconds after all has come to rest.
     """
 
     def __init__(
-        self, bodies: str | Sequence[str] | None = None, *, speed: float = SPEED, hold: float = HOLD
+        self,
+        bodies: str | Sequence[str] | None = None,
+        *,
+        speed: float = SPEED,
+        hold: float = HOLD,
+        ignore_spin: bool = False,
     ) -> None:
         if not speed > 0 or not hold >= 0:
             raise CaromError(f"AtRest: speed must be above 0 and hold not below, found {speed:g}, {hold:g}")
         self.bodies = [bodies] if isinstance(bodies, str) else bodies
-        self.speed, self.hold = speed, hold
+        self.speed, self.hold, self.axes = speed, hold, 2 if ignore_spin else 3
         self._since: float | None = None
         self.__name__ = "AtRest"
 
@@ -185,7 +191,7 @@ class AtRest:
         """Whether all are still, and were for long enough."""
         chosen = slice(None) if self.bodies is None else [_index(n, view.names) for n in self.bodies]
         v = np.linalg.norm(view.velocity[chosen], axis=1)
-        w = view.radius[chosen] * np.linalg.norm(view.angular_velocity[chosen], axis=1)
+        w = view.radius[chosen] * np.linalg.norm(view.angular_velocity[chosen, : self.axes], axis=1)
         quiet = (v <= self.speed) & (w <= self.speed) | ~view.present[chosen]
         if not quiet.all():
             self._since = None

@@ -3,11 +3,11 @@
     from carom import billiards
 
     table = billiards.table("9ft")
-    scene = table.scene("a break", until=3.0, step=5e-4)
-    table.rack(scene, 15)
+    scene = table.scene("a break", until=15.0, step=1e-4)
+    table.rack(scene, order="9-ball", gap=1e-4, jitter=2e-5, seed=1)
     cue = table.cue_ball(scene, at="head spot")
-    billiards.strike(cue, speed=8.0, direction="0 deg", height=0.1)
-    result = carom.simulate(scene)
+    billiards.strike(cue, speed="20 mph", direction="0 deg", height=0.1)
+    result = carom.simulate(scene, stop=carom.events.AtRest(ignore_spin=True))
     table.pocketed(result)
 
 Nothing here is physics of its own: a cushion is a wall, a pocket an outlet, a strike the velocities after an impulse.

@@ -1,4 +1,4 @@
-"""Racks of 3 to 15 balls: places in a triangular lattice behind the apex."""
+"""Racks of 3 to 15 balls: places in a triangular lattice behind the apex, and which ball lies where by the rules."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.billiards.given import number
-from carom.errors import CaromError
+from carom.errors import CaromError, did_you_mean
 from carom.scenario.bodies import uniform
 
 F64 = NDArray[np.float64]
@@ -16,6 +16,36 @@ F64 = NDArray[np.float64]
 FEWEST, MOST = 3, 15
 DIAMOND = (1, 2, 3, 2, 1)
 """Rows of nine balls."""
+
+GAMES = {"8-ball": 15, "9-ball": 9, "10-ball": 10}
+"""Balls of a rack by game: WPA rules of play 3.2, 2.2 and 9.2."""
+CENTRE = 4
+"""The place in the middle of a triangle or a diamond, counted from 0 row by row."""
+CORNERS = (10, 14)
+"""Those at the ends of the last row of fifteen."""
+
+
+def numbers_of(order: str, seed: int | None = None) -> list[int]:
+    """The numbers of the balls of a game, place by place, row by row from the apex.
+
+    The 1 is at the apex. In 9-ball and 10-ball the ball of that number is in the middle; in 8-ball the 8 is, and of the
+    two corners behind one holds a solid ball and one a stripe. The rules want no pattern in the rest: `seed` draws it, 0
+    where none is given.
+    """
+    if order not in GAMES:
+        raise CaromError(f"rack: no game is called {order!r}; {did_you_mean(str(order), list(GAMES))}")
+    count = GAMES[order]
+    middle = 8 if order == "8-ball" else count
+    free = [number for number in range(2, count + 1) if number != middle]
+    # A stream of its own: the jitter of a rack draws from that of the seed itself.
+    drawn = np.random.SeedSequence([seed or 0, count]).generate_state(1)[0]
+    free = [free[k] for k in np.argsort(uniform(int(drawn), (len(free),))).tolist()]
+    placed = {0: 1, CENTRE: middle}
+    if order == "8-ball":
+        corners = [free[0], next(n for n in free if (n < 8) != (free[0] < 8))]
+        placed |= dict(zip(CORNERS, corners, strict=True))
+    rest = iter(number for number in free if number not in placed.values())
+    return [placed[k] if k in placed else next(rest) for k in range(count)]
 
 
 def rows_of(balls: int) -> list[int]:

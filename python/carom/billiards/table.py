@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from carom.billiards.aim import direction_of_cut, direction_to
 from carom.billiards.data import LAWS, TABLES, Laws, Spec
 from carom.billiards.given import angle as angle_of
 from carom.billiards.given import number, place
-from carom.billiards.racks import rack_places
+from carom.billiards.racks import numbers_of, rack_places, rows_of
 from carom.errors import CaromError, did_you_mean
 from carom.events import departures
 
@@ -190,28 +191,61 @@ class Table:
     def rack(
         self,
         scene: Scene,
-        balls: int = 15,
+        balls: int | None = None,
         *,
+        order: str | None = None,
         apex: str | Sequence[float | str] = "foot spot",
         prefix: str = "",
         gap: float | str = 0.0,
         jitter: float | str = 0.0,
         seed: int | None = None,
     ) -> list[Sphere]:
-        """Add 3 to 15 balls, the apex towards the head of the table, named `prefix` and 1, 2, ... row by row.
+        """Add 3 to 15 balls, the apex towards the head of the table, named `prefix` and 1, 2, ...; 15 without a number.
 
-        `gap`, `jitter` and `seed` are those of `rack_places`.
+        `order`, "8-ball", "9-ball" or "10-ball", places them by the rules of the game (`numbers_of`); without it they are
+        numbered row by row. `gap`, `jitter` and `seed` are those of `rack_places`. Balls are returned by number.
         """
+        if order is None:
+            numbers = list(range(1, 1 + sum(rows_of(15 if balls is None else balls))))
+        else:
+            numbers = numbers_of(order, seed)
+            if balls not in (None, len(numbers)):
+                raise CaromError(f"rack: {order} has {len(numbers)} balls, found {balls!r}; leave balls out")
         x, y = self.spots[apex] if isinstance(apex, str) and apex in self.spots else (None, None)
         if x is None or y is None:
             if isinstance(apex, str):
                 raise CaromError(f"rack: no spot is called {apex!r}; {did_you_mean(apex, list(self.spots))}")
             x, y = place("rack", "apex", apex, "length")
-        places = rack_places(balls, self.spec.ball_radius, gap=gap, jitter=jitter, seed=seed)
+        places = rack_places(len(numbers), self.spec.ball_radius, gap=gap, jitter=jitter, seed=seed)
         return [
-            self.ball(scene, f"{prefix}{k}", (x + along, y + left))
-            for k, (along, left) in enumerate(places.tolist(), start=1)
+            self.ball(scene, f"{prefix}{number}", (x + along, y + left))
+            for number, (along, left) in sorted(zip(numbers, places.tolist(), strict=True))
         ]
+
+    def aim(
+        self,
+        cue: Sphere,
+        ball: Sphere,
+        pocket: str | Sequence[float | str] | None = None,
+        *,
+        cut: float | str | None = None,
+    ) -> float:
+        """The direction (rad) in which to strike `cue` so that it sends `ball` to a pocket, or leave at the angle `cut`.
+
+        `pocket` is a name of `pockets` or a place (x, y), m. `cut` is the angle between the ways of the two balls, in rad
+        or with a unit, above 0 where `ball` leaves to the left. Both by the line of centres: throw is left out
+        (`carom.billiards.aim`).
+        """
+        if (pocket is None) == (cut is None):
+            raise CaromError("aim: give a pocket or cut=, one of them")
+        if cut is not None:
+            return direction_of_cut(cue, ball, cut)
+        if isinstance(pocket, str):
+            if pocket not in self.pockets:
+                known = did_you_mean(pocket, list(self.pockets)) if self.has_pockets else "the table has none"
+                raise CaromError(f"aim: no pocket is called {pocket!r}; {known}")
+            return direction_to(cue, ball, self.pockets[pocket])
+        return direction_to(cue, ball, place("aim", "pocket", pocket, "length"))
 
     def _laws(self, scene: Scene, laws: Laws, gravity: float) -> None:
         r = self.spec.ball_radius
