@@ -58,3 +58,7 @@ def run(code: str, folder: Path) -> str:
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
+
+
+#: Notebooks with code of the billiards kit.
+KIT = [page for page in notebooks() if "billiards" in program(page)]

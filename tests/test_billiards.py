@@ -1,4 +1,4 @@
-"""`carom.billiards`: strikes, cushions, throw, draw and pockets against closed forms."""
+"""`carom.billiards`: strikes, cushions, throw, draw, pockets, racks and aims against closed forms and rules."""
 
 from __future__ import annotations
 
@@ -606,3 +606,78 @@ def test_wrong_aims_are_told() -> None:
     ):
         with pytest.raises(CaromError, match=said):
             t.rack(t.scene(), **keys)  # type: ignore[arg-type]
+
+
+# --- many shots ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_batch_stops_each_case_and_names_its_pockets() -> None:
+    """Each case has the bits and the pockets of `simulate` with the same condition, whatever the number of threads."""
+    t = table("9ft")
+    scene = t.scene(until=12.0, step=5e-4)
+    t.ball(scene, "other", (2.0, 0.9))
+    strike(t.cue_ball(scene, (0.4, 0.4)), ball_speed=1.0, direction=(-1, -1), height=0.4)
+    vx = np.array([-0.7, -0.3, 0.5, 3.0])
+    keys: dict[str, Any] = {"stop": events.AtRest(ignore_spin=True), "callback_every": 20}
+    batch = carom.simulate_batch(scene, {"cue.velocity.x": vx}, threads=2, **keys)
+    assert batch.ok.all()
+    assert (batch.outcome == "stopped").all()
+    assert len(set(batch.time)) == len(vx)
+    found = t.pocketed(batch)
+    assert [[p.pocket for p in case] for case in found] == [["head right"], [], [], []]
+    assert np.isnan(batch.left_at[1:]).all()
+    assert math.dist(batch.left_at[0, 1, :2], (0, 0)) < t.spec.corner_mouth
+    for case in range(len(vx)):
+        single = carom.simulate(batch.scene(case), **keys)
+        assert single.outcome.message == batch.message[case] == "by AtRest"
+        assert single.outcome.time == batch.time[case]
+        assert np.array_equal(single.position[-1], batch.position[case], equal_nan=True)
+        assert t.pocketed(single) == found[case]
+
+
+def test_what_a_stop_of_a_batch_raises_goes_on() -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.1, step=1e-3)
+    t.cue_ball(scene)
+
+    def fails(view: Any) -> bool:
+        raise RuntimeError("no condition")
+
+    with pytest.raises(RuntimeError, match="no condition") as caught:
+        carom.simulate_batch(scene, {"cue.velocity.x": [1.0, 2.0]}, stop=fails)
+    assert (caught.value.result.outcome == "not_run").any()  # type: ignore[attr-defined]
+    for keys, said in (
+        ({"stop": 3}, "simulate_batch: stop must be a function"),
+        ({"callback_every": 5}, "simulate_batch: callback_every is given without stop"),
+        ({"stop": fails, "callback_every": 0}, "simulate_batch: callback_every must be a number of steps"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            carom.simulate_batch(scene, {"cue.velocity.x": [1.0]}, **keys)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("at", "said"),
+    [
+        (
+            (3.0, 0.5),
+            r"'9' at \(3, 0.5\) m is outside of the rails: the bed is 0 to 2.54 m along x and 0 to 1.27 m",
+        ),
+        ((-0.01, 0.5), "'9' at .* is outside of the rails"),
+        ((1.27, -0.01), "'9' at .* is outside of the rails"),
+        ((0.005, 0.005), "'9' at .* is behind the edge of the slate, in the pocket 'head right'"),
+        ((1.27, 1.3), "'9' at .* is outside of the rails"),
+        (("100 in", "51 in"), "'9' at .* is outside of the rails"),
+    ],
+)
+def test_a_ball_outside_of_the_rails_is_named(at: tuple[float, float], said: str) -> None:
+    t = table("9ft")
+    with pytest.raises(CaromError, match=said):
+        t.ball(t.scene(), "9", at)
+
+
+@pytest.mark.parametrize("at", [(1.27, -0.004), (0.03, 0.03), (1.27, 1.273)])
+def test_a_ball_may_hang_over_a_pocket(at: tuple[float, float]) -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.05, step=1e-3)
+    t.ball(scene, "hangs", at)
+    assert t.pocketed(carom.simulate(scene)) == []

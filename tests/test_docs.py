@@ -12,12 +12,12 @@ from typing import Any
 
 import carom
 import pytest
-from docs_pages import DOCS, ROOT, blocks, notebooks, program, run
+from docs_pages import DOCS, KIT, ROOT, blocks, notebooks, program, run
 
-#: Run in the quick tier; all in the long one.
+#: Run in the quick tier beside the pages of the billiards kit; all in the long one.
 QUICK = ("incline", "torque")
 PAGES = [
-    pytest.param(page, id=page.stem, marks=[] if page.stem in QUICK else [pytest.mark.long])
+    pytest.param(page, id=page.stem, marks=[] if page.stem in QUICK or page in KIT else [pytest.mark.long])
     for page in notebooks()
 ]
 

@@ -106,6 +106,21 @@ def test_at_rest_as_a_stop_condition() -> None:
         assert one.outcome.time == pytest.approx(0.06)
 
 
+def test_at_rest_can_ignore_a_ball_that_spins_on_the_spot() -> None:
+    """Spin about z does not count then; back spin still does, which would set the ball in motion."""
+    spinning = carom.Scene(gravity=(0, 0, 0), run={"until": 0.2, "step": 1e-3})
+    spinning.sphere("ball", radius=R, mass=1, at=(0, 0, 1), angular_velocity=(0, 0, 5.0), material="m")
+    ends = []
+    for ignore in (False, True):
+        result = carom.simulate(spinning, stop=events.AtRest(hold=0.05, ignore_spin=ignore), callback_every=1)
+        ends.append((result.outcome.kind, round(result.outcome.time, 6)))
+    assert ends == [("done", 0.2), ("stopped", 0.051)]
+    moving = carom.simulate(
+        shot(0.0, spin=-5.0), until=0.2, stop=events.AtRest("cue", ignore_spin=True), callback_every=1
+    )
+    assert moving.outcome.kind == "done"
+
+
 @pytest.mark.parametrize("method", ["moreau", "penalty"])
 def test_a_ball_that_overlaps_its_plane_touches_it(method: str) -> None:
     """Methods with overlaps were said never to touch, so that nothing ever rolled."""

@@ -26,9 +26,12 @@ if TYPE_CHECKING:
     import pandas
 
     from carom.scene import Scene
+    from carom.watching import Stop
 
 F64 = NDArray[np.float64]
 
+ENDED = ("done", "stopped")
+"""Outcomes of cases that ended well."""
 KINEMATICS = {"position": 3, "orientation": 4, "velocity": 3, "angular_velocity": 3}
 
 
@@ -40,6 +43,8 @@ def simulate_batch(
     frames: int | None = None,
     impacts: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    stop: Stop | None = None,
+    callback_every: int | None = None,
     **options: Any,
 ) -> Batch:
     """Simulate B cases and return their final states as arrays: of one scene with `parameters`, or one of each scene.
@@ -58,12 +63,17 @@ def simulate_batch(
     the table of all impacts. `progress(done, cases)` is called ten times a second and at the end, in this thread; what it
     raises, and Ctrl-C, end the batch, with the cases that are done as `error.result`.
 
+    `stop`, as in `carom.simulate`, ends a case with the outcome "stopped" where it returns something true: each case asks a
+    copy of it, in the thread that computes it, after every `callback_every` steps (by default at about 1000 times). Frames
+    after the end are NaN.
+
     A case that fails (`not_converged`, balls that overlap at its start, numbers that are unusable) says so in `outcome`
     and `message`, has NaN for a final state and stops no other. A wrong scene or wrong names raise `ScenarioError` or
     `CaromError`.
     """
     from carom.batching import Runner
     from carom.run import scene_of
+    from carom.watching import Watch
 
     if parameters is not None and not isinstance(parameters, Mapping):
         raise CaromError(
@@ -82,7 +92,8 @@ def simulate_batch(
         _advise(scene)
         overrides = Overrides(scene, parameters or {})
         sources = [scene]
-    return Runner(sources, overrides, frames, impacts).run(_threads(threads), progress)
+    watch = Watch.of(None, stop, callback_every, "simulate_batch")
+    return Runner(sources, overrides, frames, impacts, watch).run(_threads(threads), progress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +103,7 @@ class Batch:
     names: list[str]
     """Names of the balls."""
     outcome: NDArray[Any]
-    """(B,) "done", or what went wrong: "not_converged", "overlap", "bad_model", "not_run" ..."""
+    """(B,) "done", "stopped" by the condition, or what went wrong: "not_converged", "overlap", "bad_model", "not_run" ..."""
     message: NDArray[Any]
     """(B,) where and why, with advice; empty where all is well."""
     time: F64
@@ -107,6 +118,8 @@ class Batch:
     """(B, N, 3) in the world frame, rad/s."""
     present: NDArray[np.bool_]
     """(B, N) which balls are there at the end; all, unless the scene has inflows or outlets."""
+    left_at: F64
+    """(B, N, 3) where a ball that left was then, m; NaN for the others."""
     monitors: Mapping[str, F64]
     """Totals (B,): penetration, energies (J), counts of what the solver had to do."""
     parameters: Mapping[str, NDArray[Any]]
@@ -130,8 +143,8 @@ class Batch:
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """(B,) which cases reached their end."""
-        return np.asarray(self.outcome == "done")
+        """(B,) which cases reached their end, or were stopped by the condition."""
+        return np.isin(self.outcome, ENDED)
 
     @property
     def per_second(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,13 +13,14 @@ from numpy.typing import NDArray
 
 from carom.batch import KINEMATICS, Batch
 from carom.cases import Overrides
-from carom.drive import Plan
+from carom.drive import Plan, thinned
 from carom.errors import CaromError
 from carom.scenario.wall_checks import touching
 
 if TYPE_CHECKING:
     from carom._core import Simulation
     from carom.scene import Scene
+    from carom.watching import Watch
 
 #: Seconds of computing after which a case looks whether it should stop.
 LOOK_SECONDS = 0.2
@@ -44,11 +46,17 @@ class Runner:
     """Cases, the arrays that they fill, and the threads that do it."""
 
     def __init__(
-        self, scenes: Sequence[Scene], overrides: Overrides | None, frames: int | None, impacts: bool
+        self,
+        scenes: Sequence[Scene],
+        overrides: Overrides | None,
+        frames: int | None,
+        impacts: bool,
+        watch: Watch | None = None,
     ) -> None:
         if frames is not None and (isinstance(frames, bool) or not isinstance(frames, int) or frames < 1):
             raise CaromError(f"simulate_batch: frames must be a number of steps from 1 on, found {frames!r}")
         self.scenes, self.overrides, self.every, self.keep_impacts = scenes, overrides, frames, impacts
+        self.watch = watch
         self.names = list(scenes[0].names)
         self.bodies = [[*scene.names, *scene.wall_names] for scene in scenes]
         for k, scene in enumerate(scenes):
@@ -70,6 +78,7 @@ class Runner:
         self.time = np.full(b, np.nan)
         self.final = {key: np.full((b, n, width), np.nan) for key, width in KINEMATICS.items()}
         self.present = np.zeros((b, n), dtype=bool)
+        self.left_at = np.full((b, n, 3), np.nan)
         self.monitors = {key: np.full(b, np.nan) for key in MONITORS}
         self.monitors |= {f"energy_{key}": np.full(b, np.nan) for key in ENERGIES}
         longest = max(self.plans, key=lambda plan: plan.steps)
@@ -165,19 +174,24 @@ class Runner:
             return self._note(
                 case, "overlap", f"{names[a]} and {names[b]} overlap by {-gap:.3g} m at the start"
             )
-        return self._advance(case, simulation, plan)
+        return self._advance(case, simulation, plan, model)
 
-    def _advance(self, case: int, simulation: Simulation, plan: Plan) -> None:
+    def _advance(self, case: int, simulation: Simulation, plan: Plan, model: Mapping[str, Any]) -> None:
         every = self.every or 0
         if every:
             start = simulation.frame()
             for key, values in self.frames.items():
                 values[case, 0] = start[key]
         tables: dict[str, list[Mapping[str, Any]]] = {"impacts": [], "events": []}
-        while simulation.step < plan.steps:
+        watch = copy.deepcopy(self.watch)  # a condition may remember: one for each case
+        if watch is not None:
+            watch.begin(self.names, model, every or thinned(plan.steps))
+        outcome, message = "done", ""
+        while simulation.step < plan.steps and outcome == "done":
             if self.stop.is_set():
                 return
-            block = simulation.advance(plan.steps - simulation.step, every, False, LOOK_SECONDS)
+            next_look = plan.steps if watch is None else min(plan.steps, watch.next(simulation.step))
+            block = simulation.advance(next_look - simulation.step, every, False, LOOK_SECONDS)
             for name, kept in tables.items():
                 if name in block:
                     kept.append(block[name])  # type: ignore[literal-required]
@@ -190,7 +204,13 @@ class Runner:
                 where = f"at step {failure.get('step')}, t = {failure.get('time', float('nan')):g} s"
                 self._note(case, str(failure["kind"]), f"{where}; {failure.get('advice', '')}".rstrip("; "))
                 return
+            ended = watch and watch.ask(simulation, block, last=simulation.step >= plan.steps)
+            if watch is not None and watch.error is not None:
+                raise watch.error
+            if ended:
+                outcome, message = str(ended["kind"]), str(ended["message"])
         self._keep(case, simulation, tables)
+        self._note(case, outcome, message)
 
     def _keep(self, case: int, simulation: Simulation, tables: Mapping[str, list[Mapping[str, Any]]]) -> None:
         frame, totals = simulation.frame(), simulation.monitors()
@@ -207,7 +227,11 @@ class Runner:
                 self.tables[name][case] = {
                     column: np.concatenate([np.asarray(b[column]) for b in blocks]) for column in blocks[0]
                 }
-        self.outcome[case] = "done"
+        events = self.tables["events"][case]
+        if events is not None:
+            gone = np.asarray(events["body"])[np.asarray(events["kind"]) == 0].astype(np.int64)
+            # The frame has NaN for balls that are absent; the state keeps where they stood last.
+            self.left_at[case, gone] = simulation.state()["position"][gone]
 
     def _table(self, name: str) -> dict[str, NDArray[Any]]:
         """All tables of a kind end to end, the case in front."""
@@ -226,6 +250,7 @@ class Runner:
             time=self.time,
             **self.final,
             present=self.present,
+            left_at=self.left_at,
             monitors=self.monitors,
             parameters={} if self.overrides is None else self.overrides.values,
             impacts=self._table("impacts"),

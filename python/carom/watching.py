@@ -214,26 +214,31 @@ Stop = Callable[[View], object]
 class Watch:
     """A callback and a stop condition, and after which steps they are asked: all multiples of `every`."""
 
-    def __init__(self, callback: Callback | None, stop: Stop | None, every: int | None) -> None:
+    def __init__(
+        self, callback: Callback | None, stop: Stop | None, every: int | None, caller: str = "simulate"
+    ) -> None:
         for name, function in (("callback", callback), ("stop", stop)):
             if function is not None and not callable(function):
                 raise CaromError(
-                    f"simulate: {name} must be a function of a view, as lambda view: view.time > 1, found {function!r}"
+                    f"{caller}: {name} must be a function of a view, as lambda view: view.time > 1, found {function!r}"
                 )
         if every is not None and (isinstance(every, bool) or not isinstance(every, int) or every < 1):
-            raise CaromError(f"simulate: callback_every must be a number of steps from 1 on, found {every!r}")
+            raise CaromError(f"{caller}: callback_every must be a number of steps from 1 on, found {every!r}")
         self._callback, self._stop, self.every = callback, stop, every
         self.names: Sequence[str] = ()
         self.model: Any = {}
         self.error: BaseException | None = None
 
     @classmethod
-    def of(cls, callback: Callback | None, stop: Stop | None, every: int | None) -> Watch | None:
-        """None where there is nothing to ask."""
-        watch = cls(callback, stop, every)
+    def of(
+        cls, callback: Callback | None, stop: Stop | None, every: int | None, caller: str = "simulate"
+    ) -> Watch | None:
+        """None where there is nothing to ask. Messages name the `caller`."""
+        watch = cls(callback, stop, every, caller)
         if callback is None and stop is None:
             if every is not None:
-                raise CaromError("simulate: callback_every is given without callback or stop")
+                what = "callback or stop" if caller == "simulate" else "stop"
+                raise CaromError(f"{caller}: callback_every is given without {what}")
             return None
         return watch
 

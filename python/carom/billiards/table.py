@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from carom.errors import CaromError, did_you_mean
 from carom.events import departures
 
 if TYPE_CHECKING:
+    from carom.batch import Batch
     from carom.result import Result
     from carom.scenario.balls import Sphere
     from carom.scene import Scene
@@ -181,8 +182,25 @@ class Table:
             at = self.spots[at]
         x, y = place("ball", "at", at, "length")
         r = self.spec.ball_radius
+        self._on_slate(name, x, y)
         given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, r), **keys}
         return scene.sphere(name, **given)
+
+    def _on_slate(self, name: str, x: float, y: float) -> None:
+        """Refuses a place that has no slate under it. Overlaps with cushions are found as those of any scene."""
+        spec = self.spec
+        shelf = spec.side_shelf if abs(x - 0.5 * spec.length) < 0.5 * spec.side_mouth else 0.0
+        if not (0 <= x <= spec.length and -shelf <= y <= spec.width + shelf):
+            raise CaromError(
+                f"ball: {name!r} at ({x:g}, {y:g}) m is outside of the rails:"
+                f" the bed is 0 to {spec.length:g} m along x and 0 to {spec.width:g} m along y"
+            )
+        for low, high in self._outlets():
+            if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= spec.ball_radius:
+                pocket = min(self.pockets, key=lambda pocket: math.dist(self.pockets[pocket], (x, y)))
+                raise CaromError(
+                    f"ball: {name!r} at ({x:g}, {y:g}) m is behind the edge of the slate, in the pocket {pocket!r}"
+                )
 
     def cue_ball(self, scene: Scene, at: str | Sequence[float | str] = "head spot", **keys: Any) -> Sphere:
         """Add the ball "cue"."""
@@ -348,11 +366,28 @@ class Table:
 
     # --- reading ------------------------------------------------------------------------------------------------
 
-    def pocketed(self, result: Result) -> list[Pocketed]:
-        """The balls that left in a result of this table, and where: in the order of time.
+    @overload
+    def pocketed(self, result: Result) -> list[Pocketed]: ...
+    @overload
+    def pocketed(self, result: Batch) -> list[list[Pocketed]]: ...
+    def pocketed(self, result: Result | Batch) -> list[Pocketed] | list[list[Pocketed]]:
+        """The balls that left in a result of this table, and where: in the order of time. Of a batch, a list for each case.
 
-        The place is that of the last frame before, carried on at its velocity.
+        In a result the place is that of the last frame before, carried on at its velocity; in a batch the place itself.
         """
+        if not hasattr(result, "left_at"):
+            return self._pocketed(result)
+        found: list[list[Pocketed]] = [[] for _ in range(len(result))]
+        table = result.events
+        for case, ball, kind, at in zip(
+            *(table.get(name, ()) for name in ("case", "body", "kind", "time")), strict=True
+        ):
+            if kind == 0:
+                where = self._where(result.left_at[case, ball])
+                found[case].append(Pocketed(result.names[ball], where, float(at)))
+        return found
+
+    def _pocketed(self, result: Result) -> list[Pocketed]:
         time = np.asarray(result.time)
         found = []
         for event in departures(result):

@@ -1,0 +1,65 @@
+"""The pages of the billiards kit: their code runs in the quick tests, their tables are those of the code."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from carom import billiards
+from docs_pages import DOCS, KIT, blocks, run
+from prose import long_lines, long_sentences
+
+BILLIARDS = DOCS / "reference" / "billiards.md"
+
+
+def test_every_page_of_the_billiards_kit_runs_in_the_quick_tier() -> None:
+    assert {page.stem for page in KIT} == {"billiards", "draw", "materials"}
+    said = [
+        page
+        for page in DOCS.rglob("*.md")
+        if re.search(r"import billiards|carom\.billiards import", page.read_text())
+    ]
+    assert sorted(said) == KIT  # a page with code of the kit is a notebook, so its code runs
+
+
+def test_the_first_example_of_the_kit_pockets_balls_without_a_warning(tmp_path: Path) -> None:
+    """It once warned of its step and printed an empty list, where the page showed two balls."""
+    first = blocks(BILLIARDS, "{code-cell} python")[0]
+    said = run(f"import warnings; warnings.simplefilter('error')\n{first}", tmp_path)
+    assert len(re.findall(r"Pocketed\(ball='\d', pocket='(?:head|foot|side) ", said)) > 0
+
+
+def test_the_page_of_the_kit_is_plain_english() -> None:
+    text = BILLIARDS.read_text("utf-8")
+    assert long_lines(text) == []
+    assert long_sentences(text) == []
+
+
+def test_the_tables_of_the_kit_are_those_of_its_page() -> None:
+    """Numbers that the page prints stand in `LAWS` and `TABLES` too."""
+    text = BILLIARDS.read_text("utf-8")
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"
+    ]
+    laws = {row[1].strip("`"): row for row in rows if row[1].strip("`") in vars(billiards.LAWS)}
+    assert set(laws) == set(vars(billiards.LAWS))
+    for name, law in vars(billiards.LAWS).items():
+        if isinstance(law, billiards.Value):
+            assert laws[name][2] == f"{law.value:g}" + ("" if law.unit == "1" else f" {law.unit}"), name
+            assert laws[name][3] == ("" if law.low is None else f"{law.low:g} to {law.high:g}"), name
+        else:
+            assert laws[name][2] == law
+    tables = {row[0].strip("`"): row for row in rows if row[0].strip("`") in billiards.TABLES}
+    assert set(tables) == set(billiards.TABLES)
+    for name, spec in billiards.TABLES.items():
+        assert tables[name][1] == f"{spec.length:.3f} x {spec.width:.3f}"
+        assert tables[name][2] == f"{1000 * spec.ball_radius:g}, {1000 * spec.ball_mass:.0f}"
+        assert float(tables[name][3]) == pytest.approx(1000 * spec.nose_height, abs=0.05)
+
+
+def test_the_law_that_the_materials_page_quotes_is_that_of_the_kit() -> None:
+    [quoted] = tomllib.loads(blocks(DOCS / "guides" / "materials.md", "toml")[0])["contact"]
+    assert quoted["friction"] == {"expression": billiards.LAWS.ball_friction}
+    assert quoted["restitution"] == billiards.LAWS.ball_restitution
