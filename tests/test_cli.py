@@ -11,14 +11,14 @@ import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import carom
 import numpy as np
 import pytest
 from carom.cli import main
 from carom.cli.options import settings
-from carom.cli.output import seconds, table
+from carom.cli.output import seconds
 from carom.cli.progress import facts
 from carom.demo import Row, as_table
 from carom.drive import Progress
@@ -512,7 +512,7 @@ def test_a_whole_run_of_the_break_is_small(runs: Path) -> None:
     assert int(done.stderr.split("VmHWM:")[-1].split()[0]) < 150_000, done.stderr  # kB
 
 
-def test_durations_and_tables() -> None:
+def test_durations() -> None:
     assert [seconds(s) for s in (2e-6, 0.0123, 1.5, 119.0, 200.0, 7300.0)] == [
         "2 us",
         "12.3 ms",
@@ -521,8 +521,6 @@ def test_durations_and_tables() -> None:
         "3 min 20 s",
         "2 h 01 min",
     ]
-    rows: list[Any] = [["a", "1"], ["bbb", "22", "3"]]
-    assert table(rows) == "a     1\nbbb  22  3"
 
 
 def test_the_page_on_the_command_line_names_every_option() -> None:

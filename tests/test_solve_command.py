@@ -114,7 +114,7 @@ def test_a_file_that_cannot_be_read_does_not_stop_the_others(folder: Path) -> No
     answer = cli(
         "solve", folder, "--max-iterations", "1", code=2
     )  # 2 before 3: bad input is the greater trouble
-    bad = next(line for line in answer.stdout.splitlines() if line.startswith(" bad.h5"))
+    bad = next(line for line in answer.stdout.splitlines() if line.startswith("bad.h5"))
     assert bad.split() == ["bad.h5", *"------", "refused"]
     assert sum("not solved" in line for line in answer.stdout.splitlines()) == 3
     assert f"refused: {folder / 'bad.h5'}: cannot be read" in answer.stdout

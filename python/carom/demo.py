@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.layout import WIDTH, table
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -336,23 +337,10 @@ def _words(quantity: str, paper: str, carom: str, agrees: bool | None) -> Row:
     return Row(quantity, paper or "-", carom, verdict)
 
 
-def as_table(rows: Sequence[Row], width: int = 160) -> str:
+def as_table(rows: Sequence[Row], width: int = WIDTH) -> str:
     """The comparison in lines of at most `width` characters: quantity, paper, Carom, difference; long cells wrap."""
-    from io import StringIO
-
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for name in ("quantity", "paper", "Carom", "difference"):
-        table.add_column(name)
-    for r in rows:
-        table.add_row(*map(Text, (r.quantity, r.paper, r.carom, r.difference)))
-    text = StringIO()
-    Console(file=text, width=width).print(table)
-    lines = [line.rstrip() for line in text.getvalue().splitlines()]
-    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])
+    cells = [(r.quantity, r.paper, r.carom, r.difference) for r in rows]
+    return table([("quantity", "paper", "Carom", "difference"), *cells], width, head=True, left=range(4))
 
 
 def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:

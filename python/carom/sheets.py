@@ -2,57 +2,37 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from carom.layout import WIDTH, columns, table
 
 if TYPE_CHECKING:
     from carom.comparison import Comparison, MethodRun
     from carom.convergence import Order
     from carom.study import Convergence
 
-#: Columns of a table that does not go to a terminal.
-WIDTH = 160
-
 
 @dataclass(frozen=True)
 class Sheet:
-    """A title, a table (labels to the left, numbers to the right; a row of one cell is a heading), and remarks."""
+    """A title, a table as `carom.layout.table` has it, and remarks."""
 
     title: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     remarks: Sequence[str] = ()
+    left: Collection[int] = (0,)
 
     def __str__(self) -> str:
-        from io import StringIO
-
-        text = StringIO()
-        self._write(text, WIDTH)
-        lines = [line.rstrip() for line in text.getvalue().splitlines()]
-        return "\n".join([*lines, *(f"note: {remark}" for remark in self.remarks)]).rstrip()
+        return "\n".join([self._text(WIDTH), *(f"note: {remark}" for remark in self.remarks)])
 
     def show(self) -> None:
         """Print title and table, as wide as the terminal; remarks are for standard error and left to the caller."""
-        self._write(sys.stdout, None if sys.stdout.isatty() else WIDTH)
+        print(self._text(columns()))
 
-    def _write(self, file: object, width: int | None) -> None:
-        from rich.box import SIMPLE_HEAD
-        from rich.console import Console
-        from rich.table import Table
-        from rich.text import Text
-
-        console = Console(file=file, highlight=False, width=width)  # type: ignore[arg-type]
-        table = Table(box=SIMPLE_HEAD, pad_edge=False)
-        for i, name in enumerate(self.head):
-            table.add_column(Text(name), justify="left" if i == 0 else "right", no_wrap=i > 0)
-        for row in self.rows:
-            if len(row) == 1:
-                table.add_section()
-            table.add_row(*(Text(cell) for cell in row), style="bold" if len(row) == 1 else None)
-        console.print(self.title, style="bold", markup=False, soft_wrap=True)
-        console.print(table)
+    def _text(self, width: int) -> str:
+        return f"{self.title}\n\n{table([self.head, *self.rows], width, head=True, left=self.left)}"
 
 
 def titled(title: str, case: str | None) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from carom.cli.options import Case, Json, Quiet, Scenario, Set, scene
+from carom.cli.options import Case, Json, Scenario, Set, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 from carom.sheets import of_comparison
@@ -40,7 +40,9 @@ def compare(
         typer.Option("-o", "--out", metavar="DIR", help="Save the runs in DIR. Default: save nothing."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the runs in DIR.")] = False,
-    quiet: Quiet = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print the table only, without progress bar and notes.")
+    ] = False,
     as_json: Json = False,
 ) -> int:
     """Run a scenario with several methods; compare results and cost.
@@ -65,9 +67,9 @@ def compare(
         )
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict()})
-    elif not quiet:
+    else:
         of_comparison(found).show()
-        for remark in found.remarks:
+        for remark in () if quiet else found.remarks:
             note(f"note: {remark}")
     stopped = [run for run in found if not run.ok]
     for run in stopped:

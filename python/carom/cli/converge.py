@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from carom.cli.options import Case, Json, Quiet, Scenario, Set, number, scene
+from carom.cli.options import Case, Json, Scenario, Set, number, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.sheets import of_convergence
 
@@ -65,7 +65,9 @@ def converge(
         int | None,
         typer.Option("--threads", min=1, metavar="N", help="Runs at once. Default: one per processor."),
     ] = None,
-    quiet: Quiet = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print the table only, without warnings and file names.")
+    ] = False,
     as_json: Json = False,
 ) -> int:
     """Measure how the error of a scenario shrinks with the step.
@@ -92,11 +94,12 @@ def converge(
     files = [str(file) for file in _draw(found, plot)] if plot is not None else []
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict(), "files": files})
-    elif not quiet:
+    else:
         of_convergence(found).show()
-        for remark in found.remarks:
-            note(f"warning: {remark}")
-        print("\n".join(files))
+        if not quiet:
+            for remark in found.remarks:
+                note(f"warning: {remark}")
+            print("\n".join(files))
     failed = [run for run in found.runs if not run.ok]
     for run in failed:
         why = (

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from carom.cli.options import Json, Quiet
-from carom.cli.output import DONE, NOT_CONVERGED, columns, emit, guarded, note, seconds
+from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note, seconds
 from carom.cli.progress import progress_bar
+from carom.layout import columns
 
 
 @guarded

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from carom.cli.options import Json, Run
-from carom.cli.output import emit, guarded, table
+from carom.cli.output import emit, guarded
+from carom.layout import table
 
 
 @guarded
@@ -60,9 +61,8 @@ def info(run: Run, as_json: Json = False) -> None:
     facts["segments"] = ", ".join(facts["segments"])
     facts["versions"] = ", ".join(f"{k} {v}" for k, v in facts["versions"].items())
     del facts["being_written"]
-    width = max(map(len, facts))
-    for key, value in facts.items():
-        print(f"{key.replace('_', ' '):{width}}  {value if value is not None else '-'}")
+    rows = [[key.replace("_", " "), "-" if value is None else str(value)] for key, value in facts.items()]
+    print(table(rows, left=(0, 1)))
     if len(result.names) <= 20:
         body = result.bodies
         rows = [["body", "radius (m)", "mass (kg)", "inertia (kg m^2)"]]

@@ -1,13 +1,12 @@
-"""What all commands share: one line for an error, one document for `--json`, plain tables, exit codes."""
+"""What all commands share: one line for an error, one document for `--json`, exit codes."""
 
 from __future__ import annotations
 
 import functools
 import json
 import os
-import shutil
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec
 
 import typer
@@ -67,29 +66,9 @@ def emit(document: Any) -> None:
     print(json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def columns() -> int:
-    """Characters in a line of standard output: those of the terminal; 160 in a file or a pipe."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
-
-
 def note(message: str) -> None:
     """A remark on standard error."""
     print(f"carom: {message}", file=sys.stderr)
-
-
-def table(rows: Iterable[Sequence[str]], indent: str = "") -> str:
-    """Rows as aligned columns; the first column to the left, the others to the right."""
-    cells = [list(row) for row in rows]
-    widths = [
-        max(len(row[i]) for row in cells if i < len(row)) for i in range(max(map(len, cells), default=0))
-    ]
-    lines = []
-    for row in cells:
-        padded = [
-            c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=False))
-        ]
-        lines.append((indent + "  ".join(padded)).rstrip())
-    return "\n".join(lines)
 
 
 def _leave_at_once_if_broken(code: int) -> None:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from carom.cli.options import Json, Quiet
-from carom.cli.output import CRASH, DONE, NOT_CONVERGED, emit, guarded, note, seconds, table
+from carom.cli.output import CRASH, DONE, NOT_CONVERGED, emit, guarded, note, seconds
+from carom.layout import table
 
 if TYPE_CHECKING:
     from carom.paper.runner import Report

@@ -5,15 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import math
-import shutil
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from carom.cli.output import seconds, table
+from carom.cli.output import seconds
 from carom.errors import counted, one_line
+from carom.layout import columns, table
 
 if TYPE_CHECKING:
     from carom.problem import Profile
@@ -162,14 +161,19 @@ def _stages(a: Attempt) -> str:
     """The checkpoints, each with its reason at the end of the line."""
     assert a.solution is not None
     stages = a.solution["stages"]
-    rows = [["stage", "solver", "iterations", "err", "time"]]
+    rows = [["stage", "solver", "iterations", "err", "time", "why"]]
     rows += [
-        [s["name"], s["solver"], f"{s['iterations']}", _err(s["err"]), seconds(s["wall_s"])] for s in stages
+        [
+            s["name"],
+            s["solver"],
+            f"{s['iterations']}",
+            _err(s["err"]),
+            seconds(s["wall_s"]),
+            one_line(s["why"]),
+        ]
+        for s in stages
     ]
-    lines = table(rows).splitlines()
-    width = max(map(len, lines))
-    reasons = ["why", *(one_line(s["why"]) for s in stages)]
-    return "\n".join(f"{line:{width}}  {why}".rstrip() for line, why in zip(lines, reasons, strict=True))
+    return table(rows, left=(0, 5))
 
 
 # --- several ----------------------------------------------------------------------------------------------------------
@@ -180,7 +184,7 @@ SPARE = ("rows", "finished by", "iterations", "contacts")
 
 
 def _table(done: Sequence[Attempt], document: Mapping[str, Any]) -> Sheet:
-    from carom.sheets import WIDTH, Sheet
+    from carom.sheets import Sheet
 
     rows: list[dict[str, str]] = []
     before: Path | None = None
@@ -202,9 +206,8 @@ def _table(done: Sequence[Attempt], document: Mapping[str, Any]) -> Sheet:
     if len(names) == 1:
         title = f"{solved} of {len(done)} solved by {names[0]} to err <= {document['tolerance']:g}"
         head.remove("solver")
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
     for spare in SPARE:
-        if sum(max(len(name), *(len(row[name]) for row in rows)) + 3 for name in head) <= width:
+        if sum(max(len(name), *(len(row[name]) for row in rows)) + 2 for name in head) - 2 <= columns():
             break
         head.remove(spare)
     return Sheet(title, head, [[row[name] for name in head] for row in rows])

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.cli.output import seconds, table
+from carom.cli.output import seconds
 from carom.errors import counted
 from carom.gained import gained
+from carom.layout import table
 from carom.scenario.advice import MANY_BALLS, PILE_TOLERANCE
 from carom.scenario.wall_checks import COARSE
 from carom.shut_out import shut_out

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from carom.cli.output import BAD_INPUT, DONE, NOT_CONVERGED, emit, fail, note
 from carom.errors import counted
+from carom.layout import TIE
 from carom.sheets import Sheet
 
 if TYPE_CHECKING:
     from carom.audit import Report
+    from carom.audit.report import Verdict
     from carom.audit.rerun import Rerun
 
 
@@ -74,23 +76,24 @@ def show(report: Report, again: Sequence[Rerun]) -> None:
 
 def sheet(report: Report) -> Sheet:
     """The verdicts as a table, those without anything to judge left out."""
-    rows = []
-    for verdict in report.verdicts.values():
-        if verdict.word == "nothing to judge":
-            continue
-        worst = verdict.worst
-        numbers = ["-", "-", "-"]
-        if worst is not None:
-            numbers = [
-                f"{worst.value:.2g} {worst.unit}",
-                f"{worst.bound:.2g}",
-                str(worst.place) if worst.value > 0 else "-",
-            ]
-        rows.append(
-            [verdict.kind.name, verdict.word, str(verdict.judged), str(verdict.violations or "-"), *numbers]
-        )
+    head = ["law", "verdict", "judged", "violated", "worst", "bound", "where"]
+    rows = [_row(v) for v in report.verdicts.values() if v.word != "nothing to judge"]
+    if report.ok:  # a column of dashes is no help, and its room is
+        for row in (head, *rows):
+            del row[3]
     title = f"{report.title or report.path}: {report.method}, {counted(report.frames, 'frame')}"
-    return Sheet(title, ["law", "verdict", "judged", "violated", "worst", "bound", "where"], rows)
+    return Sheet(title, head, rows, left=(0, len(head) - 1))
+
+
+def _row(verdict: Verdict) -> list[str]:
+    numbers = ["-", "-", "-"]
+    if (worst := verdict.worst) is not None:
+        where = str(worst.place) if worst.value > 0 else "-"
+        for pair in ("step ", " = ", " s"):
+            where = where.replace(pair, pair.replace(" ", TIE))
+        unit = "" if worst.unit == "1" else f" {worst.unit}"
+        numbers = [f"{worst.value:.2g}{unit}".replace(" ", TIE), f"{worst.bound:.2g}", where]
+    return [verdict.kind.name, verdict.word, str(verdict.judged), str(verdict.violations or "-"), *numbers]
 
 
 def _threads(text: str | None) -> list[int] | None:

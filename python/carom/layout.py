@@ -1,0 +1,94 @@
+"""Tables of text that fit the width of a terminal: the first column keeps its width, the others give way."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Collection, Sequence
+from itertools import zip_longest
+
+#: Characters in a line that goes to a file or a pipe.
+WIDTH = 160
+GAP = "  "
+#: Between words that stay together when a cell wraps; it is printed as a space.
+TIE = "\u00a0"
+
+
+def columns() -> int:
+    """Characters in a line of standard output: those of the terminal, `WIDTH` in a file or a pipe."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+
+
+def table(
+    rows: Sequence[Sequence[str]],
+    width: int | None = None,
+    *,
+    head: bool = False,
+    left: Collection[int] = (0,),
+) -> str:
+    """Rows as aligned columns in lines of at most `width` characters (default: as `columns`).
+
+    The first row is a `head` with a line below it, if there is one; a row of one cell is a heading.
+    The columns in `left` start at their left edges, the others end at their right edges.
+    Where the lines are too long, long cells wrap between words. Where that is not enough, the columns stand in
+    several blocks, one below the other, each with the first column.
+    """
+    width = columns() if width is None else width
+    cells = [row for row in rows if len(row) > 1]
+    count = max(map(len, cells), default=1)
+    filled = [[row[i] if i < len(row) else "" for row in cells] for i in range(count)]
+    natural = [max(map(len, column), default=0) for column in filled]
+    least = [max((len(word) for cell in column for word in cell.split(" ")), default=0) for column in filled]
+    blocks = [
+        _block(rows, _widths(natural, least, kept, width), width, head, left)
+        for kept in _split(least, natural[0] if cells else 0, width)
+    ]
+    return "\n\n".join(blocks)
+
+
+def _split(least: Sequence[int], first: int, width: int) -> list[list[int]]:
+    """The columns of each block: as many as fit if every column but the first is as narrow as its longest word."""
+    blocks: list[list[int]] = [[0]]
+    room = width - first
+    for i, need in enumerate(least[1:], start=1):
+        if need + len(GAP) > room and len(blocks[-1]) > 1:
+            blocks.append([0])
+            room = width - first
+        blocks[-1].append(i)
+        room -= need + len(GAP)
+    return blocks
+
+
+def _widths(natural: Sequence[int], least: Sequence[int], kept: Sequence[int], width: int) -> dict[int, int]:
+    """The width of each column of a block; those that are too much are taken from the widest columns."""
+    room = width - natural[0] - len(GAP) * (len(kept) - 1)
+    found = {i: natural[i] for i in kept}
+    for limit in range(max(natural), 0, -1):
+        found |= {i: min(natural[i], max(least[i], limit)) for i in kept[1:]}
+        if sum(found[i] for i in kept[1:]) <= room:
+            break
+    return found
+
+
+def _block(
+    rows: Sequence[Sequence[str]], widths: dict[int, int], width: int, head: bool, left: Collection[int]
+) -> str:
+    lines = []
+    for number, row in enumerate(rows):
+        if len(row) == 1:
+            lines += ["", *(textwrap.wrap(row[0], width) or [""])]
+            continue
+        wrapped = [
+            textwrap.wrap(row[i], w, drop_whitespace=i > 0, break_on_hyphens=False) if i < len(row) else []
+            for i, w in widths.items()
+        ]
+        for parts in zip_longest(*wrapped, fillvalue=""):
+            padded = [
+                part.ljust(w) if i in left else part.rjust(w)
+                for (i, w), part in zip(widths.items(), parts, strict=True)
+            ]
+            lines.append(GAP.join(padded).replace(TIE, " ").rstrip())
+        if head and number == 0:
+            lines.append("-" * (sum(widths.values()) + len(GAP) * (len(widths) - 1)))
+    return "\n".join(lines)
