@@ -93,6 +93,12 @@ def test_a_clean_run_is_clean(run: Maker, name: str) -> None:
     assert report.ok, repr(report)
     assert report["momentum"].judged or name == "slow"  # whose contacts are not recorded
     assert report["numbers"].judged
+    # What is set already is no advice.
+    cures = {u.cure for verdict in report.verdicts.values() for u in verdict.unjudged}
+    chosen = {"every": 1, "contacts": True, "impacts": True, "walls": False} | CLEAN[name][2]
+    given = [f"{key} = {value}" for key, value in (("every", 1), ("contacts", "true"), ("impacts", "true"))
+             if str(chosen[key]).lower() == str(value)]  # fmt: skip
+    assert not [cure for cure in cures for setting in given if setting in cure]
 
 
 ROLLING_STEP = 60  # of 150: it slides and rolls on

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.data import Run
-from carom.audit.report import Place
+from carom.audit.report import Place, Tally
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -132,6 +132,22 @@ class Block:
     def place(self, k: int, *bodies: int) -> Place:
         """A place at the end of an interval."""
         return self.run.frame_place(self.first + k, *bodies)
+
+    def skip(self, tally: Tally, kind: str, why: str, k: I64, missing: str = "") -> None:
+        """`Tally.skip` of intervals `k`, each with what would let it be judged as one whole step.
+
+        `every = 1` is no advice for intervals of one step; `missing` is a key of [record] without which nothing is judged.
+        """
+        kept, several = self.kept[k], self.n[k] > 1
+        whole = self.single[k] & bool(missing)
+        finer = "use nsga or moreau" if self.run.method == "penalty" else "a smaller step"
+        for cure, chosen in (
+            ("resume the run", ~kept),
+            (" and ".join(filter(None, (missing, "every = 1"))) + " in [record]", kept & several),
+            (f"{missing} in [record]", kept & whole),
+            (f"{missing} in [record], and {finer}" if missing else finer, kept & ~several & ~whole),
+        ):
+            tally.skip(kind, why, cure, int(chosen.sum()))
 
     def per_body(self, flat: int) -> Place:
         """The place of an entry of a (B, N) array."""

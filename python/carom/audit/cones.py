@@ -22,6 +22,7 @@ from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, across, dot, norm
 
 F64 = NDArray[np.float64]
+PARTS = "several steps, or parts of one, lie between the frames"
 
 
 def judge(block: Block, tally: Tally) -> None:
@@ -97,8 +98,8 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     judged = np.flatnonzero(angle < 0.5 * np.pi)
     open_place = _place(block, judged)
     for kind in ("sign", "friction cone"):
-        tally.skip(kind, "the normal may have turned by more than a right angle between frames", "every = 1 in [record]",
-                   len(c) - len(judged))  # fmt: skip
+        why = "the normal may have turned by more than a right angle between frames"
+        block.skip(tally, kind, why, c.k[angle >= 0.5 * np.pi])
     # A normal that turned by `angle` makes of a push at most so much of a pull.
     pulled = np.minimum(*(-p.normal for p in parts)) - size * np.sin(np.minimum(angle, 0.5 * np.pi))
     tally.measure("sign", np.maximum(pulled[judged], 0.0), left[judged], open_place)
@@ -166,9 +167,8 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         why = "penalty smooths friction over the slip speeds of its substeps"
         tally.skip("slip", why, "use nsga or moreau", len(c))
         return
-    cure = "every = 1 in [record]"
     single = block.single[c.k]
-    tally.skip("slip", "several steps, or parts of one, lie between the frames", cure, int((~single).sum()))
+    block.skip(tally, "slip", PARTS, c.k[~single])
     if not run.has_impacts:
         tally.skip(
             "slip", "which contacts had an impact was not recorded", "impacts = true in [record]", len(c)

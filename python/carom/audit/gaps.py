@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from carom.audit import forces
 from carom.audit.block import Block, of_many
+from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, deepest
 from carom.audit.rates import Pairs, compliance, rates
@@ -14,8 +15,6 @@ from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
 
 F64 = NDArray[np.float64]
-PARTS = "the step was made in parts, or several lie between the frames"
-EVERY = "every = 1 in [record]"
 
 
 def penetration(block: Block, near: Near, tally: Tally) -> None:
@@ -42,7 +41,7 @@ def recorded(block: Block, tally: Tally) -> None:
         return
     single = block.single[c.k]
     for kind in ("gap", "normal"):
-        tally.skip(kind, PARTS, EVERY, int((~single).sum()))
+        block.skip(tally, kind, PARTS, c.k[~single])
     rows = np.flatnonzero(single)
     gap, normal = (x[rows] for x in block.end)
     if run.method == "moreau":

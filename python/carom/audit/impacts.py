@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from carom.audit import bounds, forces, hits, replay
 from carom.audit.block import Block
 from carom.audit.cones import struck
+from carom.audit.data import Run
 from carom.audit.gaps import closing
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -52,8 +53,6 @@ def judge(block: Block, tally: Tally) -> None:
     piled = block.summed[rows.k]
     why = "of piles one row per contact and step was recorded, over several problems"
     tally.skip("impact", why, 'impacts = "every" in [record]', int(piled.sum()))
-    # Joints and loads that depend on the motion answer impacts within their problem.
-    coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
     seen = np.flatnonzero(block.single[rows.k])
     group = hits.groups(block, rows.of(seen))
     # Who enters or leaves within a step takes what it gave its neighbours along.
@@ -62,7 +61,7 @@ def judge(block: Block, tally: Tally) -> None:
     known = np.bincount(group, gone)[group] == 0
     seen, group = seen[known], group[known]
     whole = np.zeros(len(rows), dtype=bool)
-    whole[seen] = run.has_contacts and not coupled
+    whole[seen] = run.has_contacts and not coupled(run)
     whole &= ~piled
     _recorded(block, tally, rows.of(~whole & ~piled))
     _ends(block, tally, rows.of(seen), group)
@@ -74,6 +73,11 @@ def judge(block: Block, tally: Tally) -> None:
         tally.measure("impact sum", value, bound, hits.place(block, some))
     if whole.any():
         replay.judge(block, tally, rows.of(whole), remained[whole], group[whole[seen]])
+
+
+def coupled(run: Run) -> bool:
+    """Whether joints, or loads that depend on the motion, answer impacts within their problem."""
+    return bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
 
 
 def _unit(block: Block, tally: Tally, r: Hits) -> None:
@@ -128,11 +132,10 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
 def _missing(block: Block, tally: Tally) -> None:
     """Whoever approached before the step and got an impulse in it has had an impact (rules R2, R3): it is in the table."""
     run, c = block.run, block.rows
-    coupled = bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
     if (
         run.method == "penalty"
         or run.options["impact"] == "sequence-paper"
-        or coupled
+        or coupled(run)
         or not run.has_contacts
     ):
         return
@@ -181,13 +184,14 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     run = block.run
     if not len(r):
         return
-    if run.joints or run.loads or run.options["impact"] == "sequence-paper":
-        tally.skip(
-            "impact",
-            "loads, joints or the printed law stand between the recorded speeds",
-            "every = 1 in [record]",
-            len(r),
-        )
+    missing = "" if run.has_contacts else "contacts = true"
+    if coupled(run):
+        why = "joints, springs or drag answer impacts within their problem, which is not on record"
+        tally.skip("impact", why, "leave out joints, springs and drag", len(r))
+        return
+    if run.loads or run.options["impact"] == "sequence-paper":
+        why = "loads or the printed law stand between the recorded speeds"
+        block.skip(tally, "impact", why, r.k, missing)
         return
     e = run.coefficient("restitution", run.law_index(r.a, r.b))
     e = np.where((r.problem == 0) | (r.problem > run.options["max_problems"]), 0.0, e)
@@ -213,7 +217,7 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     blunt = (unknown > 0.0) & (unknown >= speed) & (value <= bound)
     shown = (block.n == 1)[r.k] & run.has_contacts
     why = "loads may have changed the speeds between the recorded ones by more than the speeds of the impact"
-    tally.skip("impact", why, "contacts = true and every = 1 in [record]", int((blunt & ~shown).sum()))
+    block.skip(tally, "impact", why, r.k[blunt & ~shown], missing)
     tally.skip("impact", why, "a smaller step", int((blunt & shown).sum()))
     sharp = np.flatnonzero(~blunt)
     tally.measure("impact", value[sharp], bound[sharp], hits.place(block, r.of(sharp)))

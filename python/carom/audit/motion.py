@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from carom.audit import forces
 from carom.audit.block import Block
+from carom.audit.cones import PARTS
 from carom.audit.forces import Sums
 from carom.audit.loads import Loads, of_loads
 from carom.audit.report import Tally
@@ -59,12 +60,12 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
         for kind in ("momentum", "spin", "position", "rotation"):
             tally.skip(kind, CONTACTS, RECORD, int((known & ~free).sum()))
         known &= free
-    hidden = int((block.there & loads.unknown).sum())
+    hidden = np.nonzero(block.there & loads.unknown)[0]
     if run.opaque:
         cure = "judge the run with a load that a scenario can hold"
-        tally.skip("momentum", f"the Python load {run.opaque[0]} is in no file", cure, hidden)
+        tally.skip("momentum", f"the Python load {run.opaque[0]} is in no file", cure, len(hidden))
     else:
-        tally.skip("momentum", "springs and drag between distant frames", "every = 1 in [record]", hidden)
+        block.skip(tally, "momentum", "springs and drag: " + PARTS, hidden)
     _momentum(block, tally, sums, loads, known)
     _spin(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
@@ -220,8 +221,10 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: NDArray[np.bool_
     """
     run, c = block.run, block.rows
     judged = block.single & block.kept & (run.method == "nsga")
-    why = "contacts move between the frames, or within the step of moreau and penalty"
-    tally.skip("wall moment", why, "nsga and every = 1 in [record]", int((~judged).sum()))
+    if run.method == "nsga":
+        block.skip(tally, "wall moment", PARTS, np.flatnonzero(~judged))
+    else:
+        tally.skip("wall moment", f"contacts move within the step of {run.method}", "use nsga", block.count)
     k, a, b = c.k[rows], c.a[rows], c.b[rows] - run.bodies
     lever = np.zeros((len(k), 3))
     for w, wall in enumerate(run.walls):
