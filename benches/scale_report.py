@@ -282,11 +282,11 @@ def write_csv(rows: Sequence[Row], header: str, path: Path) -> None:
         writer.writerows(flat)
 
 
-def write_page(text: str, path: Path) -> None:
+def write_page(text: str, path: Path, first: str = BEGIN, last: str = END) -> None:
     """Put what was printed between the marks of a page."""
     page = path.read_text(encoding="utf-8")
-    before, mark, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    before, mark, rest = page.partition(first)
+    _, end, after = rest.partition(last)
     if not mark or not end:
-        raise SystemExit(f"{path} has no place for the table: write {BEGIN} and {END} into it")
-    path.write_text(f"{before}{BEGIN}\n\n```text\n{text}\n```\n\n{END}{after}", encoding="utf-8")
+        raise SystemExit(f"{path} has no place for the table: write {first} and {last} into it")
+    path.write_text(f"{before}{first}\n\n```text\n{text}\n```\n\n{last}{after}", encoding="utf-8")
