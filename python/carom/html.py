@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import counted
+from carom.remarks import remarks
 
 if TYPE_CHECKING:
     from carom.batch import Batch
@@ -37,7 +38,7 @@ def page(
 def of_result(result: Result) -> str:
     """Outcome, frames, energies, and the balls with their last state."""
     frames = len(result.time)
-    facts = [("outcome", str(result.outcome))]
+    facts = [*(("warning", told) for told in remarks(result)), ("outcome", str(result.outcome))]
     if frames:
         span = f"t = {result.time[0]:g} to {result.time[-1]:g} s"
         facts.append(("frames", f"{frames}, {span}; {counted(len(result.steps), 'step')}"))

@@ -23,12 +23,11 @@ from carom.about import continued
 from carom.allocator import release_early
 from carom.drive import Cadence, Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
 from carom.errors import CaromError
-from carom.gained import gained
 from carom.record import Rows, Writer
 from carom.record.walls import tables
+from carom.remarks import remarks
 from carom.result import Result, load
 from carom.rundir import RunDir, now
-from carom.shut_out import shut_out
 from carom.watching import Callback, Stop, Watch
 
 if TYPE_CHECKING:
@@ -486,10 +485,8 @@ def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], erro
 
 
 def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
-    if rise := gained(result):
-        warnings.warn(rise, CaromWarning, stacklevel=3)
-    if none := shut_out(result):
-        warnings.warn(none, CaromWarning, stacklevel=3)
+    for told in remarks(result):
+        warnings.warn(told, CaromWarning, stacklevel=3)
     outcome = result.outcome
     if outcome.ok:
         return result

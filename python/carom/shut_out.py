@@ -18,7 +18,7 @@ def shut_out(result: Result) -> str | None:
     Fewer than all is no trouble: an inflow without a rate goes on for as long as there is room.
     """
     tables = tomllib.loads(result.scenario).get("inflow", [])
-    if not tables or result.outcome.failed:
+    if not tables or result.outcome.failed or not result.summary:  # the last: it is still running
         return None
     events = result.events
     entered = {

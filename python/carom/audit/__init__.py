@@ -14,6 +14,8 @@ import numpy as np
 
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import rerun
+from carom.cut_short import cut_short
+from carom.gained import gained
 
 if TYPE_CHECKING:
     from carom.audit.data import Run
@@ -72,8 +74,8 @@ def _judge(run: Run, tally: Tally) -> None:
 
 def _warnings(run: Run) -> list[str]:
     """What the run says of itself that a reader of the verdict should know."""
-    found = []
     result = run.result
+    found = [told for told in (cut_short(result), gained(result)) if told]
     if not result.outcome.ok:
         found.append(f"the run did not reach its end: {result.outcome.brief}")
     for column, words in (
@@ -85,6 +87,6 @@ def _warnings(run: Run) -> list[str]:
         ),
     ):
         count = int((run.steps[column] > 0).sum())
-        if count:
+        if count and not (column == "truncated" and cut_short(result)):
             found.append(f"{words} ({count} steps)")
     return found

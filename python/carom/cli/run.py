@@ -102,21 +102,25 @@ def run_name(scenario: Path, case: str | None) -> str:
 
 def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None = None) -> int:
     """Print how a run ended; returns the exit code."""
+    from carom.remarks import remarks
+
     summary = {**result.summary, "directory": str(result.path)}
     if scenario is not None:
         summary["scenario"] = scenario
     if as_json:
-        emit(summary)
+        emit({**summary, "warnings": remarks(result)})
     elif not quiet:
         from carom.cli.summary import text
 
         print(text(summary, result))
-    elif summary.get("unconverged"):
-        from carom.errors import counted
+    else:
+        for told in remarks(result):
+            note(f"warning: {told}")
+        if summary.get("unconverged"):
+            from carom.errors import counted
 
-        note(
-            f"{counted(summary['unconverged'], 'sub-problem')} accepted unconverged: carom check {result.path}"
-        )
+            accepted = counted(summary["unconverged"], "sub-problem")
+            note(f"{accepted} accepted unconverged: carom check {result.path}")
     outcome = result.outcome
     if outcome.ok:
         return DONE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -11,11 +12,10 @@ import numpy as np
 
 from carom.cli.output import seconds
 from carom.errors import counted
-from carom.gained import gained
 from carom.layout import table
+from carom.remarks import remarks
 from carom.scenario.advice import MANY_BALLS, PILE_TOLERANCE
 from carom.scenario.wall_checks import COARSE
-from carom.shut_out import shut_out
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -38,6 +38,7 @@ MOST_TOLERANCE = 1e-7
 def text(summary: Mapping[str, Any], result: Result) -> str:
     """The summary of a run for a terminal, at most 100 columns wide."""
     blocks = [
+        _warnings(result),
         _head(summary, result),
         _events(result),
         _flow(summary, result),
@@ -47,6 +48,14 @@ def text(summary: Mapping[str, Any], result: Result) -> str:
     ]
     blocks += [_phases(summary), _files(summary, result)]
     return "\n".join(block for block in blocks if block)
+
+
+def _warnings(result: Result) -> str:
+    """What may make the numbers below worthless stands before them."""
+    return "\n".join(
+        textwrap.fill(told, 100, initial_indent="warning     ", subsequent_indent=" " * 12)
+        for told in remarks(result)
+    )
 
 
 def _head(summary: Mapping[str, Any], result: Result) -> str:
@@ -114,10 +123,6 @@ def _troubles(summary: Mapping[str, Any], result: Result) -> str:
     travel = summary.get("travel_max") or 0.0
     if travel > MOST_TRAVEL and "penalty" not in summary:  # whose substeps see every impact
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
-    if rise := gained(result):
-        found.append(rise)
-    if none := shut_out(result):
-        found.append(none)
     return "troubles    " + ("; ".join(found) if found else "none")
 
 

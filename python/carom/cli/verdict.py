@@ -51,7 +51,9 @@ def judge(run: Path, *, rerun: bool, threads: str | None, as_json: bool) -> int:
 
 
 def show(report: Report, again: Sequence[Rerun]) -> None:
-    """Print a report."""
+    """Print a report: first what the run says of itself, in whose light the table is to be read."""
+    for warning in report.warnings:
+        note(f"warning: {warning}")
     sheet(report).show()
     for verdict in report.verdicts.values():
         for unjudged in verdict.unjudged:
@@ -67,8 +69,6 @@ def show(report: Report, again: Sequence[Rerun]) -> None:
             print(
                 f"run again on {counted(r.threads, 'thread')}: {len(r.differences)} of {of} differ; first {r.first}"
             )
-    for warning in report.warnings:
-        note(f"warning: {warning}")
     worst = report.findings
     words = f"{counted(len(worst), 'law')} violated, worst {worst[0]}" if worst else "no law is violated"
     print(f"{report.path}: {words}")

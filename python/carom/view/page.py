@@ -129,10 +129,19 @@ def write_html(
 
     frames, bodies = facts["arrays"]["time"]["shape"][0], len(facts["names"])
     notes = _notes(frames, frames_recorded, stride, bodies, bodies_recorded, every, max_mb)
-    facts["notes"] = notes = notes + facts["notes"]
+    facts["notes"] = notes = _warnings(result) + notes + facts["notes"]
     text = shell.fill(title, json.dumps(facts, separators=(",", ":")), packed)
     write_whole(target, text, durable=False, parents=True)  # a full disk leaves the old page in place
     return ViewInfo(target, len(text), frames, frames_recorded, bodies, bodies_recorded, tuple(notes))
+
+
+def _warnings(result: Viewable) -> list[str]:
+    """What a reader should know before looking, as sentences; of other things to view than a run nothing is known."""
+    from carom.remarks import remarks
+    from carom.result import Result
+
+    found = remarks(result) if isinstance(result, Result) else []
+    return [f"{told[0].upper()}{told[1:]}." for told in found]
 
 
 def _check(result: Viewable, shape: tuple[int, ...]) -> None:

@@ -1,0 +1,30 @@
+"""What a finished run says of impact sequences that were cut short: the rebound they would have made is missing."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+MOST = 0.5
+"""Share of the steps with impacts: where more of them were cut, the rebounds of the run are wrong as a whole."""
+MORE = 20
+"""Factor on `max_problems` that let the ball of `tests/test_cut_short.py` rebound, at three times the cost."""
+
+
+def cut_short(result: Result) -> str | None:
+    """That most steps with impacts had a sequence cut short, with what it means and a cure; None if most had none."""
+    steps = result.steps
+    hit = int(np.count_nonzero(np.asarray(steps["impact_problems"])))
+    cut = int(np.count_nonzero(np.asarray(steps["truncated"])))
+    if cut <= MOST * hit:
+        return None
+    now = int(tomllib.loads(result.scenario)["run"]["max_problems"])
+    return (
+        f"impact sequences were cut short in {cut} of {hit} steps with impacts: restitution is lost there, and"
+        f" rebounds are too low; raise max_problems in [run] (now {now}), for example to {MORE * now}"
+    )

@@ -1,0 +1,17 @@
+"""What a reader of a finished run should know before its numbers: in Python, the summary, the page and the audit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from carom.cut_short import cut_short
+from carom.gained import gained
+from carom.shut_out import shut_out
+
+if TYPE_CHECKING:
+    from carom.result import Result
+
+
+def remarks(result: Result) -> list[str]:
+    """Each with what is wrong, what it means and what to do; none for a run that has nothing of the kind."""
+    return [told for told in (cut_short(result), gained(result), shut_out(result)) if told]
