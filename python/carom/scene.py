@@ -19,6 +19,7 @@ from carom.scenario.arguments import explained, wording
 from carom.scenario.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scenario.attaching import Attacher
 from carom.scenario.balls import Generator, Sphere
+from carom.scenario.billiard import BilliardTable
 from carom.scenario.building import Number, Vector, make
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
@@ -155,6 +156,16 @@ class Scene(Waller, Attacher, Taker):
     @periodic.setter
     def periodic(self, value: Sequence[Number] | None) -> None:
         self._tree.world.periodic = value  # type: ignore[assignment]  # converted by the model
+
+    @property
+    def billiard_table(self) -> BilliardTable | None:
+        """Measures of the table of the billiards kit that this scene is, for pictures; None of any other scene."""
+        return self._tree.billiard_table
+
+    @billiard_table.setter
+    def billiard_table(self, value: Mapping[str, Any] | BilliardTable | None) -> None:
+        given = make(BilliardTable, "scene.billiard_table", **value) if isinstance(value, Mapping) else value
+        self._tree.billiard_table = given
 
     @property
     def run(self) -> Run:

@@ -161,7 +161,7 @@ export class Eye {
     const above = cross(toward, right);
     const tanY = Math.tan((this.camera.fov * Math.PI) / 360);
     const tanX = tanY * this.camera.aspect;
-    const rim = this.world.table ? 6 * this.world.size : 1.5 * this.world.size;
+    const rim = (this.run.table ? 0.5 : this.world.table ? 6 : 1.5) * this.world.size;
     const margin = up.map((u) => rim * (1 - Math.abs(u))) as Vec; // level, whichever axis is up
     const low = add(box[0], margin, -1);
     const high = add(box[1], margin);

@@ -33,6 +33,14 @@ export interface Wall {
   pose?: number;
 }
 
+/** Triangles of a table; places are relative to run.origin, kinds are numbers of facts.table.kinds. */
+export interface Mesh {
+  position: Float32Array;
+  normal: Float32Array;
+  kind: Float32Array;
+  index: number[];
+}
+
 interface Facts {
   format: number;
   title: string;
@@ -43,6 +51,12 @@ interface Facts {
   walls?: Wall[];
   /** Periods along x, y, z (0: none) and the lowest corner of the periodic box. */
   period?: [Vec, Vec];
+  /** A table of the billiards kit: what its parts are, length and width, a ball's radius, the box of all of it. */
+  table?: { kinds: string[]; size: [number, number]; radius: number; box: [Vec, Vec] };
+  /** Of tables, by day and in the dark. */
+  colours: Record<"cloth" | "wood" | "liner" | "sight" | "line", [string, string]>;
+  /** What is on each ball, its colour and number, where there are few. */
+  balls?: [kind: number, css: string, label: string][];
   gravity: Vec;
   marks: number[];
   notes: string[];
@@ -58,6 +72,10 @@ interface Facts {
     present?: Packed;
     wall_position?: Packed;
     wall_orientation?: Packed;
+    table_points?: Packed;
+    table_normals?: Packed;
+    table_kinds?: Packed;
+    table_faces?: Packed;
   };
 }
 
@@ -71,6 +89,7 @@ export class Run {
   readonly impacts: Impacts | undefined;
   readonly contacts: Contacts | undefined;
   readonly energies: Energies | undefined;
+  readonly table: Mesh | undefined;
   /** State at the sampled time: x y z and radius (0 where there is no ball now), then the quaternion x y z w. */
   readonly centre: Float32Array;
   readonly attitude: Float32Array;
@@ -108,6 +127,16 @@ export class Run {
     this.impacts = Impacts.read(data, arrays);
     this.contacts = Contacts.read(data, arrays, facts.contact_every ?? 1);
     this.energies = Energies.read(data, arrays);
+    const { table_points, table_normals, table_kinds, table_faces } = arrays;
+    if (table_points && table_normals && table_kinds && table_faces) {
+      const scaled = (entry: Packed) => Float32Array.from(wide(entry), (i) => i * entry.step!);
+      this.table = {
+        position: scaled(table_points),
+        normal: scaled(table_normals),
+        kind: Float32Array.from(wide(table_kinds)),
+        index: [...wide(table_faces)],
+      };
+    }
     this.shift = new Float64Array(facts.period ? 3 * this.count : 0);
     this.centre = new Float32Array(4 * this.count);
     this.attitude = new Float32Array(4 * this.count);

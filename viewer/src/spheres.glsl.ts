@@ -80,19 +80,19 @@ vec3 pattern(vec3 n, float width) {
   float u = n.x;
   float v = dot(n, v3);
   float w = max(width, 1e-4);
-  if (kind == 3) {
+  if (kind == 4) {
     // Grain: eight octants in two tones, and a light cap, so that each attitude looks different.
     vec3 s = clamp(n / w, -1.0, 1.0);
     vec3 c = base * (1.0 + 0.34 * s.x * s.y * s.z);
     return mix(c, IVORY, 0.85 * above(0.93, n.z, w * 0.6));
   }
   float spot = max(max(abs(u), abs(v)), 0.0);
-  if (kind == 0) {
-    // Cue ball: ivory with twelve red dots, at the corners of an icosahedron; three or four are always in view.
+  if (kind == 0 || kind == 3) {
+    // Twelve dots, at the corners of an icosahedron: three or four are always in view. Red on the cue ball, ivory on others.
     vec3 a = abs(n);
     float near = max(max(a.y + 1.618 * a.z, a.z + 1.618 * a.x), a.x + 1.618 * a.y) / 1.902;
     float dots = above(0.979, near, 0.3 * w);
-    return mix(IVORY, vec3(0.62, 0.03, 0.035), dots);
+    return kind == 0 ? mix(IVORY, vec3(0.62, 0.03, 0.035), dots) : mix(base, IVORY, dots);
   }
   vec3 ground = base;
   if (kind == 2) ground = mix(IVORY, base, above(-0.56, -abs(v), w));

@@ -19,6 +19,7 @@ import { looks, MOST_NUMBERED, type Look } from "./palette";
 import type { Run, Vec } from "./run";
 import { Spheres } from "./spheres";
 import { Surfaces } from "./surfaces";
+import { tableColours } from "./table";
 import type { Shades } from "./theme";
 import { cross, scale } from "./vec";
 import { Walls } from "./walls";
@@ -72,7 +73,7 @@ export class Stage {
     const forward = cross(up, across);
     const lamp = new Vector3(...up).addScaledVector(new Vector3(...forward), 0.22).addScaledVector(new Vector3(...scale(across, -1)), 0.3);
     this.spheres = new Spheres(run, this.looks, this.shared);
-    this.surfaces = new Surfaces(this.world, this.spheres.centre, this.shared, lamp.normalize());
+    this.surfaces = new Surfaces(run, this.world, this.spheres.centre, this.shared, lamp.normalize());
     this.walls = new Walls(run, this.world, this.shared);
     this.back = backdrop();
     this.overlay = new Overlay(run, this.world, this.looks, this.shared);
@@ -85,11 +86,12 @@ export class Stage {
 
   paint(shades: Shades): void {
     this.shared.uDay.value = shades.day;
-    this.shared.uGroundColour.value.set(this.world.table ? shades.cloth : shades.ground);
+    const colours = tableColours(this.run, shades);
+    this.shared.uGroundColour.value.set(this.world.table ? colours.cloth : shades.ground);
     this.shared.uAccent.value.set(shades.accent);
     this.back.material.uniforms.uMiddle.value.set(shades.back[0]).convertLinearToSRGB();
     this.back.material.uniforms.uRim.value.set(shades.back[1]).convertLinearToSRGB();
-    this.surfaces.paint(shades);
+    this.surfaces.paint(shades, colours);
     this.walls.paint(shades);
     this.dirty = true;
   }

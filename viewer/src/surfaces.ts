@@ -21,8 +21,9 @@ import { floorFragment, floorVertex, shadowFragment, shadowVertex } from "./floo
 import { paneFragment, rimFragment, rimVertex } from "./rims.glsl";
 import { gridSpacing } from "./grid";
 import { MOST_NUMBERED } from "./palette";
-import type { Vec } from "./run";
+import type { Run, Vec } from "./run";
 import { QUAD } from "./spheres";
+import { KitTable, type TableColours } from "./table";
 import type { Shades } from "./theme";
 import { add, basis, dot, scale } from "./vec";
 import type { Face, World } from "./world";
@@ -41,12 +42,19 @@ export class Surfaces {
   };
   private readonly undersides: { face: Face; shadow: Mesh }[] = [];
 
+  private readonly kit: KitTable | undefined;
+
   constructor(
+    run: Run,
     private readonly world: World,
     centre: InstancedBufferAttribute,
     shared: Record<string, IUniform>,
     lamp: Vector3,
   ) {
+    if (run.table && run.facts.table) {
+      this.kit = new KitTable(run.table, run.facts.table, run.origin, shared);
+      this.group.add(this.kit.mesh);
+    }
     for (const floor of world.floors) {
       this.group.add(this.floor(floor, shared));
       const shadow = this.shadow(floor, centre, lamp);
@@ -58,10 +66,11 @@ export class Surfaces {
     for (const pane of world.panes) this.group.add(this.pane(pane));
   }
 
-  paint(shades: Shades): void {
+  paint(shades: Shades, colours: TableColours): void {
     const { cloth, wood, line, strength, fill } = this.colours;
-    cloth.value.set(this.world.table ? shades.cloth : shades.ground);
-    wood.value.set(this.world.table ? shades.wood : shades.rim);
+    cloth.value.set(this.world.table ? colours.cloth : shades.ground);
+    wood.value.set(this.world.table ? colours.wood : shades.rim);
+    this.kit?.paint(colours);
     line.value.set(shades.line);
     strength.value = shades.shadow;
     fill.value = shades.pane;
@@ -97,7 +106,7 @@ export class Surfaces {
         uLine: this.colours.line,
       },
     });
-    return ordered(new Mesh(polygon(face), material), 0);
+    return ordered(new Mesh(this.kit?.cloth ?? polygon(face), material), 0);
   }
 
   private shadow(face: Face, centre: InstancedBufferAttribute, lamp: Vector3): Mesh {
@@ -130,6 +139,7 @@ export class Surfaces {
 
   /** A profile swept along the walled edges, mitred where two meet. */
   private rim(face: Face, shared: Record<string, IUniform>): Mesh | undefined {
+    if (this.kit) return undefined;
     const r = this.world.size;
     // Distance out, height, material of the strip that ends here (0 cloth, 1 wood); the nose is at the wall.
     const profile: [number, number, number][] = this.world.table

@@ -3,8 +3,6 @@
 export interface Shades {
   day: number;
   back: [string, string]; // middle and rim of the background
-  cloth: string;
-  wood: string;
   ground: string;
   rim: string;
   line: string;
@@ -16,8 +14,6 @@ export interface Shades {
 const LIGHT: Shades = {
   day: 1,
   back: ["#f4f5f7", "#ccd2da"],
-  cloth: "#1f8a63",
-  wood: "#8a5a33",
   ground: "#c9ced6",
   rim: "#8f99a8",
   line: "#5d6877",
@@ -29,8 +25,6 @@ const LIGHT: Shades = {
 const DARK: Shades = {
   day: 0,
   back: ["#232830", "#0c0e12"],
-  cloth: "#136a55",
-  wood: "#5b3a22",
   ground: "#3a414c",
   rim: "#5b6675",
   line: "#9aa7b8",

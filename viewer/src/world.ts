@@ -1,7 +1,7 @@
 // What the run's infinite planes are drawn as. A plane that carries is a floor, bounded by the planes that
 // stand on it and by the room the balls use; those planes become rims along the floor's edges, low enough
 // to hide no ball; where balls pile higher they are glazed as well. Four rims around a flat floor and few
-// balls make a billiard table.
+// balls make a billiard table. A table of the billiards kit brings its own triangles.
 
 import { MOST_NUMBERED } from "./palette";
 import type { Plane, Run, Vec, Wall } from "./run";
@@ -51,7 +51,9 @@ export function layOut(run: Run): World {
   // Walls may be far from where the balls went: a floor reaches to a wall if that is near enough to matter.
   const wide = 1.5 * extent + 8 * size;
   const near = 0.12 * extent + 5 * size;
+  const kit = run.facts.table;
   const floors = planes.filter(isFloor).flatMap((plane) => {
+    if (kit && plane.name === "bed") return [bed(plane, kit.size)];
     const walls = planes.filter((w) => isWall(w) && reaches(w, low, high, wide));
     const box = boxPlanes(low, high, up, (axis) => (walls.some((w) => Math.abs(dot(w.normal, axis) + 1) < 0.1) ? wide : near));
     return face(plane, walls, box, extent + wide);
@@ -67,7 +69,8 @@ export function layOut(run: Run): World {
 
   const box: [Vec, Vec] = [[...low], [...high]];
   const closed = floors.filter((f) => f.edges.every((e) => e.wall));
-  for (const c of closed.flatMap((f) => f.corners)) {
+  const drawn = kit?.box.map((c) => add(c, run.origin, -1)) ?? [];
+  for (const c of [...closed.flatMap((f) => f.corners), ...drawn]) {
     for (let k = 0; k < 3; k++) {
       box[0][k] = Math.min(box[0][k], c[k]);
       box[1][k] = Math.max(box[1][k], c[k]);
@@ -86,9 +89,17 @@ export function layOut(run: Run): World {
   }
   for (const wall of run.walls) widen(box, wall, add(wall.point, run.origin, -1), low, high, extent);
   const table =
-    closed.length === 1 && floors.length === 1 && closed[0].edges.length === 4 && !tall && run.count <= MOST_NUMBERED &&
-    dot(closed[0].plane.normal, up) > 0.999;
+    kit !== undefined ||
+    (closed.length === 1 && floors.length === 1 && closed[0].edges.length === 4 && !tall && run.count <= MOST_NUMBERED &&
+    dot(closed[0].plane.normal, up) > 0.999);
   return { up, across: acrossScreen(box, up), floors, panes, sheets, size, box, table };
+}
+
+/** The playing area of a table of the kit, with the point of its bed in a corner. */
+function bed(plane: Plane, [length, width]: [number, number]): Face {
+  const corners = [[0, 0, 0], [length, 0, 0], [length, width, 0], [0, width, 0]].map((c) => add(plane.point, c as Vec));
+  const out: Vec[] = [[0, -1, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0]];
+  return { plane, offset: dot(plane.point, plane.normal), corners, edges: out.map((out) => ({ wall: plane, out })) };
 }
 
 /** Takes a wall that has an end into view, as far as it is not out of all proportion to where the balls are. */

@@ -155,6 +155,7 @@ class Table:
         self, title: str = "", *, laws: Laws = LAWS, gravity: float = GRAVITY, record: Any = None, **run: Any
     ) -> Scene:
         """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`."""
+        from carom.billiards.marked import mark
         from carom.scene import Scene
 
         gravity = number("scene", "gravity", gravity)
@@ -163,6 +164,7 @@ class Table:
         scene = Scene(
             title or f"{self.spec.name} table", gravity=(0.0, 0.0, -gravity), run=run, record=record
         )
+        scene.billiard_table = mark(self)
         self._laws(scene, laws, gravity)
         scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="cloth")
         for name, start, end in self._noses():

@@ -10,8 +10,8 @@ def to_text(tree: Scenario, *, everything: bool = False) -> str:
     """TOML. With `everything`, keys that were left at their defaults are written as well."""
     parts = ["\n".join(pairs({"format": tree.format, "title": tree.title}))]
     for name in SINGLE:
-        keys = getattr(tree, name).written(everything=everything)
-        if keys:
+        table = getattr(tree, name)
+        if table is not None and (keys := table.written(everything=everything)):
             parts.append("\n".join([f"[{name}]", *pairs(keys)]))
     for name in REPEATED:
         for table in getattr(tree, name):

@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from carom.scenario.balls import Lattice, Rack, Sphere
+from carom.scenario.billiard import BilliardTable
 from carom.scenario.fields import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -149,6 +150,9 @@ class Scenario(Table):
     run: Run = Field(default_factory=Run, description="how to compute")
     record: Record = Field(default_factory=Record, description="what to keep")
     world: World = Field(description="what acts on all bodies")
+    billiard_table: BilliardTable | None = Field(
+        None, description="measures of a table of the billiards kit, for pictures"
+    )
     material: list[Material] = Field(default_factory=list, description="names for contact laws")
     contact: list[Contact] = Field(
         default_factory=list, description="one per pair of materials that can meet"
@@ -175,8 +179,13 @@ class Scenario(Table):
     )
 
 
-SINGLE: dict[str, type[Table]] = {"run": Run, "record": Record, "world": World}
-"""Tables written `[name]`."""
+SINGLE: dict[str, type[Table]] = {
+    "run": Run,
+    "record": Record,
+    "world": World,
+    "billiard_table": BilliardTable,
+}
+"""Tables written `[name]`; a scene may have no `billiard_table`."""
 
 REPEATED: dict[str, type[Table]] = {
     "material": Material,

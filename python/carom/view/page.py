@@ -19,12 +19,16 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from carom.billiards.look import COLOURS
+from carom.billiards.marked import table_of
+from carom.billiards.shape import Shape
 from carom.errors import CaromError
 from carom.files import write_whole
 from carom.view import codec
 from carom.view.happenings import happenings
 from carom.view.links import links
 from carom.view.scenery import bounds, held, period, scenery
+from carom.view.table import ball_facts, packed_table, table_facts
 
 FORMAT = 1
 # A browser holds 20 bytes of each body in each frame; more than this and a laptop begins to swap.
@@ -205,7 +209,12 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
             step = max(float(np.abs(rate).max()), 1e-300) / 2**20
             add(name, codec.quantise(rate, step, np.zeros(3)), step=step)
 
-    set_up = scenery(result, frames)
+    table = table_of(result)
+    shape = None if table is None else Shape(table)
+    if shape is not None:
+        for name, integers, entry in packed_table(shape, origin):
+            add(name, integers, **entry)
+    set_up = scenery(result, frames, () if shape is None else shape.walls)
     if set_up.position.size:
         corner, step = codec.position_grid(set_up.position, radius)
         add("wall_position", codec.quantise(set_up.position, step, corner), step=step, origin=corner.tolist())
@@ -227,6 +236,9 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
         "box": [low.tolist(), high.tolist()],
         "planes": set_up.planes,
         **({"walls": set_up.walls} if set_up.walls else {}),
+        **({"table": table_facts(shape)} if shape is not None else {}),
+        "colours": COLOURS,
+        **ball_facts(result, table, every),
         **({"period": fold} if fold is not None else {}),
         **({"links": tied} if tied else {}),
         **happened.facts,

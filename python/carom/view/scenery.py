@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,8 +33,10 @@ class Scenery:
     """(frame, moving wall, 4), scalar part first."""
 
 
-def scenery(result: Any, frames: npt.NDArray[np.int64]) -> Scenery:
-    """The walls of a result, with poses at some of its frames; of a result without `walls`, its planes."""
+def scenery(result: Any, frames: npt.NDArray[np.int64], hidden: Collection[str] = ()) -> Scenery:
+    """The walls of a result, with poses at some of its frames; of a result without `walls`, its planes. Walls that are
+    `hidden` are drawn in another way.
+    """
     walls: Mapping[str, Any] | None = getattr(result, "walls", None)
     if walls is None:
         rows = [dict(row) for row in _rows(result.planes)]
@@ -46,6 +48,8 @@ def scenery(result: Any, frames: npt.NDArray[np.int64]) -> Scenery:
         if wall.motion.moves:
             facts.append({**_wall(wall), "pose": len(moving)})
             moving.append(wall)
+        elif wall.name in hidden:
+            continue
         elif wall.shape == "plane":
             planes.append(_plane(wall.facts))
         else:

@@ -1,0 +1,268 @@
+"""How tables of the kit and their balls look: the mark in the scene, outlines, surfaces, and what pages hold of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom import billiards
+from carom.billiards.look import COLOURS, PLAIN, POOL, ball_looks
+from carom.billiards.marked import table_of
+from carom.billiards.shape import Shape
+from carom.billiards.solid import SURFACES, Part, parts
+from carom.errors import ScenarioError
+from carom.scene import Scene
+from carom.view import codec, write_html
+from test_view_page import Page
+from view_scenes import billiard
+
+pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+
+KINDS = sorted(billiards.TABLES)
+ODD: list[dict[str, Any]] = [
+    {"corner_mouth": "150 mm", "side_mouth": "70 mm"},
+    {"corner_angle": "90 deg", "side_angle": "170 deg"},
+    {"corner_shelf": 0.0, "side_shelf": "90 mm"},
+    {"length": "900 mm", "width": "400 mm", "ball_radius": "20 mm", "nose_height": "25 mm"},
+    {"corner_mouth": 0.0, "side_mouth": 0.0},
+]
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> carom.Result:
+    """A moment of a nine-ball rack on a 9 ft table."""
+    table = billiards.table("9ft")
+    scene = table.scene("nine-ball", until=0.02, step=1e-3)
+    table.rack(scene, 9)
+    billiards.strike(table.cue_ball(scene), ball_speed=5.0)
+    return carom.simulate(scene, out=tmp_path_factory.mktemp("look") / "run")
+
+
+# --- the mark --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_scene_of_the_kit_and_its_file_say_which_table_it_is(name: str) -> None:
+    table = billiards.table(name, nose_height="38 mm")
+    scene = table.scene("marked", until=0.1, step=1e-3)
+    again = Scene.from_toml(scene.to_toml(resolved=True))
+    found = table_of(SimpleNamespace(scenario=again.to_toml(resolved=True)))
+    assert again.billiard_table == scene.billiard_table
+    assert found is not None
+    for key, value in vars(table.spec).items():
+        if key != "source":
+            assert getattr(found.spec, key) == (
+                value if isinstance(value, str) else pytest.approx(value, rel=1e-15)
+            )
+
+
+def test_the_mark_moves_no_ball(shot: carom.Result) -> None:
+    scene = Scene.from_toml(shot.scenario)
+    marked = scene.to_model()
+    scene.billiard_table = None
+    assert "billiard_table" not in scene.to_toml(resolved=True)
+    plain = scene.to_model()
+    for key, values in marked.items():
+        if isinstance(values, np.ndarray):
+            np.testing.assert_array_equal(plain[key], values)
+    assert table_of(shot) is not None
+    assert Scene("no table").billiard_table is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"nose_height": 0.1}, "nose_height must be above"),
+        ({"side_mouth": 0.0}, "both"),
+        ({"length": -1}, "length"),
+    ],
+)
+def test_measures_that_no_table_has_are_refused(wrong: dict[str, Any], told: str) -> None:
+    scene = billiards.table("9ft").scene("t", until=0.1, step=1e-3)
+    assert scene.billiard_table is not None
+    with pytest.raises(ScenarioError, match=told):
+        scene.billiard_table = scene.billiard_table.written() | wrong
+
+
+# --- outlines and surfaces -------------------------------------------------------------------------------------------
+
+
+def area(part: Part) -> float:
+    """Of a level surface, m^2."""
+    a, b, c = (part.points[part.faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def surface(shape: Shape, kind: str) -> Part:
+    (found,) = (part for part in parts(shape) if part.kind == kind)
+    return found
+
+
+def level(part: Part, z: float) -> Part:
+    """The triangles at a height."""
+    flat = np.abs(part.points[part.faces][:, :, 2] - z).max(axis=1) < 1e-9
+    return Part(part.kind, part.points, part.normals, part.faces[flat])
+
+
+def farthest(points: np.ndarray, others: np.ndarray) -> float:
+    """How far any of `points` (n, 3) is from the nearest of `others`, m."""
+    apart = (np.abs(part[:, None] - others).max(axis=2).min(axis=1) for part in np.array_split(points, 20))
+    return float(np.concatenate(list(apart)).max())
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_tables_are_their_own_mirror_images(name: str) -> None:
+    shape = Shape(billiards.table(name))
+    lines = {"line"} if name == "snooker" else set()  # the D is at one end
+    for part in parts(shape):
+        for axis, size in ((0, shape.length), (1, shape.width)):
+            if part.kind in lines and axis == 0:
+                continue
+            mirrored = part.points.copy()
+            mirrored[:, axis] = size - mirrored[:, axis]
+            assert farthest(mirrored, part.points) < 1e-6, (part.kind, axis)
+
+
+@pytest.mark.parametrize("name", [n for n in KINDS if n != "carom"])
+def test_pockets_are_where_the_kit_takes_balls_out(name: str) -> None:
+    table = billiards.table(name)
+    shape, spec = Shape(table), table.spec
+    assert [hole.name for hole in shape.holes] == list(table.pockets)
+    for hole in shape.holes:
+        side = hole.name.startswith("side")
+        at = np.array(table.pockets[hole.name])
+        # The edge of the slate: the shelf behind the middle of the mouth, which in a corner is off the corner.
+        edge = spec.side_shelf if side else spec.corner_shelf - 0.5 * spec.corner_mouth
+        np.testing.assert_allclose(hole.centre - hole.radius * hole.axis, at + edge * hole.axis, atol=1e-12)
+        assert hole.radius > 1.1 * spec.ball_radius
+        assert not (0 < hole.centre[0] < spec.length and 0 < hole.centre[1] < spec.width)
+
+
+@pytest.mark.parametrize("change", [*({"name": name} for name in KINDS), *ODD], ids=str)
+def test_bed_and_rails_fill_what_the_pockets_leave(change: dict[str, Any]) -> None:
+    change = dict(change)
+    shape = Shape(billiards.table(change.pop("name", "9ft"), **change))
+    low, high = shape.box
+    for part in parts(shape):
+        assert np.isfinite(part.points).all()
+        np.testing.assert_allclose(np.linalg.norm(part.normals, axis=1), 1.0, atol=1e-9)
+        assert (part.points >= low - 1e-9).all()
+        assert (part.points <= high + 0.1 * shape.size).all()
+    # Against a fine grid of points, by which a pocket is known to some per cent.
+    n = 1000
+    x, y = np.meshgrid(*(np.linspace(low[k], high[k], n) for k in (0, 1)), indexing="ij")
+    out = np.maximum(np.maximum(-x, x - shape.length), np.maximum(-y, y - shape.width))
+    cell = (high - low)[:2].prod() / (n - 1) ** 2
+    away = [np.hypot(x - h.centre[0], y - h.centre[1]) - h.radius for h in shape.holes]
+    depth = np.minimum.reduce([*away, np.full_like(x, np.inf)])
+    sunk = cell * float(np.sum((depth < 0) & (out < shape.cushion)))
+    whole = (shape.length + 2 * shape.cushion) * (shape.width + 2 * shape.cushion)
+    assert whole - area(surface(shape, "cloth")) == pytest.approx(sunk, rel=0.05, abs=1e-9)
+    edge, corner = shape.rail - 0.25 * shape.size, shape.corner - 0.25 * shape.size
+    sunk = cell * float(np.sum((depth < 0.5 * shape.liner) & (out > shape.cushion)))
+    rails = (shape.length + 2 * edge) * (shape.width + 2 * edge) - (4 - math.pi) * corner**2 - whole
+    wood = area(level(surface(shape, "wood"), shape.top))
+    assert rails - wood == pytest.approx(sunk, rel=0.05, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_rubber_ends_at_the_noses_that_balls_meet(name: str) -> None:
+    table = billiards.table(name)
+    shape = Shape(table)
+    noses = [(a, b) for key, a, b in table._noses() if key.startswith("cushion")]
+    assert len(shape.cushions) == len(noses)
+    rubber = surface(shape, "cushion").points
+    inside = (rubber[:, 0] > 1e-9) & (rubber[:, 0] < shape.length - 1e-9)
+    inside &= (rubber[:, 1] > 1e-9) & (rubber[:, 1] < shape.width - 1e-9)
+    assert not inside.any()
+    tips = rubber[np.abs(rubber[:, 2] - shape.nose) < 1e-9]
+    for a, b in noses:
+        for end in (a, b):
+            assert np.hypot(*(tips[:, :2] - end).T).min() < 1e-9
+    assert shape.nose == table.spec.nose_height
+
+
+def test_sights_are_where_the_rules_have_them() -> None:
+    shape = Shape(billiards.table("9ft"))
+    middles = np.array([sight.mean(axis=0) for sight in shape.sights])
+    assert len(middles) == 18  # three on each short rail, six on each long one
+    long = middles[middles[:, 1] < 0]
+    np.testing.assert_allclose(np.sort(long[:, 0]), np.array([1, 2, 3, 5, 6, 7]) / 8 * shape.length)
+    assert -long[0, 1] == pytest.approx(0.0937, abs=1e-3)  # WPA: 3 11/16 in from the nose
+    assert len(Shape(billiards.table("carom")).sights) == 20
+    assert not Shape(billiards.table("snooker")).sights
+
+
+# --- balls -----------------------------------------------------------------------------------------------------------
+
+
+def looks(names: list[str], table: str | None) -> list[tuple[str, str, str]]:
+    run = SimpleNamespace(names=names, velocity=np.zeros((1, len(names), 3)))
+    found = ball_looks(run, None if table is None else billiards.table(table))
+    return [(look.kind, look.colour, look.label) for look in found]
+
+
+def test_balls_have_the_colours_of_their_game() -> None:
+    pool = looks(["cue", *(str(k) for k in range(1, 16))], "8ft")
+    assert pool[0][0] == "cue"
+    assert [kind for kind, _, _ in pool[1:]] == ["solid"] * 8 + ["stripe"] * 7
+    assert [colour for _, colour, _ in pool[1:]] == [*POOL, *POOL[:7]]
+    assert [label for _, _, label in pool[1:]] == [str(k) for k in range(1, 16)]
+    snooker = looks(["cue", "1", "15", "pink", "the black"], "snooker")
+    assert snooker[1:] == [("dotted", PLAIN[name], "") for name in ("red", "red", "pink", "black")]
+    carom_balls = looks(["cue", "1", "2"], "carom")
+    assert carom_balls[1:] == [("dotted", PLAIN["yellow"], ""), ("dotted", PLAIN["red"], "")]
+    # Elsewhere a name is no colour, and the numbers count.
+    assert looks(["red", "b4"], None) == [("solid", POOL[0], "1"), ("solid", POOL[3], "4")]
+
+
+# --- pages -----------------------------------------------------------------------------------------------------------
+
+
+def page(result: Any, path: Path) -> Page:
+    return Page(write_html(result, path).path.read_text())
+
+
+def test_a_page_holds_the_table_and_not_its_walls(shot: carom.Result, tmp_path: Path) -> None:
+    written = page(shot, tmp_path / "view.html")
+    facts = written.facts
+    assert [plane["name"] for plane in facts["planes"]] == ["bed"]
+    assert "walls" not in facts
+    assert facts["colours"] == {key: list(value) for key, value in COLOURS.items()}
+    assert facts["table"]["kinds"] == list(SURFACES)
+    assert facts["balls"][:2] == [[1, POOL[0], "1"], [1, POOL[1], "2"]]
+    assert facts["balls"][-1][0] == 0
+
+    def array(name: str) -> Any:
+        entry = facts["arrays"][name]
+        part = written.data[entry["offset"] : entry["offset"] + entry["bytes"]]
+        return codec.decode(part, entry)[:, 0] * entry.get("step", 1)
+
+    made = parts(Shape(billiards.table("9ft")))
+    points = np.concatenate([part.points for part in made])
+    origin = np.array(facts["arrays"]["position"]["origin"])
+    np.testing.assert_allclose(array("table_points") + origin, points, atol=1e-5)
+    np.testing.assert_allclose(array("table_normals"), np.concatenate([p.normals for p in made]), atol=1e-3)
+    corners = np.asarray(array("table_kinds"))[array("table_faces"), 0]
+    assert (corners == corners[:, :1]).all()  # no triangle is of two kinds
+    counts = [len(part.faces) for part in made]
+    np.testing.assert_array_equal(np.unique(corners[:, 0], return_counts=True)[1], counts)
+
+
+def test_walls_besides_the_table_stay_and_other_tables_are_drawn_as_before(tmp_path: Path) -> None:
+    table = billiards.table("9ft")
+    scene = table.scene("a wall on the table", until=0.01, step=1e-3)
+    scene.plane("brick", point=(1.0, 0.5, 0.05), normal=(1, 0, 0), size=(0.1, 0.1), material="cushion")
+    table.cue_ball(scene)
+    facts = page(carom.simulate(scene, out=tmp_path / "run"), tmp_path / "view.html").facts
+    assert [wall["name"] for wall in facts["walls"]] == ["brick"]
+    facts = page(billiard(3), tmp_path / "other.html").facts
+    assert "table" not in facts
+    assert len(facts["planes"]) == 5
+    assert not any(name.startswith("table") for name in facts["arrays"])
+    assert math.isclose(facts["radius"][0], 0.028575)
