@@ -61,6 +61,16 @@ class Row:
         """Wall time of all steps, s."""
         return float(sum(self.told["phases"]))
 
+    @property
+    def clock(self) -> str:
+        """What programs are compared by: CPU time, which others disturb less; of several threads it says too little."""
+        return "CPU" if self.threads == 1 else "wall"
+
+    @property
+    def seconds(self) -> float:
+        """Time of all steps by `clock`, s."""
+        return float(self.told["cpu"]) if self.threads == 1 else self.wall
+
     def per_step(self, phase: int | None = None) -> float:
         """Wall time of a step, s: of the whole run or of one phase."""
         from scale_carom import PHASES
@@ -162,13 +172,13 @@ def goals(rows: Sequence[Row]) -> list[str]:
         floor, overlap, residual, aim = goal
         counts = row.told["counts"]
         parts = {
-            f"{floor:g} s": row.wall <= floor,
+            f"{floor:g} s": row.seconds <= floor,
             f"overlap {overlap:g} r": row.told["deepest"] <= overlap,
             f"residual {residual:g}": row.told["residual"] <= residual,
             "no unconverged step": counts["unconverged"] == 0,
         }
         said = ", ".join(f"{name} {'met' if held else 'SHORT'}" for name, held in parts.items())
-        verdict = f"aim of {aim:g} s {'met' if row.wall <= aim else 'SHORT'}"
+        verdict = f"aim of {aim:g} s {'met' if row.seconds <= aim else 'SHORT'}"
         found.append(f"N = {row.grains}, {row.threads} thread(s): floors: {said}; {verdict}")
     return found
 
@@ -197,31 +207,25 @@ def copies(rows: Sequence[Row]) -> list[str]:
 
 
 def ratios(rows: Sequence[Row]) -> list[str]:
-    """Carom over each peer, same size and threads, and the soft peers with real stiffness.
-
-    On one thread by CPU time, which the rest of the machine disturbs less; on several that of one process says too little.
-    """
+    """Carom over each peer, same size and threads, and the soft peers with real stiffness."""
     found = []
     for peer in rows:
         if peer.program == "Carom" or not peer.complete:
             continue
-        clock, mark = (
-            (lambda row: row.told["cpu"], "CPU") if peer.threads == 1 else (lambda row: row.wall, "wall")
-        )
         line = (
-            f"{peer.label}, N = {peer.grains}, {peer.threads} thread(s): {mark} {clock(peer):.3g} s at "
+            f"{peer.label}, N = {peer.grains}, {peer.threads} thread(s): {peer.clock} {peer.seconds:.3g} s at "
             f"{peer.told['deepest']:.1%} overlap"
         )
         if not math.isnan(peer.young):
             scale = math.sqrt(REAL_STIFFNESS / peer.young)
             line += (
-                f"; with the stiffness of glass ({REAL_STIFFNESS:g} Pa) up to {scale * clock(peer):.3g} s, "
+                f"; with the stiffness of glass ({REAL_STIFFNESS:g} Pa) up to {scale * peer.seconds:.3g} s, "
                 "extrapolated by the number of steps"
             )
         for mine in rows:
             same = (mine.grains, mine.threads, mine.until) == (peer.grains, peer.threads, peer.until)
             if mine.program == "Carom" and mine.complete and same:
-                line += f"; {mine.law} / {peer.program} {clock(mine) / clock(peer):.2g}"
+                line += f"; {mine.law} / {peer.program} {mine.seconds / peer.seconds:.2g}"
         found.append(line)
     return found
 
