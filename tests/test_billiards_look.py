@@ -16,6 +16,8 @@ from carom.billiards.marked import table_of
 from carom.billiards.shape import Shape
 from carom.billiards.solid import SURFACES, Part, parts
 from carom.errors import ScenarioError
+from carom.export.frames import Selection
+from carom.film.look import Look
 from carom.scene import Scene
 from carom.view import codec, write_html
 from test_view_page import Page
@@ -266,3 +268,84 @@ def test_walls_besides_the_table_stay_and_other_tables_are_drawn_as_before(tmp_p
     assert len(facts["planes"]) == 5
     assert not any(name.startswith("table") for name in facts["arrays"])
     assert math.isclose(facts["radius"][0], 0.028575)
+
+
+# --- films -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def drawing() -> None:
+    pytest.importorskip("vtkmodules.vtkRenderingOpenGL2", reason="the extra [video] is not installed")
+    from carom.film import window
+
+    try:
+        window._usable()
+    except carom.CaromError as error:
+        pytest.skip(str(error))
+
+
+def picture(result: carom.Result, **options: Any) -> np.ndarray:
+    from carom.film.shoot import pictures
+
+    given = {"width": 640, "height": 360, "stamp": False, "at": 0.0, **options}
+    [found] = pictures(Selection.of(result), Look.of("png", given))
+    return found.astype(int)
+
+
+def shade(css: str) -> np.ndarray:
+    return np.array([int(css[k : k + 2], 16) for k in (1, 3, 5)])
+
+
+def rgb(css: str, image: np.ndarray) -> np.ndarray:
+    """The pixels of a colour, lighter or darker: (n, 2) rows and columns."""
+    wanted = shade(css) / np.linalg.norm(shade(css))
+    size = np.linalg.norm(image, axis=-1)
+    alike = (image @ wanted) / np.maximum(size, 1) > 0.985
+    return np.argwhere(alike & (size > 60))
+
+
+@pytest.mark.usefixtures("drawing")
+class TestFilm:
+    def test_from_above_the_pockets_are_dark_and_mirror_each_other(self, shot: carom.Result) -> None:
+        image = picture(shot, camera="top", shading="plain")
+        shape = Shape(billiards.table("9ft"))
+        cloth = rgb(COLOURS["cloth"][0], image)
+        low, high = cloth.min(axis=0), cloth.max(axis=0)
+        # Rows run down where y runs up; the cloth that shows ends where the rubber does.
+        scale = (high - low)[::-1] / (np.array([shape.length, shape.width]) + 2 * shape.cushion)
+        middle = 0.5 * (low + high)
+        for hole in shape.holes:
+            off = (hole.centre - 0.5 * np.array([shape.length, shape.width])) * scale
+            row, column = np.rint(middle + np.array([-off[1], off[0]])).astype(int)
+            assert image[row, column].max() < 40, hole.name
+        dark = image.max(axis=-1) < 40
+        assert (dark != dark[:, ::-1]).sum() < 0.25 * dark.sum()
+        assert (dark != dark[::-1]).sum() < 0.25 * dark.sum()
+
+    def test_balls_have_their_colours_and_stand_where_they_are(self, shot: carom.Result) -> None:
+        image = picture(shot, camera="top", shading="plain")
+        centres = [rgb(POOL[k], image).mean(axis=0) for k in (1, 3)]  # blue and purple, which nothing else is
+        place = shot.position[0][[shot.names.index("2"), shot.names.index("4")]]
+        apart = place[1] - place[0]
+        moved = (centres[1] - centres[0])[::-1] * (1, -1)
+        assert moved[1] / moved[0] == pytest.approx(apart[1] / apart[0], abs=0.15)
+
+    def test_numbers_and_stripes_are_on_balls(self, tmp_path: Path) -> None:
+        table = billiards.table("9ft")
+        scene = table.scene("apart", until=0.01, step=1e-2)
+        for k, name in enumerate(("1", "9")):
+            table.ball(scene, name, at=(0.6 + 0.5 * k, 0.6))
+        result = carom.simulate(scene, out=tmp_path / "run")
+        solid, stripe, plain = (
+            picture(result, follow=name, shading=shading)[155:205, 295:345]
+            for name, shading in (("1", "pattern"), ("9", "pattern"), ("9", "plain"))
+        )
+        white = [(part.min(axis=-1) > 175).sum() for part in (solid, stripe, plain)]
+        ink = [(part[10:40, 10:40].max(axis=-1) < 90).sum() for part in (solid, stripe, plain)]
+        yellow = [len(rgb(POOL[0], part)) for part in (solid, stripe, plain)]
+        assert white[0] > 200  # the disc of the number
+        assert white[1] > 1.15 * white[0]  # and what is beside the stripe
+        assert white[2] < 50  # the lamp alone
+        assert ink[1] > 1.5 * ink[0] > 8  # of a 9 there is more than of a 1
+        assert ink[2] == 0
+        assert yellow[2] > yellow[0] > yellow[1] > 200

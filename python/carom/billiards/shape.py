@@ -18,6 +18,8 @@ from carom.billiards.table import Table
 
 F64 = NDArray[np.float64]
 
+BED = "bed"
+"""Name of the plane on which balls lie."""
 # In radii of a ball.
 CUSHION = 1.8
 """From the nose to the wood: 2 in with pool's balls."""

@@ -7,15 +7,21 @@ sorts them. They are drawn from the back to the front, so that the soft rims ble
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.billiards.look import KINDS
 from carom.film.camera import Eye
 from carom.film.mesh import attach, cells, mesh, place, shaded
+from carom.film.numbers import atlas
 
 F64 = NDArray[np.float64]
+
+#: Kinds of balls besides those of billiards, in the program below: of two tones, of one colour.
+GRAIN, PLAIN = len(KINDS), len(KINDS) + 1
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
@@ -24,12 +30,14 @@ BALL_VERTEX = (
 in vec4 ball;
 in vec4 turn;
 in vec3 tint;
+in vec2 badge;
 out vec3 at;
 flat out vec4 vBall;
 flat out vec4 vTurn;
 flat out vec3 vTint;
+flat out vec2 vBadge;
 """,
-    "at = vertexMC.xyz; vBall = ball; vTurn = turn; vTint = tint;",
+    "at = vertexMC.xyz; vBall = ball; vTurn = turn; vTint = tint; vBadge = badge;",
 )
 BALL_FRAGMENT = (
     """
@@ -37,9 +45,43 @@ in vec3 at;
 flat in vec4 vBall;
 flat in vec4 vTurn;
 flat in vec3 vTint;
+flat in vec2 vBadge;   // kind: 0 to 3 of KINDS, 4 a grain, 5 plain; cell of its number
+const vec3 IVORY = vec3(0.95, 0.93, 0.87);
+const vec3 AXIS = vec3(0.0, -0.62, 0.7846);   // of the numbers, as in the viewer: towards the eye at the start
+float over(float edge, float x, float width) { return clamp((x - edge) / width + 0.5, 0.0, 1.0); }
 vec3 unturned(vec4 q, vec3 v) {
   vec3 t = 2.0 * cross(v, q.yzw);
   return v + q.x * t + cross(t, q.yzw);
+}
+vec3 pattern(vec3 n, float width, vec3 base) {
+  int kind = int(vBadge.x + 0.5);
+  if (kind == 5) return base;
+  if (kind == 4) {
+    // Eight octants in two tones and a light cap, so that every attitude looks different.
+    vec3 s = clamp(n / width, -1.0, 1.0);
+    return mix(base * (1.0 + 0.3 * s.x * s.y * s.z), IVORY, 0.9 * over(0.9, n.z, 0.5 * width));
+  }
+  if (kind == 0 || kind == 3) {
+    // Twelve dots, at the corners of an icosahedron.
+    vec3 a = abs(n);
+    float near = max(max(a.y + 1.618 * a.z, a.z + 1.618 * a.x), a.x + 1.618 * a.y) / 1.902;
+    return mix(base, kind == 0 ? vec3(0.80, 0.16, 0.17) : IVORY, over(0.979, near, 0.3 * width));
+  }
+  float b = dot(n, AXIS);
+  float v = dot(n, vec3(0.0, 0.7846, 0.62));
+  vec3 c = base;
+  vec3 spots = IVORY;
+  if (kind == 2) {
+    float band = over(-0.56, -abs(v), width);
+    c = mix(IVORY, base, band);
+    spots = mix(base, IVORY, band);
+  }
+  c = mix(c, spots, over(0.982, max(abs(n.x), abs(v)), 0.3 * width));
+  float disc = over(0.86, abs(b), 0.55 * width);
+  vec2 p = clamp(vec2(b > 0.0 ? n.x : -n.x, v) / 0.80 + 0.5, 0.02, 0.98);
+  vec2 cell = vec2(mod(vBadge.y, cells), floor(vBadge.y / cells));
+  float ink = texture(numbers, (cell + p) / cells).r;
+  return mix(mix(c, IVORY, disc), vec3(0.12), ink * disc);
 }
 """,
     """
@@ -56,11 +98,7 @@ vec3 unturned(vec4 q, vec3 v) {
   // Width of a pixel on the ball, from geometry: derivatives of a cast point break at the rim.
   float width = 1.2 * pixel / (vBall.w * max(facing, 0.15));
   vec3 own = unturned(vTurn, n);
-  // Eight octants in two tones and a light cap, so that every attitude looks different.
-  vec3 s = clamp(own / width, -1.0, 1.0);
-  vec3 c = vTint * (1.0 + patterned * 0.3 * s.x * s.y * s.z);
-  float cap = clamp((own.z - 0.9) / (0.5 * width) + 0.5, 0.0, 1.0);
-  c = mix(c, vec3(0.95, 0.93, 0.87), 0.9 * cap * patterned);
+  vec3 c = pattern(own, width, vTint);
   float sky = 0.5 + 0.5 * dot(n, upward);
   float lit = max(dot(n, lamp), 0.0);
   c *= 0.40 + 0.26 * sky + 0.44 * lit;
@@ -81,18 +119,24 @@ SHADE_FRAGMENT = (
 
 
 class Balls:
-    """All balls of a picture as one actor."""
+    """All balls of a picture as one actor; `labels` are what is written on them, each once."""
 
-    def __init__(self, lamp: F64, up: F64, patterned: bool) -> None:
+    def __init__(self, lamp: F64, up: F64, labels: Sequence[str] = ("",)) -> None:
         self._data = mesh(np.zeros((0, 3)))
-        self.actor = shaded(self._data, ("ball", "turn", "tint"), BALL_VERTEX, BALL_FRAGMENT)
+        self.actor = shaded(self._data, ("ball", "turn", "tint", "badge"), BALL_VERTEX, BALL_FRAGMENT)
+        texture, side = atlas(labels)
+        self.actor.GetProperty().SetTexture("numbers", texture)
         self._known: Any = self.actor.GetShaderProperty().GetFragmentCustomUniforms()
         self._known.SetUniform3f("lamp", lamp.tolist())
         self._known.SetUniform3f("upward", up.tolist())
-        self._known.SetUniformf("patterned", float(patterned))
+        self._known.SetUniformf("cells", float(side))
 
-    def place(self, eye: Eye, pixel: float, centre: F64, radius: F64, turn: F64, tint: F64) -> None:
-        """Centres (n, 3), radii (n,), quaternions (n, 4), colours (n, 3); `pixel` is the angle of one, rad."""
+    def place(
+        self, eye: Eye, pixel: float, centre: F64, radius: F64, turn: F64, tint: F64, badge: F64
+    ) -> None:
+        """Centres (n, 3), radii (n,), quaternions (n, 4), colours (n, 3), kinds and cells of numbers (n, 2); `pixel` is the
+        angle of one, rad.
+        """
         sight = centre - eye.position
         distance = np.linalg.norm(sight, axis=1)
         order = np.argsort(-distance, kind="stable")
@@ -113,6 +157,7 @@ class Balls:
         attach(self._data, np.repeat(np.hstack([centre[order], radius]), 4, axis=0), "ball")
         attach(self._data, np.repeat(turn[order], 4, axis=0), "turn")
         attach(self._data, np.repeat(tint[order], 4, axis=0), "tint")
+        attach(self._data, np.repeat(badge[order], 4, axis=0), "badge")
 
 
 class Shadows:

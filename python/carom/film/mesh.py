@@ -91,7 +91,8 @@ def shaded(data: Any, attributes: Sequence[str], vertex: Sequence[str], fragment
     declared, done = "//VTK::PositionVC::Dec", "//VTK::PositionVC::Impl"
     program.AddVertexShaderReplacement(declared, True, f"{declared}\n{vertex[0]}\n", False)
     program.AddVertexShaderReplacement(done, True, f"{done}\n{vertex[1]}\n", False)
-    program.AddFragmentShaderReplacement(declared, True, f"{declared}\n{fragment[0]}\n", False)
+    late = "//VTK::Picking::Dec"  # behind VTK's own declarations, as of textures
+    program.AddFragmentShaderReplacement(late, True, f"{late}\n{fragment[0]}\n", False)
     light = "//VTK::Light::Impl"
     program.AddFragmentShaderReplacement(light, True, f"{light}\n{fragment[1]}\n", False)
     found.ForceOpaqueOn()  # what is soft at the rim is sorted here already

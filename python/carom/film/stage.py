@@ -11,11 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.billiards.look import KINDS, BallLook, ball_looks
+from carom.billiards.marked import table_of
+from carom.billiards.shape import BED, Shape
 from carom.film import camera
-from carom.film.balls import Balls, Shadows
+from carom.film.balls import GRAIN, PLAIN, Balls, Shadows
 from carom.film.look import Look
 from carom.film.mesh import Colour, actor, colour, mesh
 from carom.film.playback import Moment, Playback
+from carom.film.table import Felt
 from carom.film.window import off_screen, pixels, vtk
 from carom.packing.neighbours import folded
 from carom.rotations import rotated, upward
@@ -50,9 +54,15 @@ class Stage:
         closed = self._periods > 0  # balls are drawn within the box
         low = np.where(closed, self._origin, low)
         high = np.where(closed, self._origin + self._periods, high)
-        found = surfaces(list(result.walls.values()), low, high, self._up, closed.tolist())
+        table = table_of(result)
+        shape = None if table is None else Shape(table)
+        drawn = set() if shape is None else {BED, *shape.walls}  # by the table, in its own way
+        walls = [wall for wall in result.walls.values() if wall.motion.moves or wall.name not in drawn]
+        found = surfaces(walls, low, high, self._up, closed.tolist())
         for surface in found:
             low, high = _with(surface, low, high)
+        if shape is not None:
+            low, high = np.minimum(low, shape.box[0]), np.maximum(high, shape.box[1])
         self._middle, self._scale = 0.5 * (low + high), 2.0 / float((high - low).max())
         low, high = self._scaled(low), self._scaled(high)
         self._eye = camera.whole(look.camera, low, high, self._up, look.width / look.height)
@@ -84,10 +94,12 @@ class Stage:
 
         self._moving: list[tuple[Surface, list[Any]]] = []
         self._shadows: list[Shadows] = []
+        self._felt = None if shape is None else Felt(shape, self._scaled, self._lamp)
+        if self._felt is not None:
+            self._renderer.AddActor(self._felt.actor)
+            self._shade(self._felt.bed, np.array([0.0, 0.0, 1.0]))
         self._set(found)
         self._periodic(low, high)
-        self._balls = Balls(self._lamp, self._up, look.shading != "plain")
-        self._renderer.AddActor(self._balls.actor)
         self._links = links(result, 1)
         self._rods = mesh(np.zeros((0, 3)))
         if self._links:
@@ -95,7 +107,9 @@ class Stage:
             rods.GetProperty().SetLineWidth(max(1.0, look.height / 360))
             rods.GetProperty().LightingOff()
             self._renderer.AddActor(rods)
-        self._colours()
+        labels = self._colours(None if table is None else ball_looks(result, table))
+        self._balls = Balls(self._lamp, self._up, labels)
+        self._renderer.AddActor(self._balls.actor)
         self._stamp = self._text() if look.stamp else None
 
     def picture(self, moment: Moment) -> NDArray[np.uint8]:
@@ -107,7 +121,11 @@ class Stage:
             k = int(np.flatnonzero(moment.body == self._followed)[0])
             self._eye = eye = camera.beside(eye, centre[k], float(radius[k]))
         pixel = math.radians(camera.ANGLE) / self._look.height
-        self._balls.place(eye, pixel, centre, radius, moment.orientation, self._tint(moment))
+        self._balls.place(
+            eye, pixel, centre, radius, moment.orientation, self._tint(moment), self._badge[moment.body]
+        )
+        if self._felt is not None:
+            self._felt.seen_from(eye.position)
         for shadows in self._shadows:
             shadows.place(centre, radius)
         self._move(moment.time)
@@ -153,11 +171,14 @@ class Stage:
                 polygon, normal = vertices, self._normal(surface)
                 if not table or self._followed is not None:
                     self._grid(polygon, normal, colour(SEAM if table else GRID))
-                shadows = Shadows(polygon, normal, self._lamp)
-                self._shadows.append(shadows)
-                self._renderer.AddActor(shadows.actor)
+                self._shade(polygon, normal)
             if moves:
                 self._moving.append((surface, parts))
+
+    def _shade(self, polygon: F64, normal: F64) -> None:
+        shadows = Shadows(polygon, normal, self._lamp)
+        self._shadows.append(shadows)
+        self._renderer.AddActor(shadows.actor)
 
     @staticmethod
     def _normal(surface: Surface) -> F64:
@@ -243,16 +264,31 @@ class Stage:
 
     # Balls.
 
-    def _colours(self) -> None:
-        from carom.plot.style import COLOURS
-
+    def _colours(self, looks: list[BallLook] | None) -> list[str]:
+        """Colours and patterns of the balls, those of billiards if there are `looks`; what is written on them, each once."""
         count = len(self._playback.radius)
-        own = np.array([colour(css) for css in COLOURS])
-        own = 0.18 + 0.82 * own  # black has to show its two tones
-        self._own = own[np.arange(count) % len(own)]
+        labels = [""]
+        self._badge = np.full((count, 2), (PLAIN if self._look.shading == "plain" else GRAIN, 0.0))
+        if looks is None:
+            from carom.plot.style import COLOURS
+
+            own = np.array([colour(css) for css in COLOURS])
+            own = 0.18 + 0.82 * own  # black has to show its two tones
+            self._own = own[np.arange(count) % len(own)]
+        else:
+            self._own = np.array([colour(look.colour) for look in looks])
+            if self._look.shading == "pattern":
+                labels = list(dict.fromkeys(look.label for look in looks))
+                self._badge = np.array(
+                    [(KINDS.index(look.kind), labels.index(look.label)) for look in looks], dtype=float
+                )
         self._scale_of: tuple[F64, float] | None = None
-        if self._look.shading not in ("speed", "spin"):
-            return
+        if self._look.shading in ("speed", "spin"):
+            self._bar()
+        return labels
+
+    def _bar(self) -> None:
+        """The scale of the colours that stand for speed or spin."""
         from carom.plot import require_matplotlib
 
         require_matplotlib()
