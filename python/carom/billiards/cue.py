@@ -24,8 +24,8 @@ an offset of s radii across the cue by the angle
 for an offset to the side Alciatore's squirt (TP A.31, eq. 13). Of the energy of cue, end mass and ball (1 - e) V J/2 is
 lost.
 
-A cue that points down gives a downward velocity: the bed answers to it in the first step of the run, with its own
-restitution and friction, and a jump or a masse shot follows from that.
+A cue that points down gives a downward velocity. The bed answers to it in the first step of the run, with its own
+restitution and friction. The tip is gone then: a real one is still above the ball, so that hops are too high here.
 """
 
 from __future__ import annotations

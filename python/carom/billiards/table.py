@@ -222,8 +222,8 @@ class Table:
     ) -> list[Sphere]:
         """Add 3 to 15 balls, the apex towards the head of the table, named `prefix` and 1, 2, ...; 15 without a number.
 
-        `order`, "8-ball", "9-ball" or "10-ball", places them by the rules of the game (`numbers_of`); without it they are
-        numbered row by row. `gap`, `jitter` and `seed` are those of `rack_places`. Balls are returned by number.
+        `order`, "8-ball", "9-ball" or "10-ball", places them by the WPA's rules and draws the rest by `seed`; without it
+        they are numbered row by row. `gap`, `jitter` and `seed` are those of `rack_places`. Balls are returned by number.
         """
         if order is None:
             numbers = list(range(1, 1 + sum(rows_of(15 if balls is None else balls))))
