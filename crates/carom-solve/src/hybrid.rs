@@ -20,12 +20,13 @@ pub(crate) struct Hybrid {
 
 impl Hybrid {
     /// Solves the problem linearised at `u`, where the measures are `z`; `lambda` is start and result, `u = M^-1 G^T lambda`.
-    /// The residual of the report is the `err` of the linear problem.
+    /// The residual of the report is the `err` of the linear problem. `rounding` is the error of one measure: what it explains
+    /// of `err` is solved too.
     pub fn solve(
         &mut self,
         system: &RowSystem,
         z: &[f64],
-        tolerance: f64,
+        [tolerance, rounding]: [f64; 2],
         lambda: &mut [f64],
         u: &mut [f64],
     ) -> SolveReport {
@@ -39,8 +40,14 @@ impl Hybrid {
         self.problem.fill_rows(system, &self.q);
         let contacts = system.contacts.len() as u64;
         self.auto.sweep_budget = Some(SWEEP_BUDGET.min(MAX_SWEEPS * contacts));
+        let size = self.q.iter().map(|q| q * q).sum::<f64>().sqrt();
+        let explained = if size > 0.0 {
+            rounding * (contacts as f64).sqrt() / size
+        } else {
+            0.0
+        };
         let settings = Settings {
-            tolerance,
+            tolerance: tolerance.max(explained),
             ..Settings::default()
         };
         let outcome = crate::solver::solve(&self.problem, &mut self.auto, settings, lambda);

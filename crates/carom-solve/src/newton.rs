@@ -22,8 +22,8 @@ pub struct NewtonOptions {
     pub floor: f64,
     /// Closed contacts must meet `|gap| <= gap_tolerance * r_c` (position level, small islands); infinite: not asked.
     pub gap_tolerance: f64,
-    /// Absolute addition to it for rounding, m.
-    pub gap_floor: f64,
+    /// Rounding of a coordinate, m: what a gap cannot be known better than (position level).
+    pub rounding: f64,
     pub max_iterations: u32,
     /// p per row is `penalty_scale / D_cc` (rule R1: 0.5; safe for one contact up to 2).
     pub penalty_scale: f64,
@@ -56,6 +56,11 @@ const MAX_LINEARISATIONS: u32 = 12;
 const LINEAR_SHARE: f64 = 0.1;
 const TIGHTER: f64 = 1e-2;
 const LEAST_TOLERANCE: f64 = 1e-12;
+/// Roundings of a coordinate by which a closed gap may miss its tolerance, and those that the gaps of a linear problem may keep. A rack of
+/// touching spheres has gaps that are rounding and contradict one another; where steps are short they are above the tolerance of the
+/// loads, and no method but the path solved them.
+const GAP_ROUNDINGS: f64 = 16.0;
+const LINEAR_ROUNDINGS: f64 = 4.0;
 /// Share of the residual below which a linear problem was worth it.
 const GAIN: f64 = 0.5;
 
@@ -240,6 +245,7 @@ impl Newton {
             *p = options.penalty_scale / d;
         }
         let mut tolerance = LINEAR_SHARE * options.tolerance;
+        let mut rounding = LINEAR_ROUNDINGS * options.rounding;
         let mut before = f64::INFINITY;
         let mut exact = true;
         for _ in 0..MAX_LINEARISATIONS {
@@ -264,10 +270,13 @@ impl Newton {
                     return;
                 }
                 tolerance *= TIGHTER;
+                rounding *= TIGHTER;
             }
             before = total.residual;
             let z = std::mem::take(&mut self.z);
-            let report = self.hybrid.solve(system, &z, tolerance, lambda, u);
+            let report = self
+                .hybrid
+                .solve(system, &z, [tolerance, rounding], lambda, u);
             self.z = z;
             exact = report.converged;
             total.iterations += report.iterations;
@@ -545,7 +554,7 @@ impl Newton {
     fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
         options.gap_tolerance.is_infinite()
             || system.contacts.iter().all(|c| {
-                let tolerance = options.gap_tolerance * c.length + options.gap_floor;
+                let tolerance = options.gap_tolerance * c.length + GAP_ROUNDINGS * options.rounding;
                 if c.bilateral {
                     let rows = c.row as usize..(c.row + c.translational) as usize;
                     return self.z[rows].iter().all(|z| z.abs() <= tolerance);

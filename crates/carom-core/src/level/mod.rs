@@ -76,7 +76,7 @@ pub(crate) fn newton_options(
         } else {
             f64::INFINITY
         },
-        gap_floor: 0.0,
+        rounding: 0.0,
         max_iterations: options.max_iterations,
         penalty_scale: options.penalty_scale,
         proximal_shift: options.proximal_shift,

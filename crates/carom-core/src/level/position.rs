@@ -286,7 +286,7 @@ fn solve_by_newton(
     let share = position_floor(&model.options, groups);
     let floor = mean(&|i| model.mass[i] * (share * model.radius[i]).max(4.0 * rounding));
     let mut options = newton_options(&model.options, groups, floor, true);
-    options.gap_floor = 16.0 * rounding;
+    options.rounding = rounding;
     let mut problem = Positions {
         model,
         walls,
