@@ -14,6 +14,7 @@ import pytest
 from carom import billiards, events
 from carom.billiards import LAWS, TABLES, cue_impulse, rack_places, strike, table
 from carom.billiards.racks import numbers_of, rows_of
+from carom.billiards.walls import outlets
 from carom.errors import CaromError, ScenarioError
 
 G = 9.8
@@ -354,7 +355,7 @@ def test_the_stairs_of_a_corner_follow_the_edge_of_the_slate() -> None:
     t = table("9ft")
     s = t.spec
     middle = 0.5 * s.corner_mouth / math.sqrt(2) - s.corner_shelf / math.sqrt(2)  # of the edge, along x and y
-    boxes = [(np.array(low[:2]), np.array(high[:2])) for low, high in t._outlets()]
+    boxes = [(np.array(low[:2]), np.array(high[:2])) for low, high in outlets(t.spec)]
     along, off = np.meshgrid(np.linspace(-0.8, 0.8, 201) * s.ball_radius, np.linspace(-8e-3, 8e-3, 161))
     x = np.stack([middle + (off + along) / math.sqrt(2), middle + (off - along) / math.sqrt(2)], axis=-1)
     taken = np.zeros(off.shape, dtype=bool)

@@ -15,6 +15,7 @@ from carom.billiards.look import COLOURS, PLAIN, POOL, ball_looks
 from carom.billiards.marked import table_of
 from carom.billiards.shape import Shape
 from carom.billiards.solid import SURFACES, Part, parts
+from carom.billiards.walls import noses
 from carom.errors import ScenarioError
 from carom.export.frames import Selection
 from carom.film.look import Look
@@ -176,14 +177,14 @@ def test_bed_and_rails_fill_what_the_pockets_leave(change: dict[str, Any]) -> No
 def test_rubber_ends_at_the_noses_that_balls_meet(name: str) -> None:
     table = billiards.table(name)
     shape = Shape(table)
-    noses = [(a, b) for key, a, b in table._noses() if key.startswith("cushion")]
-    assert len(shape.cushions) == len(noses)
+    lines = [(a, b) for key, a, b in noses(table.spec) if key.startswith("cushion")]
+    assert len(shape.cushions) == len(lines)
     rubber = surface(shape, "cushion").points
     inside = (rubber[:, 0] > 1e-9) & (rubber[:, 0] < shape.length - 1e-9)
     inside &= (rubber[:, 1] > 1e-9) & (rubber[:, 1] < shape.width - 1e-9)
     assert not inside.any()
     tips = rubber[np.abs(rubber[:, 2] - shape.nose) < 1e-9]
-    for a, b in noses:
+    for a, b in lines:
         for end in (a, b):
             assert np.hypot(*(tips[:, :2] - end).T).min() < 1e-9
     assert shape.nose == table.spec.nose_height

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.billiards.table import Table
+from carom.billiards.walls import noses
 
 F64 = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ class Shape:
     @property
     def walls(self) -> set[str]:
         """Names of the walls of a scene that stand for what is drawn here, but for the bed."""
-        return {name for name, _, _ in self.table._noses()}
+        return {name for name, _, _ in noses(self.table.spec)}
 
     @property
     def box(self) -> tuple[F64, F64]:
@@ -200,10 +201,10 @@ class Shape:
         return Hole(name, middle + depth * axis, radius, axis, math.atan2(meets[1], -meets[0]))
 
     def _cushions(self) -> list[Cushion]:
-        noses = self.table._noses()
-        facings = {name: (np.array(a), np.array(b)) for name, a, b in noses if name.startswith("facing")}
+        lines = noses(self.table.spec)
+        facings = {name: (np.array(a), np.array(b)) for name, a, b in lines if name.startswith("facing")}
         found = []
-        for name, a, b in noses:
+        for name, a, b in lines:
             if not name.startswith("cushion"):
                 continue
             start, end = np.array(a), np.array(b)
