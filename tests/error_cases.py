@@ -18,6 +18,7 @@ ROD = '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\n'
 MOTION = '[[joint]]\ntype = "motion"\nbody = "cue"\ndirection = [1,0,0]\n'
 WALL = '[[{0}]]\nname = "w"\nmaterial = "cloth"\n'
 INFLOW = f'[[inflow]]\nname = "in"\n{SPHERE}count = 2\nrate = 1.0\nseed = 1\n'
+FAR = "region = { low = [3,3,3], high = [4,4,4] }\n"
 PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 1\ncount = 2\n'
 BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
@@ -52,6 +53,18 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + "region = { low = [3,3,3], high = [4,4,4], point = [0,0,0], normal = [0,0,1], radius = 1 }\n",
         )
     ],
+    "... is that of one ball, and sizes differ": [
+        (
+            "inflow",
+            INFLOW.replace("radius = 0.01\n", "")
+            + FAR
+            + 'sizes = "uniform"\nsmallest = 0.01\nlargest = 0.02\n',
+        )
+    ],
+    "both radius and ... are given": [
+        ("inflow", INFLOW.replace("mass", "density") + FAR + "diameter = 0.02\n")
+    ],
+    "no size is given": [("inflow", INFLOW.replace("radius = 0.01\n", "") + FAR)],
     "is incomplete: ... missing": [("region", INFLOW + "region = { low = [3,3,3] }\n")],
     "is below low along ...": [("region", INFLOW + "region = { low = [3,3,3], high = [2,4,4] }\n")],
     "balls would enter ... m deep in ...": [

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from math import isqrt, pi
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from carom.scenario.fields import Bounds, Choice, Integer, exactly_one, refuse
@@ -27,8 +29,15 @@ from carom.scenario.quantities import (
 from carom.scenario.table import Table
 from carom.scenario.vectors import cross, norm
 
+Radius = TypeVar("Radius", float, NDArray[np.float64])
+
 MOST_BALLS = 10_000_000
 """Balls of one generator at most: no input may make Carom allocate without bound."""
+
+
+def volume(radius: Radius) -> Radius:
+    """Volume of balls of that radius, or of each of these, m^3."""
+    return 4.0 / 3.0 * pi * radius * radius * radius  # a power would raise OverflowError
 
 
 class Ball(Table):
@@ -64,9 +73,7 @@ class Ball(Table):
         if self.mass is not None:
             return self.mass
         assert self.density is not None  # by _one_mass
-        return self.density * (
-            4.0 / 3.0 * pi * self.radius * self.radius * self.radius
-        )  # a power would raise OverflowError
+        return self.density * volume(self.radius)
 
     def inertia_kg_m2(self) -> float:
         """Moment of inertia, kg m^2."""

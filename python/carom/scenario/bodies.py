@@ -72,6 +72,7 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     segments = [Segment(k, k + 1, "sphere", i) for k, (i, _) in enumerate(spheres)]
     names = [s.name for _, s in spheres]
     balls: list[tuple[Ball, int]] = [(s, 1) for _, s in spheres]
+    coming: list[Inflow] = []  # behind all others
     n = len(spheres)
     position = [np.array([s.position for _, s in spheres], dtype=float).reshape(n, 3)]
     velocity = [np.array([s.velocity for _, s in spheres], dtype=float).reshape(n, 3)]
@@ -83,11 +84,19 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
             count = len(centres)
             segments.append(Segment(len(names), len(names) + count, section, i))
             names += table.ball_names()
-            balls.append((table, count))
+            if isinstance(table, Inflow):
+                coming.append(table)
+            else:
+                balls.append((table, count))
             position.append(centres)
             start = (0.0, 0.0, 0.0) if isinstance(table, Rack) else table.velocity
             velocity.append(np.broadcast_to(np.array(start), (count, 3)))
     counts = [count for _, count in balls]
+    kinds = [b.material for b, _ in balls] + [t.material for t in coming]
+
+    def each(first: list[float], others: list[F64]) -> F64:
+        return np.concatenate([np.repeat(np.array(first, dtype=float), counts), *others])
+
     total = len(names)
     spin = np.zeros((total, 3))
     orientation = np.zeros((total, 4))
@@ -96,14 +105,17 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     orientation[:n] = np.array([scaled(s.orientation) for _, s in spheres], dtype=float).reshape(n, 4)
     return Bodies(
         names=names,
-        radius=np.repeat([b.radius for b, _ in balls], counts).astype(float),
-        mass=np.repeat([b.mass_kg() for b, _ in balls], counts).astype(float),
-        inertia=np.repeat([b.inertia_kg_m2() for b, _ in balls], counts).astype(float),
+        radius=each([b.radius for b, _ in balls], [t.radii() for t in coming]),
+        mass=each([b.mass_kg() for b, _ in balls], [t.masses() for t in coming]),
+        inertia=each([b.inertia_kg_m2() for b, _ in balls], [t.inertias() for t in coming]),
         position=np.concatenate(position),
         velocity=np.concatenate(velocity),
         angular_velocity=spin,
         orientation=orientation,
-        material=np.repeat([known.get(b.material, -1) for b, _ in balls], counts).astype(np.int64),
+        material=np.repeat(
+            np.array([known.get(kind, -1) for kind in kinds], dtype=np.int64),
+            [*counts, *(t.count for t in coming)],
+        ),
         segments=segments,
     )
 

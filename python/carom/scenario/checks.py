@@ -196,7 +196,7 @@ def _materials(parts: Parts) -> Iterator[Finding]:
     cure = 'add [[material]] name = "..."' if not known else ""
     for section in (*BALLS, *WALLS):
         for i, table in parts.entries[section]:
-            assert isinstance(table, Ball | Wall)
+            assert isinstance(table, Ball | Inflow | Wall)
             if table.material not in admitted:
                 hint = cure or did_you_mean(table.material, known)
                 yield Finding((section, i, "material"), f"unknown material {quoted(table.material)}", hint)

@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from carom.scenario.balls import MOST_BALLS, Ball
-from carom.scenario.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Quantity, refuse
+from carom.packing import Sizes, Stream
+from carom.packing.sizes import Rare
+from carom.scenario.balls import MOST_BALLS, volume
+from carom.scenario.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Quantity, exactly_one, refuse
 from carom.scenario.lists import Direction
-from carom.scenario.quantities import ZEROS, Length, Name, Position, Seed, Vec3, Velocity, unit
+from carom.scenario.quantities import (
+    ZEROS,
+    Density,
+    Inertia,
+    Length,
+    Mass,
+    Name,
+    Position,
+    Seed,
+    Vec3,
+    Velocity,
+    unit,
+)
+from carom.scenario.sizes import Sized
 from carom.scenario.table import Table
 from carom.scenario.vectors import scaled
+
+F64 = NDArray[np.float64]
 
 _BOX, _DISC = ("low", "high"), ("point", "normal", "radius")
 _CURE = "give low and high (a box), or point, normal and radius (a disc)"
@@ -82,12 +103,39 @@ class Region(Table):
         return "region"
 
 
-class Inflow(Ball):
+class _Kind(Table):
+    """What an inflow says of its balls besides the laws of sizes."""
+
+    name: Name = Field(description="prefix of the names; the number is appended", examples=["grain"])
+    material: Name = Field(description="name of its material", examples=["grain"])
+    radius: Length | None = Field(
+        None,
+        description="radius r of all balls; or give `diameter`, or `sizes` and its keys",
+        examples=["5 mm"],
+        json_schema_extra=unit("m"),
+    )
+    mass: Mass | None = Field(
+        None,
+        description="mass m of each ball, if all have one size (or give density)",
+        examples=["1.3 g"],
+        json_schema_extra=unit("kg"),
+    )
+    density: Density | None = Field(
+        None, description="density, instead of mass", examples=[2500.0], json_schema_extra=unit("kg/m^3")
+    )
+    inertia: Inertia | None = Field(
+        None,
+        description="moment of inertia about any axis, if all have one size; if omitted, 2/5 m r^2 (homogeneous)",
+        examples=[5.2e-9],
+        json_schema_extra=unit("kg m^2"),
+    )
+
+
+class Inflow(Sized, _Kind):
     """Balls that enter in the course of the run; `name = "grain"` makes grain1, grain2, ..."""
 
     section: ClassVar[str] = "inflow"
 
-    name: Name = Field(description="prefix of the names; the number is appended", examples=["grain"])
     first_number: Annotated[int, Integer(Bounds(ge=0))] = Field(1, description="number of the first ball")
     count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] = Field(
         description="number of balls that enter in all", examples=[1000]
@@ -113,7 +161,51 @@ class Inflow(Ball):
         description="each component of that velocity is changed at random by at most this",
         json_schema_extra=unit("m/s"),
     )
-    seed: Seed = Field(description="seed of places and velocities", examples=[1])
+    seed: Seed = Field(description="seed of sizes, places and velocities", examples=[1])
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        wrong = exactly_one(self.__dict__, "mass", "density")
+        if wrong:
+            raise wrong
+        if self.sizes != "equal":
+            for key in ("mass", "inertia"):
+                if getattr(self, key) is not None:
+                    raise refuse(f"{key} is that of one ball, and sizes differ", "give density alone")
+        try:
+            self.radii()
+        except Rare as error:
+            raise refuse(str(error), "widen smallest and largest, or move mean between them") from None
+        return self
+
+    def _sizes_given(self) -> Mapping[str, Any]:
+        given = self.__dict__
+        if self.radius is None:
+            if self.sizes == "equal" and self.diameter is None:
+                raise refuse("no size is given", "give radius, or diameter, or sizes and its keys")
+            return given
+        if self.sizes != "equal" or self.diameter is not None:
+            other = "diameter" if self.diameter is not None else "sizes"
+            raise refuse(f"both radius and {other} are given", "remove one of them")
+        return {**given, "diameter": 2.0 * self.radius}
+
+    def radii(self) -> F64:
+        """Radii of its balls in the order in which they enter, (count,), m: independent draws from the law of sizes."""
+        return _radii(self.law(), self.seed, self.count)
+
+    def masses(self) -> F64:
+        """Masses, (count,), kg."""
+        if self.mass is not None:
+            return np.full(self.count, self.mass)
+        assert self.density is not None  # by _consistent
+        return self.density * volume(self.radii())
+
+    def inertias(self) -> F64:
+        """Moments of inertia, (count,), kg m^2."""
+        if self.inertia is not None:
+            return np.full(self.count, self.inertia)
+        radius = self.radii()
+        return 0.4 * self.masses() * radius * radius
 
     def size(self) -> int:
         """Number of balls."""
@@ -134,6 +226,13 @@ class Inflow(Ball):
             "spread": self.spread,
             "seed": self.seed,
         }
+
+
+@lru_cache(maxsize=8)  # a scene is looked at several times before it runs
+def _radii(law: Sizes, seed: int, count: int) -> F64:
+    found = 0.5 * law.draw(count, Stream(seed))
+    found.flags.writeable = False
+    return found
 
 
 class Outlet(Table):

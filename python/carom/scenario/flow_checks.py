@@ -34,10 +34,11 @@ def check_flow(parts: Parts) -> Iterator[Finding]:
     for i, inflow in parts.entries["inflow"]:
         assert isinstance(inflow, Inflow)
         corners = _corners(inflow.region)
-        radius = np.full(len(corners), inflow.radius)
+        largest = float(inflow.radii().max())
+        radius = np.full(len(corners), largest)
         for wall in parts.walls():
             depth = -float(gaps(wall, corners, radius).min())
-            if depth > TOUCHING * inflow.radius:
+            if depth > TOUCHING * largest:
                 cause = f"balls would enter {depth:.4g} m deep in {called(wall)}"
                 cure = "the region is that of their centres: keep it one radius away from walls"
                 yield Finding(("inflow", i, "region"), cause, cure)

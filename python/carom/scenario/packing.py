@@ -28,10 +28,9 @@ from carom.packing import (
     draw,
     pack,
 )
-from carom.packing import sizes as laws
 from carom.scenario.balls import Sphere
 from carom.scenario.fields import Bounds, Choice, Integer, Quantity, exactly_one, refuse
-from carom.scenario.lists import Direction, Vector, Vectors
+from carom.scenario.lists import Direction
 from carom.scenario.problems import Finding
 from carom.scenario.quantities import (
     ZEROS,
@@ -45,6 +44,7 @@ from carom.scenario.quantities import (
     Velocity,
     unit,
 )
+from carom.scenario.sizes import SIZES, Sized, exactly
 from carom.scenario.table import Table
 
 REGIONS: dict[str, tuple[str, ...]] = {
@@ -53,25 +53,13 @@ REGIONS: dict[str, tuple[str, ...]] = {
     "sphere": ("point", "region_radius"),
 }
 """Keys that each region needs; it takes no others of them."""
-SIZES: dict[str, tuple[str, ...]] = {
-    "equal": ("diameter",),
-    "uniform": ("smallest", "largest"),
-    "normal": ("mean", "deviation", "smallest", "largest"),
-    "lognormal": ("mean", "deviation", "smallest", "largest"),
-    "table": ("classes",),
-}
-"""Keys that each law of sizes needs; it takes no others of them."""
-CLASS = Vector(size=2, form="[diameter, share]")
-"""One class of a table of sizes."""
 FRACTION_OFF = 1.5
 """A fraction that is so many times that asked for is worth a word."""
 AXES = ("", "x", "y", "z", "xy", "xz", "yz", "xyz")
 
 
-class Packing(Table):
-    """Balls at random without overlaps, numbered from `first_number`: `name = "grain"` makes grain1, grain2, ..."""
-
-    section: ClassVar[str] = "packing"
+class _Filling(Table):
+    """What stands before the sizes."""
 
     name: Name = Field(description="prefix of the names; the number is appended", examples=["grain"])
     material: Name = Field(description="name of its material", examples=["grain"])
@@ -90,44 +78,13 @@ class Packing(Table):
         description="kept free between any two balls, and half of it at walls",
         json_schema_extra=unit("m"),
     )
-    sizes: Annotated[str, Choice(tuple(SIZES))] = Field(
-        "equal", description="law of the diameters: equal, uniform, normal, lognormal, table"
-    )
-    diameter: Length | None = Field(
-        None, description="equal: of all balls", examples=["10 mm"], json_schema_extra=unit("m")
-    )
-    mean: Length | None = Field(
-        None,
-        description="normal, lognormal: mean diameter, before the limits cut the law",
-        examples=["10 mm"],
-        json_schema_extra=unit("m"),
-    )
-    deviation: Length | None = Field(
-        None,
-        description="normal, lognormal: standard deviation of the diameter, before the limits cut the law",
-        examples=["2 mm"],
-        json_schema_extra=unit("m"),
-    )
-    smallest: Length | None = Field(
-        None,
-        description="uniform, normal, lognormal: smallest diameter",
-        examples=["6 mm"],
-        json_schema_extra=unit("m"),
-    )
-    largest: Length | None = Field(
-        None,
-        description="uniform, normal, lognormal: largest diameter",
-        examples=["15 mm"],
-        json_schema_extra=unit("m"),
-    )
-    classes: Annotated[tuple[tuple[float, float], ...], Vectors(CLASS, 1, 1000)] | None = Field(
-        None,
-        description="table: [diameter in m, share] of each class",
-        examples=[[[0.005, 0.7], [0.01, 0.3]]],
-    )
-    shares: Annotated[str, Choice(("number", "mass"))] = Field(
-        "number", description="table: what the shares are of, number or mass; they need not add up to 1"
-    )
+
+
+class Packing(Sized, _Filling):
+    """Balls at random without overlaps, numbered from `first_number`: `name = "grain"` makes grain1, grain2, ..."""
+
+    section: ClassVar[str] = "packing"
+
     region: Annotated[str, Choice(tuple(REGIONS))] = Field(
         "box", description="what the balls lie in, as a whole: box, cylinder, sphere"
     )
@@ -170,20 +127,11 @@ class Packing(Table):
         wrong = exactly_one(given, "count", "fraction")
         if wrong:
             raise wrong
-        _exactly(given, "sizes", self.sizes, SIZES)
-        _exactly(given, "region", self.region, REGIONS)
+        exactly(given, "region", self.region, REGIONS)
         if self.periodic and self.region != "box":
             raise refuse(f"a {self.region} has no periodic axes", 'remove periodic, or give region = "box"')
         if self.low and self.high and not all(a < b for a, b in zip(self.low, self.high, strict=True)):
             raise refuse("low is not below high along each axis", "exchange what is the wrong way round")
-        if self.smallest and self.largest and self.smallest > self.largest:
-            raise refuse("smallest is above largest", "exchange them")
-        for place, entry in enumerate(self.classes or ()):
-            if min(entry) <= 0:
-                part = "classes", place
-                raise refuse(
-                    "diameters and shares of the table must be positive", "leave out empty classes", part
-                )
         return self
 
     def space(self) -> Region:
@@ -196,19 +144,6 @@ class Packing(Table):
         if self.axis and self.length:
             return Cylinder(self.point, self.axis, self.region_radius, self.length)
         return Ball(self.point, self.region_radius)
-
-    def law(self) -> Sizes:
-        """The law of sizes, for `carom.packing`."""
-        if self.sizes == "equal":
-            return laws.Equal(self.diameter or 0.0)
-        if self.sizes == "table":
-            diameters, shares = zip(*(self.classes or ()), strict=True)
-            return laws.Table(diameters, shares, self.shares == "mass")
-        limits = self.smallest or 0.0, self.largest or 0.0
-        if self.sizes == "uniform":
-            return laws.Uniform(*limits)
-        kind = laws.Normal if self.sizes == "normal" else laws.Lognormal
-        return kind(self.mean or 0.0, self.deviation or 0.0, *limits)
 
     def size(self) -> int:
         """Number of balls."""
@@ -292,19 +227,6 @@ class Places:
         elif key == "radius":
             key = SIZES[packing.sizes][0]
         return replace(finding, path=("packing", index, key), cure=cure)
-
-
-def _exactly(given: Mapping[str, Any], key: str, kind: str, needed: Mapping[str, tuple[str, ...]]) -> None:
-    """Refuses keys that a kind of region or sizes does not have, and the absence of those that it needs."""
-    words = f'{key} = "{kind}"'
-    missing = [name for name in needed[kind] if given.get(name) is None]
-    if missing:
-        raise refuse(f"{words} needs {' and '.join(missing)}", f"give {', '.join(needed[kind])}")
-    others = {name for names in needed.values() for name in names} - set(needed[kind])
-    stray = sorted(name for name in others if given.get(name) is not None)
-    if stray:
-        cure = f"remove it, or give another {key}: its keys are {', '.join(needed[kind])}"
-        raise refuse(f"{words} has no key {stray[0]}", cure)
 
 
 @lru_cache(maxsize=16)

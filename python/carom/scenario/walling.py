@@ -133,12 +133,20 @@ class Waller(Builder):
         *,
         count: int,
         region: Mapping[str, Any],
-        radius: Number,
         material: str,
         seed: int,
+        radius: Number | None = None,
         mass: Number | None = None,
         density: Number | None = None,
         inertia: Number | None = None,
+        sizes: str | None = None,
+        diameter: Number | None = None,
+        mean: Number | None = None,
+        deviation: Number | None = None,
+        smallest: Number | None = None,
+        largest: Number | None = None,
+        classes: Sequence[Sequence[float]] | None = None,
+        shares: str | None = None,
         rate: Number | None = None,
         start: Number | None = None,
         velocity: Vector | None = None,
@@ -150,7 +158,8 @@ class Waller(Builder):
         `region`: `{"low": ..., "high": ...}` of a box or `{"point": ..., "normal": ..., "radius": ...}` of a disc, where
         their centres are then, at places drawn with `seed`; a ball waits until there is room. `rate` 1/s from the time
         `start` s on, by default as fast as there is room; `velocity` m/s, of which each component is changed at random by
-        at most `spread` m/s.
+        at most `spread` m/s. All have one `radius` or `diameter` m, or `sizes` and its keys as in `packing`, drawn with
+        `seed`.
         """
         given = {k: v for k, v in locals().items() if k != "self"}
         inflow = make(Inflow, f"Scene.inflow({quoted(name)})", **given)
