@@ -11,7 +11,7 @@ import carom
 import numpy as np
 import pytest
 from carom import billiards
-from carom.billiards.look import COLOURS, PLAIN, POOL, ball_looks
+from carom.billiards.look import COLOURS, IVORY, PLAIN, POOL, ball_looks
 from carom.billiards.marked import table_of
 from carom.billiards.shape import Shape
 from carom.billiards.solid import SURFACES, Part, parts
@@ -350,3 +350,76 @@ class TestFilm:
         assert ink[1] > 1.5 * ink[0] > 8  # of a 9 there is more than of a 1
         assert ink[2] == 0
         assert yellow[2] > yellow[0] > yellow[1] > 200
+
+
+# --- figures ---------------------------------------------------------------------------------------------------------
+
+
+def drawn(axes: Any, gid: str) -> list[Any]:
+    return [artist for artist in (*axes.patches, *axes.lines) if artist.get_gid() == gid]
+
+
+def hexed(artist: Any) -> str:
+    from matplotlib.colors import to_hex
+
+    return str(to_hex(artist.get_facecolor()))
+
+
+def test_paths_are_drawn_on_the_table(shot: carom.Result) -> None:
+    pytest.importorskip("matplotlib")
+    [axes] = shot.plot.trajectories().axes
+    shape = Shape(billiards.table("9ft"))
+    counts = {"cushion": 6, "nose": 6, "liner": 6, "sight": 18, "line": 2, "cloth": 1}
+    assert {gid: len(drawn(axes, gid)) for gid in counts} == counts
+    assert hexed(drawn(axes, "cloth")[0]) == COLOURS["cloth"][0]
+    holes = {tuple(np.round(hole.get_center(), 9)) for hole in drawn(axes, "hole")}
+    assert holes == {tuple(np.round(hole.centre, 9)) for hole in shape.holes}
+    middle = np.array([shape.length, shape.width])
+    for flip in ((1, 0), (0, 1)):
+        assert {tuple(np.round(np.abs(np.multiply(flip, middle) - h), 9)) for h in holes} == {
+            tuple(np.abs(h)) for h in holes
+        }
+    low, high = shape.box
+    assert axes.get_xlim() == pytest.approx((low[0], high[0]), abs=0.02)
+    assert axes.get_ylim() == pytest.approx((low[1], high[1]), abs=0.02)
+    assert not axes.collections  # none of the rectangles that stand for it
+
+
+def test_balls_of_a_figure_have_their_colours_and_numbers(shot: carom.Result) -> None:
+    pytest.importorskip("matplotlib")
+    chart = shot.plot.chart("trajectories")
+    [axes] = chart.figure.axes
+    assert [hexed(ball) for ball in drawn(axes, "ball solid")] == list(POOL)
+    [nine] = drawn(axes, "ball stripe")
+    [cue] = drawn(axes, "ball cue")
+    assert hexed(nine) == hexed(cue) == IVORY
+    assert [hexed(band) for band in drawn(axes, "stripe")] == [POOL[0]]
+    assert all(len(drawn(axes, f"number {k}")) == 1 for k in range(1, 10))
+    assert len(drawn(axes, "start")) == len(shot.names)
+    last = np.asarray(shot.position)[-1]
+    np.testing.assert_allclose(nine.get_center(), last[shot.names.index("9"), :2])
+    assert nine.get_radius() == shot["9"].radius
+    # The number is on its ball, the right way up and round.
+    [eight] = drawn(axes, "number 8")
+    box = eight.get_path().get_extents()
+    np.testing.assert_allclose(box.intervalx.mean(), last[shot.names.index("8"), 0], atol=1e-6)
+    assert box.height > box.width
+    np.testing.assert_array_equal(
+        chart.data["cue x (m)"], np.asarray(shot.position)[:, shot.names.index("cue"), 0]
+    )
+    [alone] = shot.plot.trajectories(["3"]).axes
+    assert [hexed(ball) for ball in drawn(alone, "ball solid")] == [POOL[2]]
+
+
+def test_a_ball_in_a_pocket_is_pale(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    table = billiards.table("9ft")
+    scene = table.scene("straight in", until=0.6, step=1e-3)
+    billiards.strike(table.ball(scene, "1", at=(0.3, 0.3)), ball_speed=2.0, direction="225 deg")
+    table.ball(scene, "2", at=(1.0, 0.6))
+    result = carom.simulate(scene, out=tmp_path / "run")
+    assert [found.pocket for found in table.pocketed(result)] == ["head right"]
+    [axes] = result.plot.trajectories().axes
+    one, two = drawn(axes, "ball solid")
+    assert one.get_alpha() < 0.7
+    assert two.get_alpha() == 1.0

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.billiards.look import BallLook, ball_looks
+from carom.billiards.marked import table_of
+from carom.billiards.shape import Shape
 from carom.errors import CaromError
+from carom.plot.billiards import draw_ball, draw_ghost, draw_path, draw_table
 from carom.plot.motion import MOST_LINES, blocks, level_axes, selection, shown_frames
 from carom.plot.style import COLOURS, DASHES, GREY, Chart, fitted, legend, styled, width
 from carom.rotations import upward
@@ -31,7 +35,8 @@ CROWD = 200
 def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
     """Paths of the centres seen against gravity, m, with the balls at the start (outlined) and at the end (filled).
 
-    Of more than 200 balls no paths: the balls at the end, the highest on top.
+    On a table of the billiards kit with the table, and in the colours of the balls. Of more than 200 balls no paths: the
+    balls at the end, the highest on top.
     """
     names, columns = selection(result, bodies)
     if not names or not len(result.time):
@@ -44,14 +49,20 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
     parts = [part[:, :, axis] for _, part in blocks(result, "position", columns, frames)]
     place = np.concatenate(parts)
     few = len(names) <= MOST_LINES
-    figure, axes = _sheet(result, place, radius, axis)
+    table = table_of(result)
+    shape = None if table is None or axis != (0, 1) else Shape(table)
+    figure, axes = _sheet(result, place, radius, axis, shape)
     with styled():
-        for i, name in enumerate(names):
+        if table is not None and shape is not None:
+            draw_table(axes, shape)
+            looks = dict(zip(result.names, ball_looks(result, table), strict=True))
+            _on_table(axes, place, radius, [looks[name] for name in names])
+        for i, name in enumerate(names if shape is None else ()):
             colour = COLOURS[i] if few else COLOURS[0]
             look: dict[str, Any] = {"label": name, "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
             axes.plot(*place[:, i].T, color=colour, linewidth=1.0 if few else 0.4, zorder=3, **look)
             _ends(axes, place[:, i], float(radius[i]), colour)
-        if few:
+        if few and shape is None:
             legend(figure, axes)
     numbers: dict[str, NDArray[Any]] = {"time (s)": np.asarray(result.time)[frames]}
     for i, name in enumerate(names):
@@ -59,8 +70,31 @@ def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
     return Chart(figure, numbers)
 
 
-def _sheet(result: Result, place: F64, radius: F64, axis: tuple[int, int]) -> tuple[Figure, Axes]:
-    """An empty sheet for balls of some radii (n,) that were at `place` (T, n, 2), m, with the walls near them at the end."""
+def _on_table(axes: Axes, place: F64, radius: F64, looks: list[BallLook]) -> None:
+    """Balls (n,) on a table of the kit, with their ways (T, n, 2); those that left are pale where they were last."""
+    for i, look in enumerate(looks):
+        there = np.flatnonzero(np.isfinite(place[:, i, 0]))
+        if not len(there):
+            continue
+        draw_ghost(axes, place[there[0], i], float(radius[i]), look)
+        draw_path(axes, place[:, i], look)
+        left = there[-1] < len(place) - 1
+        draw_ball(
+            axes,
+            place[there[-1], i],
+            float(radius[i]),
+            look,
+            zorder=4 + i / len(looks),
+            alpha=0.6 if left else 1.0,
+        )
+
+
+def _sheet(
+    result: Result, place: F64, radius: F64, axis: tuple[int, int], shape: Shape | None = None
+) -> tuple[Figure, Axes]:
+    """An empty sheet for balls of some radii (n,) that were at `place` (T, n, 2), m, with the walls near them at the end;
+    with a table of the kit and without its walls if there is one.
+    """
     from matplotlib.collections import LineCollection
 
     from carom.plot.figure import Drawing
@@ -69,8 +103,11 @@ def _sheet(result: Result, place: F64, radius: F64, axis: tuple[int, int]) -> tu
     low = np.nanmin(place - rim, axis=(0, 1), initial=np.inf)
     high = np.nanmax(place + rim, axis=(0, 1), initial=-np.inf)
     across, along = np.eye(3)[list(axis)]
+    hidden = set() if shape is None else shape.walls
+    if shape is not None:
+        low, high = shape.box[0][:2], shape.box[1][:2]
     lines = [line for line in _walls(result, across, along) if _near(line, low, high)]
-    edges = _edges(result, axis, low, high)
+    edges = _edges(result, axis, low, high, hidden)
     middle, far = 0.5 * (low + high), 1.5 * float(np.max(high - low))
     for ends in edges:  # walls of about this size come into the view whole
         if (np.abs(ends - middle) < far).all():
@@ -81,7 +118,8 @@ def _sheet(result: Result, place: F64, radius: F64, axis: tuple[int, int]) -> tu
     margin = 0.03 * float(np.max(high - low))
     with styled():
         aspect = float(np.clip((high - low)[1] / max((high - low)[0], 1e-12), FLATTEST, TALLEST))
-        figure = Drawing(figsize=(width(), width() * aspect + 0.9), layout="constrained")
+        height = width() * aspect + 0.9 if shape is None else 0.92 * width() * aspect + 0.75  # no legend
+        figure = Drawing(figsize=(width(), height), layout="constrained")
         axes = figure.subplots()
         axes.set_title(fitted(result.title), loc="left")
         axes.set_aspect("equal")
@@ -158,11 +196,15 @@ def _walls(result: Result, across: F64, along: F64) -> list[tuple[F64, F64]]:
     return found
 
 
-def _edges(result: Result, axis: tuple[int, int], low: F64, high: F64) -> list[F64]:
+def _edges(result: Result, axis: tuple[int, int], low: F64, high: F64, hidden: set[str]) -> list[F64]:
     """Of each wall that has an outline its lines (L, 2, 2), m, at the last frame; of tubes without end from `low` to `high`
     (2,), m.
     """
-    walls = [wall for wall in result.walls.values() if wall.shape != "plane"]
+    walls = [
+        wall
+        for wall in result.walls.values()
+        if wall.shape != "plane" and (wall.motion.moves or wall.name not in hidden)
+    ]
     box = np.zeros((2, 3))
     box[:, list(axis)] = low, high
     return [
