@@ -230,6 +230,17 @@ def ratios(rows: Sequence[Row]) -> list[str]:
     return found
 
 
+def heights(rows: Sequence[Row]) -> list[str]:
+    """Mean heights of the grains at the end: programs that made the same pile have the same."""
+    found = []
+    for grains, threads in dict.fromkeys((r.grains, r.threads) for r in rows):
+        mine = [r for r in rows if (r.grains, r.threads) == (grains, threads) and "height" in r.told]
+        each = ", ".join(f"{r.label} {1e3 * r.told['height']:.1f}" for r in mine if r.complete)
+        if each:
+            found.append(f"N = {grains}, {threads} thread(s): mean height of the grains, mm: {each}")
+    return found
+
+
 def growth(rows: Sequence[Row]) -> list[str]:
     """Exponents of the time of a step in N, by law and threads: least squares in logarithms."""
     found = []
@@ -270,9 +281,8 @@ def lines(rows: Sequence[Row]) -> list[str]:
     """All there is to say."""
     table = aligned([HEAD, *(row.cells() for row in rows)])
     remarks = [text for row in rows if (text := row.remark())]
-    parts = [
-        table, remarks, spread(rows), goals(rows), copies(rows), ratios(rows), growth(rows), same_bits(rows),
-    ]  # fmt: skip
+    makers = (spread, heights, goals, copies, ratios, growth, same_bits)
+    parts = [table, remarks, *(make(rows) for make in makers)]
     return [line for part in parts if part for line in (*part, "")][:-1]
 
 

@@ -136,6 +136,13 @@ def parsed(monkeypatch: pytest.MonkeyPatch, *given: str) -> Any:
     return bench.arguments()
 
 
+def height(grains: int, until: float) -> float:
+    """Mean height in mm."""
+    simulation = _core.Simulation(model(grains, 1, {"pile_tolerance": 1e-4})[0])
+    simulation.advance(round(until / 1e-3), 0, False, 60.0)
+    return 1e3 * float(simulation.frame()["position"][:, 2].mean())
+
+
 def test_a_run_of_carom_and_peers_that_are_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("CAROM_LAMMPS_PYTHON", raising=False)
     monkeypatch.delenv("CAROM_YADE", raising=False)
@@ -157,6 +164,10 @@ def test_a_run_of_carom_and_peers_that_are_not_there(monkeypatch: pytest.MonkeyP
     assert rows[0].told["phases"][0] > 0
     assert rows[0].told["phases"][1:] == [0, 0]
     assert len(rows[0].cells()) == len(report.HEAD)
+    (first, _) = report.heights(rows)
+    assert (
+        first == f"N = 30, 1 thread(s): mean height of the grains, mm: Carom sequence {height(30, 0.02):.1f}"
+    )
     assert all("not installed" in r.why and not r.complete for r in rows if r.program != "Carom")
     assert any(line.endswith("same bits") for line in report.lines(rows))
     report.write_csv(rows, "here", tmp_path / "x.csv")
