@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import warnings
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import carom
 import numpy as np
 import pytest
-from carom.gained import gained
+from carom.cli.summary import text
+from carom.gained import RISE_PILE, gained, unsettled
 from carom.run import CaromWarning
 from carom.scenario.gain_advice import Gain, Side, _compliance, largest_gain
 from typer.testing import CliRunner
@@ -139,3 +142,25 @@ def test_a_floor_in_a_box_is_a_floor() -> None:
     scene.box("box", low=(0, 0, 0), high=(1, 1, 1), finite=True, material="wall")
     scene.sphere("ball", radius=0.1, mass=1, at=(0.5, 0.5, 0.5), material="ball")
     assert any("each bounce loses energy" in a.cause for a in scene.validate())
+
+
+def test_a_deposit_that_gains_more_than_piles_at_rest_says_so_and_its_cures_help(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The densest start of `validation/deposits/energy.py`, of fewer grains; the audit allows what the summary tells."""
+    from carom.cli.app import app
+
+    monkeypatch.syspath_prepend(str(Path(__file__).parent.parent / "validation" / "deposits"))
+    scene = import_module("energy").deposit(friction=0.0, tolerance=1e-3, start=0.55, grains=220)
+    result = carom.simulate(scene, out=tmp_path / "run")
+    rise = result.summary["energy"]["max_rise_relative"]
+    assert RISE_PILE < rise < 1e-4
+    assert gained(result) is None  # no warning: it is not for every deposit
+    told = f"energy rose by up to {rise:.2g} of what there is in a step, more than the 2e-06 of piles at rest"
+    assert str(unsettled(result)).startswith(told)
+    assert told in " ".join(text({**result.summary, "directory": "x"}, result).split())
+    checked = CliRunner().invoke(app, ["check", str(tmp_path / "run")])
+    assert f"warning: {told}" in checked.stderr
+    assert checked.exit_code == 0
+    for cure in ({"pile_tolerance": 1e-4}, {"step": 5e-4}):
+        assert carom.simulate(scene, **cure).summary["energy"]["max_rise_relative"] < 0.6 * rise

@@ -5,11 +5,16 @@ from __future__ import annotations
 import tomllib
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from carom.result import Result
 
 MOST_RISE = 1e-3
 """Rise of a step, over the largest kinetic energy, that is no rounding and no error of a usable step any more."""
+
+RISE_PILE = 2e-6
+"""Rise of a step of 1 ms over the same energy that piles at rest keep to; it grows with the square of the step."""
 
 JUMPS = "the law jumps by"
 """How the advice on such a wall begins."""
@@ -31,6 +36,25 @@ def gained(result: Result) -> str | None:
     if jump := _jump(result.scenario):
         return f"{told}: {jump}; a shorter step does not cure that"
     return told + ": shorten step" + (" or lower tolerance" if run.get("method") != "penalty" else "")
+
+
+def unsettled(result: Result) -> str | None:
+    """That a pile gained more in a step than piles at rest do, as grains that settle may; None if none did, or `gained` says
+    more.
+    """
+    summary = result.summary
+    share = (summary.get("energy") or {}).get("max_rise_relative") or 0.0
+    usual = RISE_PILE * (float(summary.get("step") or 0.0) / 1e-3) ** 2
+    if summary.get("method") != "nsga" or not usual < share <= MOST_RISE:
+        return None
+    run = tomllib.loads(result.scenario)["run"]
+    contacts = np.asarray(result.steps["contacts"])
+    if contacts.max(initial=0) <= run["dense_contacts"]:
+        return None
+    return (
+        f"energy rose by up to {share:.2g} of what there is in a step, more than the {usual:.2g} of piles at rest; a shorter"
+        f" step, or a smaller pile_tolerance (now {run['pile_tolerance']:g}), lessens it"
+    )
 
 
 def _jump(scenario: str) -> str | None:

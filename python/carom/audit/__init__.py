@@ -15,7 +15,7 @@ import numpy as np
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import rerun
 from carom.cut_short import cut_short
-from carom.gained import gained
+from carom.gained import gained, unsettled
 
 if TYPE_CHECKING:
     from carom.audit.data import Run
@@ -75,7 +75,7 @@ def _judge(run: Run, tally: Tally) -> None:
 def _warnings(run: Run) -> list[str]:
     """What the run says of itself that a reader of the verdict should know."""
     result = run.result
-    found = [told for told in (cut_short(result), gained(result)) if told]
+    found = [told for told in (cut_short(result), gained(result), unsettled(result)) if told]
     if not result.outcome.ok:
         found.append(f"the run did not reach its end: {result.outcome.brief}")
     for column, words in (

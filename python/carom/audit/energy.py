@@ -26,10 +26,9 @@ from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
+from carom.gained import RISE_PILE
 
 F64 = NDArray[np.float64]
-RISE_PILE = 2e-6
-"""Share of the total that a step of 1 ms in a pile may gain: what the simulator promises (`docs/reference/audit.md`)."""
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:

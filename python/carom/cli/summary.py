@@ -12,6 +12,7 @@ import numpy as np
 
 from carom.cli.output import seconds
 from carom.errors import counted
+from carom.gained import unsettled
 from carom.layout import table
 from carom.remarks import remarks
 from carom.scenario.advice import MANY_BALLS, PILE_TOLERANCE
@@ -132,8 +133,12 @@ def _energy(summary: Mapping[str, Any], result: Result) -> str:
     if energy and not summary["steps"]:
         lines.append(f"energy      {energy['initial']:.6g} J at the start")
     elif energy:
-        rise = f"largest rise {energy['max_rise']:.2g} J" if energy["max_rise"] > 0 else "never rises"
+        rise = "never rises"
+        if energy["max_rise"] > 0:
+            rise = f"largest rise {energy['max_rise']:.2g} J ({energy['max_rise_relative']:.1g} relative)"
         lines.append(f"energy      {energy['initial']:.6g} J to {energy['final']:.6g} J, {rise}")
+    if told := unsettled(result):
+        lines.append(textwrap.fill(told, 100, initial_indent=" " * 12, subsequent_indent=" " * 12))
     if scaled := summary.get("safeguarded"):
         least = f"the least to {100 * summary['restitution_scale_min']:.3g} % of it"
         lines.append(
