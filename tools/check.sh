@@ -20,7 +20,7 @@ step "rustfmt" cargo fmt --all --check
 step "clippy" cargo clippy --workspace --all-targets $locked --quiet -- -D warnings
 step "ruff check" "$python" -m ruff check --no-cache
 step "ruff format" "$python" -m ruff format --check
-step "circles" "$python" tools/circles.py carom-geom carom-laws carom-solve carom-py
+step "circles" "$python" tools/circles.py
 step "mypy" "$python" -m mypy
 step "audit" tools/audit.sh
 

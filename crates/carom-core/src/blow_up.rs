@@ -1,63 +1,13 @@
 //! Motions that leave the numbers: noticed before the state is written, and told with sphere, contact and level.
 
 use crate::contact::Contact;
-use crate::force;
+use crate::force::total::weight_potential;
 use crate::model::Model;
-use crate::report::Level;
+use crate::outcome::{within_bounds, BlowUp, Failure, Level, FASTEST};
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::Failure;
 use crate::stepper::Prediction;
 use glam::DVec3;
-
-/// Speeds (m/s, rad/s) beyond which a motion has blown up: a thousand times what a scenario may begin with. At 1e150 their
-/// squares leave the range of numbers, and nothing that is computed between here and there means anything.
-pub(crate) const FASTEST: f64 = 1e12;
-
-/// Where a motion left the numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BlowUp {
-    /// Of the sub-problem.
-    pub level: Level,
-    /// The sphere, and the body of the contact at which it happened; the sphere itself where it touches nothing.
-    pub bodies: (u32, u32),
-    /// m/s; not a number or infinite where the velocity is neither.
-    pub speed: f64,
-}
-
-impl BlowUp {
-    /// Of a sphere that touches nothing; its speed is no number.
-    pub fn alone(level: Level, body: u32) -> BlowUp {
-        BlowUp {
-            level,
-            bodies: (body, body),
-            speed: f64::NAN,
-        }
-    }
-
-    /// Of a sphere of velocity `v`; the contact is the first of `touching` that it has a part in.
-    pub fn of(
-        level: Level,
-        body: u32,
-        v: DVec3,
-        mut touching: impl Iterator<Item = (u32, u32)>,
-    ) -> BlowUp {
-        BlowUp {
-            level,
-            bodies: touching
-                .find(|&(a, b)| a == body || b == body)
-                .unwrap_or((body, body)),
-            speed: v.length(),
-        }
-    }
-}
-
-/// Whether velocities are numbers, and of a size at which numbers still mean something.
-#[inline]
-pub(crate) fn within_bounds(v: DVec3, w: DVec3) -> bool {
-    // Written so that what is not a number is not within.
-    v.length_squared() <= FASTEST * FASTEST && w.length_squared() <= FASTEST * FASTEST
-}
 
 /// Looks at every sphere of a step without a jump: where it is calm, [`find`] would find nothing.
 #[derive(Default)]
@@ -104,7 +54,7 @@ pub(crate) fn find(model: &Model, state: &State, scratch: &Scratch, h: f64) -> R
         let ([v, w], x) = (scratch.jump[i], scratch.position[i]);
         energy += model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared();
         if state.present[i] {
-            energy += force::weight_potential(model, i, x);
+            energy += weight_potential(model, i, x);
         }
         if !carried([&scratch.linear[i], &scratch.angular[i]]).is_finite() {
             return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, i as u32)));

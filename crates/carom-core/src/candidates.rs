@@ -1,12 +1,11 @@
 //! Candidate contacts of a step: pairs of the list that are near after the smooth step, and those that come to overlap later.
 
 use crate::contact::Contact;
-use crate::level::position;
 use crate::model::Model;
+use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::Failure;
-use crate::wall::Walls;
+use crate::wall::places::{proximity, Walls};
 use carom_geom::{sphere_plane, tangent_frame};
 use carom_solve::{team, Bounds};
 use glam::DVec3;
@@ -324,7 +323,7 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
     let joined = |near: &Near| {
         let mut c = new_contact(model, state, walls, near);
         follow_law(model, state, walls, &mut c)?;
-        c.gap_check = position::proximity(model, walls, &c, smooth(c.a), smooth(c.b)).gap;
+        c.gap_check = proximity(model, walls, &c, smooth(c.a), smooth(c.b)).gap;
         Ok(c)
     };
     merge(contacts, &joining, joined)?;

@@ -4,12 +4,10 @@
 //! *spatial* angular velocities and rotation increments (erratum E1); rolling and spinning rows are added.
 
 use crate::model::{ContactLaw, Model};
+use crate::rows::Rows;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::{Bounds, Status};
 use glam::DVec3;
-
-/// Rows over both bodies, at most six.
-pub type Rows = [[[f64; NODE_DOF]; 2]; 6];
 
 /// One candidate contact of a step.
 #[derive(Clone, Copy, Debug, Default)]
@@ -217,3 +215,6 @@ fn row(va: DVec3, wa: DVec3, vb: DVec3, wb: DVec3) -> [[f64; NODE_DOF]; 2] {
         [vb.x, vb.y, vb.z, wb.x, wb.y, wb.z],
     ]
 }
+
+/// Stable key of a contact: body indices, walls after spheres.
+pub type ContactKey = (u32, u32);

@@ -2,14 +2,14 @@
 
 use crate::blow_up::{self, Watch};
 use crate::contact::Contact;
-use crate::force;
+use crate::force::total::{motion_of, power, weight_potential};
 use crate::model::Model;
 use crate::options::Method;
+use crate::outcome::Failure;
 use crate::report::StepReport;
 use crate::rotation;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::{motion_of, power, Failure};
 use crate::stepper::{Coefficients, Prediction, Span};
 use carom_solve::team;
 use glam::{DQuat, DVec3};
@@ -112,7 +112,7 @@ fn end_motion(
             let (v2, w2) = (v.length_squared(), w.length_squared());
             sums.kinetic += 0.5 * (model.mass[i] * v2 + model.inertia[i] * w2);
             if state.present[i] {
-                sums.potential += force::weight_potential(model, i, position[i]);
+                sums.potential += weight_potential(model, i, position[i]);
             }
             linear.pseudo = coefficients.finish(linear);
             angular.pseudo = coefficients.finish(angular);

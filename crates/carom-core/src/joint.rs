@@ -3,8 +3,8 @@
 //! A joint is a group of up to six rows between sphere A and sphere B or the ground, of three kinds. `docs/theory/algorithm.md`
 //! section 7 has their measures; gradients are over spatial velocities `(v_A, w_A, v_B, w_B)`.
 
-use crate::contact::Rows;
 use crate::rotation;
+use crate::rows::Rows;
 use crate::stepper::Span;
 use carom_laws::Scalar;
 use glam::{DMat3, DQuat, DVec3};

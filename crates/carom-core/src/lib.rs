@@ -3,7 +3,9 @@
 //! Start at [`step`]: it is the page of the time step. `docs/theory/algorithm.md` states it in formulas; the oracle
 //! `carom.reference` states it in NumPy.
 
+mod all_islands;
 pub mod blow_up;
+pub mod build;
 mod candidates;
 pub mod contact;
 mod finish;
@@ -15,13 +17,14 @@ pub mod joint;
 pub mod level;
 pub mod model;
 pub mod options;
+pub mod outcome;
 pub mod penalty;
-mod periodic;
 mod pile;
 pub mod problem;
 pub mod record;
 pub mod report;
 pub mod rotation;
+pub mod rows;
 pub mod scratch;
 mod share;
 pub mod simulation;
@@ -31,9 +34,12 @@ pub mod stepper;
 pub mod timers;
 mod travel;
 pub mod wall;
+pub mod workspace;
 
-pub use model::{InitialState, Model, ModelError, ModelInput};
+pub use build::ModelInput;
+pub use model::{InitialState, Model};
 pub use options::{Options, Value};
+pub use outcome::ModelError;
 pub use pile::overlap as pile_overlap;
 pub use report::{Monitors, Outcome, StepReport};
 pub use simulation::{Recording, Simulation};

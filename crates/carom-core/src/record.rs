@@ -1,11 +1,12 @@
 //! What is kept of a run, in memory, until the border takes it: frames, contacts, impacts, steps, residuals.
 
-use crate::contact::Contact;
+use crate::contact::{Contact, ContactKey};
 use crate::flow::Event;
 use crate::model::Model;
+use crate::outcome::ImpactRecord;
 use crate::report::StepReport;
-use crate::scratch::{ImpactRecord, Scratch};
-use crate::state::{ContactKey, State};
+use crate::scratch::Scratch;
+use crate::state::State;
 use glam::DVec3;
 
 /// Impulses of one contact accumulated since the last frame.

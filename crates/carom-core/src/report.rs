@@ -1,7 +1,7 @@
 //! What a step, and a run, tell about themselves.
 
-use crate::blow_up::BlowUp;
 use crate::flow::Exchange;
+use crate::outcome::{BlowUp, Level};
 use carom_solve::report::Rung;
 use carom_solve::SolveReport;
 
@@ -306,29 +306,6 @@ impl Monitors {
                 self.substep_min.min(r.substep_min)
             };
             self.substeps += u64::from(r.substeps);
-        }
-    }
-}
-
-/// Level of a sub-problem.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
-    Smooth,
-    Position,
-    Velocity,
-}
-
-impl Level {
-    /// Place among the histories of a step.
-    pub(crate) fn index(self) -> usize {
-        self as usize
-    }
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Level::Smooth => "smooth",
-            Level::Position => "position",
-            Level::Velocity => "velocity",
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The islands of a level: one after the other, or shared out among threads, with the same bits.
+//! How threads share the islands of a level, with the bits of one thread.
 //!
 //! A thread solves its islands with memory of its own, on copies of their contacts, and lists what it finds. That enters the
 //! step in the order of the islands, between those that the step solves itself, so nothing tells who solved what. Not
@@ -10,12 +10,14 @@ use crate::islands::{Island, Islands};
 use crate::level::coupling::Trial;
 use crate::level::{closed_form, position, velocity, Demand};
 use crate::model::Model;
-use crate::pile::{self, Pile};
+use crate::outcome::{History, ImpactRecord, Level};
+use crate::pile::limits::{fits, threads};
+use crate::pile::memory::Pile;
 use crate::problem::{Keeper, KeptProblem};
-use crate::report::{Level, StepReport};
-use crate::scratch::{Corrections, History, ImpactRecord, IslandScratch, Scratch, SolveScratch};
+use crate::report::StepReport;
 use crate::state::{State, Warm};
 use crate::stepper::Span;
+use crate::workspace::{Corrections, IslandScratch, SolveScratch};
 use carom_solve::team::{self, lock};
 use glam::DVec3;
 use std::cmp::Reverse;
@@ -37,7 +39,12 @@ pub struct Task<'a> {
 
 impl Task<'_> {
     #[inline]
-    fn solve(&self, scratch: &mut IslandScratch, island: Island, report: &mut StepReport) -> bool {
+    pub(crate) fn solve(
+        &self,
+        scratch: &mut IslandScratch,
+        island: Island,
+        report: &mut StepReport,
+    ) -> bool {
         let (model, state, demand) = (self.model, self.state, self.demand);
         let span = self.span;
         match self.level {
@@ -58,39 +65,9 @@ impl Task<'_> {
         }
         match island.contacts {
             [m] if island.is_free() => !closed_form(self.model, &contacts[*m as usize]),
-            all => pile::threads(self.model, all.len()) == 1 || !pile::fits(self.model, island),
+            all => threads(self.model, all.len()) == 1 || !fits(self.model, island),
         }
     }
-}
-
-/// Solves the islands of a level. False: one was not solved, and those behind it do not count.
-pub fn solve(task: &Task, scratch: &mut Scratch, report: &mut StepReport) -> bool {
-    if task.model.options.threads < 2 {
-        let (islands, mut step) = scratch.of_level(task.level);
-        return (0..islands.len()).all(|number| {
-            step.keeper.island = number as u32;
-            task.solve(&mut step, islands.island(number), report)
-        });
-    }
-    let mut sharing = std::mem::take(&mut scratch.sharing);
-    let (islands, mut step) = scratch.of_level(task.level);
-    sharing.solve_shared(task, islands, &step);
-    let mut parts = sharing.parts.iter_mut().peekable();
-    let mut solved = true;
-    for number in 0..islands.len() {
-        step.keeper.island = number as u32;
-        let island = islands.island(number);
-        while parts.next_if(|part| part.is_done()).is_some() {}
-        solved = match parts.peek_mut() {
-            Some(part) if part.is_next(number as u32) => part.hand_over(&mut step, island, report),
-            _ => task.solve(&mut step, island, report),
-        };
-        if !solved {
-            break;
-        }
-    }
-    scratch.sharing = sharing;
-    solved
 }
 
 /// What islands are shared out with; kept from step to step.
@@ -98,13 +75,13 @@ pub fn solve(task: &Task, scratch: &mut Scratch, report: &mut StepReport) -> boo
 pub struct Sharing {
     /// Islands of this level that other threads solve, with their weights.
     chosen: Vec<(u32, usize)>,
-    parts: Vec<Part>,
+    pub(crate) parts: Vec<Part>,
     workers: Vec<Worker>,
 }
 
 impl Sharing {
     /// Solves all islands that are worth it; none if the work is not.
-    fn solve_shared(&mut self, task: &Task, islands: &Islands, step: &IslandScratch) {
+    pub(crate) fn solve_shared(&mut self, task: &Task, islands: &Islands, step: &IslandScratch) {
         for part in &mut self.parts {
             part.clear();
         }
@@ -194,7 +171,7 @@ impl Worker {
 
 /// Some islands, in their order, and what a thread found in them.
 #[derive(Default)]
-struct Part {
+pub(crate) struct Part {
     islands: Vec<u32>,
     weight: usize,
     /// Those of the islands, one after the other.
@@ -313,16 +290,16 @@ impl Part {
         true
     }
 
-    fn is_done(&self) -> bool {
+    pub(crate) fn is_done(&self) -> bool {
         self.handed == self.islands.len()
     }
 
-    fn is_next(&self, number: u32) -> bool {
+    pub(crate) fn is_next(&self, number: u32) -> bool {
         self.islands.get(self.handed) == Some(&number)
     }
 
     /// Hands the results of the next island to the step. False: it was not solved.
-    fn hand_over(
+    pub(crate) fn hand_over(
         &mut self,
         step: &mut IslandScratch,
         island: Island,

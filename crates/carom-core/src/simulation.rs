@@ -1,20 +1,21 @@
 //! A run: model, state, scratch and records together; halving of steps that fail, monitors, outcome.
 
-use crate::blow_up::BlowUp;
-use crate::flow::{self, Exchange};
-use crate::force;
+use crate::flow::exchange::exchange;
+use crate::flow::Exchange;
+use crate::force::total::{motion_of, weight_potential};
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
+use crate::outcome::{BlowUp, Failure, Level};
 use crate::penalty;
 use crate::problem::{Keeper, KeptProblem};
 use crate::record::{Block, Recorder};
-use crate::report::{Level, Monitors, Outcome, StepReport};
+use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::{motion_of, step, Attempt, Failure};
+use crate::step::{step, Attempt};
 use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
-use crate::wall::Walls;
+use crate::wall::places::Walls;
 use carom_geom::Overlap;
 use carom_solve::team;
 use glam::DVec3;
@@ -66,7 +67,7 @@ impl Simulation {
         if !model.flow.is_none() {
             scratch.walls.place(&model, 0.0);
             let events = &mut recorder.block.events;
-            first = flow::exchange(&model, &mut state, &scratch.walls, 0, 0.0, events);
+            first = exchange(&model, &mut state, &scratch.walls, 0, 0.0, events);
         }
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
         for i in 0..model.spheres() {
@@ -74,7 +75,7 @@ impl Simulation {
                 * (model.mass[i] * state.velocity[i].length_squared()
                     + model.inertia[i] * state.angular_velocity[i].length_squared());
             if state.present[i] {
-                potential += force::weight_potential(&model, i, state.position[i]);
+                potential += weight_potential(&model, i, state.position[i]);
             }
             static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
         }
@@ -197,8 +198,7 @@ impl Simulation {
         if !self.model.flow.is_none() {
             let (walls, events) = (&mut self.scratch.walls, &mut self.recorder.block.events);
             walls.place(&self.model, time);
-            let exchange =
-                flow::exchange(&self.model, &mut self.state, walls, number, time, events);
+            let exchange = exchange(&self.model, &mut self.state, walls, number, time, events);
             report.add_exchange(&exchange);
         }
         let (velocity, radius) = (&self.state.velocity[..], &self.model.radius[..]);

@@ -3,52 +3,26 @@
 //! predict and smooth -> broad -> meet -> position -> velocity -> finish. The state is written in `finish` alone: a
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
-use crate::blow_up::BlowUp;
+use crate::all_islands;
 use crate::candidates::{complete, meet, relist, start_over, CANDIDATE_MARGIN};
 use crate::finish::finish;
-use crate::force::Motion;
-use crate::level::{position, smooth, Demand};
+use crate::force::total::{motion_of, power};
+use crate::level::{smooth, Demand};
 use crate::model::Model;
-use crate::pile;
-use crate::report::{Level, StepReport};
+use crate::outcome::{Failure, Level};
+use crate::report::StepReport;
 use crate::scratch::Scratch;
-use crate::share::{self, Task};
+use crate::share::Task;
 use crate::state::State;
 use crate::stepper::{Coefficients, Span};
 use crate::timers::{Phase, Timers};
-use crate::travel;
+use crate::wall::places::proximity;
+use crate::{pile, travel};
 use carom_solve::team;
 use glam::DVec3;
 
 /// Rounds of listing new overlaps after the position solve.
 pub(crate) const MAX_RELIST: u32 = 20;
-
-/// Why a step could not be made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Failure {
-    NotConverged(Level),
-    /// A velocity or position is no finite number, or grew beyond [`crate::blow_up::FASTEST`].
-    BlowUp(BlowUp),
-    MissingLaw(u32, u32),
-    /// More pairs may meet within the step than the list holds: the step is far too long for the speeds.
-    TooManyPairs,
-    /// Method `penalty` would need more substeps than it may take.
-    TooManySubsteps,
-    /// A pair would meet after a relative travel (m) of the radius `length` (m) of one or more.
-    TooFar {
-        bodies: (u32, u32),
-        travel: f64,
-        length: f64,
-    },
-    /// A load could not be evaluated.
-    Load,
-    /// A friction law gave `mu` at a slip speed, m/s: no coefficient.
-    Friction {
-        bodies: (u32, u32),
-        mu: f64,
-        slip: f64,
-    },
-}
 
 /// What is asked of one step.
 #[derive(Clone, Copy, Debug)]
@@ -219,7 +193,7 @@ pub(crate) fn solve_positions(
         span,
         demand,
     };
-    if share::solve(&task, scratch, report) {
+    if all_islands::solve(&task, scratch, report) {
         Ok(())
     } else {
         Err(Failure::NotConverged(Level::Position))
@@ -242,7 +216,7 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
     });
     team::each(threads, contacts, |c| {
         let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-        let p = position::proximity(model, walls, c, position[c.a as usize], xb);
+        let p = proximity(model, walls, c, position[c.a as usize], xb);
         c.gap = p.gap;
         c.n1 = p.normal;
         c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
@@ -274,27 +248,11 @@ pub(crate) fn correct_velocities(
         span,
         demand: Demand::or_accepted(accept),
     };
-    let solved = share::solve(&task, scratch, report);
+    let solved = all_islands::solve(&task, scratch, report);
     scratch.end_level();
     if solved {
         Ok(())
     } else {
         Err(Failure::NotConverged(Level::Velocity))
     }
-}
-
-/// The motion of a state, as loads see it.
-pub(crate) fn motion_of(state: &State, time: f64) -> Motion<'_> {
-    Motion {
-        time,
-        position: &state.position,
-        orientation: &state.orientation,
-        velocity: &state.velocity,
-        angular_velocity: &state.angular_velocity,
-    }
-}
-
-/// Power of the loads that have no potential, W.
-pub(crate) fn power(model: &Model, at: &Motion) -> f64 {
-    model.loads.iter().map(|load| load.power(at)).sum()
 }

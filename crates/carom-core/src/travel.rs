@@ -5,10 +5,10 @@
 //! parts. Travel that meets nothing may be as long as it likes.
 
 use crate::model::Model;
+use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::Failure;
-use crate::wall::Walls;
+use crate::wall::places::Walls;
 use glam::DVec3;
 
 /// Points looked at on the way to a wall: two per radius, up to so many.

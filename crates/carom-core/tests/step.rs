@@ -3,7 +3,7 @@
 mod common;
 
 use carom_core::options::{Impact, OnNonconvergence, Solver};
-use carom_core::report::Level;
+use carom_core::outcome::Level;
 use carom_core::{Options, Outcome};
 use common::{advance, balls, bits, on_floor, rack, simulation, G, MASS, R};
 use glam::DVec3;

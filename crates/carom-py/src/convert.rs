@@ -2,7 +2,7 @@
 
 use crate::arrays::{bad, floats, ids, rows};
 use crate::{coupling, flow, walls, ModelError};
-use carom_core::model::ModelInput;
+use carom_core::build::ModelInput;
 use carom_core::options::{Options, Value};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;

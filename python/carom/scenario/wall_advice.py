@@ -24,7 +24,7 @@ SAMPLES = 200
 WALL_TRAVEL = 0.5
 """Travel of a wall per step, in the smallest radii, above which a ball may be deep in it before it is noticed."""
 FASTEST = 1e12
-"""Speed of walls and balls, m/s, that no run goes beyond, as in the core (`blow_up.rs`)."""
+"""Speed of walls and balls, m/s, that no run goes beyond, as in the core (`outcome.rs`)."""
 ALONG = 1e-9
 """Share of a velocity along a normal below which it is rounding."""
 MOST_LOOKS = 10_000

@@ -31,12 +31,12 @@ MOST = 20
 """Balls in walls that are listed; more say nothing new."""
 PERIOD = 4.1
 """A period is at least so many of the largest radii: with less, two balls could touch twice. The core asks for 4.08:
-four and the margin of its lists of pairs (`crates/carom-core/src/periodic.rs`).
+four and the margin of its lists of pairs (`crates/carom-core/src/build/periodic.rs`).
 """
 SIZES = (1e-75, 1e75)
 """Lengths of walls between these, m, have squares that are numbers, as in the core (`wall/check.rs`)."""
 ALONG = 1e-9
-"""Sine of an angle below which a direction is along an axis that repeats, as in the core (`periodic.rs`)."""
+"""Sine of an angle below which a direction is along an axis that repeats, as in the core (`build/periodic.rs`)."""
 
 
 def touching(pile_tolerance: float) -> float:

@@ -7,9 +7,9 @@
 pub mod applied;
 pub mod drag;
 pub mod spring;
+pub mod total;
 
 use crate::joint::{Block6, Pose, Twist};
-use crate::model::Model;
 use glam::{DQuat, DVec3};
 
 /// What a load may depend on. One entry per sphere in each array.
@@ -142,44 +142,6 @@ pub(crate) fn coefficient(name: &'static str, value: f64) -> Result<(), (&'stati
 /// Power of a wrench on one sphere.
 pub(crate) fn wrench_power(wrench: &[DVec3; 2], twist: &Twist) -> f64 {
     wrench[0].dot(twist.velocity) + wrench[1].dot(twist.angular_velocity)
-}
-
-/// Adds all loads at a motion to `wrench (N)`. A law that leaves its domain, or a function of the user that gives no
-/// number, is an error: nothing that follows would see it. Loads that depend on the motion are closed forms, and are
-/// not finite only where the motion runs away.
-pub fn add_loads(model: &Model, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
-    for (index, load) in model.loads.iter().enumerate() {
-        load.add(at, wrench)?;
-        let bodies = match (load.dependence(), load.bodies()[0]) {
-            (Dependence::Motion(..), _) => continue,
-            (_, Some(body)) => body as usize..body as usize + 1,
-            (_, None) => 0..wrench.len(),
-        };
-        for i in bodies {
-            let [force, moment] = wrench[i];
-            if !(force.is_finite() && moment.is_finite()) {
-                let text = format!(
-                    "load {} gives {force} N and {moment} N m at t = {} s; they must be finite",
-                    index + 1,
-                    at.time
-                );
-                return Err(LoadError::on(i as u32, text));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Weight of sphere `i`, N.
-#[inline]
-pub fn weight(model: &Model, i: usize) -> DVec3 {
-    model.mass[i] * model.gravity
-}
-
-/// Potential energy of the weight of sphere `i` at `x`, J, with its zero at the origin.
-#[inline]
-pub fn weight_potential(model: &Model, i: usize, x: DVec3) -> f64 {
-    -weight(model, i).dot(x)
 }
 
 #[cfg(test)]

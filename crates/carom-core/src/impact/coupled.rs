@@ -1,17 +1,18 @@
 //! Joints and loads in the impact problems of an island (`docs/theory/algorithm.md`, section 7): every problem holds all
 //! joint rows, and loads act through the change of `h f` with the velocities of the problem (eq. 4).
 
-use super::problem::{ImpactScratch, Law};
-use crate::contact::Rows;
+use super::problem::Law;
+use crate::impact::memory::ImpactScratch;
 use crate::islands::Island;
 use crate::joint::add_reaction;
 use crate::level::coupling::Trial;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::rotation;
-use crate::scratch::IslandScratch;
+use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::Span;
+use crate::workspace::IslandScratch;
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use glam::DVec3;
 

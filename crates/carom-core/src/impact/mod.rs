@@ -3,46 +3,24 @@
 //! `problem.rs` states and solves one impact problem over chosen contacts, `coupled.rs` adds joints and loads to it,
 //! `safeguard.rs` keeps it from gaining energy, `sequence.rs` orders them, `kept.rs` looks at what the first one keeps of the loads.
 
+pub mod bisect;
 mod coupled;
 mod kept;
+mod memory;
 mod problem;
 mod safeguard;
 mod sequence;
 
 pub use kept::{gives, Worked};
-pub use problem::ImpactScratch;
+pub use memory::ImpactScratch;
 
 use crate::islands::Island;
 use crate::model::Model;
 use crate::options::Impact;
 use crate::report::StepReport;
-use crate::scratch::IslandScratch;
 use crate::state::State;
 use crate::stepper::Span;
-
-/// An impact problem gains energy if its work exceeds this share of the island's kinetic energy (rule R4).
-pub const GAIN_TOLERANCE: f64 = 1e-10;
-
-/// Bisections of the restitution scale (rule R4).
-pub const BISECTIONS: u32 = 12;
-
-/// The same in islands with joints: there a gain of 1e-9 of the energy may be only the turn of a rod within the step, and must
-/// not take 2e-4 off e.
-pub const BISECTIONS_JOINTS: u32 = 30;
-
-/// Largest scale found in [0, 1] at which `admissible` holds, keeping the admissible end; 0 is taken as admissible.
-pub fn bisect_scale(count: u32, mut admissible: impl FnMut(f64) -> bool) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..count {
-        let middle = 0.5 * (low + high);
-        if admissible(middle) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
-}
+use crate::workspace::IslandScratch;
 
 /// Solves one island by the law of the run.
 pub fn solve_island(

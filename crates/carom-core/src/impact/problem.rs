@@ -6,15 +6,17 @@ mod rest;
 mod solve;
 mod totals;
 
-use crate::contact::{Contact, Rows};
+use crate::contact::Contact;
+use crate::impact::memory::ImpactScratch;
 use crate::islands::Island;
-use crate::level::velocity::Speeds;
+use crate::level::speeds::Speeds;
 use crate::model::Model;
-use crate::scratch::{ImpactRecord, IslandScratch};
+use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::Span;
-use carom_solve::rows::{RowContact, RowSystem};
-use carom_solve::{SolveReport, Status};
+use crate::workspace::IslandScratch;
+use carom_solve::rows::RowContact;
+use carom_solve::Status;
 
 /// Restitution terms of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,56 +27,6 @@ pub enum Law {
     Newton,
     /// As printed: normal of n, not clipped, e_T always.
     Printed,
-}
-
-/// An island at velocity level, in local nodes and rows.
-#[derive(Default)]
-pub struct ImpactScratch {
-    /// All closed contacts of the island, then its joints.
-    pub full: RowSystem,
-    pub members: Vec<u32>,
-    pub joints: Vec<u32>,
-    pub loads: Vec<u32>,
-    /// t_n and t_{n+1}.
-    pub span: Span,
-    /// `c'(t_{n+1})` of the joint rows, in the order of `full`.
-    pub(super) rates: Vec<f64>,
-    /// Jump of stage J; wrench of the loads it is counted from, and impulse of their change since (6 per node).
-    pub(super) settled: Vec<f64>,
-    pub(super) settled_joint: Vec<f64>,
-    pub(super) load_base: Vec<f64>,
-    pub(super) load_impulse: Vec<f64>,
-    /// Smooth and old velocities, total jump, jump of the fixed impulses, jump of stage 0, `V_minus` (6 per node).
-    pub v_check: Vec<f64>,
-    pub v_old: Vec<f64>,
-    pub jump: Vec<f64>,
-    pub fixed: Vec<f64>,
-    pub v_minus: Vec<f64>,
-    /// Accumulated impulses per row of `full`.
-    pub impulse: Vec<f64>,
-    /// What moving walls add to the measures of contact rows at t_n and t_{n+1}; empty: none moves.
-    pub(super) driven: [Vec<f64>; 2],
-    /// Slots (into `members`) of the contacts of the problem at hand.
-    pub chosen: Vec<usize>,
-    pub tol: f64,
-    pub speeds: Speeds,
-    /// Of the walls of its contacts.
-    pub(super) wall_speeds: Speeds,
-    pub problems: u32,
-    work: Vec<[f64; 4]>,
-    status: Vec<Status>,
-    pub(super) sub: RowSystem,
-    pub(super) lambda: Vec<f64>,
-    pub(super) u: Vec<f64>,
-    pub(super) scale: Vec<f64>,
-    pub(super) velocity: Vec<f64>,
-    force: Vec<f64>,
-    pub(super) group: Vec<u32>,
-    /// Rows of stage 0, kept until the step turns out to have an impact in this island.
-    resting: Vec<ImpactRecord>,
-    accept_unconverged: bool,
-    /// What the last solve told.
-    last: SolveReport,
 }
 
 impl ImpactScratch {

@@ -1,11 +1,11 @@
 //! The energy safeguard (rule R4): Newton's law with friction and unequal restitution can gain energy in multiple impacts.
 
-use super::problem::{ImpactScratch, Law};
-use super::GAIN_TOLERANCE;
-use super::{bisect_scale, BISECTIONS, BISECTIONS_JOINTS};
+use super::problem::Law;
+use crate::impact::bisect::{bisect_scale, BISECTIONS, BISECTIONS_JOINTS, GAIN_TOLERANCE};
+use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
 use crate::report::StepReport;
-use crate::scratch::IslandScratch;
+use crate::workspace::IslandScratch;
 use carom_solve::rows::NODE_DOF;
 
 impl ImpactScratch {

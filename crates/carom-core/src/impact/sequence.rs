@@ -1,12 +1,13 @@
 //! The order of impact problems in a step: with load offset (rule R2, the default), as printed, and one-shot.
 
-use super::problem::{ImpactScratch, Law};
+use super::problem::Law;
 use crate::contact::WorldImpulse;
+use crate::impact::memory::ImpactScratch;
 use crate::level::rest;
 use crate::model::Model;
 use crate::report::StepReport;
-use crate::scratch::IslandScratch;
 use crate::state::{State, Warm};
+use crate::workspace::IslandScratch;
 
 /// Rule R2: loads first, then impacts. `docs/theory/algorithm.md` section 5 has it stage by stage.
 pub fn with_load_offset(

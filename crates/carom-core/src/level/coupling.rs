@@ -1,10 +1,10 @@
 //! Joints and loads that depend on the motion, as the position and velocity sub-problems of an island see them:
 //! rows of joints, and the change of the loads `f_p`, `f_v` (eqs. 3, 4) with its derivatives.
 
-use crate::contact::Rows;
 use crate::force::{Motion, Tangent};
 use crate::joint::{over_increment, Joint, Pose, Twist};
 use crate::model::Model;
+use crate::rows::Rows;
 use crate::stepper::Span;
 use carom_solve::rows::NODE_DOF;
 use glam::{DQuat, DVec3};

@@ -8,6 +8,7 @@ pub mod single;
 pub mod smooth;
 mod smooth_matrix;
 pub mod smooth_newton;
+pub mod speeds;
 pub mod velocity;
 mod wedge;
 

@@ -9,35 +9,24 @@ use super::rest::{self, Resting};
 use super::{
     closed_form, newton_options, position_floor, single, wedge, worst_group, Demand, LESS_FRICTION,
 };
-use crate::contact::{Contact, Rows};
+use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
-use crate::pile;
+use crate::outcome::Level;
+use crate::pile::limits::{fits, may_fall_back};
 use crate::problem::Solve;
-use crate::report::{Level, StepReport};
-use crate::rotation;
-use crate::scratch::{IslandScratch, SolveScratch};
+use crate::report::StepReport;
+use crate::rows::{along, Rows};
 use crate::state::State;
 use crate::stepper::Span;
-use crate::wall::Walls;
-use carom_geom::Proximity;
+use crate::workspace::{IslandScratch, SolveScratch};
+use crate::{pile, rotation};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::{Newton, SolveReport, Status};
 use glam::DVec3;
 
 /// Gaps that what rests may keep where nothing closes them, over the length of the contact and the tolerance of the island.
 const GAPS_AT_REST: f64 = 0.1;
-
-/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.
-#[inline(always)]
-pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
-    if c.is_wall(model) {
-        walls.meet(model, c.a, c.b, xa)
-    } else {
-        let (ra, rb) = (model.radius[c.a as usize], model.radius[c.b as usize]);
-        model.periodic.sphere_sphere(xa, ra, xb, rb)
-    }
-}
 
 /// Nothing overlaps and nothing is held: U = 0 satisfies every condition.
 #[inline]
@@ -91,8 +80,8 @@ pub fn solve_island(
         }
     }
     let resting = Resting::find(model, state, scratch, island, span.h);
-    if pile::fits(model, island) {
-        let others = pile::may_fall_back(island);
+    if fits(model, island) {
+        let others = may_fall_back(island);
         if let Some(resting) = &resting {
             let (before, asked) = (*report, demand.unless_accepted());
             let failed = scratch.keeper.failed.take();
@@ -443,15 +432,4 @@ fn solve_by_newton(
         }
     }
     true
-}
-
-/// One row on a pair of vectors.
-#[inline]
-pub(crate) fn along(row: &[f64; NODE_DOF], linear: DVec3, angular: DVec3) -> f64 {
-    row[0] * linear.x
-        + row[1] * linear.y
-        + row[2] * linear.z
-        + row[3] * angular.x
-        + row[4] * angular.y
-        + row[5] * angular.z
 }

@@ -1,15 +1,15 @@
 //! Measures of the position level as functions of the correction: gaps, increments, joints, and loads that depend on positions.
 
 use super::coupling::{position_rows, Trial};
-use super::position::proximity;
-use crate::contact::{Contact, Rows};
+use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
 use crate::rotation;
+use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
-use crate::wall::Walls;
+use crate::wall::places::{proximity, Walls};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
 use glam::DVec3;
 

@@ -1,11 +1,12 @@
 //! A lone contact of a sphere with a plane: both levels in closed form (`carom_solve::single`).
 
-use crate::contact::{Contact, Rows};
+use crate::contact::Contact;
 use crate::model::Model;
+use crate::outcome::Level;
 use crate::problem::Solve;
-use crate::report::Level;
-use crate::scratch::IslandScratch;
+use crate::rows::Rows;
 use crate::state::State;
+use crate::workspace::IslandScratch;
 use carom_solve::rows::{RowSystem, WORLD};
 use carom_solve::single::{SingleContact, SingleSolution};
 use carom_solve::SolveReport;

@@ -4,13 +4,13 @@
 //! iteration, in closed form. Joints and other loads go to Newton's method (`smooth_newton.rs`).
 
 use super::smooth_newton::{place, Weights};
-use crate::blow_up::BlowUp;
-use crate::force::{self, LoadError};
+use crate::force::total::weight;
+use crate::force::LoadError;
 use crate::model::Model;
-use crate::report::{Level, StepReport};
+use crate::outcome::{BlowUp, Failure, Level};
+use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::Failure;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Coefficients;
 use carom_solve::team;
@@ -42,7 +42,7 @@ pub fn solve(
         for (k, i) in (first..first + linear.len()).enumerate() {
             let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
             let mut p = coefficients.predict(state.velocity[i], a, acc);
-            let f = force::weight(model, i);
+            let f = weight(model, i);
             coefficients.correct(&mut p, per_velocity * model.inv_mass[i] * f);
             position[k] = state.position[i] + p.displacement;
             linear[k] = p;

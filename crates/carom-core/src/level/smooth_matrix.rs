@@ -3,9 +3,9 @@
 
 use super::coupling::Trial;
 use super::smooth_newton::{Group, SmoothScratch, Weights};
-use crate::contact::Rows;
 use crate::joint::Block6;
 use crate::model::Model;
+use crate::rows::Rows;
 use carom_solve::direct::dense::{lu_factor, lu_solve};
 use carom_solve::rows::NODE_DOF;
 

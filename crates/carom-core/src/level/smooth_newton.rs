@@ -5,10 +5,11 @@
 //! factorable (rule R10); it is in the matrix only, so the limit is that of eq. 1. All other spheres have the matrix `s M`.
 
 use super::coupling::Trial;
-use crate::contact::Rows;
-use crate::force::{self, LoadError};
+use crate::force::total::{add_loads, weight};
+use crate::force::LoadError;
 use crate::joint::{add_reaction, Joint};
 use crate::model::{LinkKind, Model};
+use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_solve::direct::SparseLu;
@@ -218,11 +219,11 @@ impl SmoothScratch {
         }
         let mut wrench = std::mem::take(&mut trial.wrench);
         wrench.fill([DVec3::ZERO; 2]);
-        let loaded = force::add_loads(model, &trial.motion(time), &mut wrench);
+        let loaded = add_loads(model, &trial.motion(time), &mut wrench);
         trial.wrench = wrench;
         loaded?;
         for (i, w) in trial.wrench.iter_mut().enumerate() {
-            let weight = force::weight(model, i);
+            let weight = weight(model, i);
             let share = &mut self.shares[self.share_of[i] as usize];
             share.parts += weight.length();
             w[0] += weight;

@@ -3,9 +3,9 @@
 use super::elastic::Elastic;
 use super::friction::{slowed, Spring};
 use super::pair::Pair;
-use super::workspace::Bodies;
 use crate::model::Model;
 use crate::options::{Options, PenaltyFriction};
+use crate::penalty::bodies::Bodies;
 use carom_solve::Bounds;
 use glam::DVec3;
 

@@ -2,7 +2,7 @@
 
 use super::elastic::Elastic;
 use super::pair::Pair;
-use super::workspace::Bodies;
+use crate::penalty::bodies::Bodies;
 use glam::DVec3;
 
 /// Substep over the time constant of the damping at the default resolution of 50: with 0.1 a rebound has e to 1e-3.

@@ -4,6 +4,7 @@
 //! dampings chi, [`elastic`] Hertz's K and times, [`friction`] the exact flows of dry friction; [`pair`] follows one pair
 //! (`forces.rs`: its forces, `limit.rs`: the substep it admits), [`step`](step()) makes the substeps. `docs/theory/penalty.md` states all of it.
 
+mod bodies;
 pub mod elastic;
 mod forces;
 pub mod friction;
@@ -19,8 +20,9 @@ pub use touch::Touch;
 pub use workspace::Workspace;
 
 use crate::joint::Joint;
-use crate::model::{ContactLaw, ModelError};
+use crate::model::ContactLaw;
 use crate::options::{Method, Options, PenaltyFriction};
+use crate::outcome::ModelError;
 
 /// Refuses joints and contact laws that the method cannot honour. Other methods take all.
 pub fn check(options: &Options, laws: &[ContactLaw], joints: &[Joint]) -> Result<(), ModelError> {

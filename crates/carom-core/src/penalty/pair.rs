@@ -2,12 +2,11 @@
 
 use super::elastic::Elastic;
 use super::touch::{PairLaw, Sum, Touch};
-use super::workspace::Bodies;
-use crate::contact::WorldImpulse;
+use crate::contact::{ContactKey, WorldImpulse};
 use crate::model::Model;
 use crate::options::PenaltyFriction;
-use crate::scratch::ImpactRecord;
-use crate::state::ContactKey;
+use crate::outcome::ImpactRecord;
+use crate::penalty::bodies::Bodies;
 use crate::wall::WallTwist;
 use carom_geom::Proximity;
 use carom_solve::{Bounds, Status};

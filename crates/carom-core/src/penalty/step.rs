@@ -14,15 +14,16 @@
 
 use super::elastic::Elastic;
 use super::workspace::Workspace;
-use crate::blow_up::{self, BlowUp};
 use crate::candidates::CANDIDATE_MARGIN;
-use crate::force::{self, LoadError};
+use crate::force::total::weight_potential;
+use crate::force::LoadError;
 use crate::model::Model;
-use crate::report::{Level, StepReport};
+use crate::outcome::{within_bounds, BlowUp, Failure, History, Level};
+use crate::report::StepReport;
 use crate::rotation;
-use crate::scratch::{History, Scratch};
+use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::{Attempt, Failure};
+use crate::step::Attempt;
 use crate::stepper::Span;
 use crate::timers::{Phase, Timers};
 use carom_geom::NeighbourList;
@@ -159,7 +160,7 @@ fn load_limit(model: &Model, state: &State, time: f64) -> f64 {
     /// Share of the time scales 1/omega and m/c in a substep.
     const SHARE: f64 = 0.1;
     let mut tangents = Vec::new();
-    let at = crate::step::motion_of(state, time);
+    let at = crate::force::total::motion_of(state, time);
     for load in &model.loads {
         load.tangent(&at, &mut tangents);
     }
@@ -334,10 +335,10 @@ fn finish(
         kinetic +=
             0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
         if work.present[i] {
-            potential += force::weight_potential(model, i, work.bodies.position[i]);
+            potential += weight_potential(model, i, work.bodies.position[i]);
         }
         let numbers = kinetic.is_finite() && potential.is_finite();
-        if !(numbers && blow_up::within_bounds(v, w)) {
+        if !(numbers && within_bounds(v, w)) {
             let touching = work.pairs.iter().filter(|p| p.closed).map(|p| (p.a, p.b));
             return Err(Failure::BlowUp(BlowUp::of(
                 Level::Velocity,

@@ -2,8 +2,8 @@
 
 use super::friction::damping_ratio;
 use super::laws;
+use crate::contact::ContactKey;
 use crate::model::Model;
-use crate::state::ContactKey;
 use carom_solve::Bounds;
 use glam::DVec3;
 

@@ -3,33 +3,15 @@
 use super::elastic::Elastic;
 use super::pair::Pair;
 use super::touch::{PairLaw, Touch};
-use crate::force::{self, LoadError, Motion};
+use crate::force::total::add_loads;
+use crate::force::{LoadError, Motion};
 use crate::model::Model;
 use crate::options::Method;
+use crate::penalty::bodies::Bodies;
 use crate::state::State;
-use crate::wall::Walls;
+use crate::wall::places::Walls;
 use carom_geom::NeighbourList;
-use glam::{DQuat, DVec3};
-
-/// The moving state of a step. Arrays of motion and inertia have an entry for each sphere and, after them, a zero for
-/// each plane: a plane is a body of infinite mass at rest.
-#[derive(Debug, Default)]
-pub struct Bodies {
-    /// (N), m.
-    pub position: Vec<DVec3>,
-    /// At the time of the positions.
-    pub walls: Walls,
-    pub orientation: Vec<DQuat>,
-    /// (N + P) velocity and spatial angular velocity.
-    pub motion: Vec<[DVec3; 2]>,
-    pub inv_mass: Vec<f64>,
-    pub inv_inertia: Vec<f64>,
-    pub radius: Vec<f64>,
-    /// (N + P) accelerations by gravity and loads.
-    pub smooth: Vec<[DVec3; 2]>,
-    /// (N + P) of the centres, with the elastic forces, m/s^2.
-    pub acceleration: Vec<DVec3>,
-}
+use glam::DVec3;
 
 /// Memory of method `penalty`; empty with other methods.
 #[derive(Debug, Default)]
@@ -131,7 +113,7 @@ impl Workspace {
             angular_velocity,
         };
         self.wrench.fill([DVec3::ZERO; 2]);
-        force::add_loads(model, &at, &mut self.wrench)?;
+        add_loads(model, &at, &mut self.wrench)?;
         self.power = model.loads.iter().map(|load| load.power(&at)).sum();
         self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
         for (i, [force, moment]) in self.wrench.iter().enumerate() {

@@ -5,7 +5,7 @@
 
 use super::member::Member;
 use crate::contact::Contact;
-use crate::scratch::ImpactRecord;
+use crate::outcome::ImpactRecord;
 use carom_solve::Status;
 use glam::DVec3;
 

@@ -1,9 +1,10 @@
 //! Loads of a pile, and its first impact problem, once more where the impulses so far give energy ([`crate::impact::gives`]).
 
-use super::solve::GAIN_SHARE;
-use super::Pile;
-use crate::impact::{gives, Worked, GAIN_TOLERANCE};
+use crate::impact::bisect::GAIN_TOLERANCE;
+use crate::impact::{gives, Worked};
 use crate::model::Model;
+use crate::pile::limits::GAIN_SHARE;
+use crate::pile::memory::Pile;
 use glam::DVec3;
 
 impl Pile {

@@ -1,12 +1,15 @@
 //! Problems of piles as data, on request (`carom_core::problem`).
 
-use super::member::{Member, Memory};
+use super::member::Member;
 use super::record;
-use super::{Law, Pile};
-use crate::contact::{Contact, Rows};
+use crate::contact::Contact;
 use crate::model::Model;
+use crate::outcome::Level;
+use crate::pile::limits::Law;
+use crate::pile::memory::Pile;
+use crate::pile::velocities::Velocities;
 use crate::problem::{Keeper, Solve};
-use crate::report::Level;
+use crate::rows::Rows;
 use carom_solve::rows::{RowSystem, NODE_DOF};
 use carom_solve::spheres::{Body, Progress};
 use carom_solve::SolveReport;
@@ -180,7 +183,7 @@ pub fn report_of(sweeps: u32, residual: f64, converged: bool) -> SolveReport {
     }
 }
 
-impl Memory {
+impl Velocities {
     /// `v_check + jump` of each node.
     pub fn velocities(&self) -> Vec<[DVec3; 2]> {
         let pairs = self.check.iter().zip(&self.jump);

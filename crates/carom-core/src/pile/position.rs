@@ -1,24 +1,26 @@
 //! Position sub-problem of a pile (eqs. 1c-e, 14, 21): linear problems of spheres, one after the other, each at the positions
 //! that the last one led to.
 
-use super::roll::{self, Turning};
-use super::{
-    budget, is_beyond, is_large, keep, node, record, shares, told, warm::Cursor, worst, Pile,
-    COARSE, PATIENCE, TYPICAL,
-};
+use super::warm::Cursor;
+use super::{keep, record, shares};
 use crate::contact::Contact;
 use crate::islands::Island;
-use crate::level::position::proximity;
 use crate::level::rest::Resting;
-use crate::level::velocity::MANY;
+use crate::level::speeds::MANY;
 use crate::level::{position_floor, Demand};
 use crate::model::Model;
-use crate::report::{Level, StepReport};
-use crate::scratch::IslandScratch;
+use crate::outcome::Level;
+use crate::pile::limits::{
+    budget, is_beyond, is_large, node, told, worst, COARSE, PATIENCE, TYPICAL,
+};
+use crate::pile::memory::Pile;
+use crate::pile::turning::{any_rolls, Turning};
+use crate::report::StepReport;
 use crate::state::{State, Warm};
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
-use crate::wall::Walls;
+use crate::wall::places::{proximity, Walls};
+use crate::workspace::IslandScratch;
 use carom_geom::Proximity;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal};
@@ -128,7 +130,7 @@ fn solve(
             *start = begin(&mut cursor, m)[0].to_array();
         }
     });
-    let rolls = roll::any_rolls(model, contacts, members);
+    let rolls = any_rolls(model, contacts, members);
     pile.start_moments.clear();
     if rolls {
         let mut cursor = Cursor::new(&state.warm);

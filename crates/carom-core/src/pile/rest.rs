@@ -1,10 +1,12 @@
 //! What rests and can be held stays ([`crate::level::rest`]), in piles of up to some thousand contacts.
 
 use super::member::{change, Member};
-use super::{keep, roll, Law, Pile};
+use super::{keep, roll};
 use crate::contact::Contact;
 use crate::level::rest::{self, Resting};
 use crate::model::Model;
+use crate::pile::limits::Law;
+use crate::pile::memory::Pile;
 use carom_solve::spheres::{Goal, Progress};
 use glam::DVec3;
 

@@ -4,77 +4,12 @@
 //! `delta lambda_N` (`docs/theory/algorithm.md`, section 2). Restitution does not act on them. In a pile in which nothing rolls the
 //! list is empty, and nothing here costs anything.
 
-use super::member::{Member, Memory};
-use crate::contact::Contact;
-use crate::model::Model;
+use super::member::Member;
+use crate::pile::turning::Turning;
+use crate::pile::velocities::Velocities;
 use carom_solve::rows::WORLD;
-use carom_solve::spheres::{Body, Roll};
+use carom_solve::spheres::Body;
 use glam::DVec3;
-
-/// Moments of a member.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turning {
-    /// rho, delta and the reference length, m.
-    pub rolling: f64,
-    pub spinning: f64,
-    pub length: f64,
-    /// Angular velocities of a moving wall's material at t_n and t_{n+1}.
-    pub walls: [DVec3; 2],
-    /// Moment on A of all problems so far, and of the loads alone.
-    pub moment: DVec3,
-    pub load: DVec3,
-    /// Work of rolling and of spinning, J.
-    pub work: [f64; 2],
-    /// Moment of impacts.
-    pub hit: DVec3,
-}
-
-impl Turning {
-    pub fn new(c: &Contact, walls: [DVec3; 2]) -> Self {
-        Self {
-            rolling: c.bounds.rolling,
-            spinning: c.bounds.spinning,
-            length: c.length,
-            walls,
-            moment: DVec3::ZERO,
-            load: DVec3::ZERO,
-            work: [0.0; 2],
-            hit: DVec3::ZERO,
-        }
-    }
-
-    /// As the sweeps have it, with the relative angular velocity at `u = 0`.
-    pub fn stated(&self, turn: DVec3) -> Roll {
-        Roll {
-            rolling: self.rolling,
-            spinning: self.spinning,
-            turn: turn.to_array(),
-            length: self.length,
-        }
-    }
-
-    /// Adds what one problem gave; `hits`: it is an impact of this contact.
-    pub fn add(&mut self, moment: DVec3, work: [f64; 2], hits: bool) {
-        self.moment += moment;
-        self.work[0] += work[0];
-        self.work[1] += work[1];
-        if hits {
-            self.hit += moment;
-        }
-    }
-}
-
-/// Whether a contact has moments.
-pub(super) fn rolls(c: &Contact) -> bool {
-    c.bounds.rolling > 0.0 || c.bounds.spinning > 0.0
-}
-
-/// Whether any of the `members` among the contacts has moments.
-pub(super) fn any_rolls(model: &Model, contacts: &[Contact], members: &[u32]) -> bool {
-    let mut laws = model.laws.iter().map(|law| law.bounds);
-    laws.any(|b| b.rolling > 0.0 || b.spinning > 0.0)
-        && members.iter().any(|&m| rolls(&contacts[m as usize]))
-}
 
 /// Relative angular velocity of a contact's bodies, of A against B.
 fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
@@ -106,7 +41,7 @@ pub(super) fn work(normal: DVec3, moment: DVec3, before: DVec3, after: DVec3) ->
     [moment.dot(mean) - spinning, spinning]
 }
 
-impl Memory {
+impl Velocities {
     /// Relative angular velocity of member `slot` at `v_check`, and at `v_check + jump`.
     pub fn free_turn(&self, slot: u32) -> DVec3 {
         let wall = self.turning[slot as usize].walls[1];

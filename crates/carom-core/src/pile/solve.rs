@@ -1,10 +1,12 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts, and rule R4 on what they find.
 
 use super::member::{change, work};
-use super::{budget, roll, shares, worst, Law, Pile, LEFT, PATIENCE};
+use super::{roll, shares};
 use crate::contact::Contact;
-use crate::impact::GAIN_TOLERANCE;
+use crate::impact::bisect::GAIN_TOLERANCE;
 use crate::model::Model;
+use crate::pile::limits::{budget, worst, Law, GAIN_SHARE, LEFT, PATIENCE};
+use crate::pile::memory::Pile;
 use crate::report::StepReport;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal, Progress};
@@ -13,9 +15,6 @@ use glam::DVec3;
 
 /// Bisections of the restitution scale.
 const BISECTIONS: u32 = 6;
-/// An impact problem gains energy if its work exceeds this share of the solver's tolerance, of the kinetic energy: an inexact
-/// solution does a little work.
-pub(super) const GAIN_SHARE: f64 = 1e-2;
 
 /// Sweeps after which impulses are scaled chunk by chunk: what takes fewer has little to tell from one end of the pile to the other.
 const RESCALE: usize = 30;

@@ -1,7 +1,10 @@
 //! What the velocity problems of a pile start from.
 
-use super::{is_beyond, is_large, record, shares, warm::Cursor, Pile};
+use super::warm::Cursor;
+use super::{record, shares};
 use crate::contact::Contact;
+use crate::pile::limits::{is_beyond, is_large};
+use crate::pile::memory::Pile;
 use crate::state::State;
 use crate::stepper::Span;
 use glam::DVec3;

@@ -1,18 +1,22 @@
 //! Velocity sub-problem of a pile (eqs. 1f-h): loads first, then the contacts that close together with what the loads press
 //! (rule R2), then whatever closes, where it closes (`cascade`).
 
-use super::member::{work, Member, Memory as Velocity, FIXED};
-use super::roll::{self, Turning};
-use super::{coarser, node, record, shares, Law, Pile};
+use super::member::{work, Member, FIXED};
+use super::{record, shares};
 use crate::contact::Contact;
 use crate::islands::Island;
-use crate::level::velocity::Speeds;
+use crate::level::speeds::Speeds;
 use crate::model::Model;
 use crate::options::Impact;
+use crate::outcome::ImpactRecord;
+use crate::pile::limits::{coarser, node, Law};
+use crate::pile::memory::Pile;
+use crate::pile::turning::{any_rolls, Turning};
+use crate::pile::velocities::Velocities;
 use crate::report::StepReport;
-use crate::scratch::{ImpactRecord, IslandScratch};
 use crate::state::{State, Warm};
 use crate::stepper::Span;
+use crate::workspace::IslandScratch;
 use carom_solve::team;
 use glam::DVec3;
 
@@ -132,7 +136,7 @@ impl Pile {
             }
         });
         memory.turning.clear();
-        if roll::any_rolls(model, contacts, list) {
+        if any_rolls(model, contacts, list) {
             memory.turning.extend(list.iter().map(|&index| {
                 let c = &contacts[index as usize];
                 let i = c.a as usize;
@@ -278,7 +282,7 @@ impl Pile {
             let member = &mut memory.members[slot as usize];
             let dropped = std::mem::take(&mut member.impulse);
             if dropped != DVec3::ZERO {
-                Velocity::push(&self.bodies, member, -dropped, &mut memory.jump);
+                Velocities::push(&self.bodies, member, -dropped, &mut memory.jump);
             }
         }
         if !memory.turning.is_empty() {
@@ -338,7 +342,7 @@ struct Found {
 
 impl Found {
     /// Writes the result of a contact, and lists what it gives the next step and the table of impacts.
-    fn take(&mut self, model: &Model, memory: &Velocity, slot: usize, c: &mut Contact) {
+    fn take(&mut self, model: &Model, memory: &Velocities, slot: usize, c: &mut Contact) {
         let m = &memory.members[slot];
         // Of a contact without moments.
         let nothing = Turning::default();

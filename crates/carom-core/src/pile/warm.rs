@@ -1,6 +1,7 @@
 //! Impulses of the last step, found by key.
 
-use crate::state::{ContactKey, Warm};
+use crate::contact::ContactKey;
+use crate::state::Warm;
 
 /// Finds keys that are asked for in ascending order: steps that grow from where the last one was.
 pub struct Cursor<'a> {

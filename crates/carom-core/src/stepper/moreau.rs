@@ -6,19 +6,18 @@
 //! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
 use super::{Coefficients, Span};
-use crate::blow_up::BlowUp;
-use crate::candidates;
 use crate::contact::Contact;
-use crate::finish;
-use crate::force;
-use crate::level::{position, Demand};
+use crate::force::total::{add_loads, motion_of};
+use crate::level::Demand;
 use crate::model::Model;
-use crate::report::{Level, StepReport};
+use crate::outcome::{BlowUp, Failure, Level};
+use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::{self, Attempt, Failure};
+use crate::step::{self, Attempt};
 use crate::timers::{Phase, Timers};
-use crate::travel;
+use crate::wall::places::proximity;
+use crate::{candidates, finish, travel};
 use carom_solve::Bounds;
 use glam::DVec3;
 
@@ -111,8 +110,8 @@ fn weigh_loads(
     time: f64,
 ) -> Result<(), Failure> {
     let mut wrench = vec![[DVec3::ZERO; 2]; model.spheres()];
-    let at = step::motion_of(state, time);
-    if let Err(error) = force::add_loads(model, &at, &mut wrench) {
+    let at = motion_of(state, time);
+    if let Err(error) = add_loads(model, &at, &mut wrench) {
         scratch.load_error = Some(error);
         return Err(Failure::Load);
     }
@@ -173,7 +172,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
         if !(c.is_wall(model) && model.wall(c.b).is_fixed_plane()) {
             let a = position[c.a as usize];
             let b = position.get(c.b as usize).copied().unwrap_or(a);
-            let n = position::proximity(model, walls, c, a, b).normal;
+            let n = proximity(model, walls, c, a, b).normal;
             let (t1, t2) = carom_geom::tangent_frame(n);
             (c.n0, c.n1, c.t1, c.t2) = (n, n, t1, t2);
         }
@@ -290,7 +289,7 @@ fn gaps(model: &Model, scratch: &mut Scratch, mut take: impl FnMut(&mut Contact,
     } = scratch;
     for c in contacts.iter_mut() {
         let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-        let gap = position::proximity(model, walls, c, position[c.a as usize], xb).gap;
+        let gap = proximity(model, walls, c, position[c.a as usize], xb).gap;
         take(c, gap);
     }
 }

@@ -1,8 +1,7 @@
 //! Laws by which a wall moves, and its velocity at a point.
 
 use super::place;
-use crate::contact::Rows;
-use crate::level::position::along;
+use crate::rows::{along, Rows};
 use carom_geom::Displacement;
 use carom_laws::Scalar;
 use glam::{DQuat, DVec3};

@@ -1,9 +1,11 @@
 //! Loads, and the first impact problem, once more where the impulses so far give energy ([`crate::impact::gives`]).
 
-use super::ImpactScratch;
-use crate::impact::{gives, Worked, GAIN_TOLERANCE};
+use crate::impact::bisect::GAIN_TOLERANCE;
+use crate::impact::memory::ImpactScratch;
+use crate::impact::{gives, Worked};
 use crate::model::Model;
-use crate::scratch::{ImpactRecord, IslandScratch};
+use crate::outcome::ImpactRecord;
+use crate::workspace::IslandScratch;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::Status;
 

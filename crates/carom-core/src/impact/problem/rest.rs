@@ -1,11 +1,11 @@
 //! Loads on what is at rest: the solution that leaves it there, where there is one ([`crate::level::rest`]).
 
-use super::ImpactScratch;
 use crate::contact::Contact;
+use crate::impact::memory::ImpactScratch;
 use crate::level::rest;
 use crate::model::Model;
 use crate::report::StepReport;
-use crate::scratch::IslandScratch;
+use crate::workspace::IslandScratch;
 use carom_solve::rows::{Linear, RowContact};
 
 impl ImpactScratch {

@@ -1,15 +1,17 @@
 //! Solves an impact problem, as it is stated for its chosen contacts.
 
-use super::{ImpactScratch, Law};
+use super::Law;
 use crate::contact::Contact;
 use crate::impact::coupled::Velocities;
+use crate::impact::memory::ImpactScratch;
 use crate::level::coupling::Trial;
-use crate::level::position::along;
 use crate::level::{newton_options, worst_group, LESS_FRICTION};
 use crate::model::Model;
+use crate::outcome::Level;
 use crate::problem::Solve;
-use crate::report::{Level, StepReport};
-use crate::scratch::{IslandScratch, SolveScratch};
+use crate::report::StepReport;
+use crate::rows::along;
+use crate::workspace::{IslandScratch, SolveScratch};
 use carom_solve::rows::{Linear, RowContact, Subproblem, NODE_DOF};
 use carom_solve::NewtonOptions;
 

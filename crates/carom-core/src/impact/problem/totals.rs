@@ -1,10 +1,11 @@
 //! What impact problems gave: totals of the island, the table of impacts, the results of the step.
 
-use super::ImpactScratch;
 use crate::contact::Contact;
+use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
+use crate::outcome::ImpactRecord;
 use crate::report::StepReport;
-use crate::scratch::{ImpactRecord, IslandScratch};
+use crate::workspace::IslandScratch;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::Status;
 

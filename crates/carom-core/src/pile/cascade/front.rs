@@ -1,7 +1,8 @@
 //! What a cascade works on: contacts and spheres in a few lines of memory each, since it looks far more often than it solves.
 
-use crate::pile::member::{Given, Member, Memory as Velocity};
+use crate::pile::member::{Given, Member};
 use crate::pile::shares;
+use crate::pile::velocities::Velocities;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
 use glam::DVec3;
@@ -89,7 +90,7 @@ pub(super) struct Front {
 }
 
 impl Front {
-    pub fn open(&mut self, velocity: &Velocity, bodies: &[Body], threads: usize) {
+    pub fn open(&mut self, velocity: &Velocities, bodies: &[Body], threads: usize) {
         let members = &velocity.members;
         shares::refill(threads, &mut self.edges, members.len(), |slot| {
             let m = &members[slot];
@@ -189,7 +190,7 @@ impl Front {
 
     /// Marks in `closing` the contacts of `moved` spheres that close. Those between two of them are looked at twice: to know which
     /// costs more.
-    pub fn mark_closing(&self, velocity: &Velocity, moved: &[u32], closing: &mut Slots) {
+    pub fn mark_closing(&self, velocity: &Velocities, moved: &[u32], closing: &mut Slots) {
         for &node in moved {
             let own = self.linear[node as usize];
             let (from, to) = (self.starts[node as usize], self.starts[node as usize + 1]);
@@ -201,7 +202,7 @@ impl Front {
     }
 
     /// Relative angular velocity of a contact's spheres, less that of a wall.
-    pub fn turn(&self, velocity: &Velocity, bodies: &[Body], slot: u32) -> DVec3 {
+    pub fn turn(&self, velocity: &Velocities, bodies: &[Body], slot: u32) -> DVec3 {
         let spin = |node: u32| {
             over(
                 self.spheres[node as usize].surface,
@@ -238,7 +239,7 @@ impl Front {
     }
 
     /// [`Front::hand_over`] with more to come: in the end the members have the same bits.
-    pub fn show(&mut self, velocity: &mut Velocity, bodies: &[Body]) {
+    pub fn show(&mut self, velocity: &mut Velocities, bodies: &[Body]) {
         if self.base.is_empty() {
             self.base.clone_from(&velocity.members);
         }
@@ -246,7 +247,7 @@ impl Front {
     }
 
     /// Hands all that was added to the members, and the velocities to the jumps.
-    pub fn hand_over(&mut self, velocity: &mut Velocity, bodies: &[Body]) {
+    pub fn hand_over(&mut self, velocity: &mut Velocities, bodies: &[Body]) {
         for (slot, (m, t)) in velocity.members.iter_mut().zip(&self.tallies).enumerate() {
             if t.problem != 0 {
                 if let Some(base) = self.base.get(slot) {

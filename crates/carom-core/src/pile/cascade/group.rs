@@ -1,7 +1,7 @@
 //! A little island of an impact cascade: a handful of contacts, solved one after the other until all agree.
 
 use super::front::{over, Edge, Node};
-use crate::pile::roll::Turning;
+use crate::pile::turning::Turning;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal, Norms};
 use glam::DVec3;

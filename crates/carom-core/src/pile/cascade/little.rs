@@ -5,11 +5,12 @@ use super::front::{Front, Node};
 use super::group::Group;
 use super::near::{Island, Near};
 use super::parts::Parts;
-use crate::impact::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
+use crate::impact::bisect::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::model::Model;
-use crate::pile::member::{self, Given, Memory as Velocity};
+use crate::pile::limits::GAIN_SHARE;
+use crate::pile::member::{self, Given};
 use crate::pile::roll;
-use crate::pile::solve::GAIN_SHARE;
+use crate::pile::velocities::Velocities;
 use carom_solve::spheres::{Body, Goal};
 use glam::DVec3;
 use std::ops::Range;
@@ -18,7 +19,7 @@ use std::ops::Range;
 #[derive(Clone, Copy)]
 pub(super) struct View<'a> {
     pub model: &'a Model,
-    pub velocity: &'a Velocity,
+    pub velocity: &'a Velocities,
     pub bodies: &'a [Body],
     pub front: &'a Front,
     pub parts: &'a Parts,

@@ -6,14 +6,18 @@
 mod front;
 mod group;
 mod little;
+pub(super) mod memory;
 mod near;
 mod parts;
 
-use super::member::Memory as Velocity;
-use super::{keep, Law, Pile};
+use super::keep;
 use crate::contact::Contact;
 use crate::model::Model;
-use crate::report::{Level, StepReport};
+use crate::outcome::Level;
+use crate::pile::limits::Law;
+use crate::pile::memory::Pile;
+use crate::pile::velocities::Velocities;
+use crate::report::StepReport;
 use carom_solve::team::{self, lock};
 use front::{Front, Slots};
 use glam::DVec3;
@@ -33,21 +37,6 @@ const CROWD: usize = 500;
 const LASTING: f64 = 0.95;
 const MEAN_OF: usize = 4;
 const EARLY: u32 = 3;
-
-/// Memory of a cascade.
-#[derive(Default)]
-pub(super) struct Memory {
-    front: Front,
-    parts: Parts,
-    batches: Vec<Mutex<Batch>>,
-    /// Closing contacts, as each thread's share of the moved spheres has them.
-    closing: Vec<Mutex<Slots>>,
-    /// Contacts of the problem at hand, and their batches.
-    chosen: Vec<u32>,
-    firsts: Vec<usize>,
-    /// How many contacts each problem left closing that had closed before.
-    again: Vec<usize>,
-}
 
 /// A cascade on its way: what all threads read while they solve and look, and one writes in between.
 struct Cascade<'a> {
@@ -83,7 +72,7 @@ impl Pile {
         if first.is_empty() || most < 2 {
             return (1, first.is_empty());
         }
-        let mut memory = std::mem::take(&mut self.velocity.cascade);
+        let mut memory = std::mem::take(&mut self.cascade);
         (memory.front).open(&self.velocity, &self.bodies, all_threads);
         memory.parts.open(self.bodies.len());
         let threads = (model.options.threads as usize)
@@ -137,7 +126,7 @@ impl Pile {
         (memory.chosen, memory.firsts) = (cascade.chosen, cascade.firsts);
         memory.again = cascade.again;
         memory.front.hand_over(&mut self.velocity, &self.bodies);
-        self.velocity.cascade = memory;
+        self.cascade = memory;
         outcome
     }
 }
@@ -284,7 +273,7 @@ struct Before {
     turn: Vec<[DVec3; 2]>,
 }
 
-impl Velocity {
+impl Velocities {
     #[cold]
     fn state_of(&self, model: &Model, chosen: &[u32]) -> Before {
         let members = || chosen.iter().map(|&slot| &self.members[slot as usize]);

@@ -2,7 +2,7 @@
 
 use super::front::{Edge, Front, Node};
 use super::parts::Parts;
-use crate::pile::member::Memory as Velocity;
+use crate::pile::velocities::Velocities;
 use carom_solve::rows::WORLD;
 use glam::DVec3;
 use std::ops::Range;
@@ -65,7 +65,7 @@ impl Near {
     #[inline]
     pub fn relative(
         &self,
-        velocity: &Velocity,
+        velocity: &Velocities,
         island: &Island,
         edge: &Edge,
         [a, b]: [u32; 2],

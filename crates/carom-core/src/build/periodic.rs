@@ -1,7 +1,8 @@
 //! Checks of a periodic box: its lengths, and that all walls repeat with it.
 
+use super::ModelInput;
 use crate::candidates::CANDIDATE_MARGIN;
-use crate::model::{entry, finite, ModelError, ModelInput};
+use crate::outcome::{entry, finite, ModelError};
 use crate::wall::Wall;
 use carom_geom::{DVec3, Periodic, Shape};
 
@@ -9,7 +10,7 @@ use carom_geom::{DVec3, Periodic, Shape};
 const ALONG: f64 = 1e-9;
 
 /// The box of a model, or what is wrong with it.
-pub(crate) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, ModelError> {
+pub(super) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, ModelError> {
     finite("world", 0, "periodic", &input.periodic)?;
     finite("world", 0, "periodic_origin", &input.periodic_origin)?;
     let largest = input.radius.iter().copied().fold(0.0, f64::max);

@@ -1,0 +1,83 @@
+//! Checks of inflows and outlets.
+
+use super::ModelInput;
+use crate::flow::{Flow, Region};
+use crate::outcome::{entry, finite, ModelError};
+use crate::wall;
+
+/// Balls with a joint or a load of their own; what is no ball may be among them.
+fn held_bodies(input: &ModelInput) -> impl Iterator<Item = u32> + '_ {
+    let joined = input.joints.iter().flat_map(|j| [j.a, j.b]);
+    joined.chain(input.loads.iter().flat_map(|l| l.bodies()).flatten())
+}
+
+/// Checks those of a description.
+pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
+    let n = input.radius.len();
+    let mut taken = vec![false; if input.inflow.is_empty() { 0 } else { n }];
+    for (index, flow) in input.inflow.iter().enumerate() {
+        let refuse = |quantity, text: String| Err(entry("inflow", index, quantity, text));
+        let (first, end) = (
+            flow.first as usize,
+            flow.first as usize + flow.count as usize,
+        );
+        if end > n {
+            let text = format!("are {first}..{end}; there are {n} spheres");
+            return refuse("bodies", text);
+        }
+        if taken[first..end].iter().any(|&t| t) {
+            return refuse("bodies", "are those of another inflow too".to_owned());
+        }
+        taken[first..end].fill(true);
+        let fits = match flow.region {
+            Region::Box { low, high } => low.cmple(high).all(),
+            Region::Disc { normal, radius, .. } => normal.is_normalized() && radius >= 0.0,
+        };
+        if !fits {
+            let text = format!(
+                "is {:?}; it must be a box (low, high) or a disc (centre, unit normal, radius)",
+                flow.region
+            );
+            return refuse("region", text);
+        }
+        // Balls enter where balls may be from the start.
+        for corner in flow.region.bounds() {
+            wall::place("region", corner)
+                .map_err(|(quantity, text)| entry("inflow", index, quantity, text))?;
+        }
+        finite("inflow", index, "velocity", &flow.velocity.to_array())?;
+        for (quantity, value) in [
+            ("rate", flow.rate),
+            ("start", flow.start),
+            ("spread", flow.spread),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                let text = format!("is {value}; it must be finite and not negative");
+                return refuse(quantity, text);
+            }
+        }
+    }
+    if let Some(body) = held_bodies(input).find(|&b| taken.get(b as usize) == Some(&true)) {
+        let text =
+            format!("has a joint or a load of its own (sphere {body}): what enters must be free");
+        return Err(entry("inflow", 0, "bodies", text));
+    }
+    for (index, outlet) in input.outlet.iter().enumerate() {
+        let fits = outlet.low.cmplt(outlet.high).all();
+        if !fits || outlet.low.is_nan() || outlet.high.is_nan() {
+            let text = "needs a lowest and a highest corner".to_owned();
+            return Err(entry("outlet", index, "box", text));
+        }
+    }
+    let mut stay = vec![false; if input.outlet.is_empty() { 0 } else { n }];
+    for body in held_bodies(input) {
+        if let Some(stays) = stay.get_mut(body as usize) {
+            *stays = true;
+        }
+    }
+    Ok(Flow {
+        inflows: input.inflow.clone(),
+        outlets: input.outlet.clone(),
+        held: stay,
+    })
+}

@@ -1,0 +1,281 @@
+//! A model from its description: every number is checked, and every refusal names the entry.
+
+use super::{flow, ModelInput};
+use crate::force::Dependence;
+use crate::joint::{RowKind, GROUND};
+use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
+use crate::options::Options;
+use crate::outcome::{entry, finite, positive, ModelError};
+use crate::penalty;
+use crate::wall::{self, checked, Shape, Wall};
+use carom_solve::Bounds;
+use glam::{DQuat, DVec3};
+
+impl Model {
+    /// Checks and compiles. Every refusal names the entry.
+    pub fn new(input: &ModelInput, options: Options) -> Result<(Model, InitialState), ModelError> {
+        options.validate()?;
+        let n = input.radius.len();
+        if n == 0 {
+            return Err(ModelError::Empty);
+        }
+        check_lengths(input, n)?;
+        for i in 0..n {
+            let of_sphere = |(name, text)| entry("sphere", i, name, text);
+            wall::size("radius", input.radius[i]).map_err(of_sphere)?;
+            positive("sphere", i, "mass", input.mass[i])?;
+            positive("sphere", i, "inertia", input.inertia[i])?;
+            finite("sphere", i, "position", &input.position[i])?;
+            wall::place("position", input.position[i].into()).map_err(of_sphere)?;
+            finite("sphere", i, "velocity", &input.velocity[i])?;
+            finite("sphere", i, "angular_velocity", &input.angular_velocity[i])?;
+            finite("sphere", i, "orientation", &input.orientation[i])?;
+            let q = input.orientation[i];
+            let size = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if (size - 1.0).abs() > 1e-6 {
+                return Err(entry(
+                    "sphere",
+                    i,
+                    "orientation",
+                    format!("has norm {size}, expected 1"),
+                ));
+            }
+        }
+        finite("world", 0, "gravity", &input.gravity)?;
+        let walls = compile_walls(input)?;
+        let periodic = super::periodic::compile(input, &walls)?;
+        let flow = flow::compile(input)?;
+        let (laws, law_table, materials) = compile_laws(input)?;
+        penalty::check(&options, &laws, &input.joints)?;
+        let links = compile_links(input)?;
+        let model = Model {
+            gravity: DVec3::from(input.gravity),
+            radius: input.radius.clone(),
+            mass: input.mass.clone(),
+            inertia: input.inertia.clone(),
+            inv_mass: input.mass.iter().map(|m| 1.0 / m).collect(),
+            inv_inertia: input.inertia.iter().map(|i| 1.0 / i).collect(),
+            material: input.material.clone(),
+            drop_impacts: input.drop_impacts,
+            every_impact: input.every_impact && !input.drop_impacts,
+            record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
+            walls,
+            periodic,
+            flow,
+            laws,
+            law_table,
+            materials,
+            joints: input.joints.clone(),
+            loads: input.loads.clone(),
+            links,
+            options,
+        };
+        let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();
+        let initial = InitialState {
+            position: vectors(&input.position),
+            orientation: input
+                .orientation
+                .iter()
+                .map(|q| DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize())
+                .collect(),
+            velocity: vectors(&input.velocity),
+            angular_velocity: vectors(&input.angular_velocity),
+        };
+        Ok((model, initial))
+    }
+}
+
+/// Checks joints and loads and lists what they join.
+fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
+    let n = input.radius.len();
+    let mut links = Vec::new();
+    let missing = |kind, index, body: u32| {
+        let text = format!("is {body}; there are {n} spheres");
+        entry(kind, index, "body", text)
+    };
+    for (index, j) in input.joints.iter().enumerate() {
+        for body in [j.a, j.b] {
+            if body as usize >= n && !(body == GROUND && body == j.b) {
+                return Err(missing("joint", index, body));
+            }
+        }
+        if j.a == j.b {
+            let text = "joins a sphere with itself".to_owned();
+            return Err(entry("joint", index, "body", text));
+        }
+        let leading = |kind| (kind != RowKind::Rotation) as usize;
+        let translational = j.rows.iter().take_while(|r| leading(r.kind) == 1).count();
+        let sorted = j.rows[translational..].iter().all(|r| leading(r.kind) == 0);
+        if j.rows.is_empty() || j.rows.len() > 6 || !sorted || translational != j.translational {
+            let text = "must be 1 to 6, points and distances before rotations".to_owned();
+            return Err(entry("joint", index, "rows", text));
+        }
+        let of_joint = |(quantity, text)| entry("joint", index, quantity, text);
+        wall::size("length", j.length).map_err(of_joint)?;
+        for row in &j.rows {
+            // Where a ball may be, its points may be: distances and levers are squared.
+            for arm in [row.arm_a, row.arm_b] {
+                wall::place("arms", arm).map_err(of_joint)?;
+            }
+            let unit = (row.direction.length() - 1.0).abs() < 1e-9;
+            if row.kind != RowKind::Distance && !unit {
+                let text = "must be a unit vector".to_owned();
+                return Err(entry("joint", index, "direction", text));
+            }
+            row.law
+                .check_slope_at_start()
+                .map_err(|text| entry("joint", index, "law", text))?;
+        }
+        links.push(Link {
+            a: j.a,
+            b: if j.grounded() { j.a } else { j.b },
+            kind: LinkKind::Joint(index as u32),
+        });
+    }
+    for (index, load) in input.loads.iter().enumerate() {
+        let bodies = load.bodies();
+        if let Some(body) = bodies.into_iter().flatten().find(|&b| b as usize >= n) {
+            return Err(missing("load", index, body));
+        }
+        load.check()
+            .map_err(|(quantity, text)| entry("load", index, quantity, text))?;
+        if let Dependence::Motion(a, b) = load.dependence() {
+            links.push(Link {
+                a,
+                b: b.unwrap_or(a),
+                kind: LinkKind::Load(index as u32),
+            });
+        }
+    }
+    Ok(links)
+}
+
+fn check_lengths(input: &ModelInput, n: usize) -> Result<(), ModelError> {
+    let planes = input.plane_point.len();
+    for (name, found, expected) in [
+        ("mass", input.mass.len(), n),
+        ("inertia", input.inertia.len(), n),
+        ("material", input.material.len(), n),
+        ("position", input.position.len(), n),
+        ("orientation", input.orientation.len(), n),
+        ("velocity", input.velocity.len(), n),
+        ("angular_velocity", input.angular_velocity.len(), n),
+        ("plane_normal", input.plane_normal.len(), planes),
+        ("plane_material", input.plane_material.len(), planes),
+    ] {
+        if found != expected {
+            return Err(ModelError::Length {
+                name,
+                found,
+                expected,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn compile_walls(input: &ModelInput) -> Result<Vec<Wall>, ModelError> {
+    let mut walls = Vec::with_capacity(input.plane_point.len() + input.walls.len());
+    for (p, ((point, normal), material)) in input
+        .plane_point
+        .iter()
+        .zip(&input.plane_normal)
+        .zip(&input.plane_material)
+        .enumerate()
+    {
+        let plane = Shape::HalfSpace {
+            point: DVec3::from(*point),
+            normal: DVec3::from(*normal),
+        };
+        let plane = checked(&plane).map_err(|(name, text)| entry("plane", p, name, text))?;
+        walls.push(Wall::new(plane, *material));
+    }
+    for (w, (shape, material)) in input.walls.iter().enumerate() {
+        let shape = checked(shape).map_err(|(name, text)| entry("wall", w, name, text))?;
+        walls.push(Wall::new(shape, *material));
+    }
+    for (index, (wall, motion)) in input.wall_motion.iter().enumerate() {
+        motion
+            .check()
+            .map_err(|(quantity, text)| entry("wall motion", index, quantity, text))?;
+        let count = walls.len();
+        let Some(target) = walls.get_mut(*wall as usize) else {
+            let text = format!("is {wall}; there are {count} walls");
+            return Err(entry("wall motion", index, "wall", text));
+        };
+        target.motion = Some(Box::new(motion.clone()));
+    }
+    crate::wall::number(&mut walls);
+    Ok(walls)
+}
+
+type LawTable = (Vec<ContactLaw>, Vec<u32>, usize);
+
+fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
+    let used = input.material.iter().chain(&input.plane_material).copied();
+    let used = used.chain(input.walls.iter().map(|w| w.1));
+    let named = input.laws.iter().flat_map(|(a, b, _)| [*a, *b]);
+    let materials = used.chain(named).max().map_or(0, |m| m as usize + 1);
+    if materials > 4096 {
+        return Err(entry(
+            "world",
+            0,
+            "material",
+            format!("ids go up to {materials}; at most 4096 are admitted"),
+        ));
+    }
+    let mut table = vec![0u32; materials * materials];
+    let mut laws = Vec::with_capacity(input.laws.len());
+    if !input.friction_law.is_empty() && input.friction_law.len() != input.laws.len() {
+        return Err(ModelError::Length {
+            name: "friction_law",
+            found: input.friction_law.len(),
+            expected: input.laws.len(),
+        });
+    }
+    for (index, (a, b, values)) in input.laws.iter().enumerate() {
+        let [mu, e_n, e_t, rho, delta] = *values;
+        finite("contact law", index, "coefficients", values)?;
+        for (quantity, value) in [
+            ("friction", mu),
+            ("rolling_radius", rho),
+            ("spinning_radius", delta),
+        ] {
+            if value < 0.0 {
+                return Err(entry(
+                    "contact law",
+                    index,
+                    quantity,
+                    format!("is {value}; it must not be negative"),
+                ));
+            }
+        }
+        if !(0.0..=1.0).contains(&e_n) {
+            let text = format!("is {e_n}; it must lie in [0, 1]");
+            return Err(entry("contact law", index, "restitution", text));
+        }
+        if !(-1.0 < e_t && e_t < 1.0) {
+            let text = format!("is {e_t}; it must lie in (-1, 1)");
+            return Err(entry("contact law", index, "tangential_restitution", text));
+        }
+        let friction_law = input.friction_law.get(index).cloned().flatten();
+        if let Some(law) = &friction_law {
+            law.check()
+                .map_err(|text| entry("contact law", index, "friction", text))?;
+        }
+        let id = laws.len() as u32 + 1;
+        table[*a as usize * materials + *b as usize] = id;
+        table[*b as usize * materials + *a as usize] = id;
+        laws.push(ContactLaw {
+            bounds: Bounds {
+                sliding: mu,
+                rolling: rho,
+                spinning: delta,
+            },
+            friction_law,
+            restitution: e_n,
+            tangential_restitution: e_t,
+        });
+    }
+    Ok((laws, table, materials))
+}

@@ -1,0 +1,130 @@
+//! The state at the start of a run, and whether a saved one belongs to a model.
+
+use crate::contact::ContactKey;
+use crate::level::smooth_newton::initial_accelerations;
+use crate::model::{InitialState, Model};
+use crate::outcome::ModelError;
+use crate::penalty::Touch;
+use crate::state::{State, Warm};
+use crate::wall;
+use glam::{DQuat, DVec3};
+
+impl State {
+    /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
+    pub fn new(model: &Model, initial: InitialState) -> State {
+        let start = vec![[model.gravity, DVec3::ZERO]; model.spheres()];
+        let mut state = State {
+            step: 0,
+            position: initial.position,
+            orientation: initial.orientation,
+            velocity: initial.velocity,
+            angular_velocity: initial.angular_velocity,
+            pseudo: start.clone(),
+            acceleration: start,
+            reaction: Vec::new(),
+            present: model.flow.present_at_start(model.spheres()),
+            entered: vec![0; model.flow.inflows.len()],
+            warm: Vec::new(),
+            warm_step: model.options.step,
+            touches: Vec::new(),
+        };
+        if !model.is_free() {
+            let (accelerations, reactions) = initial_accelerations(model, &state);
+            state.acceleration = accelerations;
+            state.reaction = reactions.iter().map(|r| [*r, *r]).collect();
+            state.pseudo.clone_from(&state.acceleration);
+        }
+        for i in 0..model.spheres() {
+            if !state.present[i] {
+                state.set_absent(i);
+            }
+        }
+        state
+    }
+
+    /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
+    pub fn check(&self, model: &Model) -> Result<(), ModelError> {
+        let refuse = |text: String| Err(ModelError::State(text));
+        let (n, bodies) = (model.spheres(), model.spheres() + model.walls.len());
+        let lengths = [
+            ("position", self.position.len()),
+            ("orientation", self.orientation.len()),
+            ("velocity", self.velocity.len()),
+            ("angular_velocity", self.angular_velocity.len()),
+            ("pseudo", self.pseudo.len()),
+            ("acceleration", self.acceleration.len()),
+        ];
+        if let Some((name, found)) = lengths.into_iter().find(|l| l.1 != n) {
+            return refuse(format!("{name} is for {found} spheres, the model has {n}"));
+        }
+        if self.reaction.len() != model.joints.len() {
+            return refuse(format!(
+                "joint_reaction is for {} joints, the model has {}",
+                self.reaction.len(),
+                model.joints.len()
+            ));
+        }
+        let inflows = &model.flow.inflows;
+        let admitted = inflows.iter().zip(&self.entered);
+        if self.present.len() != n
+            || self.entered.len() != inflows.len()
+            || admitted.into_iter().any(|(flow, &k)| k > flow.count)
+        {
+            return refuse("present and entered are of another model".to_owned());
+        }
+        let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
+        let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();
+        for (name, keys) in [("warm_key", warm), ("touch_key", touches)] {
+            let known = |&(a, b): &ContactKey| a < b && (a as usize) < n && (b as usize) < bodies;
+            if !keys.iter().all(known) {
+                return refuse(format!("{name} names a body that the model has not"));
+            }
+            if !keys.windows(2).all(|k| k[0] < k[1]) {
+                return refuse(format!("{name} is not sorted"));
+            }
+        }
+        if !(self.warm_step > 0.0 && self.warm_step.is_finite()) {
+            return refuse("warm_step must be finite and above 0".to_owned());
+        }
+        // As at the start of a run; the rest is what rounding leaves.
+        let unit = |q: &&DQuat| (q.length() - 1.0).abs() <= 1e-6;
+        if let Some(q) = self.orientation.iter().find(|q| !unit(q)) {
+            return refuse(format!("orientation has norm {}, expected 1", q.length()));
+        }
+        let pairs = |v: &[[DVec3; 2]]| v.iter().flatten().all(|x| x.is_finite());
+        let touch = |t: &Touch| {
+            let numbers = t.approach.is_finite() && t.age.is_finite();
+            numbers && t.spring.is_finite() && t.impulse.is_finite() && t.moment.is_finite()
+        };
+        let warm = |w: &Warm| {
+            [w.impulse, w.moment, w.position, w.position_moment]
+                .iter()
+                .all(|v| v.is_finite())
+        };
+        for (name, numbers) in [
+            (
+                "position",
+                self.position
+                    .iter()
+                    .all(|x| wall::place("position", *x).is_ok()),
+            ),
+            ("velocity", self.velocity.iter().all(|x| x.is_finite())),
+            (
+                "angular_velocity",
+                self.angular_velocity.iter().all(|x| x.is_finite()),
+            ),
+            ("pseudo", pairs(&self.pseudo)),
+            ("acceleration", pairs(&self.acceleration)),
+            ("joint_reaction", self.reaction.iter().all(|r| pairs(r))),
+            ("warm_value", self.warm.iter().all(warm)),
+            ("touch_value", self.touches.iter().all(touch)),
+        ] {
+            if !numbers {
+                return refuse(format!(
+                    "{name} holds a number that is not finite, or too large"
+                ));
+            }
+        }
+        Ok(())
+    }
+}

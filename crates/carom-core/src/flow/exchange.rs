@@ -1,0 +1,175 @@
+//! Lets balls enter and leave between two steps.
+
+use crate::flow::room::Room;
+use crate::flow::{Event, Exchange, Inflow, Outlet};
+use crate::force::total::weight_potential;
+use crate::model::Model;
+use crate::state::State;
+use crate::wall::places::Walls;
+use glam::DVec3;
+
+/// Places tried for a ball in a step before it waits for the next.
+const TRIES: u64 = 20;
+
+/// A ball whose time comes within this share of a step after it enters with it.
+const ON_TIME: f64 = 1e-6;
+
+/// Lets balls leave and enter after a step, with walls where they are at its end (`time`, s).
+pub(crate) fn exchange(
+    model: &Model,
+    state: &mut State,
+    walls: &Walls,
+    step: u64,
+    time: f64,
+    events: &mut Vec<Event>,
+) -> Exchange {
+    let mut exchange = Exchange::default();
+    let before = events.len();
+    remove(model, state, (step, time), events, &mut exchange);
+    if exchange.removed > 0 {
+        let present = &state.present;
+        let there = |body: u32| present.get(body as usize).is_none_or(|&p| p);
+        (state.touches).retain(|t| there(t.key.0) && there(t.key.1));
+    }
+    admit(model, state, walls, (step, time), events, &mut exchange);
+    debug_assert_eq!(
+        events.len() - before,
+        (exchange.entered + exchange.removed) as usize
+    );
+    exchange
+}
+
+fn energy(model: &Model, state: &State, i: usize) -> [f64; 2] {
+    let (v, w) = (state.velocity[i], state.angular_velocity[i]);
+    [
+        0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared()),
+        weight_potential(model, i, state.position[i]),
+    ]
+}
+
+fn add(sum: &mut [f64; 2], part: [f64; 2]) {
+    sum[0] += part[0];
+    sum[1] += part[1];
+}
+
+fn remove(
+    model: &Model,
+    state: &mut State,
+    (step, time): (u64, f64),
+    events: &mut Vec<Event>,
+    exchange: &mut Exchange,
+) {
+    if model.flow.outlets.is_empty() {
+        return;
+    }
+    for i in 0..model.spheres() {
+        if !state.present[i] || model.flow.held[i] {
+            continue;
+        }
+        let x = state.position[i];
+        let leaves = |o: &Outlet| model.periodic.in_box(x, o.low, o.high) == o.inside;
+        if !model.flow.outlets.iter().any(leaves) {
+            continue;
+        }
+        add(&mut exchange.energy_out, energy(model, state, i));
+        state.set_absent(i);
+        exchange.removed += 1;
+        events.push(Event {
+            step,
+            time,
+            body: i as u32,
+            entered: false,
+        });
+    }
+}
+
+fn admit(
+    model: &Model,
+    state: &mut State,
+    walls: &Walls,
+    (step, time): (u64, f64),
+    events: &mut Vec<Event>,
+    exchange: &mut Exchange,
+) {
+    let early = ON_TIME * model.options.step;
+    for (index, flow) in model.flow.inflows.iter().enumerate() {
+        let mut room = None;
+        while state.entered[index] < flow.count {
+            let number = state.entered[index];
+            let wait = if flow.rate > 0.0 {
+                f64::from(number) / flow.rate
+            } else {
+                0.0
+            };
+            if time < flow.start + wait - early {
+                break;
+            }
+            let body = flow.first + number;
+            let room = room.get_or_insert_with(|| Room::new(model, state, flow));
+            let mut draw = Draw::new([flow.seed, u64::from(body), step]);
+            let Some(x) = place(model, walls, room, flow, body, &mut draw) else {
+                break;
+            };
+            let i = body as usize;
+            let change = DVec3::new(draw.next(), draw.next(), draw.next());
+            let velocity = flow.velocity + flow.spread * (2.0 * change - DVec3::ONE);
+            state.set_present(i, x, velocity, model.gravity);
+            state.entered[index] += 1;
+            room.add(x, model.radius[i]);
+            add(&mut exchange.energy_in, energy(model, state, i));
+            exchange.entered += 1;
+            events.push(Event {
+                step,
+                time,
+                body,
+                entered: true,
+            });
+        }
+    }
+}
+
+/// A place in the region at which the ball overlaps nothing, if one of the tries finds it.
+fn place(
+    model: &Model,
+    walls: &Walls,
+    room: &Room,
+    flow: &Inflow,
+    body: u32,
+    draw: &mut Draw,
+) -> Option<DVec3> {
+    let r = model.radius[body as usize];
+    let n = model.spheres() as u32;
+    let wall_ends = n + model.walls.len() as u32;
+    (0..TRIES).find_map(|_| {
+        let x = flow.region.point([draw.next(), draw.next(), draw.next()]);
+        let free = room.is_free(x, r)
+            && (n..wall_ends).all(|wall| walls.meet(model, body, wall, x).gap >= 0.0);
+        free.then_some(x)
+    })
+}
+
+/// Numbers that follow from a key (splitmix64).
+struct Draw(u64);
+
+impl Draw {
+    fn new(key: [u64; 3]) -> Draw {
+        let mut draw = Draw(0);
+        for part in key {
+            draw.0 ^= part;
+            draw.0 = draw.bits();
+        }
+        draw
+    }
+
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// In [0, 1).
+    fn next(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+}

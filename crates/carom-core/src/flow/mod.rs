@@ -1,0 +1,121 @@
+//! Balls that come and go: inflows and outlets, between two steps of the run's grid.
+//!
+//! All balls are bodies of the model from the start; those of an inflow are absent until they enter. What an absent ball is:
+//! `present` is false, it stands where it stood last at no velocity, has no pairs, no load and no energy. Nothing here has a
+//! memory but [`State`]: places are drawn from the seed, the ball, the step and the number of the try.
+
+pub mod exchange;
+mod room;
+
+use carom_geom::tangent_frame;
+use glam::DVec3;
+
+/// Where the centres of balls that enter are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Region {
+    /// Lowest and highest corner, m.
+    Box { low: DVec3, high: DVec3 },
+    /// Centre (m), unit normal, radius (m).
+    Disc {
+        centre: DVec3,
+        normal: DVec3,
+        radius: f64,
+    },
+}
+
+/// Balls `first..first + count` enter one after the other, at most `rate` of them a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inflow {
+    pub first: u32,
+    pub count: u32,
+    pub region: Region,
+    /// Balls a second; 0: as fast as there is room.
+    pub rate: f64,
+    /// When the first may enter, s.
+    pub start: f64,
+    /// With which they enter, each component changed at random by at most `spread`, m/s.
+    pub velocity: DVec3,
+    pub spread: f64,
+    pub seed: u64,
+}
+
+/// A box; balls whose centre is inside (or outside) leave: in a periodic world those of which an image is (or none is). Balls
+/// that joints or loads of their own hold stay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outlet {
+    pub low: DVec3,
+    pub high: DVec3,
+    pub inside: bool,
+}
+
+/// All inflows and outlets of a model.
+#[derive(Clone, Debug, Default)]
+pub struct Flow {
+    pub inflows: Vec<Inflow>,
+    pub outlets: Vec<Outlet>,
+    /// Which balls joints or loads of their own hold; empty without outlets.
+    pub(crate) held: Vec<bool>,
+}
+
+/// A ball that entered or left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event {
+    pub step: u64,
+    /// s.
+    pub time: f64,
+    pub body: u32,
+    pub entered: bool,
+}
+
+/// What entered and left between two steps: numbers, kinetic and potential energy, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Exchange {
+    pub entered: u32,
+    pub removed: u32,
+    pub energy_in: [f64; 2],
+    pub energy_out: [f64; 2],
+}
+
+impl Flow {
+    /// Neither inflows nor outlets: every ball is there all the time.
+    pub fn is_none(&self) -> bool {
+        self.inflows.is_empty() && self.outlets.is_empty()
+    }
+
+    /// Which balls are there before anything has entered.
+    pub(crate) fn present_at_start(&self, spheres: usize) -> Vec<bool> {
+        let mut present = vec![true; spheres];
+        for flow in &self.inflows {
+            present[flow.first as usize..][..flow.count as usize].fill(false);
+        }
+        present
+    }
+}
+
+impl Region {
+    /// The point of three numbers in [0, 1): evenly distributed as they are.
+    pub(super) fn point(&self, [u, v, w]: [f64; 3]) -> DVec3 {
+        match *self {
+            Region::Box { low, high } => low + DVec3::new(u, v, w) * (high - low),
+            Region::Disc {
+                centre,
+                normal,
+                radius,
+            } => {
+                let (t1, t2) = tangent_frame(normal);
+                let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
+                centre + radius * u.sqrt() * (cos * t1 + sin * t2)
+            }
+        }
+    }
+
+    /// Lowest and highest corner of a box around it, m.
+    pub(crate) fn bounds(&self) -> [DVec3; 2] {
+        match *self {
+            Region::Box { low, high } => [low, high],
+            Region::Disc { centre, radius, .. } => {
+                [centre - DVec3::splat(radius), centre + DVec3::splat(radius)]
+            }
+        }
+    }
+}

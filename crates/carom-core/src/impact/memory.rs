@@ -1,0 +1,57 @@
+//! What an island's impact problems are solved with: its rows, velocities and accumulated impulses in local nodes.
+
+use crate::level::speeds::Speeds;
+use crate::outcome::ImpactRecord;
+use crate::stepper::Span;
+use carom_solve::rows::RowSystem;
+use carom_solve::{SolveReport, Status};
+
+/// An island at velocity level, in local nodes and rows.
+#[derive(Default)]
+pub struct ImpactScratch {
+    /// All closed contacts of the island, then its joints.
+    pub full: RowSystem,
+    pub members: Vec<u32>,
+    pub joints: Vec<u32>,
+    pub loads: Vec<u32>,
+    /// t_n and t_{n+1}.
+    pub span: Span,
+    /// `c'(t_{n+1})` of the joint rows, in the order of `full`.
+    pub(super) rates: Vec<f64>,
+    /// Jump of stage J; wrench of the loads it is counted from, and impulse of their change since (6 per node).
+    pub(super) settled: Vec<f64>,
+    pub(super) settled_joint: Vec<f64>,
+    pub(super) load_base: Vec<f64>,
+    pub(super) load_impulse: Vec<f64>,
+    /// Smooth and old velocities, total jump, jump of the fixed impulses, jump of stage 0, `V_minus` (6 per node).
+    pub v_check: Vec<f64>,
+    pub v_old: Vec<f64>,
+    pub jump: Vec<f64>,
+    pub fixed: Vec<f64>,
+    pub v_minus: Vec<f64>,
+    /// Accumulated impulses per row of `full`.
+    pub impulse: Vec<f64>,
+    /// What moving walls add to the measures of contact rows at t_n and t_{n+1}; empty: none moves.
+    pub(super) driven: [Vec<f64>; 2],
+    /// Slots (into `members`) of the contacts of the problem at hand.
+    pub chosen: Vec<usize>,
+    pub tol: f64,
+    pub speeds: Speeds,
+    /// Of the walls of its contacts.
+    pub(super) wall_speeds: Speeds,
+    pub problems: u32,
+    pub(super) work: Vec<[f64; 4]>,
+    pub(super) status: Vec<Status>,
+    pub(super) sub: RowSystem,
+    pub(super) lambda: Vec<f64>,
+    pub(super) u: Vec<f64>,
+    pub(super) scale: Vec<f64>,
+    pub(super) velocity: Vec<f64>,
+    pub(super) force: Vec<f64>,
+    pub(super) group: Vec<u32>,
+    /// Rows of stage 0, kept until the step turns out to have an impact in this island.
+    pub(super) resting: Vec<ImpactRecord>,
+    pub(super) accept_unconverged: bool,
+    /// What the last solve told.
+    pub(super) last: SolveReport,
+}

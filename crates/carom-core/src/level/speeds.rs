@@ -1,0 +1,78 @@
+//! Which contacts close: the closing tolerance of an island by its speeds and loads (rule R3).
+
+use crate::model::Model;
+use crate::options::Options;
+use crate::state::State;
+use crate::wall::WallTwist;
+
+/// Closing speeds below this share of the island's speed are rounding.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Contacts beyond which an island is a pile whose closing tolerance is its own.
+pub(crate) const MANY: usize = 100;
+
+/// Speeds of an island that set its closing tolerance (rule R3).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Speeds {
+    /// Largest |v-check - v_n|, m/s.
+    pub load: f64,
+    /// The same of walls that move: what they do to what they carry.
+    pub wall_load: f64,
+    /// Largest |v_n| + r |w_n|, m/s.
+    pub speed: f64,
+}
+
+impl Speeds {
+    #[inline]
+    pub fn add(&mut self, model: &Model, state: &State, scratch_velocity: glam::DVec3, i: usize) {
+        let load = (scratch_velocity - state.velocity[i]).length();
+        let speed =
+            state.velocity[i].length() + model.radius[i] * state.angular_velocity[i].length();
+        self.load = self.load.max(load);
+        self.speed = self.speed.max(speed);
+    }
+
+    /// A wall that moves.
+    #[inline]
+    pub fn add_wall(&mut self, old: &WallTwist, new: &WallTwist) {
+        let change = (new.material - old.material).length();
+        self.wall_load = self.wall_load.max(change);
+        self.speed = self.speed.max(old.material.length());
+        self.speed = self.speed.max(new.material.length());
+    }
+
+    pub fn join(&mut self, other: &Speeds) {
+        self.load = self.load.max(other.load);
+        self.wall_load = self.wall_load.max(other.wall_load);
+        self.speed = self.speed.max(other.speed);
+    }
+
+    /// Largest speed that the island has or gets from its loads, m/s.
+    pub fn largest(&self) -> f64 {
+        self.speed.max(self.load).max(self.wall_load)
+    }
+
+    /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls. Islands of more than
+    /// `dense_contacts` contacts go by the load alone (rule R3: fewer problems), and never below rounding. There a wall that changes its
+    /// velocity counts up to what solvers leave of it: a gate that is drawn away at once leaves a pile that weighs what it did.
+    #[inline]
+    pub fn closing_tolerance(&self, o: &Options, contacts: usize) -> f64 {
+        let load = self.load.max(self.wall_load);
+        if load == 0.0 {
+            return o.closing_tolerance_speed * self.speed;
+        }
+        let share = if contacts > MANY {
+            o.pile_closing_tolerance.max(o.closing_tolerance_load)
+        } else {
+            o.closing_tolerance_load
+        };
+        let large = contacts > o.dense_contacts as usize;
+        let tolerance = if large {
+            let left = o.closing_tolerance_speed.max(o.pile_tolerance) * self.largest();
+            (share * self.load).max((share * load).min(left))
+        } else {
+            (share * load).min(o.closing_tolerance_speed * self.largest())
+        };
+        tolerance.max(ROUNDING * self.speed)
+    }
+}

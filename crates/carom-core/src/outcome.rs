@@ -1,0 +1,219 @@
+//! What can go wrong, and what a step tells beside its state: refusals of a model, failures of a step, records of impacts.
+
+use glam::DVec3;
+use thiserror::Error;
+
+/// A number of the model is unusable.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ModelError {
+    #[error("option {name} {text}")]
+    Option { name: String, text: String },
+    #[error("{quantity} of {kind} {index}: {text}")]
+    Entry {
+        kind: &'static str,
+        index: usize,
+        quantity: &'static str,
+        text: String,
+    },
+    #[error("array {name} has {found} entries, expected {expected}")]
+    Length {
+        name: &'static str,
+        found: usize,
+        expected: usize,
+    },
+    #[error("the model has no spheres")]
+    Empty,
+    /// A saved state that is not one of this model.
+    #[error("state: {0}")]
+    State(String),
+}
+
+impl ModelError {
+    pub(crate) fn option(name: &str, text: String) -> Self {
+        ModelError::Option {
+            name: name.to_owned(),
+            text,
+        }
+    }
+}
+
+pub(crate) fn entry(
+    kind: &'static str,
+    index: usize,
+    quantity: &'static str,
+    text: String,
+) -> ModelError {
+    ModelError::Entry {
+        kind,
+        index,
+        quantity,
+        text,
+    }
+}
+
+pub(crate) fn positive(
+    kind: &'static str,
+    index: usize,
+    quantity: &'static str,
+    value: f64,
+) -> Result<(), ModelError> {
+    // A subnormal mass has an infinite inverse.
+    if value > 0.0 && value.is_finite() && (1.0 / value).is_finite() {
+        return Ok(());
+    }
+    Err(entry(
+        kind,
+        index,
+        quantity,
+        format!("is {value}; it must be finite and above 0"),
+    ))
+}
+
+pub(crate) fn finite(
+    kind: &'static str,
+    index: usize,
+    quantity: &'static str,
+    values: &[f64],
+) -> Result<(), ModelError> {
+    if values.iter().all(|x| x.is_finite()) {
+        return Ok(());
+    }
+    Err(entry(
+        kind,
+        index,
+        quantity,
+        format!("is {values:?}; it must be finite"),
+    ))
+}
+
+/// Why a step could not be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Failure {
+    NotConverged(Level),
+    /// A velocity or position is no finite number, or grew beyond [`crate::outcome::FASTEST`].
+    BlowUp(BlowUp),
+    MissingLaw(u32, u32),
+    /// More pairs may meet within the step than the list holds: the step is far too long for the speeds.
+    TooManyPairs,
+    /// Method `penalty` would need more substeps than it may take.
+    TooManySubsteps,
+    /// A pair would meet after a relative travel (m) of the radius `length` (m) of one or more.
+    TooFar {
+        bodies: (u32, u32),
+        travel: f64,
+        length: f64,
+    },
+    /// A load could not be evaluated.
+    Load,
+    /// A friction law gave `mu` at a slip speed, m/s: no coefficient.
+    Friction {
+        bodies: (u32, u32),
+        mu: f64,
+        slip: f64,
+    },
+}
+
+/// Level of a sub-problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    Smooth,
+    Position,
+    Velocity,
+}
+
+impl Level {
+    /// Place among the histories of a step.
+    pub(crate) fn index(self) -> usize {
+        self as usize
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Level::Smooth => "smooth",
+            Level::Position => "position",
+            Level::Velocity => "velocity",
+        }
+    }
+}
+
+/// Speeds (m/s, rad/s) beyond which a motion has blown up: a thousand times what a scenario may begin with. At 1e150 their
+/// squares leave the range of numbers, and nothing that is computed between here and there means anything.
+pub(crate) const FASTEST: f64 = 1e12;
+
+/// Where a motion left the numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlowUp {
+    /// Of the sub-problem.
+    pub level: Level,
+    /// The sphere, and the body of the contact at which it happened; the sphere itself where it touches nothing.
+    pub bodies: (u32, u32),
+    /// m/s; not a number or infinite where the velocity is neither.
+    pub speed: f64,
+}
+
+impl BlowUp {
+    /// Of a sphere that touches nothing; its speed is no number.
+    pub fn alone(level: Level, body: u32) -> BlowUp {
+        BlowUp {
+            level,
+            bodies: (body, body),
+            speed: f64::NAN,
+        }
+    }
+
+    /// Of a sphere of velocity `v`; the contact is the first of `touching` that it has a part in.
+    pub fn of(
+        level: Level,
+        body: u32,
+        v: DVec3,
+        mut touching: impl Iterator<Item = (u32, u32)>,
+    ) -> BlowUp {
+        BlowUp {
+            level,
+            bodies: touching
+                .find(|&(a, b)| a == body || b == body)
+                .unwrap_or((body, body)),
+            speed: v.length(),
+        }
+    }
+}
+
+/// Whether velocities are numbers, and of a size at which numbers still mean something.
+#[inline]
+pub(crate) fn within_bounds(v: DVec3, w: DVec3) -> bool {
+    // Written so that what is not a number is not within.
+    v.length_squared() <= FASTEST * FASTEST && w.length_squared() <= FASTEST * FASTEST
+}
+
+/// Residual history of one solve, kept for the plot of quadratic convergence.
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    /// Relative residuals of eq. 44 at each iterate, all rungs in order.
+    pub values: Vec<f64>,
+    pub problem: u32,
+    pub contacts: u32,
+}
+
+impl History {
+    pub(crate) fn clear(&mut self) {
+        self.values.clear();
+        (self.problem, self.contacts) = (0, 0);
+    }
+}
+
+/// One contact's share in one impact problem.
+#[derive(Clone, Copy, Debug)]
+pub struct ImpactRecord {
+    pub problem: u32,
+    pub a: u32,
+    pub b: u32,
+    pub status: u8,
+    pub normal: DVec3,
+    /// World vectors on body A, N s and N m s.
+    pub impulse: DVec3,
+    pub moment: DVec3,
+    /// Normal relative velocity before and after the problem, m/s.
+    pub approach: f64,
+    pub separation: f64,
+    pub restitution_scale: f64,
+}

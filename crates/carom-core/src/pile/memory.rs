@@ -1,0 +1,197 @@
+//! Memory of the pile solver, and how it takes an island in.
+
+use super::cascade::memory::CascadeMemory;
+use super::velocities::Velocities;
+use super::{part, shares};
+use crate::contact::Contact;
+use crate::model::Model;
+use crate::pile::limits::{is_huge, threads};
+use crate::problem::Keeper;
+use carom_solve::spheres::{self, Body, Place, SpheresError, Sweeps};
+use glam::DVec3;
+
+/// From this many spheres on neighbours in space are made neighbours in memory.
+const SORTED: usize = 2_000;
+
+/// A solve starts from nothing where one contact of the last step held so many times what all loads of the island together ask for: spheres that
+/// friction wedges may hold one another with any force, and a tolerance that is relative to that tells nothing of the loads.
+const RUNAWAY: f64 = 10.0;
+
+/// Memory of the pile solver.
+pub struct Pile {
+    pub(super) sweeps: Sweeps,
+    pub(super) bodies: Vec<Body>,
+    pub(super) places: Vec<Place>,
+    /// Position level: tangential increments of the contacts over the smooth step; none where memory is short.
+    pub(super) slides: Vec<[f64; 3]>,
+    pub(super) contacts: Vec<spheres::Contact>,
+    /// Rolling and spinning friction of the contacts; empty where nothing rolls.
+    pub(super) rolls: Vec<spheres::Roll>,
+    /// Spheres of the nodes.
+    pub(super) spheres: Vec<u32>,
+    /// Impulses that a solve starts from.
+    pub(super) start: Vec<[f64; 3]>,
+    /// Moments, where something rolls.
+    pub(super) start_moments: Vec<[f64; 3]>,
+    /// What a solve gave: impulses on the bodies A, and corrections of all nodes.
+    pub(super) impulses: Vec<[f64; 3]>,
+    pub(super) corrections: Vec<[f64; 6]>,
+    pub(super) velocity: Velocities,
+    pub(super) cascade: CascadeMemory,
+    pub(super) part: part::Part,
+    /// Bodies of the contacts.
+    pub(super) ends: Vec<[u32; 2]>,
+    /// That of the step, while an island is solved.
+    pub(super) keeper: Keeper,
+    /// Take what did not converge, and count it.
+    pub(super) accept: bool,
+    /// Give memory back as soon as it was used ([`is_huge`]).
+    pub(super) huge: bool,
+}
+
+impl Pile {
+    pub fn new() -> Pile {
+        Pile {
+            sweeps: Sweeps::empty(),
+            bodies: Vec::new(),
+            places: Vec::new(),
+            slides: Vec::new(),
+            contacts: Vec::new(),
+            rolls: Vec::new(),
+            spheres: Vec::new(),
+            start: Vec::new(),
+            start_moments: Vec::new(),
+            impulses: Vec::new(),
+            corrections: Vec::new(),
+            velocity: Velocities::default(),
+            cascade: CascadeMemory::default(),
+            part: part::Part::default(),
+            ends: Vec::new(),
+            keeper: Keeper::default(),
+            accept: false,
+            huge: false,
+        }
+    }
+
+    /// Nodes for the spheres of an island, in order of first use; `node_of` is valid for these spheres afterwards.
+    pub(super) fn begin(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        members: &[u32],
+        node_of: &mut [u32],
+        position: &[DVec3],
+    ) {
+        let threads = threads(model, members.len());
+        self.sweeps.threads = threads;
+        self.huge = is_huge(contacts);
+        // Of the round before this one.
+        self.forget_solution();
+        self.part.take_all();
+        shares::refill(threads, &mut self.ends, members.len(), |k| {
+            let c = &contacts[members[k] as usize];
+            [c.a, c.b]
+        });
+        self.spheres.clear();
+        for &body in self.ends.iter().flatten() {
+            let i = body as usize;
+            if i < model.spheres() && self.spheres.get(node_of[i] as usize) != Some(&body) {
+                node_of[i] = self.spheres.len() as u32;
+                self.spheres.push(body);
+            }
+        }
+        let spheres = &self.spheres;
+        shares::refill(threads, &mut self.bodies, spheres.len(), |k| {
+            let i = spheres[k] as usize;
+            Body {
+                inv_mass: model.inv_mass[i],
+                inv_inertia: model.inv_inertia[i],
+                radius: model.radius[i],
+            }
+        });
+        shares::refill(threads, &mut self.places, spheres.len(), |k| {
+            position[spheres[k] as usize].to_array()
+        });
+    }
+
+    /// Makes the problem at hand the one of the sweeps, started from `start`.
+    pub(super) fn load_sweeps(&mut self) -> Result<(), SpheresError> {
+        let (bodies, places) = self.part.of(&self.bodies, &self.places);
+        let places = (places.len() >= SORTED).then_some(places);
+        self.sweeps
+            .renew_from(bodies, &self.contacts, places, &self.start)?;
+        if self.huge {
+            (self.start, self.ends) = (Vec::new(), Vec::new());
+        }
+        if self.rolls.is_empty() {
+            return Ok(());
+        }
+        let (rolls, moments) = (&self.rolls, &self.start_moments);
+        self.sweeps
+            .set_rolls(bodies, &self.contacts, rolls, moments)
+    }
+
+    /// Takes impulses and corrections from the sweeps.
+    pub(super) fn take_solution(&mut self) {
+        let Self {
+            sweeps,
+            impulses,
+            corrections,
+            part,
+            bodies,
+            ..
+        } = self;
+        sweeps.impulses_into(impulses);
+        part.spread(sweeps, corrections, bodies.len());
+    }
+
+    /// Gives the memory of a huge problem's statement back: the sweeps have it.
+    pub(super) fn forget_contacts(&mut self) {
+        if self.huge {
+            self.contacts = Vec::new();
+            self.rolls = Vec::new();
+            self.start_moments = Vec::new();
+        }
+    }
+
+    /// Gives the memory of a huge problem's solution back.
+    pub(super) fn forget_solution(&mut self) {
+        if self.huge {
+            let threads = self.sweeps.threads;
+            self.sweeps = Sweeps::empty();
+            self.sweeps.threads = threads;
+            (self.impulses, self.corrections) = (Vec::new(), Vec::new());
+        }
+    }
+
+    /// Starts from nothing where what it would start from has run away ([`RUNAWAY`]); `load`: what loads give each sphere, in the unit of the
+    /// impulses.
+    pub(super) fn start_sound(&mut self, load: impl Fn(usize) -> f64 + Sync) {
+        let (threads, start) = (self.sweeps.threads, &self.start);
+        let largest = shares::map(threads, start.len(), |range| {
+            let squares = start[range]
+                .iter()
+                .map(|r| DVec3::from(*r).length_squared());
+            squares.fold(0.0, f64::max)
+        });
+        let largest = largest.into_iter().fold(0.0, f64::max).sqrt();
+        let spheres = &self.spheres;
+        let loads = shares::sum(threads, spheres.len(), |k| load(spheres[k] as usize));
+        if largest > RUNAWAY * loads {
+            self.start.fill([0.0; 3]);
+            self.start_moments.fill([0.0; 3]);
+        }
+    }
+
+    pub(super) fn mean(&self, f: impl Fn(usize) -> f64 + Sync) -> f64 {
+        let (threads, spheres) = (self.sweeps.threads, &self.spheres);
+        let sum = shares::sum(threads, spheres.len(), |k| f(spheres[k] as usize));
+        sum / spheres.len() as f64
+    }
+}
+
+impl Default for Pile {
+    fn default() -> Self {
+        Self::new()
+    }
+}

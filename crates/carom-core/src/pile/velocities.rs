@@ -1,0 +1,190 @@
+//! Nodes and contacts of a pile at the velocity level.
+
+use crate::model::Model;
+use crate::options::Options;
+use crate::pile::limits::{Law, LEFT};
+use crate::pile::member::{change, work, Given, Member};
+use crate::pile::shares;
+use crate::pile::turning::Turning;
+use carom_solve::rows::WORLD;
+use carom_solve::spheres;
+use glam::DVec3;
+
+/// Nodes and contacts at the velocity level. Velocities are (linear, angular) pairs.
+#[derive(Default)]
+pub(super) struct Velocities {
+    pub members: Vec<Member>,
+    /// Moments of the members; empty where nothing rolls.
+    pub turning: Vec<Turning>,
+    pub check: Vec<[DVec3; 2]>,
+    pub old: Vec<[DVec3; 2]>,
+    pub jump: Vec<[DVec3; 2]>,
+    /// Jump of the loads alone.
+    pub offset: Vec<[DVec3; 2]>,
+    /// Velocities of moving walls at their contacts, at t_n and t_{n+1}: along the normal of the shape, across of the material.
+    pub driven: Vec<[DVec3; 2]>,
+    pub chosen: Vec<u32>,
+    pub tol: f64,
+    pub floor: f64,
+    /// Largest speed in the island, and that of the loads alone, m/s.
+    pub speed: f64,
+    pub load: f64,
+    /// Of walls that change their velocity.
+    pub wall_load: f64,
+    /// Stage 0: most contacts of a large pile hold more than their loads, since it is being hit.
+    pub hit: bool,
+    /// Terms of eq. 44 of what is solved already in this step.
+    pub terms: f64,
+    /// Rows of the table of impacts, where every problem has its own.
+    pub every: super::every::Rows,
+    /// Group of energy of each chosen contact.
+    pub group: Vec<u32>,
+}
+
+impl Velocities {
+    /// Closing speed that a solve may leave: clear of what counts as closing (but for stage 0 of a pile that is being hit), and never
+    /// below what the tolerance can tell at the speeds there are.
+    pub fn left(&self, o: &Options) -> f64 {
+        LEFT * self.tol.max(o.pile_tolerance * self.speed)
+    }
+
+    /// Relative velocity of a contact's surfaces, of A against B.
+    pub fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
+        m.relative(|node| v[node as usize])
+    }
+
+    /// Velocity of a moving wall at a contact, at t_n (0) or t_{n+1} (1).
+    #[inline]
+    pub fn wall(&self, m: &Member, end: usize) -> DVec3 {
+        let moving = self.driven.get(m.driven as usize);
+        moving.map_or(DVec3::ZERO, |v| v[end])
+    }
+
+    /// Relative velocity at `v_n`, `v_check` and `v_check + jump`.
+    pub fn before(&self, m: &Member) -> DVec3 {
+        Self::relative(m, &self.old) - self.wall(m, 0)
+    }
+
+    pub fn free(&self, m: &Member) -> DVec3 {
+        Self::relative(m, &self.check) - self.wall(m, 1)
+    }
+
+    pub fn now(&self, m: &Member) -> DVec3 {
+        self.free(m) + Self::relative(m, &self.jump)
+    }
+
+    /// `now` along the normal: spins do not count.
+    #[inline]
+    pub fn normal_speed(&self, m: &Member) -> f64 {
+        let at = |node: u32| self.check[node as usize][0] + self.jump[node as usize][0];
+        let mut d = at(m.a) - self.wall(m, 1);
+        if m.b != WORLD {
+            d -= at(m.b);
+        }
+        d.dot(m.normal)
+    }
+
+    /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27), restitution scaled.
+    pub fn measures(&self, model: &Model, m: &Member, law: Law, scale: f64) -> DVec3 {
+        let z = self.now(m);
+        if law == Law::Plastic {
+            return z;
+        }
+        let mut minus = self.before(m);
+        if law == Law::Later {
+            minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
+        }
+        self.newton(
+            model,
+            m.normal,
+            [m.restitution, m.tangential],
+            scale,
+            z,
+            minus,
+        )
+    }
+
+    /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.
+    #[inline]
+    pub fn newton(
+        &self,
+        model: &Model,
+        normal: DVec3,
+        [e_n, e_t]: [f64; 2],
+        scale: f64,
+        z: DVec3,
+        minus: DVec3,
+    ) -> DVec3 {
+        let approach = minus.dot(normal);
+        let e_n = if -approach < model.options.restitution_threshold {
+            0.0
+        } else {
+            e_n
+        };
+        let mut z = z + scale * e_n * approach.min(0.0) * normal;
+        if e_t != 0.0 && approach < -self.tol {
+            z += scale * e_t * (minus - approach * normal);
+        }
+        z
+    }
+
+    /// What the impulse `r` of a problem that changes the velocities by `u` does at a contact.
+    pub fn given(&self, m: &Member, r: DVec3, u: &[[f64; 6]], scale: f64) -> Given {
+        let before = self.now(m);
+        let after = before + change(m, u);
+        Given {
+            impulse: r,
+            work: work(m.normal, r, before, after),
+            speed: [before.dot(m.normal), after.dot(m.normal)],
+            scale,
+        }
+    }
+
+    /// `test` of every contact.
+    pub fn flags(&self, threads: usize, test: impl Fn(usize, &Member) -> bool + Sync) -> Vec<bool> {
+        let mut flags = Vec::new();
+        shares::refill(threads, &mut flags, self.members.len(), |slot| {
+            test(slot, &self.members[slot])
+        });
+        flags
+    }
+
+    /// Terms of eq. 44 of all impulses so far.
+    pub fn total(&self, bodies: &[spheres::Body], threads: usize) -> f64 {
+        let members = &self.members;
+        let impulses = shares::sum(threads, members.len(), |k| {
+            members[k].impulse.length_squared()
+        });
+        let impulses = impulses + self.moments_squared();
+        let momenta = shares::sum(threads, bodies.len(), |i| {
+            let ([v, w], b) = (self.jump[i], &bodies[i]);
+            v.length_squared() / b.inv_mass.powi(2)
+                + w.length_squared() / (b.inv_inertia * b.radius).powi(2)
+        });
+        2.0 * (impulses.sqrt() + momenta.sqrt())
+    }
+
+    /// Adds an impulse on A to the jump.
+    pub fn push(bodies: &[spheres::Body], m: &Member, r: DVec3, jump: &mut [[DVec3; 2]]) {
+        let turn = m.normal.cross(r);
+        let mut add = |node: u32, sign: f64, arm: f64| {
+            let (body, at) = (&bodies[node as usize], &mut jump[node as usize]);
+            at[0] += sign * body.inv_mass * r;
+            at[1] -= body.inv_inertia * arm * turn;
+        };
+        add(m.a, 1.0, m.arms[0]);
+        if m.b != WORLD {
+            add(m.b, -1.0, m.arms[1]);
+        }
+    }
+}
+
+impl Velocities {
+    /// Chooses the contacts that `select` takes.
+    pub fn choose(&mut self, select: impl Fn(usize) -> bool) {
+        self.chosen.clear();
+        let slots = 0..self.members.len() as u32;
+        self.chosen
+            .extend(slots.filter(|&slot| select(slot as usize)));
+    }
+}

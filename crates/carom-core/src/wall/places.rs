@@ -1,0 +1,261 @@
+//! Where walls are in a step: places, velocities, and the impulses on them.
+
+use crate::contact::Contact;
+use crate::force::LoadError;
+use crate::model::Model;
+use crate::outcome::{within_bounds, FASTEST};
+use crate::state::State;
+use crate::stepper::Span;
+use crate::wall::motion::{Instant, WallTwist};
+use carom_geom::{sphere_plane, Proximity, Shape};
+use glam::DVec3;
+
+/// A moving wall over a step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Course {
+    wall: u32,
+    start: Instant,
+    end: Instant,
+    /// At the time that the shapes were placed at last.
+    now: Instant,
+    /// Rotation of the wall over the step.
+    turn: DVec3,
+}
+
+/// Places of all walls in a step.
+#[derive(Clone, Debug, Default)]
+pub struct Walls {
+    /// At t_n.
+    pub start: Vec<Shape>,
+    /// At the time of the gaps: t_{n+1}.
+    pub now: Vec<Shape>,
+    courses: Vec<Course>,
+    span: Span,
+}
+
+impl Walls {
+    pub fn new(model: &Model) -> Walls {
+        let shapes: Vec<Shape> = model.walls.iter().map(|w| w.shape).collect();
+        let walls = model.walls.iter().enumerate();
+        let moving = walls.filter(|(_, w)| w.motion.is_some());
+        let course = |(index, _)| Course {
+            wall: index as u32,
+            ..Course::default()
+        };
+        Walls {
+            start: shapes.clone(),
+            now: shapes,
+            courses: moving.map(course).collect(),
+            span: Span::default(),
+        }
+    }
+
+    /// Moves the walls to a step. Fails with a message where a law gives no number.
+    pub fn begin(&mut self, model: &Model, span: Span) -> Result<(), LoadError> {
+        self.span = span;
+        if self.courses.is_empty() {
+            return Ok(());
+        }
+        for (index, wall) in model.walls.iter().enumerate() {
+            let Some(motion) = &wall.motion else {
+                continue;
+            };
+            let (from, start) = motion.at(span.start);
+            let (to, end) = motion.at_end(span.end);
+            let axis = motion.rotation.as_ref().map_or(DVec3::ZERO, |r| r.axis);
+            self.start[index] = wall.shape.moved(&from);
+            self.now[index] = wall.shape.moved(&to);
+            self.courses[wall.slot as usize] = Course {
+                wall: index as u32,
+                start,
+                end,
+                now: end,
+                turn: (end.angle - start.angle) * axis,
+            };
+            let slow =
+                within_bounds(end.velocity, end.spin) && within_bounds(start.velocity, start.spin);
+            if !(slow && end.centre.is_finite() && end.angle.is_finite()) {
+                let text = format!(
+                    "the motion of this wall is not finite, or faster than {FASTEST:e} m/s or rad/s, by t = {} s",
+                    span.end
+                );
+                return Err(LoadError::on((model.spheres() + index) as u32, text));
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the shapes of moving walls to another time of the step.
+    pub fn place(&mut self, model: &Model, time: f64) {
+        for course in &mut self.courses {
+            let wall = &model.walls[course.wall as usize];
+            if let Some(motion) = &wall.motion {
+                let (by, now) = motion.at(time);
+                self.now[course.wall as usize] = wall.shape.moved(&by);
+                course.now = now;
+            }
+        }
+    }
+
+    /// Whether any wall moves.
+    #[inline]
+    pub fn any_moves(&self) -> bool {
+        !self.courses.is_empty()
+    }
+
+    #[inline]
+    fn course(&self, model: &Model, body: u32) -> Option<&Course> {
+        if self.courses.is_empty() {
+            return None;
+        }
+        let wall = model
+            .walls
+            .get((body as usize).wrapping_sub(model.spheres()))?;
+        self.courses.get(wall.slot as usize)
+    }
+
+    /// How sphere `a` at `xa` meets wall `b`, where it stands now.
+    #[inline]
+    pub fn meet(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
+        meet(
+            &self.now[b as usize - model.spheres()],
+            xa,
+            model.radius[a as usize],
+        )
+    }
+
+    /// The same at t_n.
+    #[inline]
+    pub fn meet_at_start(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
+        meet(
+            &self.start[b as usize - model.spheres()],
+            xa,
+            model.radius[a as usize],
+        )
+    }
+
+    /// Displacement of the shape of wall `b` at the point `p` over the step.
+    pub fn shift(&self, model: &Model, b: u32, p: DVec3) -> DVec3 {
+        let Some(Course {
+            start, end, turn, ..
+        }) = self.course(model, b)
+        else {
+            return DVec3::ZERO;
+        };
+        (end.centre - start.centre) + turn.cross(p - 0.5 * (start.centre + end.centre))
+    }
+
+    /// Velocity of a contact's wall at the contact at t_n, with the sphere's centre of then; `None`: no moving wall.
+    #[inline]
+    pub fn start_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
+        let course = self.course(model, c.b)?;
+        Some(
+            course
+                .start
+                .twist(centre - model.radius[c.a as usize] * c.n0),
+        )
+    }
+
+    /// The same at t_{n+1}, with the corrected centre.
+    #[inline]
+    pub fn end_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
+        let course = self.course(model, c.b)?;
+        Some(course.end.twist(centre - model.radius[c.a as usize] * c.n1))
+    }
+
+    /// Velocity at a point of the moving wall `slot` where the shapes were placed last, and at t_{n+1}.
+    pub fn twists(&self, slot: u32, point: DVec3) -> [WallTwist; 2] {
+        let course = &self.courses[slot as usize];
+        [course.now.twist(point), course.end.twist(point)]
+    }
+
+    /// Largest speed at which moving walls pass a point, now or at t_{n+1}.
+    pub fn speed_at(&self, point: DVec3) -> f64 {
+        let speed = |i: &Instant| i.twist(point).shape.length();
+        let of = |c: &Course| speed(&c.now).max(speed(&c.end));
+        self.courses.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// Displacement and rotation of the wall's material at the contact over the step, with the sphere's centre at t_n and after
+    /// the smooth motion: exact to third order in the step, also where the contact moves over a wall that turns.
+    #[inline(never)]
+    pub fn displacement(
+        &self,
+        model: &Model,
+        c: &Contact,
+        from: DVec3,
+        to: DVec3,
+    ) -> Option<[DVec3; 2]> {
+        let Course {
+            start, end, turn, ..
+        } = self.course(model, c.b)?;
+        let h = self.span.h;
+        let p = 0.5 * (from + to) - model.radius[c.a as usize] * c.n0;
+        let middle = |a: DVec3, b: DVec3| 0.5 * (a + b);
+        let shape = (end.centre - start.centre) + turn.cross(p - middle(start.centre, end.centre));
+        let spin = middle(start.surface_spin, end.surface_spin);
+        let along = middle(start.surface, end.surface)
+            + spin.cross(p - middle(start.surface_centre, end.surface_centre));
+        Some([shape + h * along, *turn + h * spin])
+    }
+
+    /// Impulse on every wall and its moment about the wall's place, added to `out`; returns the work of moving walls, J:
+    /// impulse times the mean of the wall's velocities at both ends of the step.
+    pub fn collect(
+        &self,
+        model: &Model,
+        state: &State,
+        position: &[DVec3],
+        contacts: &[Contact],
+        out: &mut [[DVec3; 2]],
+    ) -> f64 {
+        let mut work = 0.0;
+        for c in contacts
+            .iter()
+            .filter(|c| c.is_wall(model) && c.lambda[0] != 0.0)
+        {
+            let i = c.a as usize;
+            let on_ball = c.to_world(c.n1, &c.lambda);
+            let x = position[i];
+            let wall = c.b as usize - model.spheres();
+            let lever = model.periodic.nearest(x - self.now[wall].place()) - model.radius[i] * c.n1;
+            out[wall][0] -= on_ball.impulse;
+            out[wall][1] -= lever.cross(on_ball.impulse) + on_ball.moment;
+            let start = self.start_twist(model, c, state.position[i]);
+            if let (Some(start), Some(end)) = (start, self.end_twist(model, c, x)) {
+                let mean = start.mean(&end);
+                let normal = c.lambda[0] * c.n1;
+                work += normal.dot(mean.shape)
+                    + (on_ball.impulse - normal).dot(mean.material)
+                    + on_ball.moment.dot(mean.spin);
+            }
+        }
+        work
+    }
+}
+
+/// A shape that is no wall meets nobody.
+#[inline]
+fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
+    // As in `Shape::meet`: planes are in every scene.
+    if let Shape::HalfSpace { point, normal } = *shape {
+        return sphere_plane(x, r, point, normal);
+    }
+    shape.meet(x, r).unwrap_or(Proximity {
+        gap: f64::INFINITY,
+        normal: DVec3::Z,
+        curvature: 0.0,
+        flat: DVec3::ZERO,
+    })
+}
+
+/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.
+#[inline(always)]
+pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
+    if c.is_wall(model) {
+        walls.meet(model, c.a, c.b, xa)
+    } else {
+        let (ra, rb) = (model.radius[c.a as usize], model.radius[c.b as usize]);
+        model.periodic.sphere_sphere(xa, ra, xb, rb)
+    }
+}

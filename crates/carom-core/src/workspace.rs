@@ -1,0 +1,140 @@
+//! What the solve of an island reads and writes: parts of the step's memory, or memory of a thread.
+
+use crate::contact::Contact;
+use crate::impact::ImpactScratch;
+use crate::islands::Island;
+use crate::level::coupling::Trial;
+use crate::model::Model;
+use crate::outcome::{History, ImpactRecord};
+use crate::pile::memory::Pile;
+use crate::problem::Keeper;
+use crate::state::Warm;
+use crate::stepper::generalized_alpha::Prediction;
+use crate::wall::places::Walls;
+use carom_solve::{Newton, RowSystem};
+use glam::DVec3;
+
+/// What the solve of an island reads and writes: parts of the step's scratch, or memory of a thread (`share`).
+pub struct IslandScratch<'a> {
+    /// Read only: predictions, positions of the level, and the corrections U once they are known.
+    pub linear: &'a [Prediction],
+    pub angular: &'a [Prediction],
+    pub position: &'a [DVec3],
+    pub shift: &'a [[DVec3; 2]],
+    pub walls: &'a Walls,
+    /// Results.
+    pub contacts: &'a mut [Contact],
+    pub corrections: Corrections<'a>,
+    pub joint_reaction: &'a mut [[DVec3; 2]],
+    pub warm: &'a mut Vec<Warm>,
+    pub impacts: &'a mut Vec<ImpactRecord>,
+    pub history: &'a mut [History; 3],
+    pub keeper: &'a mut Keeper,
+    /// Buffers.
+    pub solve: &'a mut SolveScratch,
+    pub trial: &'a mut Trial,
+    pub impact: &'a mut ImpactScratch,
+    pub pile: &'a mut Pile,
+}
+
+/// Where the corrections of a level go: U or W of each sphere.
+pub enum Corrections<'a> {
+    Placed(&'a mut [[DVec3; 2]]),
+    Listed(&'a mut Vec<(u32, [DVec3; 2])>),
+}
+
+/// Buffers of one island's solve.
+#[derive(Default)]
+pub struct SolveScratch {
+    pub newton: Newton,
+    pub system: RowSystem,
+    /// Local node of each sphere (valid only for the island at hand) and the reverse.
+    pub node_of: Vec<u32>,
+    pub bodies: Vec<u32>,
+    pub lambda: Vec<f64>,
+    pub u: Vec<f64>,
+}
+
+impl Corrections<'_> {
+    #[inline]
+    pub fn set(&mut self, body: u32, correction: [DVec3; 2]) {
+        match self {
+            Corrections::Placed(all) => all[body as usize] = correction,
+            Corrections::Listed(list) => list.push((body, correction)),
+        }
+    }
+
+    /// How many are listed.
+    pub fn listed(&self) -> usize {
+        match self {
+            Corrections::Placed(_) => 0,
+            Corrections::Listed(list) => list.len(),
+        }
+    }
+}
+
+impl SolveScratch {
+    pub fn new(model: &Model) -> SolveScratch {
+        SolveScratch {
+            node_of: vec![u32::MAX; model.spheres()],
+            ..SolveScratch::default()
+        }
+    }
+
+    /// Starts an island: nodes for the spheres of its contacts, joints and loads, in order of first use.
+    pub fn begin(&mut self, model: &Model, contacts: &[Contact], island: Island) {
+        self.system.clear();
+        self.bodies.clear();
+        for &index in island.contacts {
+            let c = &contacts[index as usize];
+            self.add_node(model, c.a);
+            if (c.b as usize) < model.spheres() {
+                self.add_node(model, c.b);
+            }
+        }
+        if island.is_free() {
+            return;
+        }
+        for &index in island.joints {
+            let link = &model.links[index as usize];
+            self.add_node(model, link.a);
+            self.add_node(model, link.b);
+        }
+        for &index in island.loads {
+            for body in model.loads[index as usize].bodies().into_iter().flatten() {
+                self.add_node(model, body);
+            }
+        }
+    }
+
+    fn add_node(&mut self, model: &Model, body: u32) {
+        let i = body as usize;
+        if !self.bodies.contains_recent(body, &self.node_of) {
+            let (m, inertia) = (model.mass[i], model.inertia[i]);
+            self.node_of[i] = self.system.push_node(m, inertia, model.radius[i]);
+            self.bodies.push(body);
+        }
+    }
+
+    /// Local node of a body; the world for walls.
+    #[inline]
+    pub fn node(&self, model: &Model, body: u32) -> u32 {
+        if (body as usize) < model.spheres() {
+            self.node_of[body as usize]
+        } else {
+            carom_solve::rows::WORLD
+        }
+    }
+}
+
+/// Membership in O(1): a stale entry of `node_of` points at another body or past the end.
+trait Recent {
+    fn contains_recent(&self, body: u32, node_of: &[u32]) -> bool;
+}
+
+impl Recent for Vec<u32> {
+    #[inline]
+    fn contains_recent(&self, body: u32, node_of: &[u32]) -> bool {
+        self.get(node_of[body as usize] as usize) == Some(&body)
+    }
+}
