@@ -2,6 +2,7 @@
 
 use crate::contact::Contact;
 use crate::model::{Link, LinkKind};
+use carom_solve::clusters::Forest;
 use carom_solve::team;
 
 /// Ends of a contact that is not admitted.
@@ -79,11 +80,11 @@ impl Islands {
         let ends = std::mem::take(&mut self.ends);
         for &[a, b] in &ends {
             if (b as usize) < spheres {
-                self.unite(a, b);
+                self.parent.join(a, b);
             }
         }
         for link in links {
-            self.unite(link.a, link.b);
+            self.parent.join(link.a, link.b);
         }
         // Roots are the smallest of their islands: each is known before those that lead to it.
         for body in 0..spheres {
@@ -164,24 +165,9 @@ impl Islands {
         }
     }
 
-    /// The smaller index is the root: the result does not depend on the order of the unions.
-    fn unite(&mut self, a: u32, b: u32) {
-        let (ra, rb) = (self.root(a), self.root(b));
-        self.parent[ra.max(rb) as usize] = ra.min(rb);
-    }
-
     /// Island of a body, `u32::MAX` if it has none.
     fn island_of(&self, body: u32) -> u32 {
         self.slot[self.parent[body as usize] as usize]
-    }
-
-    fn root(&mut self, mut body: u32) -> u32 {
-        while self.parent[body as usize] != body {
-            let up = self.parent[self.parent[body as usize] as usize];
-            self.parent[body as usize] = up;
-            body = up;
-        }
-        body
     }
 }
 

@@ -3,6 +3,7 @@
 //! Nothing here knows bodies or shapes. A problem is a [`rows::RowSystem`]: nodes with a mass, contacts with rows
 //! (Jacobians) over at most two nodes, and bounds that tie friction to the normal multiplier.
 
+pub mod clusters;
 pub mod cone;
 pub mod direct;
 pub mod gauss_seidel;

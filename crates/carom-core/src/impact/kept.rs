@@ -3,6 +3,7 @@
 //! Rule R2 keeps the impulses of the loads at contacts that neither close nor are pressed by the loads. Where contacts are redundant (a ball in a
 //! corner of three rough walls) these may hold one another with any force; of a part of them the rest would throw the ball out.
 
+use carom_solve::clusters::{apart, Forest};
 use carom_solve::rows::WORLD;
 
 /// A contact with impulse: its nodes, and the work of all it has been given since the smooth step, J.
@@ -16,24 +17,16 @@ pub struct Worked {
 /// Whether the contacts of a group (joined by spheres) have done more work together than `share` of its energy. `kinetic`: the energy of
 /// each node after the smooth step, and of walls that move as fast as theirs, J.
 pub fn gives(contacts: &[Worked], kinetic: &[f64], share: f64) -> bool {
-    let mut parent: Vec<u32> = (0..kinetic.len() as u32).collect();
-    let root = |parent: &mut Vec<u32>, mut i: u32| {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
-    };
+    let mut joined = apart(kinetic.len());
     for c in contacts.iter().filter(|c| c.b != WORLD) {
-        let [a, b] = [c.a, c.b].map(|node| root(&mut parent, node));
-        parent[a.max(b) as usize] = a.min(b);
+        joined.join(c.a, c.b);
     }
     let mut sums = vec![[0.0f64; 2]; kinetic.len()];
     for c in contacts {
-        sums[root(&mut parent, c.a) as usize][0] += c.work;
+        sums[joined.root(c.a) as usize][0] += c.work;
     }
     for (node, of_node) in (0..).zip(kinetic) {
-        sums[root(&mut parent, node) as usize][1] += of_node;
+        sums[joined.root(node) as usize][1] += of_node;
     }
     sums.iter().any(|[work, kinetic]| *work > share * kinetic)
 }

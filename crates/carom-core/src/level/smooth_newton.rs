@@ -12,6 +12,7 @@ use crate::model::{LinkKind, Model};
 use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
+use carom_solve::clusters::{apart, Forest};
 use carom_solve::direct::SparseLu;
 use carom_solve::rows::NODE_DOF;
 use glam::DVec3;
@@ -127,25 +128,18 @@ impl SmoothScratch {
     }
 
     fn build_groups(&mut self, model: &Model) {
-        let mut parent: Vec<u32> = (0..self.grouped.len() as u32).collect();
-        fn root(parent: &[u32], mut i: u32) -> u32 {
-            while parent[i as usize] != i {
-                i = parent[i as usize];
-            }
-            i
-        }
+        let mut joined = apart(self.grouped.len());
         for link in &model.links {
-            let (a, b) = (root(&parent, link.a), root(&parent, link.b));
-            parent[a.max(b) as usize] = a.min(b);
+            joined.join(link.a, link.b);
             self.grouped[link.a as usize] = true;
             self.grouped[link.b as usize] = true;
         }
-        let mut slot = vec![u32::MAX; parent.len()];
-        for body in 0..parent.len() as u32 {
+        let mut slot = vec![u32::MAX; joined.len()];
+        for body in 0..joined.len() as u32 {
             if !self.grouped[body as usize] {
                 continue;
             }
-            let top = root(&parent, body);
+            let top = joined.root(body);
             if top == body {
                 slot[body as usize] = self.groups.len() as u32;
                 self.groups.push(Group::default());
@@ -156,18 +150,18 @@ impl SmoothScratch {
             group.bodies.push(body);
         }
         for link in &model.links {
-            let group = &mut self.groups[slot[root(&parent, link.a) as usize] as usize];
+            let group = &mut self.groups[slot[joined.root(link.a) as usize] as usize];
             match link.kind {
                 LinkKind::Joint(index) => group.joints.push(index),
                 LinkKind::Load(index) => group.loads.push(index),
             }
         }
-        self.share_of = vec![0; parent.len()];
+        self.share_of = vec![0; joined.len()];
         let mut shares = self.groups.len() as u32;
-        for body in 0..parent.len() as u32 {
+        for body in 0..joined.len() as u32 {
             let i = body as usize;
             self.share_of[i] = if self.grouped[i] {
-                slot[root(&parent, body) as usize]
+                slot[joined.root(body) as usize]
             } else {
                 shares += 1;
                 shares - 1

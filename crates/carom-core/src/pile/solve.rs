@@ -8,6 +8,7 @@ use crate::model::Model;
 use crate::pile::limits::{budget, worst, Law, GAIN_SHARE, LEFT, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
+use carom_solve::clusters::{apart, Forest};
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{self, Goal, Progress};
 use carom_solve::team;
@@ -202,20 +203,12 @@ impl Pile {
     fn gaining(&mut self, goal: &Goal) -> Vec<u32> {
         let (part, impulses) = (&self.part, &self.impulses);
         let (bodies, _) = part.of(&self.bodies, &self.places);
-        let mut parent: Vec<u32> = (0..bodies.len() as u32).collect();
-        let root = |parent: &mut Vec<u32>, mut i: u32| {
-            while parent[i as usize] != i {
-                parent[i as usize] = parent[parent[i as usize] as usize];
-                i = parent[i as usize];
-            }
-            i
-        };
+        let mut joined = apart(bodies.len());
         let memory = &mut self.velocity;
         for (&slot, r) in memory.chosen.iter().zip(impulses) {
             let m = &memory.members[slot as usize];
             if m.b != WORLD && *r != [0.0; 3] {
-                let [a, b] = [m.a, m.b].map(|node| root(&mut parent, part.number(node)));
-                parent[a.max(b) as usize] = a.min(b);
+                joined.join(part.number(m.a), part.number(m.b));
             }
         }
         memory.group.clear();
@@ -224,7 +217,7 @@ impl Pile {
             let group = if *r == [0.0; 3] {
                 u32::MAX
             } else {
-                root(&mut parent, part.number(m.a))
+                joined.root(part.number(m.a))
             };
             memory.group.push(group);
         }

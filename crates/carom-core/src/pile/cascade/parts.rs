@@ -1,6 +1,7 @@
 //! The closing contacts of a problem, fallen apart into little islands.
 
 use super::front::Front;
+use carom_solve::clusters::{Forest, Linked};
 use carom_solve::rows::WORLD;
 
 const NONE: u32 = u32::MAX;
@@ -11,6 +12,13 @@ struct Place {
     parent: u32,
     island: u32,
     local: u32,
+}
+
+impl Linked for Place {
+    #[inline]
+    fn parent(&mut self) -> &mut u32 {
+        &mut self.parent
+    }
 }
 
 /// Little islands in the order of their first contacts.
@@ -51,8 +59,7 @@ impl Parts {
                 };
             }
             if b != WORLD {
-                let (a, b) = (self.root(a), self.root(b));
-                self.places[a.max(b) as usize].parent = a.min(b);
+                self.places.join(a, b);
             }
         }
         self.of_chosen.clear();
@@ -60,7 +67,7 @@ impl Parts {
         self.placed.resize(chosen.len(), 0);
         let mut islands = 0;
         for &slot in chosen {
-            let root = self.root(front.ends[slot as usize][0]);
+            let root = self.places.root(front.ends[slot as usize][0]);
             let place = &mut self.places[root as usize];
             let is_new = place.island == NONE;
             let island = if is_new { islands } else { place.island };
@@ -110,18 +117,6 @@ impl Parts {
             last[1] = count;
         }
         self.nodes.truncate(count as usize);
-    }
-
-    fn root(&mut self, mut node: u32) -> u32 {
-        loop {
-            let parent = self.places[node as usize].parent;
-            if parent == node {
-                return node;
-            }
-            let up = self.places[parent as usize].parent;
-            self.places[node as usize].parent = up;
-            node = up;
-        }
     }
 
     /// Cuts the islands into at most `count` batches of about as many contacts: first island of each, one more at the end.
