@@ -140,3 +140,13 @@ def test_every_measured_figure_of_the_table_stands_on_the_page_that_it_names() -
         assert figures, task
         for figure in figures:
             assert re.search(rf"(?<![\d.]){re.escape(figure)}(?!\d)", text), (task, figure, page)
+
+
+def test_the_times_of_lammps_stand_on_the_page_of_large_piles() -> None:
+    table = README.partition("LAMMPS, a twentieth |\n")[2].partition("\n\n")[0]
+    page = (DOCS / "validation" / "scale.md").read_text("utf-8").partition("\n## ")[0]
+    rows = re.findall(r"^\| .+?, [\d.]+ s \| (.+) \|$", table, re.M)
+    assert len(rows) == 3
+    for row in rows:
+        for seconds in re.findall(r"[\d.]+ s", row):
+            assert re.search(rf"(?<![\d.]){re.escape(seconds)}", page), (row, seconds)
