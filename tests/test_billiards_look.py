@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import math
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,6 +24,7 @@ from carom.export.frames import Selection
 from carom.film.look import Look
 from carom.scene import Scene
 from carom.view import codec, write_html
+from carom.view.browser import Browser, find_browser
 from test_view_page import Page
 from view_scenes import billiard
 
@@ -423,3 +427,41 @@ def test_a_ball_in_a_pocket_is_pale(tmp_path: Path) -> None:
     one, two = drawn(axes, "ball solid")
     assert one.get_alpha() < 0.7
     assert two.get_alpha() == 1.0
+
+
+# --- the page in a browser -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(find_browser() is None, reason="needs a Chromium")
+def test_the_page_draws_cloth_wood_and_dark_pockets(shot: carom.Result, tmp_path: Path) -> None:
+    image = pytest.importorskip("PIL.Image", reason="needs pillow (comes with matplotlib)")
+    with Browser(size=(900, 640)) as browser:
+        browser.open(write_html(shot, tmp_path / "view.html").path)
+        browser.evaluate("carom.show({impacts: false, trails: 'off'}), carom.view('top')")
+        time.sleep(1.0)
+        data = browser.evaluate("carom.picture()").partition(",")[2]
+        places = np.array(browser.evaluate("carom.state()")["screen"])
+        errors = [line for line in browser.console if not line.startswith("warning: [.WebGL")]
+    assert errors == []
+    seen = np.asarray(image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(int)
+    # From two balls, where the view puts other points of the plane of their centres; the rim of a pocket is near it.
+    names, at = shot.names, np.asarray(shot.position)[0]
+    one, cue = names.index("1"), names.index("cue")
+    scale = (places[one, 0] - places[cue, 0]) / (at[one, 0] - at[cue, 0])
+
+    def pixel(x: float, y: float) -> tuple[int, int, int]:
+        column = places[cue, 0] + scale * (x - at[cue, 0])
+        row = places[cue, 1] - scale * (y - at[cue, 1])
+        size = seen.shape[1] / 900  # the picture is sharper than the window
+        red, green, blue = seen[int(size * row), int(size * column)]
+        return int(red), int(green), int(blue)
+
+    shape = Shape(billiards.table("9ft"))
+    for hole in shape.holes:
+        assert max(pixel(*hole.centre)) < 45, hole.name
+    for x, y in ((0.3, 0.3), (1.0, 1.0), (2.3, 0.2)):
+        red, green, blue = pixel(x, y)
+        assert green > 1.3 * max(red, blue)
+    for x, y in ((0.5, -0.8 * shape.rail), (2.0, shape.width + 0.8 * shape.rail)):
+        red, green, blue = pixel(x, y)
+        assert red > 1.2 * green > 1.2 * blue
