@@ -1,10 +1,11 @@
-"""Random scenes are judged clean: walls that move, loads of every kind, all methods (`audit_random`)."""
+"""Random scenes are judged clean: walls that move and loads of every kind (`audit_random`), joints (`audit_rods`)."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import audit_random
+import audit_rods
 import audit_scenes as scenes
 import pytest
 from carom import audit
@@ -38,3 +39,30 @@ def test_random_scenes_with_loads_are_clean(seeds: list[int], tmp_path: Path, tr
             assert report.ok, f"seed {seed}: {report!r}"
         judged |= {kind for kind, verdict in report.verdicts.items() if verdict.judged}
     assert {"momentum", "spin", "friction cone", "energy rise", "impact"} <= judged
+
+
+#: What scenes with joints may be accused of falsely (docs/validation/trust.md): both have bounds for free balls.
+KNOWN = {"energy rise", "passivity"}
+
+
+@pytest.mark.parametrize(
+    "seeds",
+    [
+        pytest.param([18, 41, 47, *range(5)], id="few"),
+        pytest.param(range(200), id="many", marks=pytest.mark.long),
+    ],
+)
+def test_random_scenes_with_rods_and_clumps_are_clean(
+    seeds: list[int], tmp_path: Path, trials: Trials
+) -> None:
+    """No file has what joints move at the position level; where it was not bounded, 18 of 60 such scenes were accused."""
+    for seed in seeds:
+        scene, options = audit_rods.scene(seed)
+        report = audit.check(scenes.run(scene, tmp_path / str(seed), audit_rods.UNTIL, **options))
+        with trials("random scenes with joints, motion judged clean"):
+            assert {finding.kind for finding in report.findings} <= KNOWN, f"seed {seed}: {report!r}"
+        try:
+            with trials("random scenes with joints judged clean"):
+                assert report.ok
+        except AssertionError:
+            pass  # counted

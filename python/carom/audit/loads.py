@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.block import Block, once
+from carom.audit.corrections import corrections
 from carom.audit.data import Run
 from carom.audit.forces import pushes, shifts
 from carom.audit.formula import law
@@ -231,13 +232,17 @@ def _joints(block: Block, out: Loads) -> None:
     and off by their turn within the interval.
     """
     run = block.run
+    for bodies, moved, kicked in list(corrections(block, out)):
+        for k, inert in enumerate(np.sqrt((run.mass[bodies], run.inertia[bodies]))):
+            out.shift_slack[:, bodies, k] += moved[:, None] / inert
+            out.spread[:, bodies, k] += kicked[:, None] * inert  # what cancels within the interval
     given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])
     rate = np.maximum(norm(block.w0), norm(block.w1))
     for j, joint in enumerate(run.joints):
         impulse, couple = given[:, j, :3], given[:, j, 3:]
         size = norm(impulse)
-        # The filter of the scheme (eq. 6) carries reactions of a step, with its arms, into the next one.
-        before = np.concatenate([_reaction_before(block, j), size[:-1]])
+        # The filter of the scheme (eq. 6) carries reactions of a step, with its arms, into later ones.
+        before = remembered(run, _reactions_before(block, j))[-block.count :]
         # Reactions of the smooth motion and of impacts are solved to the tolerance; those that hardly act against all
         # others.
         solved = 4.0 * block.tolerance * (size + run.mass.max() * norm(run.gravity) * run.h)
@@ -254,6 +259,7 @@ def _joints(block: Block, out: Loads) -> None:
             out.impulse[:, body] += sign * np.hstack([impulse, moment])
             reach = norm(lever)
             swing = rate[:, body] + norm(moment) / run.inertia[body]
+            swing = remembered(run, np.concatenate([swing[:1], swing]))[1:]
             turned = 2.0 * block.dt * swing * reach * (size + before)
             out.slack[:, body] += np.stack(
                 [solved, solved * (2.0 * reach + run.radius[body]) + turned], axis=1
@@ -266,7 +272,11 @@ def _joints(block: Block, out: Loads) -> None:
             out.unknown[:, body] |= ~block.kept
 
 
-def _reaction_before(block: Block, j: int) -> F64:
-    """(1,) size of the impulse of joint `j` in the interval before the block, N s."""
-    frame = max(block.first - 1, 0)
-    return norm(np.asarray(block.run.result.joint_impulse[frame : frame + 1])[:, j, :3])
+#: Intervals before a block from which reactions are remembered.
+MEMORY = 32
+
+
+def _reactions_before(block: Block, j: int) -> F64:
+    """Sizes of the impulse of joint `j` in the interval before each one of the block, N s, and in earlier ones."""
+    first = max(block.first - 1 - MEMORY, 0)
+    return norm(np.asarray(block.run.result.joint_impulse[first : block.first + block.count - 1])[:, j, :3])

@@ -75,6 +75,13 @@ def _units() -> str:
     return "\n".join(rows) + "\n"
 
 
+def with_all_sections(page: str) -> str:
+    """The page with an empty section at its end for each table of the format that it lacks."""
+    missing = [name for name in (*SINGLE, *REPEATED) if f"<!-- table {name} -->" not in page]
+    return page + "".join(f"\n## `{name}`\n\n<!-- table {name} -->\n<!-- end -->\n" for name in missing)
+
+
 if __name__ == "__main__":
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    text = with_all_sections(PAGE.read_text(encoding="utf-8"))
+    PAGE.write_text(filled(text), encoding="utf-8")
     print(f"{PAGE} is up to date", file=sys.stderr)

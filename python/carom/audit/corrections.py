@@ -1,0 +1,96 @@
+"""What joints may move their bodies by at the position level, where no file records their multipliers.
+
+By Gauss's principle joints move the bodies `G` that they hold together by the least correction that keeps the joints, in the
+norm of the masses. So they move them by no more than what pushes the bodies off, for to take it back whole keeps the joints:
+
+    sum_G m |d|^2 + I |phi|^2 <= E^2,    E^2 = sum_G P^2/m + Q^2/I,
+
+`P = sum |nu| + h |impulse of loads|` of a body, `Q` its moment. Nor do they answer inertia by more than a motion that would:
+at a joint the ends part by `h^2 (|u|^2/length + |w|^2 arm)`, and all on one side of it can follow, which adds that way times
+`sqrt(sum_G m)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit import forces
+from carom.audit.block import Block
+from carom.audit.formula import law
+from carom.audit.vectors import cross, norm, rotated
+
+if TYPE_CHECKING:
+    from carom.audit.loads import Loads
+
+F64 = NDArray[np.float64]
+
+
+def corrections(block: Block, loads: Loads) -> Iterator[tuple[list[int], F64, F64]]:
+    """The bodies of each group, and E (B,), m sqrt(kg), with the part of inertia; `loads` are those without joints.
+
+    The third is the same of velocities, m/s sqrt(kg), from the sizes of all impulses of contacts within the interval.
+    """
+    run, dt = block.run, block.dt
+    contacts = (
+        forces.of_contacts(block).shift_size if run.has_contacts else np.zeros((block.count, run.bodies))
+    )
+    strokes = (
+        forces.strokes(block) if run.has_contacts else (np.zeros_like(contacts), np.zeros_like(contacts))
+    )
+    for bodies, joints in groups(run.joints):
+        grounded = any(joint["b"] < 0 for joint in joints)
+        m, inertia, r = run.mass[bodies], run.inertia[bodies], run.radius[bodies]
+        given = norm(loads.impulse[:, bodies, :3]) + loads.slack[:, bodies, 0]
+        given = given + (m * norm(run.gravity) * dt[:, None] if grounded else 0.0)
+        couple = norm(loads.impulse[:, bodies, 3:]) + loads.slack[:, bodies, 1]
+        parted = np.sum([_parting(block, joint) for joint in joints], axis=0) * np.sqrt(m.sum())
+
+        def size(push: F64, moment: F64) -> F64:
+            return np.asarray(np.sqrt((push**2 / m + moment**2 / inertia).sum(axis=1)))  # noqa: B023
+
+        moved = contacts[:, bodies]
+        of_places = size(moved + dt[:, None] * given, 2.0 * r * moved + dt[:, None] * couple)
+        of_speeds = size(strokes[0][:, bodies] + given, strokes[1][:, bodies] + couple)
+        yield bodies, of_places + parted, of_speeds + parted / dt
+
+
+def groups(joints: list[dict[str, Any]]) -> list[tuple[list[int], list[dict[str, Any]]]]:
+    """Bodies that joints hold together, and these joints."""
+    found: list[tuple[set[int], list[dict[str, Any]]]] = []
+    for joint in joints:
+        mine = {body for body in (joint["a"], joint["b"]) if body >= 0}
+        met = [group for group in found if group[0] & mine]
+        found = [group for group in found if not group[0] & mine]
+        found.append((mine.union(*(g[0] for g in met)), [joint, *(j for g in met for j in g[1])]))
+    return [(sorted(bodies), held) for bodies, held in found]
+
+
+def _parting(block: Block, joint: dict[str, Any]) -> F64:
+    """(B,) by how much the points of a joint part in a step of free motion, m, and by how much its laws bend."""
+    found = np.zeros(block.count)
+    h, radius = block.dt, block.run.radius[joint["a"]]
+    for kind, _, arm_a, arm_b, form in joint["rows"]:
+        ends = [_point(block, joint[side], arm) for side, arm in (("a", arm_a), ("b", arm_b))]
+        (at_a, rate_a, bend_a), (at_b, rate_b, bend_b) = ends
+        found = found + h * h * (bend_a + bend_b)
+        if kind == "distance":
+            length = norm(at_a - at_b)
+            across = norm(rate_a - rate_b) ** 2
+            found = found + h * h * np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
+        change = np.abs(law(form, block.t1)[1] - law(form, block.t0)[1])
+        found = found + h * change * (radius if kind == "rotation" else 1.0)
+    return found
+
+
+def _point(block: Block, body: int, arm: Any) -> tuple[F64, F64, F64]:
+    """Place and velocity of a point of a body at the first frame, and the acceleration of its turn, m/s^2."""
+    given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
+    if body < 0:
+        return given, np.zeros_like(given), np.zeros(block.count)
+    lever, w = rotated(block.q0[:, body], given), block.w0[:, body]
+    reach = norm(lever) + block.run.radius[body]
+    return block.x0[:, body] + lever, block.v0[:, body] + cross(w, lever), norm(w) ** 2 * reach
