@@ -82,6 +82,13 @@ def test_the_mark_moves_no_ball(shot: carom.Result) -> None:
 
 
 @pytest.mark.parametrize(
+    "text", ["[billiard_table]", "[billiard_table]\nlength = -1", "[billiard_table", "a = 1"]
+)
+def test_a_damaged_mark_is_none(text: str) -> None:
+    assert table_of(SimpleNamespace(scenario=text)) is None
+
+
+@pytest.mark.parametrize(
     ("wrong", "told"),
     [
         ({"nose_height": 0.1}, "nose_height must be above"),
@@ -118,6 +125,7 @@ def level(part: Part, z: float) -> Part:
 
 def farthest(points: np.ndarray, others: np.ndarray) -> float:
     """How far any of `points` (n, 3) is from the nearest of `others`, m."""
+    points, others = (np.unique(np.round(some, 9), axis=0) for some in (points, others))
     apart = (np.abs(part[:, None] - others).max(axis=2).min(axis=1) for part in np.array_split(points, 20))
     return float(np.concatenate(list(apart)).max())
 

@@ -26,10 +26,10 @@ def kit_table(given: Mapping[str, Any]) -> Table:
 
 def table_of(result: Any) -> Table | None:
     """The table of the kit that a run was made on; None of any other run."""
-    text = getattr(result, "scenario", None)
-    if not isinstance(text, str) or HEADER not in text:
-        return None  # the scenario of many spheres takes long to parse
     try:
+        text = getattr(result, "scenario", None)
+        if not isinstance(text, str) or HEADER not in text:
+            return None  # the scenario of many spheres takes long to parse
         return kit_table(tomllib.loads(text)["billiard_table"])
     except (ValueError, KeyError, TypeError, RecursionError, CaromError):
-        return None  # a damaged copy of the scenario does not keep the motion from being seen
+        return None  # a lost or damaged copy of the scenario does not keep the motion from being seen
