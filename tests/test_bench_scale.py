@@ -177,6 +177,19 @@ def test_a_run_of_carom_and_peers_that_are_not_there(monkeypatch: pytest.MonkeyP
     assert written[0]["hash"] == rows[0].told["hash"]
 
 
+@pytest.mark.parametrize("name", ["LAMMPS", "peclet-dem"])
+def test_a_small_pile_in_a_peer(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The lowest grains reach the floor; those above them fall freely."""
+    if isinstance(bench.peers()[name], str):
+        pytest.skip(f"{name} is not installed (make .venv/peers/made)")
+    given = ("--sizes", "30", "--until", "0.02", "--only", name.lower(), "--rayleigh", "0.2")
+    start = model(30, 1, {})[0]["position"][:, 2]
+    for found in bench.Bench(parsed(monkeypatch, *given), tmp_path).rows():
+        assert found.complete, found.why
+        fallen = start - np.load(tmp_path / "end.npz")["position"][:, 2]
+        assert np.quantile(fallen, 0.9) == pytest.approx(0.5 * 9.8 * 0.02**2, rel=1e-4)
+
+
 def test_steps_of_copies_of_a_heap(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(bench, "HEAP", 30)
     monkeypatch.setattr(bench, "COPIES", (2, 2, 1))
