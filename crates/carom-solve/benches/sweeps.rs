@@ -243,7 +243,7 @@ fn report_local(name: &str, scene: &Scene) {
         (1, Instructions::Scalar),
     ] {
         let clocked = Instant::now();
-        let mut sweeps = sweep::Sweeps::new(&problem, threads);
+        let mut sweeps = sweep::ConeSweeps::new(&problem, threads);
         let new = clocked.elapsed().as_secs_f64();
         sweeps.instructions = instructions;
         let [best, own] = clock(|n| sweeps.sweep(n as u32, || false));

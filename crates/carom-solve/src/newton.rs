@@ -103,12 +103,12 @@ pub struct Newton {
 
 /// Norm of the residual and the sum of the norms of its terms.
 #[derive(Clone, Copy)]
-struct Norms {
+struct ResidualNorms {
     residual: f64,
     terms: f64,
 }
 
-impl Norms {
+impl ResidualNorms {
     /// `|r| / (sum |r_k| + tol_f)`: converged below tol_r (eq. 44).
     ///
     /// In large islands callers give a floor of lengths (decision record 015), far above rounding where steps are
@@ -461,7 +461,7 @@ impl Newton {
         lambda: &mut [f64],
         u: &mut [f64],
         report: &mut SolveReport,
-    ) -> Norms {
+    ) -> ResidualNorms {
         let count = (report.iterations as usize).min(MEMORY);
         let bound = merits[..count].iter().fold(0.0f64, |m, &x| m.max(x));
         let mut length = 1.0;
@@ -504,7 +504,7 @@ impl Newton {
     }
 
     /// Augmented multipliers, projections, residual rows `phi - lambda`, statuses; returns the norms of eq. 44.
-    fn norms(&mut self, system: &RowSystem, lambda: &[f64], u: &[f64]) -> Norms {
+    fn norms(&mut self, system: &RowSystem, lambda: &[f64], u: &[f64]) -> ResidualNorms {
         let (mut rr, mut pp, mut ll) = (0.0, 0.0, 0.0);
         for (index, c) in system.contacts.iter().enumerate() {
             let rows = c.row as usize..(c.row + c.dim) as usize;
@@ -545,7 +545,7 @@ impl Newton {
                 rr += (a - b) * (a - b);
             }
         }
-        Norms {
+        ResidualNorms {
             residual: rr.sqrt(),
             terms: inertia.sqrt() + force.sqrt() + pp.sqrt() + ll.sqrt(),
         }

@@ -24,7 +24,7 @@ thread_local! {
 }
 
 /// Stages on their way.
-struct Progress {
+struct StageProgress {
     /// The stage, counted over all rounds, and its next task.
     ticket: AtomicU64,
     /// Tasks of the stage that are done.
@@ -35,7 +35,7 @@ struct Progress {
 }
 
 /// Tells the others when a thread unwinds, so that none waits for ever.
-struct Alarm<'a>(&'a Progress);
+struct Alarm<'a>(&'a StageProgress);
 
 impl Drop for Alarm<'_> {
     fn drop(&mut self) {
@@ -57,7 +57,7 @@ struct Plan<'a, W, D> {
 
 impl<W: Fn(usize, usize) + Sync, D: Fn(usize) -> bool + Sync> Plan<'_, W, D> {
     /// Works until all stages are over.
-    fn join(&self, progress: &Progress) {
+    fn join(&self, progress: &StageProgress) {
         let _alarm = Alarm(progress);
         loop {
             let ticket = progress.ticket.fetch_add(1, Ordering::AcqRel);
@@ -83,7 +83,7 @@ impl<W: Fn(usize, usize) + Sync, D: Fn(usize) -> bool + Sync> Plan<'_, W, D> {
     }
 
     /// Ends a stage; the one thread that has done its last task does so.
-    fn close(&self, progress: &Progress, stage: u64) {
+    fn close(&self, progress: &StageProgress, stage: u64) {
         progress.completed.store(0, Ordering::Relaxed);
         let mut next = stage + 1;
         if next % self.stages.len() as u64 == 0 {
@@ -97,7 +97,7 @@ impl<W: Fn(usize, usize) + Sync, D: Fn(usize) -> bool + Sync> Plan<'_, W, D> {
     }
 }
 
-impl Progress {
+impl StageProgress {
     /// Until the stage is another.
     fn wait(&self, stage: u64) {
         let mut spins = 0;
@@ -158,7 +158,7 @@ pub fn run_until(
         work: &work,
         done: &done,
     };
-    let progress = Progress {
+    let progress = StageProgress {
         ticket: AtomicU64::new(0),
         completed: AtomicUsize::new(0),
         broken: AtomicBool::new(false),

@@ -4,7 +4,7 @@ mod common;
 mod problems;
 
 use carom_solve::problem::natural::{natural_part, project_cone, residual, shift};
-use carom_solve::problem::Group;
+use carom_solve::problem::RowGroup;
 use carom_solve::Bounds;
 use common::Rng;
 use problems::{any_bounds, coulomb, group, norm, single};
@@ -14,7 +14,7 @@ fn draw(rng: &mut Rng, n: usize, size: f64) -> Vec<f64> {
 }
 
 /// Nearest point by brute force: the squared distance is convex in the height t of the result; ternary search.
-fn nearest(g: &Group, x: &[f64]) -> Vec<f64> {
+fn nearest(g: &RowGroup, x: &[f64]) -> Vec<f64> {
     let at = |t: f64| -> Vec<f64> {
         let mut p = vec![t; 1];
         for d in g.bounds.discs() {
@@ -106,7 +106,7 @@ fn projection_splits_into_cone_and_dual_cone() {
 
 #[test]
 fn joints_are_not_projected() {
-    let g = Group {
+    let g = RowGroup {
         row: 0,
         dim: 3,
         bounds: Bounds::default(),

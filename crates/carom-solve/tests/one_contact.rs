@@ -4,7 +4,7 @@ mod common;
 mod problems;
 
 use carom_solve::problem::natural::natural_part;
-use carom_solve::problem::Group;
+use carom_solve::problem::RowGroup;
 use carom_solve::solver::solve_contact;
 use carom_solve::Bounds;
 use common::Rng;
@@ -18,12 +18,12 @@ fn velocity(a: &[f64], b: &[f64], r: &[f64]) -> Vec<f64> {
 }
 
 /// Natural map over the larger of b, r and u.
-fn err(g: &Group, a: &[f64], b: &[f64], r: &[f64]) -> f64 {
+fn err(g: &RowGroup, a: &[f64], b: &[f64], r: &[f64]) -> f64 {
     let u = velocity(a, b, r);
     norm(&natural_part(g, r, &u)) / norm(b).max(norm(r)).max(norm(&u)).max(f64::MIN_POSITIVE)
 }
 
-fn solved(g: &Group, a: &[f64], b: &[f64], start: &[f64]) -> (Vec<f64>, f64) {
+fn solved(g: &RowGroup, a: &[f64], b: &[f64], start: &[f64]) -> (Vec<f64>, f64) {
     let mut r = start.to_vec();
     solve_contact(g, a, b, &mut r);
     let e = err(g, a, b, &r);
@@ -88,7 +88,7 @@ fn slips(a: &[f64], b: &[f64], mu: f64) -> Vec<[f64; 3]> {
 fn exhaustive(a: &[f64], b: &[f64], mu: f64) -> [bool; 3] {
     let g = group(coulomb(mu));
     let fits = |r: &[f64]| err(&g, a, b, r) < 1e-9;
-    let free = Group {
+    let free = RowGroup {
         bilateral: true,
         ..g
     };
@@ -287,7 +287,7 @@ fn discs_are_solved_by_repeated_steps() {
 fn joints_are_solved_exactly_and_singular_ones_too() {
     let mut rng = Rng(11);
     for dim in 1..=6 {
-        let g = Group {
+        let g = RowGroup {
             row: 0,
             dim,
             bounds: Bounds::default(),

@@ -3,7 +3,7 @@
 mod common;
 mod problems;
 
-use carom_solve::problem::Group;
+use carom_solve::problem::RowGroup;
 use carom_solve::solver::{by_name, Settings, SOLVERS};
 use carom_solve::Bounds;
 use common::Rng;
@@ -70,11 +70,11 @@ fn easy_problems_are_solved_by_all() {
     let mut rng = Rng(2);
     for case in 0..200 {
         let contacts = 1 + rng.below(12);
-        let mut groups: Vec<Group> = Vec::new();
+        let mut groups: Vec<RowGroup> = Vec::new();
         for _ in 0..contacts {
             let row = groups.last().map_or(0, |g| g.row + g.dim);
             let g = group(problems::any_bounds(&mut rng, 0.8));
-            groups.push(Group { row, ..g });
+            groups.push(RowGroup { row, ..g });
         }
         let n = groups.last().map_or(0, |g| g.row + g.dim);
         let a: Vec<f64> = (0..n * n).map(|_| rng.uniform(-1.0, 1.0)).collect();
@@ -130,7 +130,7 @@ fn limits_are_kept_and_stages_add_up() {
     // No solution: two contacts at one place push against each other from both sides, and both approach.
     let groups = vec![
         group(coulomb(0.5)),
-        Group {
+        RowGroup {
             row: 3,
             ..group(coulomb(0.5))
         },
@@ -229,7 +229,7 @@ fn small_and_degenerate_problems() {
         matrix[10] = 3.5;
         let groups = vec![
             group(coulomb(0.5)),
-            Group {
+            RowGroup {
                 row: 3,
                 ..group(Bounds::default())
             },
@@ -247,7 +247,7 @@ fn small_and_degenerate_problems() {
             found.outcome.converged && (found.r[0] - 1.5).abs() < 1e-6,
             "{name}"
         );
-        let joint = Group {
+        let joint = RowGroup {
             row: 0,
             dim: 2,
             bounds: Bounds::default(),

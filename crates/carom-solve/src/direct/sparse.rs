@@ -40,7 +40,7 @@ pub trait Factor: Default {
 pub struct Sparse<F: Factor> {
     factor: F,
     pattern: Pattern,
-    state: State,
+    state: FactorState,
     /// The matrix itself, for residuals.
     values: Vec<f64>,
     /// `|A|_inf`, the largest row sum.
@@ -53,7 +53,7 @@ pub struct Sparse<F: Factor> {
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum State {
+enum FactorState {
     Empty,
     Analysed,
     Factored,
@@ -64,7 +64,7 @@ impl<F: Factor> Default for Sparse<F> {
         Self {
             factor: F::default(),
             pattern: Pattern::default(),
-            state: State::Empty,
+            state: FactorState::Empty,
             values: Vec::new(),
             norm: 0.0,
             scratch: MemBuffer::new(StackReq::EMPTY),
@@ -99,14 +99,14 @@ impl<F: Factor> Sparse<F> {
         col_ptr: &[usize],
         row_idx: &[usize],
     ) -> Result<(), DirectError> {
-        if self.state != State::Empty && self.pattern.is(n, col_ptr, row_idx) {
+        if self.state != FactorState::Empty && self.pattern.is(n, col_ptr, row_idx) {
             return Ok(());
         }
-        self.state = State::Empty;
+        self.state = FactorState::Empty;
         self.pattern.set(n, col_ptr, row_idx)?;
         let need = self.factor.analyse(self.pattern.as_faer())?;
         self.scratch = MemBuffer::try_new(need).map_err(|_| DirectError::OutOfMemory)?;
-        self.state = State::Analysed;
+        self.state = FactorState::Analysed;
         self.analyses += 1;
         Ok(())
     }
@@ -120,7 +120,7 @@ impl<F: Factor> Sparse<F> {
         values: &[f64],
     ) -> Result<(), DirectError> {
         self.analyse(n, col_ptr, row_idx)?;
-        self.state = State::Analysed;
+        self.state = FactorState::Analysed;
         if values.len() != row_idx.len() {
             return Err(DirectError::BadPattern(
                 "values and row_idx differ in length",
@@ -136,7 +136,7 @@ impl<F: Factor> Sparse<F> {
         let matrix = SparseColMatRef::new(self.pattern.as_faer(), &self.values[..]);
         self.factor
             .factor(matrix, MemStack::new(&mut self.scratch))?;
-        self.state = State::Factored;
+        self.state = FactorState::Factored;
         Ok(())
     }
 
@@ -147,7 +147,7 @@ impl<F: Factor> Sparse<F> {
     /// If `rhs` or `out` do not have `n` entries.
     pub fn solve(&mut self, rhs: &[f64], out: &mut [f64]) -> Result<SolveQuality, DirectError> {
         let n = self.pattern.n;
-        if self.state != State::Factored {
+        if self.state != FactorState::Factored {
             return Err(DirectError::NotFactored);
         }
         assert!(

@@ -1,6 +1,6 @@
 //! A square matrix of small dense blocks in compressed rows, one block row for each contact.
 
-use super::Group;
+use super::RowGroup;
 
 /// Blocks `W_ij` of `dim_i x dim_j`, row-major. Those of one block row stand one after another, by ascending column; the
 /// diagonal block is always there.
@@ -23,7 +23,7 @@ pub struct BlockMatrix {
 
 impl BlockMatrix {
     /// Blocks of zeros at the given columns of each row (ascending, the diagonal among them).
-    pub fn zeros(groups: &[Group], ptr: Vec<usize>, col: Vec<u32>) -> BlockMatrix {
+    pub fn zeros(groups: &[RowGroup], ptr: Vec<usize>, col: Vec<u32>) -> BlockMatrix {
         debug_assert_eq!(ptr.len(), groups.len() + 1);
         let mut start = Vec::with_capacity(col.len() + 1);
         let mut diagonal = vec![usize::MAX; groups.len()];

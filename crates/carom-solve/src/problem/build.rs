@@ -1,6 +1,6 @@
 //! From compressed rows, and from a system of rows over nodes, to a [`Problem`]; what is no problem is refused.
 
-use super::{BlockMatrix, Group, Problem};
+use super::{BlockMatrix, Problem, RowGroup};
 use crate::cone::{Bounds, MAX_ROWS};
 use crate::rows::{RowSystem, WORLD};
 use std::fmt;
@@ -142,7 +142,7 @@ impl Problem {
             if flat && bounds.sliding > 0.0 {
                 map.source.push(usize::MAX);
             }
-            groups.push(Group {
+            groups.push(RowGroup {
                 row,
                 dim: bounds.dim(),
                 bounds,
@@ -193,7 +193,7 @@ impl Problem {
     /// [`Problem::from_rows`] into an existing problem.
     pub fn fill_rows(&mut self, system: &RowSystem, q: &[f64]) {
         self.groups.clear();
-        self.groups.extend(system.contacts.iter().map(|c| Group {
+        self.groups.extend(system.contacts.iter().map(|c| RowGroup {
             row: c.row as usize,
             dim: c.dim as usize,
             bounds: c.bounds,
@@ -263,7 +263,7 @@ impl RowSystem {
 }
 
 /// Blocks that hold an entry, those opposite to them, and the diagonal.
-fn pattern_of(groups: &[Group], dimension: usize, ptr: &[i64], col: &[i64]) -> BlockMatrix {
+fn pattern_of(groups: &[RowGroup], dimension: usize, ptr: &[i64], col: &[i64]) -> BlockMatrix {
     let contacts = groups.len();
     let mut of_row: Vec<Vec<u32>> = (0..contacts as u32).map(|i| vec![i]).collect();
     for i in 0..contacts {

@@ -4,7 +4,7 @@ use crate::cone::Bounds;
 
 /// One contact, or joint, of a [`super::Problem`].
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Group {
+pub struct RowGroup {
     /// First row.
     pub row: usize,
     /// Rows: those of [`Bounds::dim`], or of a joint.
@@ -15,7 +15,7 @@ pub struct Group {
     pub bilateral: bool,
 }
 
-impl Group {
+impl RowGroup {
     #[inline]
     pub fn rows(&self) -> std::ops::Range<usize> {
         self.row..self.row + self.dim

@@ -13,6 +13,6 @@ mod statement;
 
 pub use blocks::BlockMatrix;
 pub use build::{ProblemError, RowMap};
-pub use group::Group;
+pub use group::RowGroup;
 pub use scaled::Scaled;
 pub use statement::Problem;

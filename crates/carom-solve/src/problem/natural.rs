@@ -1,6 +1,6 @@
 //! The residual by which all solvers are judged: the natural map of the cone problem, computed outside of them.
 
-use super::{Group, Problem};
+use super::{Problem, RowGroup};
 use crate::cone::MAX_ROWS;
 
 /// Nearest point of the cone `K = { r_N >= 0, |r_b| <= mu_b r_N }` to `x`, in place.
@@ -8,7 +8,7 @@ use crate::cone::MAX_ROWS;
 /// Given the height `t` of the result each disc is cut to `mu_b t`, so `t` minimises
 /// `(t - x_N)^2 + sum_b max(0, |x_b| - mu_b t)^2`; with the `k` discs of largest `|x_b|/mu_b` cut the minimum is in closed
 /// form, and the first `k` whose `t` is not below the next ratio is right.
-pub fn project_cone(group: &Group, x: &mut [f64]) {
+pub fn project_cone(group: &RowGroup, x: &mut [f64]) {
     if group.bilateral {
         return;
     }
@@ -50,7 +50,7 @@ pub fn project_cone(group: &Group, x: &mut [f64]) {
 
 /// `s(u) = sum_b mu_b |u_b|` of one contact.
 #[inline]
-pub fn shift(group: &Group, u: &[f64]) -> f64 {
+pub fn shift(group: &RowGroup, u: &[f64]) -> f64 {
     if group.bilateral {
         return 0.0;
     }
@@ -63,7 +63,7 @@ pub fn shift(group: &Group, u: &[f64]) -> f64 {
 
 /// `F = r - P_K(r - (u + s(u) n))` of one contact; for a joint `F = u`.
 #[inline]
-pub fn natural_part(group: &Group, r: &[f64], u: &[f64]) -> [f64; MAX_ROWS] {
+pub fn natural_part(group: &RowGroup, r: &[f64], u: &[f64]) -> [f64; MAX_ROWS] {
     let mut f = [0.0; MAX_ROWS];
     if group.bilateral {
         f[..group.dim].copy_from_slice(u);

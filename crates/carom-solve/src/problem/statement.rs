@@ -1,12 +1,12 @@
 //! The problem itself.
 
 use super::blocks::BlockMatrix;
-use super::group::Group;
+use super::group::RowGroup;
 
 /// `u = W r + q` over groups of rows.
 #[derive(Clone, Debug, Default)]
 pub struct Problem {
-    pub groups: Vec<Group>,
+    pub groups: Vec<RowGroup>,
     pub w: BlockMatrix,
     pub q: Vec<f64>,
 }

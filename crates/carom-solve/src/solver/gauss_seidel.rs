@@ -1,6 +1,6 @@
 //! Block Gauss-Seidel: contact after contact, each solved exactly with the others held.
 
-use super::sweep::Sweeps;
+use super::sweep::ConeSweeps;
 use super::{ConeSolver, Judge};
 
 /// Over-relaxation: what is best lies between 1.2 and 1.5, and 1.5 keeps some problems from converging (measured).
@@ -28,7 +28,7 @@ pub struct GaussSeidel {
     pub relaxation: f64,
     y: Vec<f64>,
     /// The problem of this judge, packed: the next run of the same solve needs it again.
-    packed: Option<(u64, Sweeps)>,
+    packed: Option<(u64, ConeSweeps)>,
 }
 
 impl Default for GaussSeidel {
@@ -51,7 +51,7 @@ impl ConeSolver for GaussSeidel {
         self.y.clone_from(&judge.best);
         let mut sweeps = match self.packed.take() {
             Some((solve, sweeps)) if solve == judge.number() => sweeps,
-            _ => Sweeps::new(&judge.scaled.problem, threads),
+            _ => ConeSweeps::new(&judge.scaled.problem, threads),
         };
         sweeps.relaxation = self.relaxation;
         sweeps.enter(&self.y);

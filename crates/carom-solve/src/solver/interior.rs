@@ -12,7 +12,7 @@
 //! and the predictor of Mehrotra. Where the path bends sharply (friction can wedge, the law is not monotone) steps are
 //! damped by a proximal shift of W, and complementarity waits for the equations.
 
-use super::matrix::Linear;
+use super::matrix::NewtonMatrix;
 use super::{ConeSolver, Judge};
 use crate::problem::Problem;
 
@@ -43,7 +43,7 @@ const PATIENCE: u32 = 40;
 #[derive(Default)]
 pub struct InteriorPoint {
     cones: Vec<Cone>,
-    linear: Linear,
+    linear: NewtonMatrix,
     y: Vec<f64>,
     u: Vec<f64>,
     dual_residual: Vec<f64>,

@@ -2,14 +2,14 @@
 
 use crate::cone::Block;
 use crate::direct::{dense, SparseLu};
-use crate::problem::{Group, Problem};
+use crate::problem::{Problem, RowGroup};
 
 /// Systems up to this many rows are dense.
 const DENSE_ROWS: usize = 96;
 
 /// The Newton matrix: dense when small, else compressed columns whose pattern is that of W.
 #[derive(Default)]
-pub(super) struct Linear {
+pub(super) struct NewtonMatrix {
     n: usize,
     lu: SparseLu,
     col_ptr: Vec<usize>,
@@ -22,7 +22,7 @@ pub(super) struct Linear {
     pivots: Vec<u32>,
 }
 
-impl Linear {
+impl NewtonMatrix {
     pub fn is_dense(&self) -> bool {
         self.n <= DENSE_ROWS
     }
@@ -65,7 +65,11 @@ impl Linear {
     }
 
     /// Row, column and index of every value of W, rows ascending within each column.
-    fn each(&mut self, problem: &Problem, mut f: impl FnMut(usize, usize, usize, &mut Linear)) {
+    fn each(
+        &mut self,
+        problem: &Problem,
+        mut f: impl FnMut(usize, usize, usize, &mut NewtonMatrix),
+    ) {
         let w = &problem.w;
         for i in 0..w.len() {
             let (row, dim) = w.shape(i);
@@ -124,7 +128,7 @@ impl Linear {
 
     fn add_diagonal(
         &mut self,
-        group: &Group,
+        group: &RowGroup,
         d: &Block,
         penalty: &[f64],
         shift: f64,
@@ -174,8 +178,8 @@ mod tests {
             sliding: 0.5,
             ..Bounds::default()
         };
-        let groups: Vec<Group> = (0..2 * count)
-            .map(|i| Group {
+        let groups: Vec<RowGroup> = (0..2 * count)
+            .map(|i| RowGroup {
                 row: 3 * i,
                 dim: 3,
                 bounds,
@@ -203,7 +207,7 @@ mod tests {
         for count in [1, 5, 40] {
             let problem = pairs(count);
             let n = problem.rows();
-            let mut linear = Linear::default();
+            let mut linear = NewtonMatrix::default();
             linear.plan(&problem);
             assert_eq!(linear.is_dense(), n <= DENSE_ROWS);
             let rhs: Vec<f64> = (0..n).map(|k| if k % 6 < 3 { 1.0 } else { -1.0 }).collect();
@@ -250,7 +254,7 @@ mod tests {
                 .collect();
             let penalty: Vec<f64> = (0..n).map(|r| 0.3 + 0.05 * (r % 5) as f64).collect();
             let shift = 0.07;
-            let mut linear = Linear::default();
+            let mut linear = NewtonMatrix::default();
             linear.plan(&problem);
             linear.assemble(&problem, &tangents, &penalty, shift);
             assert!(linear.factor());

@@ -1,6 +1,6 @@
 //! Semi-smooth Newton on the multipliers: `phi(r - p (W r + q)) - r = 0` with the projections of Alart and Curnier.
 
-use super::matrix::Linear;
+use super::matrix::NewtonMatrix;
 use super::{ConeSolver, Judge};
 use crate::cone::{self, Block, Status, MAX_ROWS};
 use crate::problem::Problem;
@@ -23,7 +23,7 @@ const PATIENCE: u32 = 25;
 pub struct SemiSmoothNewton {
     /// Iterations that do not halve the residual after which a run gives up.
     pub patience: u32,
-    linear: Linear,
+    linear: NewtonMatrix,
     y: Vec<f64>,
     z: Vec<f64>,
     penalty: Vec<f64>,
@@ -41,7 +41,7 @@ impl Default for SemiSmoothNewton {
     fn default() -> Self {
         SemiSmoothNewton {
             patience: PATIENCE,
-            linear: Linear::default(),
+            linear: NewtonMatrix::default(),
             y: Vec::new(),
             z: Vec::new(),
             penalty: Vec::new(),

@@ -2,7 +2,7 @@
 
 use crate::cone::MAX_ROWS;
 use crate::direct::dense;
-use crate::problem::Group;
+use crate::problem::RowGroup;
 
 /// Coupling below this share of the diagonal counts as none: spheres, whose blocks are diagonal up to rounding.
 const ISOTROPIC: f64 = 1e-14;
@@ -16,7 +16,7 @@ const ROOT_STEPS: usize = 100;
 const ROUNDS: usize = 20;
 
 /// Writes the multipliers `r` of a contact with block `a` (row-major) and free part `b`; `r` holds the last ones.
-pub fn solve_contact(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
+pub fn solve_contact(group: &RowGroup, a: &[f64], b: &[f64], r: &mut [f64]) {
     if group.bilateral {
         return solve_free(a, b, r);
     }
@@ -285,7 +285,7 @@ fn bracketed(
 }
 
 /// Sliding, rolling and spinning in turn, each exactly with the others held, until nothing moves.
-fn solve_discs(group: &Group, a: &[f64], b: &[f64], r: &mut [f64]) {
+fn solve_discs(group: &RowGroup, a: &[f64], b: &[f64], r: &mut [f64]) {
     let n = group.dim;
     let head = if group.bounds.sliding > 0.0 { 3 } else { 1 };
     let mut before = [0.0; MAX_ROWS];

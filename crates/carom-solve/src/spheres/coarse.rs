@@ -10,7 +10,7 @@
 //! Not where something rolls, nor in problems of one chunk.
 
 use super::groups::Block;
-use super::kernel::{Group, State};
+use super::kernel::{ContactLanes, State};
 use super::lanes::EMPTY;
 use super::residual::{head, vector};
 use super::sweeps::Sweeps;
@@ -32,13 +32,13 @@ const SLIDES: f64 = 0.999;
 const NONE: u32 = u32::MAX;
 
 /// Sums over contacts at a body, of impulses and of `q`: forces, and moments over the radius.
-type Sums = [DVec3; 4];
+type BodySums = [DVec3; 4];
 
 /// A contact as the chunks see it.
-struct Link {
+struct ChunkContact {
     /// Bodies, within their chunks.
     ends: [usize; 2],
-    sums: Sums,
+    sums: BodySums,
     /// `q.z`, and `q.q` over the mass.
     slack: f64,
     alone: f64,
@@ -48,7 +48,7 @@ struct Link {
 struct Entry {
     /// The chunk, among those near.
     of: usize,
-    sums: Sums,
+    sums: BodySums,
     next: u32,
 }
 
@@ -189,7 +189,7 @@ impl Sweeps {
     }
 
     /// Calls `look` for each contact of a block with impulse.
-    fn each(&self, block: &Block, mut look: impl FnMut(&Link)) {
+    fn each(&self, block: &Block, mut look: impl FnMut(&ChunkContact)) {
         let stride = self.layout.stride;
         let [left, right] = [block.left, block.right].map(|c| &self.states[c as usize * stride..]);
         for (group, ids) in block.groups.iter().zip(&block.ids) {
@@ -203,7 +203,12 @@ impl Sweeps {
 }
 
 /// A contact with impulse.
-fn link(group: &Group, lane: usize, left: &[State], right: &[State]) -> Option<Link> {
+fn link(
+    group: &ContactLanes,
+    lane: usize,
+    left: &[State],
+    right: &[State],
+) -> Option<ChunkContact> {
     let (n, r) = (vector(&group.normal, lane), vector(&group.impulse, lane));
     let normal = r.dot(n);
     if normal <= 0.0 {
@@ -215,7 +220,7 @@ fn link(group: &Group, lane: usize, left: &[State], right: &[State]) -> Option<L
     let z = head(&a.linear) - head(&b.linear) + n.cross(spin) + vector(&group.slip, lane);
     let slides = (r - normal * n).length() >= SLIDES * group.friction[lane] * normal;
     let q = if slides { normal * n } else { r };
-    Some(Link {
+    Some(ChunkContact {
         ends,
         sums: [r, n.cross(r), q, n.cross(q)],
         slack: q.dot(z),
@@ -224,7 +229,7 @@ fn link(group: &Group, lane: usize, left: &[State], right: &[State]) -> Option<L
 }
 
 /// Adds sums to a body's entry of a chunk.
-fn enter(entries: &mut Vec<Entry>, first: &mut u32, of: usize, sums: &Sums) {
+fn enter(entries: &mut Vec<Entry>, first: &mut u32, of: usize, sums: &BodySums) {
     let mut at = *first;
     while let Some(entry) = entries.get_mut(at as usize) {
         if entry.of == of {

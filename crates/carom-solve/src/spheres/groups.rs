@@ -1,6 +1,6 @@
 //! Groups: contacts that share no moving body, swept as one.
 
-use super::kernel::{Group, State};
+use super::kernel::{ContactLanes, State};
 use super::lanes::{EMPTY, GROUP, SWAPPED};
 use super::problem::Contact;
 use super::rolls::Rolls;
@@ -14,7 +14,7 @@ const WINDOW: usize = 64;
 pub struct Block {
     pub left: u32,
     pub right: u32,
-    pub groups: Vec<Group>,
+    pub groups: Vec<ContactLanes>,
     /// Contact of each lane, with [`SWAPPED`]; or [`EMPTY`].
     pub ids: Vec<[u32; GROUP]>,
     /// Moments of the groups; empty where nothing rolls.
@@ -46,14 +46,14 @@ impl Slots {
 
 /// A contact on its way to a group: states within the chunks of its block, and its id.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Link {
+pub struct UngroupedContact {
     pub a: u32,
     pub b: u32,
     pub id: u32,
 }
 
 /// A lane without contact: the world on both sides.
-const NOBODY: Link = Link {
+const NOBODY: UngroupedContact = UngroupedContact {
     a: 0,
     b: 0,
     id: EMPTY,
@@ -63,7 +63,7 @@ const NOBODY: Link = Link {
 #[derive(Debug, Default)]
 pub struct Packing {
     /// Links of the groups, in order.
-    groups: Vec<[Link; GROUP]>,
+    groups: Vec<[UngroupedContact; GROUP]>,
     /// Per state of the block: the open groups it is in. All 0 when no group is open.
     masks: Vec<u64>,
 }
@@ -71,7 +71,7 @@ pub struct Packing {
 impl Packing {
     /// Packs links, in order, into groups that share no moving body: first fit into a window of open groups. There are so many states,
     /// those of the sides `b` from number `offset` on.
-    fn pack(&mut self, links: &[Link], states: usize, offset: usize) {
+    fn pack(&mut self, links: &[UngroupedContact], states: usize, offset: usize) {
         let Self { groups, masks } = self;
         groups.clear();
         if masks.len() < states {
@@ -79,7 +79,7 @@ impl Packing {
         }
         let mut open = [[NOBODY; GROUP]; WINDOW];
         let mut filled = [0usize; WINDOW];
-        let mut close = |group: &mut [Link; GROUP], slot: usize, masks: &mut [u64]| {
+        let mut close = |group: &mut [UngroupedContact; GROUP], slot: usize, masks: &mut [u64]| {
             for link in &*group {
                 masks[link.a as usize] &= !(1 << slot);
                 masks[link.b as usize + offset] &= !(1 << slot);
@@ -128,7 +128,7 @@ impl Block {
     pub fn fill(
         &mut self,
         index: usize,
-        links: &[Link],
+        links: &[UngroupedContact],
         left: &[State],
         right: Option<&[State]>,
         source: Source,
@@ -143,7 +143,8 @@ impl Block {
         let ids = packing.groups.iter().map(|links| links.map(|link| link.id));
         self.ids.extend(ids);
         // Every number of a group is written anew.
-        self.groups.resize(packing.groups.len(), Group::default());
+        self.groups
+            .resize(packing.groups.len(), ContactLanes::default());
         for (number, (group, links)) in self.groups.iter_mut().zip(&packing.groups).enumerate() {
             let sides = links.map(|link| [&left[link.a as usize], &right[link.b as usize]]);
             group.set_bodies(links.map(|link| [link.a, link.b]), sides);

@@ -49,7 +49,7 @@ fn ask<T>(column: &[T]) {
 /// Contacts that share no moving body, column by column. A lane without contact has zeros and both bodies 0.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-pub struct Group {
+pub struct ContactLanes {
     pub a: [u32; GROUP],
     pub b: [u32; GROUP],
     /// Impulse on `a`, N s.
@@ -68,7 +68,7 @@ pub struct Group {
     pub way: [Column; 3],
 }
 
-impl Group {
+impl ContactLanes {
     /// Sides `a` and `b` of the lanes: numbers within their chunks, and states.
     #[inline]
     pub fn set_bodies(&mut self, numbers: [[u32; 2]; GROUP], states: [[&State; 2]; GROUP]) {
@@ -126,7 +126,7 @@ pub trait Bodies: Read {
     fn a(&mut self) -> &mut [State];
     fn b(&mut self) -> &mut [State];
     /// Asks memory for the bodies of a group that comes soon.
-    fn fetch(&self, group: &Group);
+    fn fetch(&self, group: &ContactLanes);
 }
 
 pub struct One<'a>(pub &'a mut [State]);
@@ -157,7 +157,7 @@ fn fetch(states: &[State], numbers: &[u32; GROUP]) {
 
 impl Bodies for One<'_> {
     #[inline(always)]
-    fn fetch(&self, group: &Group) {
+    fn fetch(&self, group: &ContactLanes) {
         fetch(self.0, &group.a);
         fetch(self.0, &group.b);
     }
@@ -180,7 +180,7 @@ impl Read for Two<'_> {
 
 impl Bodies for Two<'_> {
     #[inline(always)]
-    fn fetch(&self, group: &Group) {
+    fn fetch(&self, group: &ContactLanes) {
         fetch(self.0, &group.a);
         fetch(self.1, &group.b);
     }
@@ -269,7 +269,7 @@ pub fn parts<S: Lanes>(columns: &[Column; 3], at: usize) -> V3<S> {
 /// Relative velocity without spin, and the sum of surface velocities, of the lanes from `at`. Rows are summed before they are
 /// turned to columns: half as many turns, and the same bits.
 #[inline(always)]
-pub fn gather<S: Lanes>(s: S, bodies: &impl Read, group: &Group, at: usize) -> [V3<S>; 2] {
+pub fn gather<S: Lanes>(s: S, bodies: &impl Read, group: &ContactLanes, at: usize) -> [V3<S>; 2] {
     let (ia, ib) = (
         &group.a[at..at + S::F64_LANES],
         &group.b[at..at + S::F64_LANES],
@@ -293,7 +293,12 @@ pub fn gather<S: Lanes>(s: S, bodies: &impl Read, group: &Group, at: usize) -> [
 
 /// Measures `z` of the lanes from `at`.
 #[inline(always)]
-pub fn measures<S: Lanes>(s: S, [linear, surface]: [V3<S>; 2], group: &Group, at: usize) -> V3<S> {
+pub fn measures<S: Lanes>(
+    s: S,
+    [linear, surface]: [V3<S>; 2],
+    group: &ContactLanes,
+    at: usize,
+) -> V3<S> {
     let n = parts::<S>(&group.normal, at);
     let z = add(s, linear, parts::<S>(&group.slip, at));
     add(s, z, cross(s, n, surface))
@@ -331,7 +336,7 @@ fn solve<S: Lanes, C: Carry>(
     s: S,
     carry: &mut C,
     bodies: [V3<S>; 2],
-    group: &mut Group,
+    group: &mut ContactLanes,
     at: usize,
 ) -> [V3<S>; 2] {
     let n = parts::<S>(&group.normal, at);
@@ -360,11 +365,18 @@ pub fn put<S: Lanes>(columns: &mut [Column; 3], at: usize, value: V3<S>) {
 /// What a sweep does beside solving contacts.
 pub trait Carry {
     /// Impulses from which the lanes are solved.
-    fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S>;
+    fn step<S: Lanes>(&mut self, s: S, group: &mut ContactLanes, at: usize) -> V3<S>;
     /// Asks memory for what it reads of a group beside what every sweep does.
-    fn fetch(group: &Group);
+    fn fetch(group: &ContactLanes);
     /// Looks at the change, and at the normal measures before it.
-    fn note<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize, change: V3<S>, z_n: S::f64s);
+    fn note<S: Lanes>(
+        &mut self,
+        s: S,
+        group: &mut ContactLanes,
+        at: usize,
+        change: V3<S>,
+        z_n: S::f64s,
+    );
 }
 
 /// A plain sweep.
@@ -372,15 +384,15 @@ pub struct Plain;
 
 impl Carry for Plain {
     #[inline(always)]
-    fn fetch(_: &Group) {}
+    fn fetch(_: &ContactLanes) {}
 
     #[inline(always)]
-    fn step<S: Lanes>(&mut self, _s: S, group: &mut Group, at: usize) -> V3<S> {
+    fn step<S: Lanes>(&mut self, _s: S, group: &mut ContactLanes, at: usize) -> V3<S> {
         parts::<S>(&group.impulse, at)
     }
 
     #[inline(always)]
-    fn note<S: Lanes>(&mut self, _: S, _: &mut Group, _: usize, _: V3<S>, _: S::f64s) {}
+    fn note<S: Lanes>(&mut self, _: S, _: &mut ContactLanes, _: usize, _: V3<S>, _: S::f64s) {}
 }
 
 /// A sweep that first goes on the way it came: `p <- beta (p + d)`, `r <- r + p` with the change `d` of the last sweep.
@@ -404,7 +416,7 @@ impl Along {
 
 impl Carry for Along {
     #[inline(always)]
-    fn fetch(group: &Group) {
+    fn fetch(group: &ContactLanes) {
         ask(&group.weight);
         for column in &group.way {
             ask(column);
@@ -412,14 +424,21 @@ impl Carry for Along {
     }
 
     #[inline(always)]
-    fn step<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize) -> V3<S> {
+    fn step<S: Lanes>(&mut self, s: S, group: &mut ContactLanes, at: usize) -> V3<S> {
         let p = self.way(s, parts::<S>(&group.way, at));
         put::<S>(&mut group.way, at, p);
         add(s, parts::<S>(&group.impulse, at), p)
     }
 
     #[inline(always)]
-    fn note<S: Lanes>(&mut self, s: S, group: &mut Group, at: usize, change: V3<S>, z_n: S::f64s) {
+    fn note<S: Lanes>(
+        &mut self,
+        s: S,
+        group: &mut ContactLanes,
+        at: usize,
+        change: V3<S>,
+        z_n: S::f64s,
+    ) {
         let lane = at / S::F64_LANES;
         let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&group.weight, at));
         let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[lane];
@@ -438,7 +457,7 @@ fn scatter<S: Lanes>(
     s: S,
     [change, turn]: [V3<S>; 2],
     bodies: &mut impl Bodies,
-    group: &Group,
+    group: &ContactLanes,
     at: usize,
 ) {
     let (ia, ib) = (
@@ -463,7 +482,7 @@ fn scatter<S: Lanes>(
 /// One pass over groups, in order.
 pub struct Pass<'a, B, C> {
     pub bodies: B,
-    pub groups: &'a mut [Group],
+    pub groups: &'a mut [ContactLanes],
     pub carry: C,
 }
 
@@ -493,7 +512,7 @@ pub fn sweep_group<S: Lanes>(
     simd: S,
     carry: &mut impl Carry,
     bodies: &mut impl Bodies,
-    group: &mut Group,
+    group: &mut ContactLanes,
 ) {
     // Two sets of lanes at a time: each is one long chain of dependent operations.
     for at in (0..GROUP).step_by(2 * S::F64_LANES) {
@@ -512,7 +531,7 @@ pub fn sweep_group<S: Lanes>(
 /// Adds `M^-1 G^T r` of the groups' impulses to their bodies.
 pub struct Push<'a, B> {
     pub bodies: B,
-    pub groups: &'a [Group],
+    pub groups: &'a [ContactLanes],
 }
 
 impl<B: Bodies> Work for Push<'_, B> {

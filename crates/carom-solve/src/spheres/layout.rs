@@ -6,7 +6,7 @@
 //! share no moving body. All is O(contacts) but for the sort of the bodies and of the few contacts between chunks.
 
 use super::curve::Curve;
-use super::groups::{Block, Link, Packing, Source};
+use super::groups::{Block, Packing, Source, UngroupedContact};
 use super::kernel::State;
 use super::lanes::SWAPPED;
 use super::{Body, Contact, Place, SpheresError};
@@ -43,9 +43,9 @@ pub struct Layout {
 #[derive(Debug, Default)]
 struct Piece {
     /// Inside each chunk.
-    inside: Vec<Vec<Link>>,
+    inside: Vec<Vec<UngroupedContact>>,
     /// Between chunks, with their pair.
-    between: Vec<([u32; 2], Link)>,
+    between: Vec<([u32; 2], UngroupedContact)>,
 }
 
 /// Two chunks with contacts between them, and which of the links between chunks these are.
@@ -190,7 +190,7 @@ impl Layout {
             c.check(id as usize)?;
             let (chunk_a, chunk_b) = (a / stride, b / stride);
             let (a_in, b_in) = (a - chunk_a * stride, b - chunk_b * stride);
-            let link = |a, b, id| Link { a, b, id };
+            let link = |a, b, id| UngroupedContact { a, b, id };
             if a == 0 || b == 0 || chunk_a == chunk_b {
                 piece.inside[chunk_a.max(chunk_b) as usize].push(link(a_in, b_in, id));
             } else if chunk_a < chunk_b {
@@ -205,7 +205,7 @@ impl Layout {
     }
 
     /// All links between chunks, by pairs, in the order of the contacts; and the pairs.
-    fn sort_between(&self, pieces: &[Piece]) -> (Vec<Link>, Vec<Pair>) {
+    fn sort_between(&self, pieces: &[Piece]) -> (Vec<UngroupedContact>, Vec<Pair>) {
         let all = || pieces.iter().flat_map(|p| &p.between);
         let number = |ends: [u32; 2]| ends[0] as usize * self.chunks + ends[1] as usize;
         let mut next = vec![0; self.chunks * self.chunks];
@@ -222,7 +222,7 @@ impl Layout {
                 links: first..sum,
             });
         }
-        let mut links = vec![Link::default(); sum];
+        let mut links = vec![UngroupedContact::default(); sum];
         for (ends, link) in all() {
             let next = &mut next[number(*ends)];
             links[*next] = *link;
@@ -232,7 +232,7 @@ impl Layout {
     }
 
     /// All links inside a chunk, each at the later of its bodies.
-    fn inner_links(&self, chunk: usize, pieces: &[Piece]) -> Vec<Link> {
+    fn inner_links(&self, chunk: usize, pieces: &[Piece]) -> Vec<UngroupedContact> {
         let all = || pieces.iter().flat_map(|p| &p.inside[chunk]);
         let mut start = vec![0u32; self.stride + 1];
         for link in all() {
@@ -241,7 +241,7 @@ impl Layout {
         for k in 1..start.len() {
             start[k] += start[k - 1];
         }
-        let mut links = vec![Link::default(); start[self.stride] as usize];
+        let mut links = vec![UngroupedContact::default(); start[self.stride] as usize];
         for link in all() {
             let slot = &mut start[link.a.max(link.b) as usize];
             links[*slot as usize] = *link;

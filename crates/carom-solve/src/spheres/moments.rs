@@ -3,7 +3,7 @@
 use super::groups::Block;
 use super::kernel::{
     add, dot, gather, measures, part, parts, put, scale, sub, sweep_group, Along, Bodies, Both,
-    Carry, Group, Plain, Read, State, V3,
+    Carry, ContactLanes, Plain, Read, State, V3,
 };
 use super::lanes::{Lanes, Work, GROUP};
 use super::residual::{head, vector, Sums};
@@ -48,7 +48,13 @@ impl CarryMoments for Along {
 
 /// Measures of the moments of the lanes from `at`: relative angular velocities.
 #[inline(always)]
-fn turns<S: Lanes>(s: S, bodies: &impl Read, group: &Group, rolls: &Rolls, at: usize) -> V3<S> {
+fn turns<S: Lanes>(
+    s: S,
+    bodies: &impl Read,
+    group: &ContactLanes,
+    rolls: &Rolls,
+    at: usize,
+) -> V3<S> {
     let lanes = at..at + S::F64_LANES;
     let (ia, ib) = (&group.a[lanes.clone()], &group.b[lanes.clone()]);
     let [ra, rb] = [
@@ -107,7 +113,7 @@ fn solve<S: Lanes, C: CarryMoments>(
     s: S,
     carry: &mut C,
     bodies: &impl Read,
-    group: &Group,
+    group: &ContactLanes,
     rolls: &mut Rolls,
     at: usize,
 ) -> V3<S> {
@@ -129,7 +135,7 @@ fn scatter<S: Lanes>(
     s: S,
     change: V3<S>,
     bodies: &mut impl Bodies,
-    group: &Group,
+    group: &ContactLanes,
     rolls: &Rolls,
     at: usize,
 ) {
@@ -157,7 +163,7 @@ fn scatter<S: Lanes>(
 /// One pass over groups whose contacts roll, in order.
 pub struct RollingPass<'a, B, C> {
     pub bodies: B,
-    pub groups: &'a mut [Group],
+    pub groups: &'a mut [ContactLanes],
     pub rolls: &'a mut [Rolls],
     pub carry: C,
 }
@@ -232,7 +238,7 @@ impl Work for NormsOf<'_> {
 }
 
 /// Lanes of a block that may have moments.
-fn lanes(block: &Block) -> impl Iterator<Item = (&Group, &Rolls, usize)> {
+fn lanes(block: &Block) -> impl Iterator<Item = (&ContactLanes, &Rolls, usize)> {
     let groups = block.groups.iter().zip(&block.rolls);
     let groups = groups.filter(|(_, rolls)| rolls.any);
     groups.flat_map(|(group, rolls)| (0..GROUP).map(move |lane| (group, rolls, lane)))

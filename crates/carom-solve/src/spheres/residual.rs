@@ -1,7 +1,7 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
 use super::groups::Block;
-use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, Group, State};
+use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, ContactLanes, State};
 use super::lanes::EMPTY;
 use super::lanes::{Lanes, Work, GROUP};
 use glam::DVec3;
@@ -15,7 +15,7 @@ pub fn head(row: &[f64; 4]) -> DVec3 {
 }
 
 /// Lanes with a contact.
-fn lanes(block: &Block) -> impl Iterator<Item = (&Group, usize)> {
+fn lanes(block: &Block) -> impl Iterator<Item = (&ContactLanes, usize)> {
     block
         .groups
         .iter()

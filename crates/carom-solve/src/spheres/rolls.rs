@@ -60,7 +60,7 @@ pub struct Rolls {
     pub weight: Column,
     /// `1/length`, 1/m.
     pub per_length: Column,
-    /// Of accelerated sweeps, as in [`Group`], N m s.
+    /// Of accelerated sweeps, as in [`ContactLanes`], N m s.
     pub way: [Column; 3],
 }
 

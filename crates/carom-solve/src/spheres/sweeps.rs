@@ -339,7 +339,7 @@ impl Sweeps {
         let groups: usize = self.blocks.iter().map(|b| b.groups.len()).sum();
         let impulses = std::mem::size_of::<[kernel::Column; 3]>();
         let states = 2 * std::mem::size_of_val(&self.states[..]);
-        groups * (std::mem::size_of::<kernel::Group>() + impulses) + states
+        groups * (std::mem::size_of::<kernel::ContactLanes>() + impulses) + states
     }
 
     /// How the problem is cut.

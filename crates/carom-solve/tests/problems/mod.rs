@@ -3,7 +3,7 @@
 
 use carom_solve::cone::MAX_ROWS;
 use carom_solve::problem::natural::residual;
-use carom_solve::problem::{BlockMatrix, Group, Problem};
+use carom_solve::problem::{BlockMatrix, Problem, RowGroup};
 use carom_solve::rows::{RowSystem, NODE_DOF, WORLD};
 use carom_solve::solver::{self, Outcome, Settings};
 use carom_solve::Bounds;
@@ -21,8 +21,8 @@ pub fn coulomb(mu: f64) -> Bounds {
     }
 }
 
-pub fn group(bounds: Bounds) -> Group {
-    Group {
+pub fn group(bounds: Bounds) -> RowGroup {
+    RowGroup {
         row: 0,
         dim: bounds.dim(),
         bounds,
@@ -42,7 +42,7 @@ pub fn any_bounds(rng: &mut Rng, most: f64) -> Bounds {
 }
 
 /// A problem of one contact with block `a` (row-major) and free part `b`.
-pub fn single(group: Group, a: &[f64], b: &[f64]) -> Problem {
+pub fn single(group: RowGroup, a: &[f64], b: &[f64]) -> Problem {
     let groups = vec![group];
     let mut w = BlockMatrix::zeros(&groups, vec![0, 1], vec![0]);
     w.block_mut(0, 0).copy_from_slice(a);
@@ -54,7 +54,7 @@ pub fn single(group: Group, a: &[f64], b: &[f64]) -> Problem {
 }
 
 /// From a dense matrix (row-major) and groups whose rows follow one another.
-pub fn dense(groups: Vec<Group>, matrix: &[f64], q: &[f64]) -> Problem {
+pub fn dense(groups: Vec<RowGroup>, matrix: &[f64], q: &[f64]) -> Problem {
     let (n, c) = (q.len(), groups.len());
     let ptr = (0..=c).map(|i| i * c).collect();
     let col = (0..c * c).map(|k| (k % c) as u32).collect();
@@ -257,7 +257,7 @@ pub fn bodies(rng: &mut Rng, count: usize, contacts: usize, joints: usize, most:
 
 /// How far `r`, `u` are from the law, over the largest of q and both: the cones, power, joints. Written from the law's words, not
 /// from the natural map.
-pub fn distance_from_the_law(groups: &[Group], q: &[f64], r: &[f64], u: &[f64]) -> f64 {
+pub fn distance_from_the_law(groups: &[RowGroup], q: &[f64], r: &[f64], u: &[f64]) -> f64 {
     // In units of the largest number: 1e-200 has no square.
     let unit = r
         .iter()

@@ -3,7 +3,7 @@
 use super::cone::Vec3;
 use super::*;
 use crate::cone::Bounds;
-use crate::problem::{BlockMatrix, Group, Scaled};
+use crate::problem::{BlockMatrix, RowGroup, Scaled};
 
 /// SplitMix64.
 struct Rng(u64);
@@ -31,7 +31,7 @@ impl Rng {
 
 /// Contacts without discs, with each disc, with all, and a joint, all coupled; W unsymmetric.
 fn mixed(rng: &mut Rng) -> Problem {
-    let mut groups: Vec<Group> = Vec::new();
+    let mut groups: Vec<RowGroup> = Vec::new();
     for (sliding, rolling, spinning) in [
         (0.0, 0.0, 0.0),
         (0.6, 0.0, 0.0),
@@ -45,7 +45,7 @@ fn mixed(rng: &mut Rng) -> Problem {
             spinning,
         };
         let row = groups.last().map_or(0, |g| g.row + g.dim);
-        groups.push(Group {
+        groups.push(RowGroup {
             row,
             dim: bounds.dim(),
             bounds,
@@ -53,7 +53,7 @@ fn mixed(rng: &mut Rng) -> Problem {
         });
     }
     let row = groups.last().map_or(0, |g| g.row + g.dim);
-    groups.push(Group {
+    groups.push(RowGroup {
         row,
         dim: 2,
         bounds: Bounds::default(),
@@ -336,7 +336,7 @@ fn one_contact_is_held_up_to_its_friction() {
         sliding: 0.5,
         ..Bounds::default()
     };
-    let groups = vec![Group {
+    let groups = vec![RowGroup {
         row: 0,
         dim: 3,
         bounds,

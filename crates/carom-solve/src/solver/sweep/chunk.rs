@@ -5,7 +5,7 @@ use super::contact::{Coupled, Simple};
 use super::discs::Discs;
 use crate::cone::MAX_ROWS;
 use crate::problem::natural::project_cone;
-use crate::problem::{Group, Problem};
+use crate::problem::{Problem, RowGroup};
 use crate::spheres::{Lanes, Work};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -29,7 +29,7 @@ enum Way {
 #[derive(Debug, Default)]
 pub struct Chunk {
     /// `row` is the first multiplier in `y`.
-    groups: Vec<Group>,
+    groups: Vec<RowGroup>,
     ways: Vec<Way>,
     coupled: Vec<Coupled>,
     discs: Vec<Discs>,
@@ -147,7 +147,7 @@ impl Chunk {
         self.values.reserve_exact(values - own);
     }
 
-    fn way(&mut self, group: &Group, block: &[f64]) -> Way {
+    fn way(&mut self, group: &RowGroup, block: &[f64]) -> Way {
         if let Some(simple) = Simple::new(group, block) {
             return Way::Simple(simple);
         }
@@ -192,17 +192,17 @@ impl Chunk {
 }
 
 /// One pass over the contacts of a chunk.
-pub struct Pass<'a> {
+pub struct ChunkPass<'a> {
     pub chunk: &'a mut Chunk,
     pub relaxation: f64,
 }
 
-impl Work for Pass<'_> {
+impl Work for ChunkPass<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, simd: S) {
-        let Pass { chunk, relaxation } = self;
+        let ChunkPass { chunk, relaxation } = self;
         let count = chunk.groups.len();
         if chunk.all_three {
             (0..count).for_each(

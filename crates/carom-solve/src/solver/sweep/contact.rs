@@ -2,7 +2,7 @@
 //!
 //! Both short ways give a solution of the contact or none; what they leave goes to [`super::super::solve_contact`].
 
-use crate::problem::Group;
+use crate::problem::RowGroup;
 
 /// Coupling below this share of the diagonal counts as none.
 const ISOTROPIC: f64 = 1e-14;
@@ -23,7 +23,7 @@ pub struct Simple {
 }
 
 impl Simple {
-    pub fn new(group: &Group, a: &[f64]) -> Option<Simple> {
+    pub fn new(group: &RowGroup, a: &[f64]) -> Option<Simple> {
         let n = group.dim;
         let b = &group.bounds;
         if group.bilateral {
@@ -116,7 +116,7 @@ pub struct Coupled {
 }
 
 impl Coupled {
-    pub fn new(group: &Group, a: &[f64]) -> Option<Coupled> {
+    pub fn new(group: &RowGroup, a: &[f64]) -> Option<Coupled> {
         if group.bilateral || group.dim != 3 || group.bounds.sliding <= 0.0 {
             return None;
         }
@@ -264,10 +264,10 @@ mod tests {
 
     #[test]
     fn joints_and_singular_blocks_are_left() {
-        let joint = Group {
+        let joint = RowGroup {
             dim: 3,
             bilateral: true,
-            ..Group::default()
+            ..RowGroup::default()
         };
         let unit = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         assert!(Simple::new(&joint, &unit).is_none() && Coupled::new(&joint, &unit).is_none());

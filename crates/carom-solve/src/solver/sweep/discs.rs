@@ -3,7 +3,7 @@
 use super::contact::{disc, Coupled, Simple};
 use crate::cone::{Bounds, MAX_ROWS};
 use crate::direct::dense;
-use crate::problem::Group;
+use crate::problem::RowGroup;
 
 /// Largest entries of a block and its inverse multiply to less than this, or the inverse is not used.
 const REGULAR: f64 = 1e10;
@@ -30,7 +30,7 @@ enum Head {
 }
 
 impl Discs {
-    pub fn new(group: &Group, a: &[f64]) -> Option<Discs> {
+    pub fn new(group: &RowGroup, a: &[f64]) -> Option<Discs> {
         let n = group.dim;
         let slides = group.bounds.sliding > 0.0;
         let head_dim = if slides { 3 } else { 1 };
@@ -42,7 +42,7 @@ impl Discs {
             for r in 0..3 {
                 block[3 * r..3 * r + 3].copy_from_slice(&a[r * n..r * n + 3]);
             }
-            let alone = Group {
+            let alone = RowGroup {
                 dim: 3,
                 bounds: Bounds {
                     sliding: group.bounds.sliding,

@@ -15,7 +15,7 @@ mod tests;
 use crate::problem::Problem;
 use crate::spheres::Instructions;
 use crate::team::{self, lock};
-use chunk::{Chunk, Pass};
+use chunk::{Chunk, ChunkPass};
 use order::Order;
 use std::sync::atomic::AtomicU64;
 use std::sync::Mutex;
@@ -33,7 +33,7 @@ const CHUNK_MOST: usize = 256;
 
 /// A problem packed for sweeping, and its multipliers (0 at first).
 #[derive(Debug)]
-pub struct Sweeps {
+pub struct ConeSweeps {
     chunks: Vec<Chunk>,
     stages: Vec<usize>,
     /// Multipliers as all chunks see them; unused where there is one chunk.
@@ -46,18 +46,18 @@ pub struct Sweeps {
     pub instructions: Instructions,
 }
 
-impl Sweeps {
-    pub fn new(problem: &Problem, threads: usize) -> Sweeps {
+impl ConeSweeps {
+    pub fn new(problem: &Problem, threads: usize) -> ConeSweeps {
         let count = problem.groups.len();
         let order = if count < MANY {
             Order::natural(count)
         } else {
             Order::coloured(&problem.w, (count / CHUNKS).clamp(CHUNK_LEAST, CHUNK_MOST))
         };
-        Sweeps::ordered(problem, threads, &order)
+        ConeSweeps::ordered(problem, threads, &order)
     }
 
-    fn ordered(problem: &Problem, threads: usize, order: &Order) -> Sweeps {
+    fn ordered(problem: &Problem, threads: usize, order: &Order) -> ConeSweeps {
         // Room for numbering, one for each thread that packs.
         let rooms: Mutex<Vec<Vec<u32>>> = Mutex::default();
         let lists: Vec<&[u32]> = order
@@ -74,7 +74,7 @@ impl Sweeps {
             lock(&rooms).push(room);
             chunk
         });
-        Sweeps {
+        ConeSweeps {
             chunks,
             stages: order.stages.clone(),
             shown: (0..shown).map(|_| AtomicU64::new(0)).collect(),
@@ -118,7 +118,7 @@ impl Sweeps {
             if !shown.is_empty() {
                 chunk.look(shown);
             }
-            instructions.run(Pass { chunk, relaxation });
+            instructions.run(ChunkPass { chunk, relaxation });
             if !shown.is_empty() {
                 chunk.show(shown);
             }

@@ -113,15 +113,15 @@ fn grow(w: &BlockMatrix, size: usize) -> (Vec<u32>, Vec<usize>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::problem::Group;
+    use crate::problem::RowGroup;
 
     /// Contacts on a square lattice, each feels those within `reach`.
     fn lattice(side: usize, reach: usize) -> BlockMatrix {
-        let groups: Vec<Group> = (0..side * side)
-            .map(|row| Group {
+        let groups: Vec<RowGroup> = (0..side * side)
+            .map(|row| RowGroup {
                 row,
                 dim: 1,
-                ..Group::default()
+                ..RowGroup::default()
             })
             .collect();
         let (mut ptr, mut col) = (vec![0], Vec::new());

@@ -1,24 +1,24 @@
 use super::*;
 use crate::problem::natural::{self, natural_part};
-use crate::problem::{BlockMatrix, Group};
+use crate::problem::{BlockMatrix, RowGroup};
 use crate::solver::solve_contact;
 use crate::Bounds;
 
-pub fn group(sliding: f64, rolling: f64, spinning: f64) -> Group {
+pub fn group(sliding: f64, rolling: f64, spinning: f64) -> RowGroup {
     let bounds = Bounds {
         sliding,
         rolling,
         spinning,
     };
-    Group {
+    RowGroup {
         dim: bounds.dim(),
         bounds,
-        ..Group::default()
+        ..RowGroup::default()
     }
 }
 
 /// Size of the natural map at `r`, over that of `b`.
-pub fn miss(group: &Group, a: &[f64], b: &[f64], r: &[f64]) -> f64 {
+pub fn miss(group: &RowGroup, a: &[f64], b: &[f64], r: &[f64]) -> f64 {
     let n = group.dim;
     let u: Vec<f64> = (0..n)
         .map(|i| b[i] + (0..n).map(|j| a[i * n + j] * r[j]).sum::<f64>())
@@ -48,7 +48,7 @@ fn problem(side: usize, mixed: bool, shuffle: bool) -> Problem {
         }
     }
     let mut row = 0;
-    let groups: Vec<Group> = (0..count)
+    let groups: Vec<RowGroup> = (0..count)
         .map(|_| {
             let kind = if mixed {
                 (6.0 * random(seed)) as u32
@@ -64,7 +64,7 @@ fn problem(side: usize, mixed: bool, shuffle: bool) -> Problem {
             let bilateral = kind == 2;
             let dim = if bilateral { 3 } else { bounds.dim() };
             row += dim;
-            Group {
+            RowGroup {
                 row: row - dim,
                 dim,
                 bounds: if bilateral { Bounds::default() } else { bounds },
@@ -136,7 +136,7 @@ fn swept(
     how: Instructions,
     count: u32,
 ) -> Vec<f64> {
-    let mut sweeps = Sweeps::ordered(problem, threads, order);
+    let mut sweeps = ConeSweeps::ordered(problem, threads, order);
     sweeps.contacts = usize::MAX; // as many threads as asked for
     sweeps.instructions = how;
     let mut y = vec![0.0; problem.rows()];
@@ -226,18 +226,18 @@ fn sweeps_in_any_order_find_the_solution() {
 fn the_order_hangs_on_the_problem_alone() {
     let many = problem(13, false, true);
     let shape = |threads| {
-        let sweeps = Sweeps::new(&many, threads);
+        let sweeps = ConeSweeps::new(&many, threads);
         (sweeps.chunks.len(), sweeps.stages)
     };
     assert!(shape(1).0 > 8);
     assert_eq!(shape(1), shape(8));
-    assert_eq!(Sweeps::new(&problem(5, false, true), 8).chunks.len(), 1);
+    assert_eq!(ConeSweeps::new(&problem(5, false, true), 8).chunks.len(), 1);
 }
 
 #[test]
 fn a_sweep_that_is_stopped_ends_in_the_midst() {
     let problem = problem(13, false, true);
-    let mut sweeps = Sweeps::new(&problem, 2);
+    let mut sweeps = ConeSweeps::new(&problem, 2);
     let mut y = vec![0.0; problem.rows()];
     sweeps.enter(&y);
     let chunks = std::sync::atomic::AtomicUsize::new(0);
@@ -252,7 +252,7 @@ fn a_sweep_that_is_stopped_ends_in_the_midst() {
 #[test]
 fn a_problem_without_contacts_is_swept() {
     let empty = Problem::default();
-    let mut sweeps = Sweeps::new(&empty, 4);
+    let mut sweeps = ConeSweeps::new(&empty, 4);
     sweeps.sweep(3, || false);
     sweeps.leave(&mut []);
 }
