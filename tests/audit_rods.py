@@ -31,13 +31,13 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
 
 
 def _cluster(made: carom.Scene, rng: np.random.Generator, k: int, middle: Any) -> None:
-    """One ball; two with a rod, which may touch; three in a chain; two that a ball joint and a lock make one body."""
+    """One ball; two with a rod; three in a chain; two that a ball joint and a lock make one body."""
     kind = str(rng.choice(["ball", "rod", "chain", "clump"]))
     drift = rng.normal(size=3) * rng.choice([0, 0.5, 1.5])
     spin = rng.normal(size=3) * rng.choice([0, 5.0])
     along = rng.normal(size=3)
     along /= np.linalg.norm(along)
-    half = RADIUS * along * float(rng.choice([1.0, 1.5, 2.5]))
+    half = RADIUS * along * float(rng.choice([1.000001, 1.5, 2.5]))
     across = np.cross(along, [0.0, 0.0, 1.0])
     across *= 0.045 / np.linalg.norm(across)
     places = {

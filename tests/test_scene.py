@@ -394,3 +394,14 @@ def test_a_path_can_be_simulated(tmp_path: Path) -> None:
 
     assert carom.simulate(find("slide_to_roll"), until=0.01).outcome.ok
     assert carom.simulate(str(find("slide_to_roll")), until=0.01).outcome.ok
+
+
+def test_the_world_is_an_attribute_and_joints_call_it_ground() -> None:
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.world.gravity = (0, 0, -1.6)
+    assert scene.gravity == scene.world.gravity == (0, 0, -1.6)
+    scene.contact("ball", "ball", friction=0.1, restitution=0.5)
+    scene.sphere("bob", radius=0.1, mass=1, material="ball", position=(0, 0, 0))
+    scene.joint("rod", between=["bob", "world"], points=[(0, 0, 0), (0, 0, 1)])
+    with pytest.raises(carom.ScenarioError, match='unknown sphere "world"; known: bob, ground'):
+        scene.with_options(until=1).validate()

@@ -37,8 +37,8 @@ from carom.scenario.walls import PLANE, WALLS, Plane
 class Scene(Waller, Attacher, Taker):
     """Spheres, walls, materials and how to simulate them.
 
-    `scene.run` and `scene.record` hold the keys of `[run]` and `[record]` as attributes: `scene.run.step =
-    1e-4`. Values are checked as they are given; `validate` checks the scene as a whole. Whatever is wrong
+    `scene.world`, `scene.run` and `scene.record` hold the keys of `[world]`, `[run]` and `[record]` as attributes:
+    `scene.run.step = 1e-4`. Values are checked as they are given; `validate` checks the scene as a whole. Whatever is wrong
     raises `carom.ScenarioError`.
     """
 
@@ -166,6 +166,11 @@ class Scene(Waller, Attacher, Taker):
     def billiard_table(self, value: Mapping[str, Any] | BilliardTable | None) -> None:
         given = make(BilliardTable, "scene.billiard_table", **value) if isinstance(value, Mapping) else value
         self._tree.billiard_table = given
+
+    @property
+    def world(self) -> World:
+        """What acts on all bodies: the keys of `[world]`. (Joints and springs call what stands still "ground".)"""
+        return self._tree.world
 
     @property
     def run(self) -> Run:

@@ -71,8 +71,10 @@ def groups(joints: list[dict[str, Any]]) -> list[tuple[list[int], list[dict[str,
 
 def _parting(block: Block, joint: dict[str, Any]) -> F64:
     """(B,) by how much the points of a joint part in a step of free motion, m, and by how much its laws bend."""
-    found = np.zeros(block.count)
     h, radius = block.dt, block.run.radius[joint["a"]]
+    found = np.full(
+        block.count, block.run.loosest["gap_tolerance"] * radius
+    )  # what may be left from the step before
     for kind, _, arm_a, arm_b, form in joint["rows"]:
         ends = [_point(block, joint[side], arm) for side, arm in (("a", arm_a), ("b", arm_b))]
         (at_a, rate_a, bend_a), (at_b, rate_b, bend_b) = ends

@@ -61,7 +61,7 @@ def check_names(parts: Parts) -> Iterator[Finding]:
                     else _known(name, bodies)
                 )
             elif not parts.balls_damaged():
-                cause, cure = f"unknown sphere {quoted(name)}", _known(name, bodies)
+                cause, cure = f"unknown sphere {quoted(name)}", _known(name, bodies, ground_admitted)
         if cause and wrong < MOST:
             wrong += 1
             yield Finding((section, index, key), cause, cure)
@@ -71,10 +71,10 @@ def check_names(parts: Parts) -> Iterator[Finding]:
         yield Finding(("drag", index, "on"), cause, "rename the sphere")
 
 
-def _known(name: str, bodies: Bodies) -> str:
-    """The nearest sphere, or which there are; of many spheres their first and last."""
+def _known(name: str, bodies: Bodies, ground: bool = False) -> str:
+    """The nearest sphere, or which there are, the ground among them; of many spheres their first and last."""
     if len(bodies.names) <= LISTED:
-        return did_you_mean(name, bodies.names)
+        return did_you_mean(name, [*bodies.names, *([GROUND] if ground else [])])
     groups = [
         f"{bodies.names[s.start]} to {bodies.names[s.stop - 1]}"
         for s in bodies.segments

@@ -1,0 +1,72 @@
+"""Clumps: touching balls that a ball joint and a lock make one body, as docs/reference/scenario.md shows them."""
+
+from __future__ import annotations
+
+import math
+
+import carom
+import numpy as np
+import pytest
+from carom import audit
+
+G, R, DENSITY = 9.8, 0.01, 2500.0
+GAP = 1e-6 * R
+REACH = 2 * R + GAP
+"""Distance of the centres, m."""
+
+
+def dumbbell(
+    left: tuple[float, float, float], along: tuple[float, float, float], **law: float
+) -> carom.Scene:
+    """Two equal balls as one body, `right` in the direction `along` from `left`."""
+    scene = carom.Scene(gravity=(0, 0, -G))
+    for other in ("ball", "wall"):
+        scene.contact("ball", other, **{"friction": 0.3, "restitution": 0.0, **law})
+    start, unit = np.array(left), np.array(along) / np.linalg.norm(along)
+    for name, share in (("left", 0.0), ("right", REACH)):
+        scene.sphere(
+            name, radius=R, density=DENSITY, material="ball", position=(start + share * unit).tolist()
+        )
+    scene.joint("ball", between=["left", "right"], point=(start + 0.5 * REACH * unit).tolist())
+    scene.joint("lock", between=["left", "right"])
+    return scene
+
+
+def test_a_dumbbell_swings_as_a_compound_pendulum() -> None:
+    """About the centre of one ball: I = 2 (2/5 m r^2) + m (2 r)^2 = 24/5 m r^2, torque 2 m g r sin(angle)."""
+    angle = 0.02
+    period = 2 * math.pi * math.sqrt(12 * R / (5 * G)) * (1 + angle**2 / 16)
+    errors = []
+    for step in (1e-3, 5e-4):
+        scene = dumbbell((0, 0, 0), (math.sin(angle), 0, -math.cos(angle)))
+        scene.joint("fix", body="left", point=(0, 0, 0))
+        run = carom.simulate(scene, step=step, until=1.6, every=1)
+        x, t = run["right"].position[:, 0], run.time
+        down = np.flatnonzero((x[:-1] > 0) & (x[1:] <= 0))
+        crossings = t[down] + x[down] / (x[down] - x[down + 1]) * step
+        errors.append(float(np.diff(crossings).mean()) / period - 1)
+        assert len(run.contacts) == 0
+        together = np.linalg.norm(run["right"].position - run["left"].position, axis=1)
+        assert np.abs(together - REACH).max() < 1e-10 * R
+    print(f"period {period:.6f} s, off by {errors[0]:.1e} and {errors[1]:.1e} of it")
+    assert abs(errors[0]) < 1e-4
+    assert abs(errors[1]) < 0.3 * abs(errors[0])
+
+
+def test_a_dumbbell_slides_to_rest_as_a_block() -> None:
+    """Across its axis it would roll; along it neither ball can turn, and friction mu stops it after v^2/(2 mu g)."""
+    speed, mu = 0.5, 0.3
+    scene = dumbbell((0, 0, R), (1, 0, 0), friction=mu)
+    for ball in scene.spheres:
+        ball.velocity = (speed, 0, 0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    run = carom.simulate(scene, step=1e-4, until=0.3)
+    way = run["left"].position[-1, 0]
+    print(f"stops after {way:.6f} m, {speed**2 / (2 * mu * G):.6f} m by Coulomb's law")
+    assert way == pytest.approx(speed**2 / (2 * mu * G), rel=1e-3)
+    assert np.linalg.norm(run["left"].velocity[-1]) < 1e-9
+    # The front bears more: friction at the floor has a moment about the centre of mass.
+    middle = run.contacts.at(100)
+    loads = {pair[0]: impulse[2] for pair, impulse in zip(middle.pair, middle["impulse"], strict=True)}
+    assert loads["right"] - loads["left"] == pytest.approx(mu * sum(loads.values()), rel=1e-3)
+    assert audit.check(run).ok

@@ -1,0 +1,106 @@
+"""Figures that pages state of the scheme: each test measures one, names the page, and fails if it is no longer so."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+
+import audit_rods
+import carom
+import numpy as np
+import pytest
+from carom import audit
+from carom.run import CaromWarning
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+G = 9.8
+
+
+def touching_balls(count: int, radius: float) -> F64:
+    """(count, 3) the balls of a face-centred cubic packing that are nearest to its middle."""
+    side = math.sqrt(2.0) * radius
+    places = np.array(
+        [(i, j, k) for i in range(-4, 5) for j in range(-4, 5) for k in range(-4, 5) if (i + j + k) % 2 == 0]
+    )
+    middle = radius * np.array([0.01, 0.003, 0.001])
+    places = side * places
+    return np.asarray(places[np.argsort(np.linalg.norm(places - middle, axis=1))[:count]])
+
+
+def change_of_energy(count: int, seed: int, **options: float) -> F64:
+    """Changes of the energy of smooth balls with e_N = 1, over itself, after each step: one ball hits `count` that touch."""
+    rng, r = np.random.default_rng(seed), 0.03
+    places, way = touching_balls(count, r), rng.normal(size=3)
+    way /= np.linalg.norm(way)
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": 1e-3, "until": 0.01, **options})
+    scene.contact("ball", "ball", friction=0, restitution=1)
+    for k, place in enumerate(places):
+        scene.sphere(f"b{k}", radius=r, mass=0.2, material="ball", position=place.tolist())
+    start = places.mean(axis=0) + (((places - places.mean(axis=0)) @ way).max() + 2.5 * r) * way
+    scene.sphere(
+        "shot", radius=r, mass=0.2, material="ball", position=start.tolist(), velocity=(-5 * way).tolist()
+    )
+    steps = carom.simulate(scene).steps
+    assert not np.asarray(steps["truncated"]).any()
+    return np.asarray(steps["energy_kinetic"]) / (0.5 * 0.2 * 25) - 1
+
+
+def test_energy_of_smooth_elastic_balls() -> None:
+    """docs/reference/determinism.md: up to 10 contacts to rounding; more lose up to 2e-4 by default, and never gain."""
+    few = [np.abs(change_of_energy(n, seed)).max() for n in (3, 4, 5) for seed in range(4)]
+    many = np.array([change_of_energy(n, seed) for n in (13, 21) for seed in range(12)])
+    sharp = [
+        np.abs(change_of_energy(13, seed, tolerance=1e-12, pile_tolerance=1e-12)).max() for seed in range(12)
+    ]
+    print(f"few {max(few):.1e}, many lose {-many.min():.1e} gain {many.max():.1e}, sharp {max(sharp):.1e}")
+    assert max(few) < 1e-13
+    assert max(sharp) < 1e-13
+    assert 1e-5 < -many.min() < 2e-4
+    assert many.max() < 1e-11
+
+
+@pytest.mark.parametrize(("friction", "lost"), [(0.0, 0.011), (0.5, 0.007)])
+def test_amplitude_of_a_ball_in_a_bowl(friction: float, lost: float) -> None:
+    """docs/theory/algorithm.md, section 10: sliding 1.1 %, rolling 0.7 % of the amplitude in 2 s, half at half the step."""
+    length, start = 0.48, 0.1
+    found = []
+    for step in (1e-3, 5e-4):
+        scene = carom.Scene(gravity=(0, 0, -G), run={"step": step, "until": 2.0})
+        scene.contact("ball", "wall", friction=friction, restitution=0)
+        scene.ball_wall("bowl", point=(0, 0, 0), radius=0.5, inside=True, material="wall")
+        scene.sphere("ball", radius=0.02, mass=0.1, material="ball",
+                     position=(length * math.sin(start), 0, -length * math.cos(start)))  # fmt: skip
+        steps = carom.simulate(scene, every=1000).steps
+        height = (steps["energy_kinetic"][-1] + steps["energy_potential"][-1]) / (0.1 * G) + length
+        found.append(1 - math.acos(1 - height / length) / start)
+    print(f"friction {friction}: {found[0]:.4f} and {found[1]:.4f} of the amplitude lost")
+    assert found[0] == pytest.approx(lost, rel=0.1)
+    assert found[1] == pytest.approx(lost / 2, rel=0.1)
+
+
+@pytest.mark.parametrize(("tolerance", "held"), [(1e-8, 1e-7), (1e-12, 1e-11)])
+def test_velocities_that_joints_hold(tolerance: float, held: float, tmp_path: Path) -> None:
+    """docs/reference/scenario.md: lengths to 1e-10 of themselves, velocities to 1e-7 of the fastest, among impacts."""
+    lengths, speeds = [], []
+    for seed in range(12):
+        scene, options = audit_rods.scene(seed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CaromWarning)
+            run = carom.simulate(
+                scene, out=tmp_path / str(seed), until=0.4, step=options["step"], tolerance=tolerance
+            )
+        report = audit.check(run)
+        fastest = float(np.linalg.norm(run.velocity, axis=2).max())
+        if (length := report["joint"].worst) is not None and (
+            speed := report["joint speed"].worst
+        ) is not None:
+            lengths.append(length.value / audit_rods.RADIUS)
+            speeds.append(speed.value / fastest)
+    print(
+        f"tolerance {tolerance:g}: lengths {max(lengths):.1e} of a radius, velocities {max(speeds):.1e} of the fastest"
+    )
+    assert len(speeds) > 8
+    assert max(lengths) < 1e-10
+    assert max(speeds) < held
