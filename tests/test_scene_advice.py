@@ -65,3 +65,24 @@ def test_cite_of_a_run(tmp_path: Path) -> None:
 def test_nothing_falls_too_fast_in_the_paper(path: Path) -> None:
     scene = carom.Scene.from_toml(path)
     assert not [advice for advice in scene.validate() if "falling" in advice.cause]
+
+
+@pytest.mark.parametrize(
+    ("layers", "tolerance", "told"), [(4, 1e-7, True), (3, 1e-7, False), (4, 1e-4, False)]
+)
+def test_a_pile_is_told_which_tolerance_suits_its_size(layers: int, tolerance: float, told: bool) -> None:
+    """From 100 balls on; `carom.scenario.advice.MANY_BALLS` has the times that were measured."""
+    scene = carom.Scene(run={"until": 1, "step": 1e-3, "pile_tolerance": tolerance})
+    scene.contact("grain", "grain", friction=0.5, restitution=0)
+    scene.lattice(
+        "g",
+        material="grain",
+        radius=0.01,
+        density=2500,
+        counts=(5, 5, layers),
+        origin=(0, 0, 0),
+        spacing=0.03,
+    )
+    found = [advice for advice in scene.validate() if advice.key == "run.pile_tolerance"]
+    assert bool(found) is told
+    assert all("pile_tolerance = 0.0001" in str(advice) for advice in found)
