@@ -308,6 +308,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             'motion = { translation = [0,0,{ expression = "1e300*t" }] }\n',
         )
     ],
+    "the wall stays: the run ends at ... s, and it would be taken away at ... s": [
+        ("motion", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = { until = 2.0 }\n")
+    ],
     "the law jumps by ... ... at t = ... s": [
         (
             "motion.translation",

@@ -148,6 +148,7 @@ class Simulation:
       along
     - `"surface_velocity": (3,)`, m/s, and `"surface_rotation": (axis, point, rate)`, rad/s: motion of the material along a
       surface that stays; both turn with the wall
+    - `"until"`, s: when the wall is taken away; without the key it stays
 
     A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `inflow`: list of `{"bodies": (first,
     count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 
+GONE = 1e-9
+"""Relative to the time at which a wall is taken away: times of frames are rounded."""
+
 
 class Poses:
     """A prescribed motion as a file keeps it: JSON of what the core got (`wall_motion` in `_core.pyi`), "" for none."""
@@ -32,11 +35,17 @@ class Poses:
         given: Mapping[str, Any] = json.loads(text) if text else {}
         self._translation = given.get("translation")
         self._rotation = given.get("rotation")
+        self.until = float(given.get("until", np.inf))
+        """When the wall is taken away, s."""
 
     @property
     def moves(self) -> bool:
-        """Whether the shape moves."""
-        return self._translation is not None or self._rotation is not None
+        """Whether the shape moves, or is taken away."""
+        return self._translation is not None or self._rotation is not None or np.isfinite(self.until)
+
+    def there(self, time: F64) -> NDArray[np.bool_]:
+        """Whether the wall is there at several times, (T,): at the end of the step that ends at `until` it is."""
+        return np.asarray(time <= self.until * (1.0 + GONE))
 
     def displacement(self, time: F64) -> F64:
         """Displacement `d` by the translation, (T, 3), m."""
@@ -102,8 +111,15 @@ class Wall:
         """Rotation since the start as unit quaternions, scalar part first, (T, 4)."""
         return self.motion.orientation(np.asarray(self.time))
 
+    @cached_property
+    def present(self) -> NDArray[np.bool_]:
+        """Whether it is there, (T,): until the time at which it is taken away."""
+        return self.motion.there(np.asarray(self.time))
+
     def gap(self, centre: F64, radius: F64, time: F64) -> F64:
-        """Distance (K,), m, of balls with centres (K, 3) and radii (K,), m, from the wall as it is at the times (K,), s."""
+        """Distance (K,), m, of balls with centres (K, 3) and radii (K,), m, from the wall as it is at the times (K,), s:
+        infinite where it has been taken away.
+        """
         from carom.scenario.distances import gaps
 
         point = np.asarray(self.facts["point"], dtype=np.float64)
@@ -111,7 +127,7 @@ class Wall:
             away = centre - self.motion.position(point, time)
             centre = point + rotated_back(self.motion.orientation(time), away)
         at_start: Any = SimpleNamespace(shape=self._shape(), point=point)
-        return gaps(at_start, centre, radius)
+        return np.where(self.motion.there(time), gaps(at_start, centre, radius), np.inf)
 
     def _shape(self) -> tuple[Any, ...]:
         """Name and parameters, as the core has them."""

@@ -31,6 +31,8 @@ export interface Wall {
   inside?: boolean;
   /** Which of the poses, if it moves. */
   pose?: number;
+  /** When it is taken away, s. */
+  until?: number;
 }
 
 /** Triangles of a table; places are relative to run.origin, kinds are numbers of facts.table.kinds. */

@@ -13,7 +13,13 @@ interface Moving {
   pose: number;
   to: Vector3;
   turn: Vector4;
+  parts: Mesh[];
+  /** When it is taken away, s. */
+  until: number;
 }
+
+/** Relative to the time at which a wall is taken away: times of frames are rounded. */
+const GONE = 1e-9;
 
 export class Walls {
   readonly group = new Group();
@@ -41,7 +47,8 @@ export class Walls {
       geometry.setAttribute("mesh", new BufferAttribute(new Float32Array(made.mesh), 4));
       const to = new Vector3(...point);
       const turn = new Vector4(0, 0, 0, 1);
-      if (wall.pose !== undefined) this.moving.push({ pose: wall.pose, to, turn });
+      const parts: Mesh[] = [];
+      if (wall.pose !== undefined) this.moving.push({ pose: wall.pose, to, turn, parts, until: wall.until ?? Infinity });
       const uniforms = {
         ...shared,
         uFrom: { value: new Vector3(...point) },
@@ -54,11 +61,12 @@ export class Walls {
       };
       const solid = wall.inside === false;
       if (solid) {
-        this.group.add(mesh(geometry, solidFragment, uniforms, 2, { side: DoubleSide, blending: NoBlending }));
-        continue;
+        parts.push(mesh(geometry, solidFragment, uniforms, 2, { side: DoubleSide, blending: NoBlending }));
+      } else {
+        parts.push(mesh(geometry, glassFragment, uniforms, 3, { side: FrontSide, depthWrite: false }));
+        parts.push(mesh(geometry, outlineFragment, uniforms, 5, { side: BackSide, depthWrite: false }));
       }
-      this.group.add(mesh(geometry, glassFragment, uniforms, 3, { side: FrontSide, depthWrite: false }));
-      this.group.add(mesh(geometry, outlineFragment, uniforms, 5, { side: BackSide, depthWrite: false }));
+      this.group.add(...parts);
     }
   }
 
@@ -69,11 +77,12 @@ export class Walls {
     this.colours.fill.value = shades.pane;
   }
 
-  /** Takes over the poses as sampled. */
+  /** Takes over the poses as sampled; what has been taken away is not shown. */
   update(): void {
     const { poses } = this.run;
     if (!poses) return;
-    for (const { pose, to, turn } of this.moving) {
+    for (const { pose, to, turn, parts, until } of this.moving) {
+      for (const part of parts) part.visible = this.run.now <= until * (1 + GONE);
       to.fromArray(poses.point as unknown as number[], 3 * pose);
       turn.fromArray(poses.turn as unknown as number[], 4 * pose);
     }

@@ -102,6 +102,9 @@ fn motion(given: &Bound<'_, PyDict>) -> PyResult<WallMotion> {
         let (axis, point, rate): (Bound<'_, PyAny>, Bound<'_, PyAny>, f64) = value.extract()?;
         out.surface_rotation = Some((vector(&axis)?, vector(&point)?, rate));
     }
+    if let Some(until) = part("until")? {
+        out.until = Some(until.extract()?);
+    }
     Ok(out)
 }
 

@@ -60,6 +60,8 @@ class Run:
         self.names = [*scene.names, *scene.wall_names]
         self.bodies = len(self.radius)
         self.walls = _walls(self.model)
+        for wall in self.walls:
+            wall.taken_by_steps(self.h)
         self.wall_tables = tables(scene.wall_names, self.model)
         self.joints: list[Any] = list(self.model.get("joints", ()))
         self.loads: list[Any] = list(self.model.get("loads", ()))

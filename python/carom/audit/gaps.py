@@ -106,8 +106,14 @@ def complementarity(block: Block, tally: Tally) -> None:
     left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
     bound = bound + np.where(block.large[c.k], left, 0.0)
     bound = bound + np.where(single, 0.0, way)
+    taken = np.zeros(len(c), dtype=bool)
+    for w, wall in enumerate(run.walls):
+        taken |= (c.b == run.bodies + w) & wall.there(block.t0[c.k]) & ~wall.there(block.t1[c.k]) & ~single
+    tally.skip("complementarity", "the wall was taken away between the frames", "every = 1 in [record]",
+               int(taken.sum()))  # fmt: skip
     keep = np.flatnonzero(
-        block.there[c.k, c.a] & block.there[c.k, ball] | (c.b >= run.bodies) & block.there[c.k, c.a]
+        (block.there[c.k, c.a] & block.there[c.k, ball] | (c.b >= run.bodies) & block.there[c.k, c.a])
+        & ~taken
     )
     value = np.maximum(gap[keep], 0.0)
     tally.measure("complementarity", np.where(np.isinf(value), 1e300, value), bound[keep],

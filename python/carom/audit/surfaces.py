@@ -18,6 +18,11 @@ from carom.audit.vectors import dot, norm, rotated, unit
 
 F64 = NDArray[np.float64]
 
+GONE = 1e-9
+"""Relative to the time at which a wall is taken away: times of frames are rounded."""
+ON_TIME = 1e-6
+"""A wall is taken away with a step that begins by this share of itself before its time."""
+
 
 class Surface:
     """One wall: `shape` as models keep it (kind and parameters), a point of it, and its motion or None."""
@@ -32,6 +37,10 @@ class Surface:
         self.rotation = motion.get("rotation")
         self.sliding = motion.get("surface_velocity")
         self.spinning = motion.get("surface_rotation")
+        self.until = float(motion.get("until", math.inf))
+        """When it is taken away, s."""
+        self.last = self.until
+        """End of the last step that it is there, s: it is taken away between two steps."""
 
     @property
     def moves(self) -> bool:
@@ -87,11 +96,23 @@ class Surface:
         return pivot + rotated(turn * np.array([1.0, -1.0, -1.0, -1.0]), x - shift - pivot)
 
     def meet(self, time: F64, x: F64, radius: F64) -> tuple[F64, F64]:
-        """Gap (K,), m, and normal (K, 3) of balls at the places `x` (K, 3) at the times (K,)."""
+        """Gap (K,), m, and normal (K, 3) of balls at the places `x` (K, 3) at the times (K,).
+
+        A wall that has been taken away is infinitely far. It is there at the end of the step that ends at that time.
+        """
         gap, normal = self._meet(self.local(time, x) - self.point, radius)
         if self.rotation is not None:
             normal = rotated(self.pose(time)[2], normal)
-        return gap, normal
+        return np.where(self.there(time), gap, np.inf), normal
+
+    def there(self, time: F64) -> NDArray[np.bool_]:
+        """Whether it is there at the times (K,)."""
+        return np.asarray(time <= self.last * (1.0 + GONE))
+
+    def taken_by_steps(self, h: float) -> None:
+        """Let it be there to the end of the step of `h` (s) in which its time comes."""
+        if math.isfinite(self.until):
+            self.last = h * math.ceil(self.until / h - ON_TIME)
 
     def velocity(self, time: F64, p: F64, *, end: bool = False) -> tuple[F64, F64, F64]:
         """Velocity of the shape and of the material at points (K, 3), and angular velocity of the material, each (K, 3): as

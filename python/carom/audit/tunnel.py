@@ -30,7 +30,7 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
     way = 1.05 * factor[:, None] * speed * block.dt[:, None]
     _spheres(block, near, tally, way)
     for w, wall in enumerate(run.walls):
-        rows = near.b == run.bodies + w
+        rows = (near.b == run.bodies + w) & wall.there(block.t1[near.k])
         k, a = near.k[rows], near.a[rows]
         if wall.sheet and len(k):
             _sheet(block, tally, w, k, a, way)

@@ -57,11 +57,17 @@ def walls(selection: Selection) -> Walls | None:
     first = np.cumsum([0, *(len(surface.vertices) for surface in found)])
     count = [len(surface.faces) for surface in found]
     poses = [_poses(surface, times) for surface in found]
+    there = [surface.wall.motion.there(times) for surface in found]
 
     def points(part: slice) -> F64:
+        # A wall that has been taken away shrinks to its point: the triangles of all frames are the same.
         placed = [
-            surface.placed(position[part, None], orientation[part, None])
-            for surface, (position, orientation) in zip(found, poses, strict=True)
+            np.where(
+                shown[part, None, None],
+                surface.placed(position[part, None], orientation[part, None]),
+                position[part, None],
+            )
+            for surface, (position, orientation), shown in zip(found, poses, there, strict=True)
         ]
         return np.concatenate(placed, axis=1)
 

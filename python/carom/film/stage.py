@@ -208,6 +208,8 @@ class Stage:
         matrix = vtk("vtkCommonMath").vtkMatrix4x4
         for surface, parts in self._moving:
             motion = surface.wall.motion
+            for part in parts:
+                part.SetVisibility(bool(motion.there(when)[0]))
             point = motion.position(np.asarray(surface.wall.facts["point"], dtype=np.float64), when)[0]
             w, x, y, z = motion.orientation(when)[0]
             pose = np.eye(4)

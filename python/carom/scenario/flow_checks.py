@@ -37,6 +37,8 @@ def check_flow(parts: Parts) -> Iterator[Finding]:
         largest = float(inflow.radii().max())
         radius = np.full(len(corners), largest)
         for wall in parts.walls():
+            if wall.motion is not None and (wall.motion.until or math.inf) <= inflow.start:
+                continue  # it has been taken away by then
             depth = -float(gaps(wall, corners, radius).min())
             if depth > TOUCHING * largest:
                 cause = f"balls would enter {depth:.4g} m deep in {called(wall)}"

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from carom.scenario.fields import Quantity, exactly_one, refuse
+from carom.scenario.fields import POSITIVE, Quantity, exactly_one, refuse
 from carom.scenario.laws import Law, LawValue, LawVector, value_at
 from carom.scenario.lists import Direction
 from carom.scenario.loads import LawVec3
@@ -98,6 +98,12 @@ class Motion(Table):
     )
     surface_rotation: SurfaceRotation | None = Field(
         None, description="rotation of the material while the shape stands (turntable, smooth drum)"
+    )
+    until: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
+        None,
+        description="when the wall is taken away; if omitted, it stays",
+        examples=[0.5],
+        json_schema_extra=unit("s"),
     )
 
     @model_validator(mode="after")

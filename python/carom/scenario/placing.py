@@ -59,4 +59,5 @@ def motion_for_core(wall: Placed) -> dict[str, Any]:
         "surface_rotation": None
         if slide is None
         else (direction_of(slide.axis), list(slide.point or wall.pivot), slide.rate),
+        **({} if motion.until is None else {"until": motion.until}),
     }

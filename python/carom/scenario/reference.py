@@ -50,7 +50,7 @@ def _table(fields: dict[str, Any], owner: type[Table]) -> str:
 
 
 def _default(key: str, field: Any, owner: type[Table]) -> str:
-    if key == "until" or field.is_required():
+    if (owner.section, key) == ("run", "until") or field.is_required():
         return "required"
     default = field.get_default(call_default_factory=True)
     if default is None:

@@ -68,6 +68,12 @@ def advise_walls(parts: Parts) -> Iterator[Finding]:
         if wall.section != "box":
             yield from _advise_slip(wall, motion)
         told.add(place)
+        end = None if parts.run is None else parts.run.until
+        if motion.until is not None and end is not None and motion.until >= end:
+            cause = (
+                f"the wall stays: the run ends at {end:g} s, and it would be taken away at {motion.until:g} s"
+            )
+            yield Finding((*place, "motion"), cause, "give an earlier until of the motion, or a longer run")
         broken = list(_advise_breaks(parts, wall, motion))
         yield from broken
         jumps = [] if broken else list(_advise_jumps(parts, wall, motion))

@@ -223,6 +223,7 @@ class Live:
                     wall = result.walls[name]
                     handle.position = self._scale * wall.position[frame]
                     handle.wxyz = wall.orientation[frame]
+                    handle.visible = bool(wall.present[frame])
             state = "running" if result.is_being_written else result.outcome.brief
             self._words.content = (
                 f"t = {result.time[frame]:.6g} s, frame {frame + 1} of {self.frames}; {state}"

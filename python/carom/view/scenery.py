@@ -46,7 +46,8 @@ def scenery(result: Any, frames: npt.NDArray[np.int64], hidden: Collection[str] 
     moving: list[Any] = []
     for wall in walls.values():
         if wall.motion.moves:
-            facts.append({**_wall(wall), "pose": len(moving)})
+            end = {"until": wall.motion.until} if math.isfinite(wall.motion.until) else {}
+            facts.append({**_wall(wall), **end, "pose": len(moving)})
             moving.append(wall)
         elif wall.name in hidden:
             continue

@@ -6,6 +6,9 @@ use carom_geom::Displacement;
 use carom_laws::Scalar;
 use glam::{DQuat, DVec3};
 
+/// A wall whose time comes within this share of a step after it begins is taken away with it: times of steps are rounded.
+const ON_TIME: f64 = 1e-6;
+
 /// Turning about an axis through a point (which the translation takes along).
 #[derive(Clone, Debug)]
 pub struct WallRotation {
@@ -26,6 +29,8 @@ pub struct WallMotion {
     pub surface_velocity: DVec3,
     /// Of the material about an axis (unit vector) through a point, rad/s; both move with the wall.
     pub surface_rotation: Option<(DVec3, DVec3, f64)>,
+    /// When the wall is taken away, s: it holds what lies on it until then, and meets nobody in the steps from then on.
+    pub until: Option<f64>,
 }
 
 /// A moving wall at one time.
@@ -88,6 +93,11 @@ impl Instant {
 }
 
 impl WallMotion {
+    /// Whether the wall has been taken away before a step of `h` that begins at `start`, s.
+    pub(super) fn is_over(&self, start: f64, h: f64) -> bool {
+        self.until.is_some_and(|until| until <= start + ON_TIME * h)
+    }
+
     /// Place against the given one, and motion, at a time. At a kink the motion is that after it.
     pub(super) fn at(&self, t: f64) -> (Displacement, Instant) {
         self.by(t, &|law| law.slope(t))
@@ -148,6 +158,14 @@ impl WallMotion {
                 return Err(("surface_rotation", text));
             }
             axes.push(("surface_rotation", axis, point));
+        }
+        if let Some(until) = self.until {
+            if !(until > 0.0 && until.is_finite()) {
+                return Err((
+                    "until",
+                    format!("is {until}; it must be finite and above 0"),
+                ));
+            }
         }
         for (name, axis, point) in axes {
             place(name, point)?;

@@ -20,6 +20,8 @@ struct Course {
     now: Instant,
     /// Rotation of the wall over the step.
     turn: DVec3,
+    /// It has been taken away.
+    gone: bool,
 }
 
 /// Places of all walls in a step.
@@ -71,6 +73,7 @@ impl Walls {
                 end,
                 now: end,
                 turn: (end.angle - start.angle) * axis,
+                gone: motion.is_over(span.start, span.h),
             };
             let slow =
                 within_bounds(end.velocity, end.spin) && within_bounds(start.velocity, start.spin);
@@ -114,9 +117,18 @@ impl Walls {
         self.courses.get(wall.slot as usize)
     }
 
+    /// Whether wall `b` has been taken away.
+    #[inline]
+    fn is_gone(&self, model: &Model, b: u32) -> bool {
+        self.course(model, b).is_some_and(|c| c.gone)
+    }
+
     /// How sphere `a` at `xa` meets wall `b`, where it stands now.
     #[inline]
     pub fn meet(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
+        if self.is_gone(model, b) {
+            return NOWHERE;
+        }
         meet(
             &self.now[b as usize - model.spheres()],
             xa,
@@ -127,6 +139,9 @@ impl Walls {
     /// The same at t_n.
     #[inline]
     pub fn meet_at_start(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
+        if self.is_gone(model, b) {
+            return NOWHERE;
+        }
         meet(
             &self.start[b as usize - model.spheres()],
             xa,
@@ -234,6 +249,14 @@ impl Walls {
     }
 }
 
+/// What meets nobody.
+const NOWHERE: Proximity = Proximity {
+    gap: f64::INFINITY,
+    normal: DVec3::Z,
+    curvature: 0.0,
+    flat: DVec3::ZERO,
+};
+
 /// A shape that is no wall meets nobody.
 #[inline]
 fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
@@ -241,12 +264,7 @@ fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
     if let Shape::HalfSpace { point, normal } = *shape {
         return sphere_plane(x, r, point, normal);
     }
-    shape.meet(x, r).unwrap_or(Proximity {
-        gap: f64::INFINITY,
-        normal: DVec3::Z,
-        curvature: 0.0,
-        flat: DVec3::ZERO,
-    })
+    shape.meet(x, r).unwrap_or(NOWHERE)
 }
 
 /// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.

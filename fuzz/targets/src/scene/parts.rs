@@ -206,5 +206,6 @@ pub fn wall_motion(draw: &mut Draw) -> WallMotion {
         },
         surface_rotation: has(8)
             .then(|| (draw.direction(), draw.vector(0.1), draw.number(-10.0, 10.0))),
+        until: has(16).then(|| draw.number(1e-3, 0.1)),
     }
 }
