@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 MOST = 0.5
 """Share of the steps with impacts: where more of them were cut, the rebounds of the run are wrong as a whole."""
 MORE = 20
-"""Factor on `max_problems` that let the ball of `tests/test_cut_short.py` rebound, at three times the cost."""
+"""Factor on `max_problems` in the advice; a smaller one cures fewer runs, a larger one may cost more time than it saves."""
 
 
 def cut_short(result: Result) -> str | None:
