@@ -9,6 +9,7 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError
+from carom.events import AtRest
 from carom.watching import View
 
 
@@ -128,9 +129,36 @@ def test_what_a_function_raises_comes_out_with_the_result(tmp_path: Path, role: 
     assert np.array_equal(np.asarray(carom.resume(tmp_path / "run").position), np.asarray(whole.position))
 
 
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (lambda view: AtRest(), "found AtRest"),
+        (lambda view: view["ball"].speed, "found float"),
+        (lambda view: view.velocity > 0, r"found ndarray; of an array take \.any\(\) or \.all\(\)"),
+    ],
+)
+def test_a_condition_that_answers_neither_yes_nor_no_is_refused(answer: Any, said: str) -> None:
+    """Such an answer is true in Python, and would end the run where it is asked first. A batch says the same."""
+    for call in (
+        carom.simulate,
+        lambda scene, stop: carom.simulate_batch(scene, {"ball.mass": [1.0]}, stop=stop),
+    ):
+        with pytest.raises(CaromError, match=f"stop must return True, False, None or a text, {said}"):
+            call(falling(), stop=answer)
+
+
+@pytest.mark.parametrize("answer", [np.True_, np.array([True]), "low", True])
+def test_every_kind_of_yes_ends_a_run(answer: Any) -> None:
+    assert carom.simulate(falling(0.01), stop=lambda view: answer, callback_every=1).outcome.step == 1
+
+
 def test_wrong_arguments_are_told() -> None:
     with pytest.raises(CaromError, match="stop must be a function"):
         carom.simulate(falling(), stop=3)  # type: ignore[arg-type]
+    with pytest.raises(
+        CaromError, match=r"stop is the class AtRest; write stop=AtRest\(\), with parentheses"
+    ):
+        carom.simulate(falling(), stop=AtRest)
     with pytest.raises(CaromError, match="callback_every must be"):
         carom.simulate(falling(), callback=print, callback_every=0)
     with pytest.raises(CaromError, match="without callback"):

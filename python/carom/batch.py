@@ -63,7 +63,7 @@ def simulate_batch(
     the table of all impacts. `progress(done, cases)` is called ten times a second and at the end, in this thread; what it
     raises, and Ctrl-C, end the batch, with the cases that are done as `error.result`.
 
-    `stop`, as in `carom.simulate`, ends a case with the outcome "stopped" where it returns something true: each case asks a
+    `stop`, as in `carom.simulate`, ends a case with the outcome "stopped" where it returns True or a text: each case asks a
     copy of it, in the thread that computes it, after every `callback_every` steps (by default at about 1000 times). Frames
     after the end are NaN.
 

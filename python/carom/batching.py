@@ -140,10 +140,14 @@ class Runner:
             except (
                 BaseException
             ) as error:  # a fault of Carom's own, or of a load function: not for one case alone
-                self.broken = error
-                self.stop.set()
+                self._break(error)
             with self._lock:
                 self.done += 1
+
+    def _break(self, error: BaseException) -> None:
+        """End the batch: what failed is not a fault of one case."""
+        self.broken = error
+        self.stop.set()
 
     def _note(self, case: int, kind: str, message: str) -> None:
         self.outcome[case], self.message[case] = kind, message
@@ -206,7 +210,8 @@ class Runner:
                 return
             ended = watch and watch.ask(simulation, block, last=simulation.step >= plan.steps)
             if watch is not None and watch.error is not None:
-                raise watch.error
+                self._break(watch.error)
+                return
             if ended:
                 outcome, message = str(ended["kind"]), str(ended["message"])
         self._keep(case, simulation, tables)

@@ -83,7 +83,7 @@ def simulate(
     `"all"`), or the hardest of the run (`"worst:10"`).
 
     `callback` and `stop` are functions of a `carom.watching.View` of the state, `view.time`, `view["cue"].position`. They
-    are called after every `callback_every` steps, by default when a frame is kept. Where `stop` returns something true the
+    are called after every `callback_every` steps, by default when a frame is kept. Where `stop` returns True or a text the
     run ends well, with outcome "stopped". If one raises, the run ends between two steps and the exception goes on, with
     all that was computed as its attribute `result`.
 

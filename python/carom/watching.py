@@ -208,7 +208,7 @@ class BodyView:
 Callback = Callable[[View], object]
 """What it returns is not looked at."""
 Stop = Callable[[View], object]
-"""Ends the run where it returns something true; a text is the reason that `outcome.message` gives."""
+"""Ends the run where it returns True or a text, the reason that `outcome.message` gives; False, None and "" let it go on."""
 
 
 class Watch:
@@ -218,6 +218,11 @@ class Watch:
         self, callback: Callback | None, stop: Stop | None, every: int | None, caller: str = "simulate"
     ) -> None:
         for name, function in (("callback", callback), ("stop", stop)):
+            if isinstance(function, type):
+                kind = function.__name__
+                raise CaromError(
+                    f"{caller}: {name} is the class {kind}; write {name}={kind}(), with parentheses"
+                )
             if function is not None and not callable(function):
                 raise CaromError(
                     f"{caller}: {name} must be a function of a view, as lambda view: view.time > 1, found {function!r}"
@@ -267,7 +272,7 @@ class Watch:
                     self._callback(view)
                 name = "stop"
                 reason = self._stop(view) if self._stop is not None else None
-                if reason is None or not bool(reason) or last:
+                if not _ends(reason) or last:
                     return None
         except BaseException as error:
             self.error = error
@@ -286,3 +291,13 @@ class Watch:
             f"carom: the run ended at {result.outcome.time:g} s; error.result has all up to there"
         )
         raise self.error
+
+
+def _ends(answer: object) -> bool:
+    """Whether a stop condition ends the run. Any other object would be true, as a condition that was made and not asked."""
+    if answer is None or isinstance(answer, str | bool | np.bool_):
+        return bool(answer)
+    if isinstance(answer, np.ndarray) and answer.dtype == bool and answer.size == 1:
+        return bool(answer)
+    hint = "; of an array take .any() or .all()" if isinstance(answer, np.ndarray) else ""
+    raise CaromError(f"stop must return True, False, None or a text, found {type(answer).__name__}{hint}")
