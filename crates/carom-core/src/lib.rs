@@ -8,6 +8,7 @@ pub mod blow_up;
 pub mod build;
 mod candidates;
 pub mod contact;
+mod cures;
 mod finish;
 pub mod flow;
 pub mod force;

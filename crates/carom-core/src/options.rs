@@ -186,6 +186,10 @@ macro_rules! options {
     };
 }
 
+const DEFAULT_HALVINGS: u32 = 4;
+/// Halvings where the run would stop otherwise, at the default of `max_halvings`. Twice as many would make a hopeless step endless.
+pub(crate) const MOST_HALVINGS_TRIED: u32 = 8;
+
 options! {
     /// Step size h, s.
     step: f64 = 1e-3,
@@ -242,8 +246,9 @@ options! {
     /// Islands of more contacts than this are solved by sweeps over spheres, from the impulses of the last step (`auto` takes over
     /// where these do not converge); with a `pile_tolerance` of 1e-5 and more all those above `dense_contacts` are.
     pile_contacts: u32 = 100,
-    /// How often a step that fails may be halved.
-    max_halvings: u32 = 4,
+    /// How often a step that fails may be halved; at the default a part that nothing solves is halved on, up to
+    /// [`MOST_HALVINGS_TRIED`] times in all.
+    max_halvings: u32 = DEFAULT_HALVINGS,
     /// stop or warn.
     on_nonconvergence: OnNonconvergence = OnNonconvergence::Stop,
     /// Method penalty: damping law.
@@ -274,6 +279,14 @@ options! {
 }
 
 impl Options {
+    /// Halvings of a step after which a failure stops the run. Whoever sets `max_halvings` gets that number.
+    pub fn deepest(&self) -> u32 {
+        match self.max_halvings {
+            DEFAULT_HALVINGS => MOST_HALVINGS_TRIED,
+            given => given,
+        }
+    }
+
     /// Refuses values with which the scheme cannot work.
     pub fn validate(&self) -> Result<(), ModelError> {
         let positive = [

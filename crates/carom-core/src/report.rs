@@ -322,6 +322,8 @@ pub enum Outcome {
         contacts: u32,
         joints: u32,
         residual: f64,
+        /// Settings that may solve it and are not there yet, in words.
+        cures: String,
     },
     /// A velocity or position is no finite number, or grew beyond every bound.
     BlowUp { step: u64, time: f64, what: BlowUp },
@@ -375,7 +377,7 @@ impl Outcome {
     }
 
     /// What a person can do about it.
-    pub fn advice(&self) -> &'static str {
+    pub fn advice(&self) -> &str {
         match self {
             Outcome::NotConverged {
                 level: Level::Smooth,
@@ -388,9 +390,7 @@ impl Outcome {
                 "joints and contacts of these spheres may leave no motion (a sphere driven into a wall, joined spheres that \
                  overlap): look at them; if they are as meant, try a smaller step"
             }
-            Outcome::NotConverged { .. } => {
-                "try a smaller step, a larger tolerance (in piles pile_tolerance = 1e-4) or more max_iterations"
-            }
+            Outcome::NotConverged { cures, .. } => cures,
             Outcome::BlowUp { what, .. } if what.level == Level::Smooth => {
                 "a load drives it there without any contact: look at loads, springs and joints on it, its mass and the step"
             }

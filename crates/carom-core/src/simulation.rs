@@ -1,5 +1,6 @@
 //! A run: model, state, scratch and records together; halving of steps that fail, monitors, outcome.
 
+use crate::cures::cures;
 use crate::flow::exchange::exchange;
 use crate::flow::Exchange;
 use crate::force::total::{motion_of, weight_potential};
@@ -53,7 +54,7 @@ impl Simulation {
     pub fn new(model: Model, initial: InitialState) -> Simulation {
         let state = State::new(&model, initial);
         let o = &model.options;
-        let coefficients = (0..=o.max_halvings)
+        let coefficients = (0..=o.deepest())
             .map(|depth| o.step / f64::from(1u32 << depth))
             .map(|h| match o.method {
                 // The substeps of contact forces need h alone.
@@ -229,10 +230,12 @@ impl Simulation {
         recording: Recording,
         report: &mut StepReport,
     ) -> Result<(), Failure> {
-        let last = depth == self.model.options.max_halvings;
+        let options = &self.model.options;
+        let smallest = depth >= options.max_halvings;
+        let last = depth == options.deepest();
         // Where a smallest part was not solved, whatever is left of the step is made in parts as small: larger ones would be
         // tried in vain, each with all its fallbacks.
-        if report.unconverged > 0 && !last {
+        if report.unconverged > 0 && !smallest {
             report.halvings += 1;
             return self.halves(depth + 1, t, recording, report);
         }
@@ -240,8 +243,8 @@ impl Simulation {
         let attempt = Attempt {
             coefficients: self.coefficients[depth as usize],
             time: t,
-            smallest: last,
-            accept_unconverged: last
+            smallest,
+            accept_unconverged: smallest
                 && self.model.options.on_nonconvergence == OnNonconvergence::Warn,
         };
         let (number, time) = (report.step, report.time);
@@ -277,6 +280,7 @@ impl Simulation {
                     // The first sub-step that is made has nothing to merge with but the counts of those who cut it.
                     Some(mut local) if report.iterations_smooth == 0 => {
                         local.halvings = report.halvings;
+                        local.fallbacks += report.fallbacks;
                         local.take_substeps(report.substeps, report.substep_min);
                         *report = local;
                     }
@@ -293,11 +297,13 @@ impl Simulation {
                     return Err(Failure::NotConverged(level));
                 }
                 report.halvings += 1;
+                // The run would stop here if whoever runs it had asked for so many halvings and no more.
+                report.fallbacks += u32::from(smallest);
                 self.halves(depth + 1, t, recording, report)
             }
             // A list that is too long for its needs: those of a shorter step are less.
             Err(Failure::TooFar { .. } | Failure::TooManyPairs)
-                if !last && self.model.options.method != Method::Penalty =>
+                if !smallest && self.model.options.method != Method::Penalty =>
             {
                 let half = self.coefficients[depth as usize + 1].h;
                 // One part becomes two.
@@ -402,6 +408,7 @@ impl Simulation {
                     contacts,
                     joints,
                     residual,
+                    cures: cures(&self.model.options, contacts, residual),
                 }
             }
         }

@@ -21,6 +21,7 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
             contacts,
             joints,
             residual,
+            ..
         } => {
             out.set_item("step", step)?;
             out.set_item("time", time)?;
