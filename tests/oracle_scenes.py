@@ -11,6 +11,7 @@ from carom.reference.contact import Impulse, gap_and_normal
 from carom.reference.joint import JointsAt, rates, read_joints
 from carom.reference.model import Model, State
 from carom.reference.pose import Pose, rotation_increment, rotation_matrices
+from carom.scenario.options import MOST_PROBLEMS
 from joint_scenes import drag, held, locked, polynomial, push, rod, spring
 
 LAWS = ("sequence", "sequence", "sequence-paper", "one-shot")
@@ -312,7 +313,7 @@ def judge_core_step(oracle: Reference, core: _core.Simulation, block: Mapping[st
         key = (int(pair[0]), int(pair[1]))
         hit |= {b for b in key if b < model.bodies}
         number = int(impacts["problem"][i])
-        stage = "one-shot" if law == "one-shot" else "truncated" if number == 51 else str(number)
+        stage = "one-shot" if law == "one-shot" else "truncated" if number > MOST_PROBLEMS else str(number)
         stages.setdefault(stage, {})[key] = split(key, impacts["impulse"][i], impacts["moment"][i])
     # Islands without an impact are not in that table: their only problem is the whole impulse.
     first = {"sequence": "0", "sequence-paper": "1", "one-shot": "one-shot"}[law]

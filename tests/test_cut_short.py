@@ -38,6 +38,42 @@ def test_the_cure_brings_the_rebound_back(cut: Path) -> None:
     assert whole.velocity[-1][-1, 0] == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("count", [60, 150])
+def test_a_long_cradle_is_not_cut_by_default(count: int) -> None:
+    """A blow passes through it in as many problems as it has contacts: one ball comes, one ball goes with its speed."""
+    r = 0.01
+    scene = carom.Scene("a long cradle", run={"until": 0.05, "step": 1e-3})
+    scene.contact("steel", "steel", friction=0.0, restitution=1.0)
+    scene.sphere("comes", radius=r, mass=0.1, at=(-0.03, 0, 0), velocity=(0.5, 0, 0), material="steel")
+    for k in range(count):
+        scene.sphere(f"ball{k}", radius=r, mass=0.1, at=(2 * r * k, 0, 0), material="steel")
+    result = carom.simulate(scene)
+    assert not result.steps["truncated"].any()
+    assert result.steps["impact_problems"].max() >= count
+    last = np.asarray(result.velocity[-1])[:, 0]
+    assert last[-1] == pytest.approx(0.5, abs=1e-9)
+    assert np.abs(last[:-1]).max() < 1e-9
+
+
+@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+def test_a_ball_that_falls_on_a_column_leaves_it() -> None:
+    """Without losses the blow runs down the column and up again; cut after 50 problems it left 7 % of the speed."""
+    r = 0.01
+    scene = carom.Scene("a column", gravity=(0, 0, -9.8), run={"until": 0.05, "step": 1e-4})
+    scene.contact("steel", "steel", friction=0.0, restitution=1.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="steel")
+    for k in range(30):
+        scene.sphere(f"ball{k}", radius=r, mass=0.1, at=(0, 0, r + 2 * r * k), material="steel")
+    scene.sphere(
+        "falls", radius=r, mass=0.1, at=(0, 0, 61 * r + 0.005), velocity=(0, 0, -1), material="steel"
+    )
+    arrives = np.sqrt(1.0 + 2 * 9.8 * 0.005)
+    for most, least, greatest in ((50, 0.0, 0.2), (0, 0.99, 1.0)):
+        result = carom.simulate(scene, max_problems=most)
+        leaves = np.asarray(result["falls"].velocity)[:, 2].max()
+        assert least * arrives <= leaves <= greatest * arrives, most
+
+
 def test_the_summary_begins_with_it(cut: Path, tmp_path: Path) -> None:
     from carom.cli.app import app
 

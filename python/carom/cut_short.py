@@ -24,7 +24,13 @@ def cut_short(result: Result) -> str | None:
     if cut <= MOST * hit:
         return None
     now = int(tomllib.loads(result.scenario)["run"]["max_problems"])
+    cure = f"raise max_problems in [run] (now {now}), for example to {MORE * now}"
+    if (
+        not now
+    ):  # by size: the longest that came to an end says little, but a multiple of it is longer than that
+        longest = int(np.max(np.asarray(steps["impact_problems"])))
+        cure = f"set max_problems in [run], for example to {MORE * longest} (the longest had {longest})"
     return (
         f"impact sequences were cut short in {cut} of {hit} steps with impacts: restitution is lost there, and"
-        f" rebounds are too low; raise max_problems in [run] (now {now}), for example to {MORE * now}"
+        f" rebounds are too low; {cure}"
     )

@@ -186,6 +186,21 @@ macro_rules! options {
     };
 }
 
+/// Bounds of an impact sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Problems {
+    /// Number of its last problem; the one that ends a sequence which is cut has the next number.
+    pub most: u32,
+    /// Contacts that its problems may solve in all before it is cut.
+    pub work: u64,
+}
+
+/// Numbers of impact problems that anyone may ask for, and those of sequences that are bounded by their work.
+const MOST_PROBLEMS: u32 = 100_000;
+/// Contacts that the impact problems of an island may solve for each contact it has. A blow that runs through a cradle solves each
+/// contact once; a quarter of this cuts piles that are being hit, ten times as much lets impacts that never end take most of the time.
+const PROBLEMS_PER_CONTACT: u64 = 200;
+
 const DEFAULT_HALVINGS: u32 = 4;
 /// Halvings where the run would stop otherwise, at the default of `max_halvings`. Twice as many would make a hopeless step endless.
 pub(crate) const MOST_HALVINGS_TRIED: u32 = 8;
@@ -215,8 +230,9 @@ options! {
     touching_tolerance: f64 = 1e-9,
     /// Impact law.
     impact: Impact = Impact::Sequence,
-    /// Impact problems per island and step before one simultaneous problem with e = 0.
-    max_problems: u32 = 50,
+    /// Impact problems per island and step before one simultaneous problem with e = 0; 0: by the size of the island
+    /// ([`Options::problems`]).
+    max_problems: u32 = 0,
     /// Closing tolerance over the velocity change by loads in the step (rule R3).
     closing_tolerance_load: f64 = 1e-2,
     /// The same in islands of more than 100 contacts, where impacts of a share of one step's fall would go round and round.
@@ -279,6 +295,20 @@ options! {
 }
 
 impl Options {
+    /// What the impact sequence of an island of so many contacts may take.
+    pub fn problems(&self, contacts: usize) -> Problems {
+        match self.max_problems {
+            0 => Problems {
+                most: MOST_PROBLEMS,
+                work: PROBLEMS_PER_CONTACT * contacts as u64,
+            },
+            given => Problems {
+                most: given,
+                work: u64::MAX,
+            },
+        }
+    }
+
     /// Halvings of a step after which a failure stops the run. Whoever sets `max_halvings` gets that number.
     pub fn deepest(&self) -> u32 {
         match self.max_halvings {
@@ -342,7 +372,6 @@ impl Options {
         }
         for (name, value) in [
             ("max_iterations", self.max_iterations),
-            ("max_problems", self.max_problems),
             ("threads", self.threads),
             ("contacts_per_thread", self.contacts_per_thread),
             (
@@ -359,7 +388,7 @@ impl Options {
         for (name, value, most) in [
             ("max_halvings", self.max_halvings, 20),
             ("max_iterations", self.max_iterations, 100_000),
-            ("max_problems", self.max_problems, 100_000),
+            ("max_problems", self.max_problems, MOST_PROBLEMS),
             ("max_line_search", self.max_line_search, 60),
             ("gauss_seidel_sweeps", self.gauss_seidel_sweeps, 1000),
             ("dense_contacts", self.dense_contacts, 500),

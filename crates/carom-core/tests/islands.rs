@@ -209,7 +209,7 @@ fn steps_that_fail_fail_in_the_same_way() {
         })
     };
     // Impacts in the smallest part of a step may be solved as roughly as a pile: no better here.
-    let s = fail(&scene(), OnNonconvergence::Stop, 1e-18, 4, 1e-17);
+    let s = fail(&scene(), OnNonconvergence::Stop, 1e-18, 3, 1e-17);
     assert!(s.state.step == 0 && s.failed.is_some());
     let mut free = scene();
     free.joints.clear();

@@ -108,7 +108,7 @@ fn options_that_cannot_work_are_refused_by_name() {
         ("penalty_scale", |o| o.penalty_scale = 2.0),
         ("restitution_threshold", |o| o.restitution_threshold = -1.0),
         ("max_iterations", |o| o.max_iterations = 0),
-        ("max_problems", |o| o.max_problems = 0),
+        ("max_problems", |o| o.max_problems = 100_001),
         ("max_halvings", |o| o.max_halvings = 21),
     ];
     for (name, change) in places {

@@ -19,6 +19,7 @@ from carom.audit.data import Run
 from carom.audit.near import Near
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot
+from carom.scenario.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -56,7 +57,7 @@ def _impacts(run: Run, tally: Tally) -> None:
     table, s = run.result.impacts, run.steps
     step, problem = (np.asarray(table[name]).astype(np.int64) for name in ("step", "problem"))
     # The last resort of a sequence that was cut has a number of its own beyond the bound.
-    ended = np.flatnonzero(problem > run.options["max_problems"])
+    ended = np.flatnonzero(problem > (run.options["max_problems"] or MOST_PROBLEMS))
     problem[ended] = 0
     highest, least = np.zeros(len(s["step"]), dtype=np.int64), np.ones(len(s["step"]))
     np.maximum.at(highest, step - 1, problem)

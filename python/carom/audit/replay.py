@@ -7,7 +7,8 @@ recorded approach, after it the recorded separation must be those of `V`; and wh
 
 with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` the recorded factor of the energy safeguard.
 Friction is held against `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together
-(rule R4). Problems beyond `max_problems` end a sequence that was cut, without restitution. Bounds: `bounds`.
+(rule R4). Problems beyond `max_problems` (0: `MOST_PROBLEMS`) end a sequence that was cut, without restitution.
+Bounds: `bounds`.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, add_at, cross, dot, norm
+from carom.scenario.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -219,7 +221,7 @@ class Replay:
         every = np.arange(rows.start, rows.stop)
         self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * left)
         o, index = run.options, self.law[rows]
-        acts = (r.problem > 0) & (r.problem <= o["max_problems"])
+        acts = (r.problem > 0) & (r.problem <= (o["max_problems"] or MOST_PROBLEMS))
         e_n = np.where(acts, run.coefficient("restitution", index), 0.0)
         e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal

@@ -4,6 +4,7 @@ Three laws: `sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (
 `one-shot` (one simultaneous problem with Newton's law).
 """
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -17,6 +18,8 @@ from .newton import solve
 
 ENERGY_SLACK = 1e-10
 """A problem may produce this fraction of the kinetic energy of its bodies (rule R4)."""
+PROBLEMS_PER_CONTACT = 200
+"""Contacts that the problems of a sequence may solve for each contact of the island, where `max_problems` is 0."""
 BISECTIONS = 12
 BISECTIONS_JOINTS = 30
 """In islands with joints a gain of 1e-9 of the energy may be only the turn of a rod: it must not take 2e-4 off e."""
@@ -211,24 +214,27 @@ def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: float, r
             offset_jump = island.jump(impulses)
 
     jump = offset_jump
-    for number in range(1, island.model.options.max_problems + 2):
+    most, solved = island.model.options.max_problems, 0
+    for number in itertools.count(1):
         members = set(np.flatnonzero(island.normal_velocity(island.u_check + jump) < -tolerance).tolist())
         if not members:
             break
-        if number > island.model.options.max_problems:
+        solved += len(members) if number > 1 or paper else 0
+        if (number > most) if most else (solved > PROBLEMS_PER_CONTACT * len(island.elements)):
             # the sequence does not end: one problem that leaves nothing approaching and cannot gain energy
             everything = list(range(len(island.elements)))
             added, record = impact_problem(island, everything, impulses, None, tolerance, "truncated")
             result.truncated = True
-        else:
-            if number == 1:
-                members |= loaded
-                for i in members:
-                    impulses[island.layout.slices[i]] = 0.0
-            u_minus = island.u_n + jump - offset_jump if number > 1 else island.u_n
-            added, record = impact_problem(
-                island, sorted(members), impulses, u_minus, tolerance, str(number), paper=paper
-            )
+            result.problems.append(record)
+            return impulses + added
+        if number == 1:
+            members |= loaded
+            for i in members:
+                impulses[island.layout.slices[i]] = 0.0
+        u_minus = island.u_n + jump - offset_jump if number > 1 else island.u_n
+        added, record = impact_problem(
+            island, sorted(members), impulses, u_minus, tolerance, str(number), paper=paper
+        )
         impulses = impulses + added
         result.problems.append(record)
         jump = island.jump(impulses)

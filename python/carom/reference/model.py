@@ -42,7 +42,7 @@ class Options:
     """Numerical options. `step` is h [s]; `spectral_radius` the rho_inf of eq. 7.
 
     `tolerance` is tol_r of eq. 44. It is deliberately not read from the `tolerance` of a model (that of the
-    core), since this package judges others; `reference_tolerance` overrides it.
+    core), since this package judges others; `reference_tolerance` overrides it. `max_problems` = 0: by size.
     """
 
     step: float
@@ -50,7 +50,7 @@ class Options:
     impact: str = "sequence"
     restitution_threshold: float = 0.0
     energy_safeguard: bool = True
-    max_problems: int = 50
+    max_problems: int = 0
     max_iterations: int = 50
     tolerance: float = 1e-12
     gap_tolerance: float = 1e-10

@@ -43,6 +43,9 @@ _FRACTION = Bounds(gt=0, lt=1)
 _COUNT = Bounds(ge=1, le=1_000_000)
 _COUNT_OR_NONE = Bounds(ge=0, le=1_000_000)
 
+MOST_PROBLEMS = 100_000
+"""The last problem of an impact sequence whose length is by size; that of the core (`options.rs`)."""
+
 OPTIONS: dict[str, Option] = {
     "step": Option("time step h", POSITIVE, "time"),
     "method": Option(
@@ -85,7 +88,8 @@ OPTIONS: dict[str, Option] = {
     "line_search": Option("halve a Newton step that does not reduce the residual"),
     "max_line_search": Option("halvings of one Newton step at most", _COUNT_OR_NONE),
     "max_problems": Option(
-        "impact problems per island and step before one inelastic problem ends it", _COUNT
+        "impact problems per island and step before one inelastic problem ends it; 0: by the size of the island",
+        Bounds(ge=0, le=100_000),
     ),
     "closing_tolerance_load": Option(
         "closing speed that counts, relative to the speed gained in a step (R3)", POSITIVE
@@ -111,7 +115,8 @@ OPTIONS: dict[str, Option] = {
         _COUNT_OR_NONE,
     ),
     "max_halvings": Option(
-        "halvings of a step that could not be solved, before the run stops", Bounds(ge=0, le=20)
+        "halvings of a step that could not be solved, before the run stops; at 4 it is halved on, up to 8 times",
+        Bounds(ge=0, le=20),
     ),
     "penalty_law": Option(
         "penalty only: damping of the contact force; exact has the restitution e_N, the others their own"

@@ -119,10 +119,16 @@ fn in_turn(
     first: u32,
     offset: &[f64],
 ) -> bool {
-    for problem in first..=model.options.max_problems {
+    let bounds = model.options.problems(work.members.len());
+    let mut solved = 0;
+    for problem in first..=bounds.most {
         work.choose_closing();
         if work.chosen.is_empty() {
             return true;
+        }
+        solved += work.chosen.len() as u64;
+        if solved > bounds.work {
+            break;
         }
         let jumps = work.jump.iter().zip(offset);
         for ((v, old), (jump, w0)) in work.v_minus.iter_mut().zip(&work.v_old).zip(jumps) {
@@ -168,7 +174,7 @@ fn truncate(
     report.truncated += 1;
     work.chosen.clear();
     work.chosen.extend(0..work.members.len());
-    let index = model.options.max_problems + 1;
+    let index = model.options.problems(work.members.len()).most + 1;
     work.solve_chosen(model, scratch, Law::Plastic, Some(index), None, report)
 }
 

@@ -251,7 +251,8 @@ impl Pile {
         self.choose_all();
         self.start_last(scratch.contacts, span);
         // Whatever ended it before.
-        let number = model.options.max_problems + 1;
+        let contacts = self.velocity.members.len();
+        let number = model.options.problems(contacts).most + 1;
         self.solve_chosen(model, scratch.contacts, Law::Plastic, number, report)?;
         Some(problems + 1)
     }

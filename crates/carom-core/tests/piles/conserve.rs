@@ -79,10 +79,7 @@ fn a_long_cradle_throws_one_ball() {
         let mut input = crate::common::balls(&position, &[]);
         input.laws = vec![(0, 0, [0.0, 1.0, 0.0, 0.0, 0.0])];
         input.velocity[count as usize] = [SPEED, 0.0, 0.0];
-        let o = Options {
-            max_problems: 500,
-            ..options(1e-4, 1e-7)
-        };
+        let o = options(1e-4, 1e-7);
         let mut s = simulation(&input, o);
         let reports = go_on(&mut s, 300);
         let v = &s.state.velocity;

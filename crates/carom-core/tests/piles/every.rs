@@ -33,7 +33,7 @@ fn run(every_impact: bool, rolling: f64) -> (Vec<u64>, Rows) {
 
 #[test]
 fn every_problem_has_its_rows_and_the_motion_keeps_its_bits() {
-    let bound = Options::default().max_problems;
+    let bound = Options::default().problems(1).most;
     for rolling in [0.0, 1e-3] {
         let (plain, summed) = run(false, rolling);
         let (kept, every) = run(true, rolling);

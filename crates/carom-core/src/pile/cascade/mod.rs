@@ -13,6 +13,7 @@ mod parts;
 use super::keep;
 use crate::contact::Contact;
 use crate::model::Model;
+use crate::options::Problems;
 use crate::outcome::Level;
 use crate::pile::limits::Law;
 use crate::pile::memory::Pile;
@@ -31,12 +32,12 @@ const PER_THREAD: usize = 256;
 const BATCHES_PER_THREAD: usize = 4;
 
 /// A cascade does not die out where as many contacts as this close that closed before, and no fewer than this share of those when it was half as long, in the mean
-/// of so many problems; it is asked from this part of the problems on that it may have. (In a pile that is being hit everywhere cascades go on
+/// of so many problems; it is asked from this part of the problems, or of the work, on that it may have. (In a pile that is being hit everywhere cascades go on
 /// and on. Contacts that close for the first time are a blow on its way through the pile: it ends at the other side.)
 const CROWD: usize = 500;
 const LASTING: f64 = 0.95;
 const MEAN_OF: usize = 4;
-const EARLY: u32 = 3;
+const EARLY: u64 = 3;
 
 /// A cascade on its way: what all threads read while they solve and look, and one writes in between.
 struct Cascade<'a> {
@@ -49,6 +50,9 @@ struct Cascade<'a> {
     chosen: Vec<u32>,
     firsts: Vec<usize>,
     again: Vec<usize>,
+    bounds: Problems,
+    /// Contacts solved so far.
+    solved: u64,
     /// Before the problem at hand, where it is kept.
     before: Option<Before>,
     /// The last problem, and whether nothing closes after it.
@@ -68,8 +72,8 @@ impl Pile {
         let closes = velocity.flags(all_threads, |_, m| velocity.normal_speed(m) < -velocity.tol);
         let all = 0..velocity.members.len() as u32;
         let first: Vec<u32> = all.filter(|&slot| closes[slot as usize]).collect();
-        let most = model.options.max_problems;
-        if first.is_empty() || most < 2 {
+        let bounds = model.options.problems(velocity.members.len());
+        if first.is_empty() || bounds.most < 2 {
             return (1, first.is_empty());
         }
         let mut memory = std::mem::take(&mut self.cascade);
@@ -91,6 +95,8 @@ impl Pile {
             chosen: first,
             firsts: memory.firsts,
             again: memory.again,
+            bounds,
+            solved: 0,
             before: None,
             outcome: None,
         };
@@ -119,9 +125,9 @@ impl Pile {
             }
         };
         let done = |_| read(&shared).outcome.is_some();
-        team::run_until(threads, most as usize - 1, &stages, work, done);
+        team::run_until(threads, bounds.most as usize - 1, &stages, work, done);
         let cascade = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let outcome = cascade.outcome.unwrap_or((most, false));
+        let outcome = cascade.outcome.unwrap_or((bounds.most, false));
         (memory.front, memory.parts) = (cascade.front, cascade.parts);
         (memory.chosen, memory.firsts) = (cascade.chosen, cascade.firsts);
         memory.again = cascade.again;
@@ -138,6 +144,7 @@ impl Cascade<'_> {
             self.show();
             self.before = Some(self.pile.velocity.state_of(self.model, &self.chosen));
         }
+        self.solved += self.chosen.len() as u64;
         self.parts.cut(&mut self.front, &self.chosen, problem);
         self.parts.batches(batches, &mut self.firsts);
     }
@@ -228,7 +235,6 @@ impl Cascade<'_> {
             all.join(&lock(other));
         }
         all.drain(&mut self.chosen);
-        let most = self.model.options.max_problems;
         let members = &self.pile.velocity.members;
         let again =
             |&&slot: &&u32| members[slot as usize].problem != 0 || self.front.has_closed(slot);
@@ -236,9 +242,13 @@ impl Cascade<'_> {
         self.again.push(again);
         if self.chosen.is_empty() {
             self.outcome = Some((problem, true));
-        } else if problem >= most / EARLY && lasts(&self.again) {
+        } else if (problem >= self.bounds.most / EARLY as u32
+            || self.solved >= self.bounds.work / EARLY)
+            && lasts(&self.again)
+            || self.solved + self.chosen.len() as u64 > self.bounds.work
+        {
             self.outcome = Some((problem, false));
-        } else if problem < most {
+        } else if problem < self.bounds.most {
             self.cut(problem + 1, batches);
         }
     }
