@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import carom
 import numpy as np
 import pytest
@@ -30,6 +32,6 @@ def test_whoever_sets_the_halvings_gets_them_and_the_advice_that_is_left() -> No
         carom.simulate(heap(), **STUCK, max_halvings=3)
     told = str(caught.value)
     assert "not converged at step 51" in told
-    assert "try max_halvings = 8" in told.replace("pile_tolerance = 1e-4 or ", "")
+    assert re.search(r"; try (pile_tolerance = 1e-[34] or )?max_halvings = 8$", told)
     assert "max_iterations" not in told
     assert "smaller step" not in told

@@ -2,8 +2,8 @@
 
 use crate::options::{Options, Solver, MOST_HALVINGS_TRIED};
 
-/// `pile_tolerance` with which islands of thousands of contacts are solved.
-const PILE_TOLERANCE: f64 = 1e-4;
+/// Values of `pile_tolerance` with which islands of thousands of contacts are solved, the usual one first.
+const PILE_TOLERANCES: [f64; 2] = [1e-4, 1e-3];
 /// A result whose residual is larger is none: no such `tolerance` is proposed.
 const MOST_TOLERANCE: f64 = 1e-4;
 
@@ -24,8 +24,9 @@ pub fn cures(o: &Options, contacts: u32, residual: f64) -> String {
         ));
     }
     if contacts > o.dense_contacts {
-        if o.pile_tolerance < PILE_TOLERANCE {
-            found.push(format!("pile_tolerance = {PILE_TOLERANCE:e}"));
+        let mut coarser = PILE_TOLERANCES.iter().filter(|&&t| o.pile_tolerance < t);
+        if let Some(tolerance) = coarser.next() {
+            found.push(format!("pile_tolerance = {tolerance:e}"));
         }
     } else if residual < 0.1 * MOST_TOLERANCE {
         found.push(format!(
@@ -54,9 +55,14 @@ mod tests {
         let o = Options::default();
         assert_eq!(cures(&o, 60, 1e-3), "try pile_tolerance = 1e-4");
         assert_eq!(cures(&o, 3, 2e-6), "try tolerance = 1e-5");
-        let loose = Options {
+        let usual = Options {
             pile_tolerance: 1e-4,
             ..o.clone()
+        };
+        assert_eq!(cures(&usual, 60, 1e-3), "try pile_tolerance = 1e-3");
+        let loose = Options {
+            pile_tolerance: 1e-3,
+            ..usual
         };
         assert!(cures(&loose, 60, 1e-3).starts_with("no other setting"));
         let poor = Options {

@@ -16,6 +16,7 @@ fn thrown(threads: u32) -> Simulation {
     let o = Options {
         threads,
         contacts_per_thread: 1_024,
+        max_problems: 50,
         ..options(1e-3, TOLERANCE)
     };
     simulation(&input, o)
@@ -42,7 +43,7 @@ fn what_is_solved_roughly_first_overlaps_no_more_in_the_end() {
         assert!(r.residual_position < TOLERANCE && r.residual_velocity < TOLERANCE);
     }
     // Sequences that were cut before they had all their problems, since they did not die out.
-    let early = |r: &&StepReport| r.truncated > 0;
+    let early = |r: &&StepReport| r.truncated > 0 && r.impact_problems < 50;
     assert!(reports.iter().filter(early).count() > 10, "{seen:?}");
     let scale = whole.monitors.energy_scale;
     assert!(whole.monitors.energy_max_rise < 2e-6 * scale);
