@@ -184,8 +184,8 @@ def test_names_the_extra_that_is_missing(
     monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.setitem(sys.modules, "vtkmodules.vtkCommonDataModel", None)
     with pytest.raises(CaromError, match=r"pip install 'carom\[video\]'"):
-        flight.export(tmp_path, format)
-    assert not list(tmp_path.iterdir())
+        flight.export(tmp_path / "films" / "new", format)
+    assert not list(tmp_path.iterdir())  # not even an empty folder
 
 
 def test_without_opengl_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,8 @@ from carom.files import RecordError, unwritable
 
 @contextmanager
 def writing_into(directory: Path) -> Iterator[None]:
-    """Make a directory, and say in words why something could not be written there."""
+    """Make a directory, and say in words why something could not be written there. One that stays empty goes again."""
+    made = [folder for folder in (directory, *directory.parents) if not folder.exists()]
     try:
         directory.mkdir(parents=True, exist_ok=True)
         yield
@@ -23,6 +24,10 @@ def writing_into(directory: Path) -> Iterator[None]:
     except OSError as error:
         # An error that names no file, or one below the directory, is of writing.
         raise RecordError(f"cannot write {directory}: {unwritable(error)}") from error
+    finally:
+        with suppress(OSError):  # the first that holds a file ends it
+            for folder in made:
+                folder.rmdir()
 
 
 @contextmanager
