@@ -15,6 +15,7 @@ import pytest
 import tomli_w
 from carom.errors import ScenarioError
 from carom.scene import Scene
+from carom.units import UnitError, parse
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -545,3 +546,27 @@ def test_a_seed_that_is_far_too_large_is_not_said_to_be_negative() -> None:
                 material="m",
                 seed=seed,
             )
+
+
+@pytest.mark.parametrize(
+    ("written", "dimension", "meant"),
+    [
+        ("3 inches", "length", "in"),
+        ("20 miles/h", "speed", "mph"),
+        ("20 mi / hour", "speed", "mph"),
+        ("20 kph", "speed", "km/h"),
+        ("2 Meters/second", "speed", "m/s"),
+        ("5 degrees/s", "angular speed", "deg/s"),
+    ],
+)
+def test_units_that_are_spelled_out_are_told_by_their_symbols(
+    written: str, dimension: str, meant: str
+) -> None:
+    with pytest.raises(UnitError, match=rf"did you mean {re.escape(meant)}\?"):
+        parse(written, dimension)
+
+
+def test_a_unit_of_another_dimension_is_not_what_was_meant() -> None:
+    with pytest.raises(UnitError) as caught:
+        parse("3 inches", "mass")
+    assert "did you mean" not in str(caught.value)

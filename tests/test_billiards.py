@@ -185,7 +185,13 @@ def test_wrong_strikes_are_told() -> None:
         ({"speed": 1.0, "restitution": "lether"}, "no tip is called 'lether'; did you mean leather"),
         ({"speed": 1.0, "direction": (1.0,)}, r"direction must be \(x, y\)"),
         ({"speed": 1.0, "direction": math.nan}, "direction must be a finite number"),
-        ({"speed": 1.0, "side": "5 mm"}, r"side \(in radii\) must be a finite number"),
+        (
+            {"speed": 1.0, "side": "5 mm"},
+            "side must be a finite number of radii of the ball, found '5 mm'; give a number",
+        ),
+        ({"speed": 1.0, "elevation": 5}, "below 90 deg, found 5 rad; write '5 deg'"),
+        ({"speed": 1.0, "elevation": -0.1}, "below 90 deg, found -5.72958 deg$"),  # no more in degrees
+        ({"speed": 1.0, "direction": (1.0, 0.0, -0.2)}, "a cue that points down has an elevation"),
         ({"speed": "20 mhp"}, "did you mean mph"),
         ({"speed": [1.0]}, "speed must be a finite number"),
         ({"speed": math.inf}, "speed must be a finite number"),
@@ -196,6 +202,8 @@ def test_wrong_strikes_are_told() -> None:
         strike(cue, speed=1.0, height=0.6)
     with pytest.raises(CaromError, match="moves already"):
         strike(cue, speed=1.0)
+    with pytest.raises(CaromError, match=r"strike: ball must be a ball of a scene, as .*, found 'cue'"):
+        strike("cue", speed=1.0)  # type: ignore[arg-type]
     other = table().ball(scene, "other", (1.0, 1.0))
     strike(other, speed=1.0, direction=np.int64(1))  # any number is an angle
     assert math.atan2(other.velocity[1], other.velocity[0]) == pytest.approx(1.0)
@@ -410,6 +418,7 @@ def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None
             table("9ft", **keys)
     for call, said in (
         (lambda: t.ball(t.scene(), "b", (1.0,)), r"at must be \(x, y\)"),
+        (lambda: t.rack(t.scene(), apex=(1.0, 0.7, 0.1)), r"apex must be \(x, y\), found"),
         (lambda: t.rack(t.scene(), apex=3), r"apex must be \(x, y\)"),  # type: ignore[arg-type]
         (lambda: t.scene(gravity="g"), "gravity must be a finite number"),  # type: ignore[arg-type]
         (lambda: t.scene(laws=3), "laws must be of billiards.Laws"),  # type: ignore[arg-type]
@@ -491,15 +500,28 @@ def test_laws_take_bare_numbers_and_scenes_take_values() -> None:
     assert carom.Scene.from_toml(scene.to_toml()) == scene
     copied = copy.deepcopy(LAWS.cloth_friction)
     assert (str(copied), copied.low, copied.value) == (str(LAWS.cloth_friction), 0.15, 0.2)
-    for wrong in ("0.3", math.nan, None):
-        with pytest.raises(CaromError, match="Laws: cloth_friction must be a finite number"):
-            replace(LAWS, cloth_friction=wrong)  # type: ignore[arg-type]
+    for wrong, said in (
+        (
+            {"cloth_friction": "0.3"},
+            "must be a finite number without a unit, found '0.3'; give a number, not a",
+        ),
+        ({"cloth_friction": math.nan}, "must be a finite number"),
+        ({"cloth_friction": None}, "must be a finite number"),
+        ({"spin_deceleration": "8 rad/s^2"}, r"must be a finite number in rad/s\^2, found '8 rad/s\^2'"),
+        ({"cloth_friction": -0.3}, "must be 0 or more, found -0.3"),
+        ({"ball_friction": -0.06}, "must be 0 or more, found -0.06"),
+        ({"ball_restitution": 1.5}, "must be from 0 to 1, found 1.5"),
+        ({"cushion_restitution": billiards.Value(1.5, "1", "nobody")}, "must be from 0 to 1, found 1.5"),
+    ):
+        with pytest.raises(CaromError, match=f"Laws: {next(iter(wrong))} {said}"):
+            replace(LAWS, **wrong)  # type: ignore[arg-type]
 
 
 def test_wrong_racks_are_told() -> None:
     for keys, said in (
         ({"balls": 2}, "3 to 15"),
         ({"balls": 16}, "3 to 15"),
+        ({"balls": "9-ball"}, "found '9-ball'; for the rack of a game write order=\"9-ball\""),
         ({"balls": 5, "jitter": 1e-4}, "without a seed"),
         ({"balls": 5, "jitter": 1e-3, "seed": 1}, "may overlap"),
         ({"balls": 5, "gap": -1.0}, "below 0"),
@@ -668,12 +690,57 @@ def test_what_a_stop_of_a_batch_raises_goes_on() -> None:
         ((0.005, 0.005), "'9' at .* is behind the edge of the slate, in the pocket 'head right'"),
         ((1.27, 1.3), "'9' at .* is outside of the rails"),
         (("100 in", "51 in"), "'9' at .* is outside of the rails"),
+        (
+            (2.53, 0.6),
+            r"'9' at \(2.53, 0.6\) m overlaps the cushion foot by 15.9 mm; .* 0.02751 m or more from",
+        ),
+        ((2.54, 0.6), "'9' at .* overlaps the cushion foot by 20.9"),
+        ((1.0, 0.5, 0.01), "'9' overlaps the bed: its centre is at a height of 0.01 m"),
     ],
 )
 def test_a_ball_outside_of_the_rails_is_named(at: tuple[float, float], said: str) -> None:
     t = table("9ft")
     with pytest.raises(CaromError, match=said):
         t.ball(t.scene(), "9", at)
+
+
+@pytest.mark.parametrize("kind", ["9ft", "snooker", "carom"])
+def test_a_ball_is_refused_where_a_run_would_refuse_it(kind: str) -> None:
+    """Along the rails, in the mouths of the pockets, and a hair before and behind the line where a ball touches a nose."""
+    t = table(kind)
+    r, length, width = t.spec.ball_radius, t.spec.length, t.spec.width
+    rng = np.random.default_rng(1)
+    places = [*(t.reach * k for k in (0.5, 1 - 1e-3, 1 + 1e-9, 1.1))]
+    points = [(x, 0.3 * width) for x in places] + [(0.3 * length, width - y) for y in places]
+    points += [(x, y) for x, y in rng.uniform(0, 0.2 * r + 2 * t.spec.corner_mouth, (40, 2))]
+    points += [(0.5 * length + x, y) for x, y in rng.uniform(-3 * r, 3 * r, (40, 2)) if y > 0]
+
+    def told(call: Any) -> str:
+        try:
+            call()
+        except CaromError as error:
+            return str(error)
+        return ""
+
+    refused = []
+    for at in points:
+        by_table = told(lambda at=at: t.ball(t.scene(), "b", at))
+        if "in the pocket" in by_table or "outside" in by_table:
+            continue  # without an overlap
+        scene = t.scene(until=0.1, step=1e-3)
+        scene.sphere("b", radius=r, mass=t.spec.ball_mass, material="ball", position=(*at, r))
+        by_run = told(scene.validate)
+        assert ("overlaps the" in by_table) == ("reaches" in by_run), (at, by_table, by_run)
+        refused.append(bool(by_run))
+    assert refused.count(True) >= 6
+    assert refused.count(False) >= 4
+
+
+def test_a_ball_in_the_air_and_one_of_another_size_are_where_they_are_put() -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.1, step=1e-3)
+    assert t.ball(scene, "high", (1.0, 0.5, "10 cm")).position == (1.0, 0.5, 0.1)
+    assert t.ball(scene, "small", (1.5, 0.5), radius="26.25 mm").position == (1.5, 0.5, 0.02625)
 
 
 @pytest.mark.parametrize("at", [(1.27, -0.004), (0.03, 0.03), (1.27, 1.273)])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 
@@ -79,6 +80,29 @@ UNITS: dict[str, _Unit] = {
     "MPa": _unit("1e6", (-1, 1, -2, 0)),
     "GPa": _unit("1e9", (-1, 1, -2, 0)),
 }
+
+SPELLED: dict[str, str] = {
+    "in": "inch inches",
+    "ft": "foot feet",
+    "m": "meter meters metre metres",
+    "cm": "centimeter centimeters centimetre centimetres",
+    "mm": "millimeter millimeters millimetre millimetres",
+    "km": "kilometer kilometers kilometre kilometres",
+    "g": "gram grams",
+    "kg": "kilogram kilograms",
+    "oz": "ounce ounces",
+    "lb": "pound pounds lbs",
+    "s": "sec secs second seconds",
+    "min": "minute minutes",
+    "h": "hr hrs hour hours",
+    "deg": "degree degrees",
+    "rad": "radian radians",
+    "N": "newton newtons",
+    "mph": "mi/h mile/h miles/h mi/hour mile/hour miles/hour",
+    "km/h": "kmh kph kmph",
+}
+"""How people write units that have a symbol: only to say in a message which they meant."""
+_MEANT = {word: unit for unit, words in SPELLED.items() for word in words.split()}
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?)\s*(.*?)\s*", re.DOTALL)
 # A 1 only stands before a slash: "5 12 m" would be 5 m otherwise, with 12 as a power of 1.
@@ -161,7 +185,12 @@ def _parse_unit(text: str, cure: str, wanted: Dimension | None = None) -> _Unit:
 
 
 def _meant(text: str, span: tuple[int, int], wanted: Dimension) -> str | None:
-    """The unit nearest to what stands at `span`, of those with which `text` has the wanted dimension."""
+    """What `text` may mean, or the unit at `span` of it: the nearest of those that make the wanted dimension."""
+    words = re.sub("[A-Za-z]+", lambda word: _MEANT.get(word[0].lower(), word[0]), text)
+    for spelled in (_MEANT.get(text.replace(" ", "").lower(), words), words):
+        with suppress(UnitError):  # another part cannot be read either
+            if _parse_unit(spelled, "")[2] == wanted:
+                return spelled
     fitting = {}
     for unit in UNITS:
         try:

@@ -39,9 +39,7 @@ def direction_to(cue: Sphere, ball: Sphere, target: Place) -> float:
 def direction_of_cut(cue: Sphere, ball: Sphere, cut: float | str) -> float:
     """The direction of `cue` (rad) in which `ball` leaves at the angle `cut` to it, above 0 to the left."""
     (cue_at, ball_at), reach = _places(cue, ball)
-    turn = angle("aim", "cut", cut)
-    if not abs(turn) < math.pi / 2:
-        raise CaromError(f"aim: cut must be between -90 deg and 90 deg, found {math.degrees(turn):g} deg")
+    turn = angle("aim", "cut", cut, lambda a: abs(a) < math.pi / 2, "must be between -90 deg and 90 deg")
     # Across the way of the cue ball the centres are reach * sin(cut) apart, at the start as at the hit.
     straight = math.atan2(ball_at[1] - cue_at[1], ball_at[0] - cue_at[0])
     return straight - math.asin(reach * math.sin(turn) / math.dist(cue_at, ball_at))

@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.billiards.data import TIPS
-from carom.billiards.given import angle, number, place
+from carom.billiards.given import angle, number, sphere, vector
 from carom.errors import CaromError, did_you_mean
 
 if TYPE_CHECKING:
@@ -100,19 +100,20 @@ def cue_impulse(
     if (speed is None) == (ball_speed is None):
         raise CaromError("strike: give speed (of the cue) or ball_speed, one of them, in m/s")
     restitution = _tip(restitution)
-    direction, elevation = angle("strike", "direction", direction), angle("strike", "elevation", elevation)
+    direction = angle("strike", "direction", direction)
+    elevation = angle(
+        "strike", "elevation", elevation, lambda a: 0 <= a < math.pi / 2, "must be from 0 to below 90 deg"
+    )
     for name, value, good in (
         ("speed", speed, speed is None or speed > 0),
         ("ball_speed", ball_speed, ball_speed is None or ball_speed > 0),
         ("cue_mass", cue_mass, cue_mass > 0),
         ("end_mass", end_mass, end_mass is None or end_mass > 0),
         ("restitution", restitution, 0 <= restitution <= 1),
-        ("elevation", elevation, 0 <= elevation < math.pi / 2),
     ):
         if not good:
-            span = {"restitution": "from 0 to 1", "elevation": "from 0 to below 90 deg"}.get(name, "above 0")
-            found = f"{math.degrees(elevation):g} deg" if name == "elevation" else repr(value)
-            raise CaromError(f"strike: {name} must be {span}, found {found}")
+            span = "from 0 to 1" if name == "restitution" else "above 0"
+            raise CaromError(f"strike: {name} must be {span}, found {value!r}")
     offset = math.hypot(side, height)
     if not offset < 1:
         raise CaromError(
@@ -178,13 +179,15 @@ def strike(
     `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table.
     The other arguments are those of `cue_impulse`, numbers in SI or texts with a unit: `speed="20 mph"`.
     """
+    ball = sphere("strike", "ball", ball)
     if any(ball.velocity) or any(ball.angular_velocity):
         raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
     if not isinstance(direction, str | Real):
-        x, y = place("strike", "direction", direction)
-        if not math.hypot(x, y) > 0:
+        x, y, z = [*vector("strike", "direction", direction), 0.0][:3]
+        if z or not math.hypot(x, y) > 0:
             raise CaromError(
-                "strike: direction must be an angle or a vector within the table that is not zero"
+                "strike: direction must be an angle or a vector (x, y) within the table that is not zero,"
+                f" found {direction!r}; a cue that points down has an elevation"
             )
         direction = math.atan2(y, x)
     found = cue_impulse(
@@ -194,8 +197,8 @@ def strike(
         direction=direction,
         speed=None if speed is None else number("strike", "speed", speed, "speed"),
         ball_speed=None if ball_speed is None else number("strike", "ball_speed", ball_speed, "speed"),
-        side=number("strike", "side (in radii)", side),
-        height=number("strike", "height (in radii)", height),
+        side=number("strike", "side", side, unit="of radii of the ball"),
+        height=number("strike", "height", height, unit="of radii of the ball"),
         elevation=elevation,
         cue_mass=number("strike", "cue_mass", cue_mass, "mass"),
         restitution=restitution,
@@ -209,7 +212,7 @@ def strike(
 def _tip(given: float | str) -> float:
     """A restitution, or that of a tip by its name."""
     if not isinstance(given, str):
-        return number("strike", "restitution", given)
+        return number("strike", "restitution", given, unit="without a unit")
     if given not in TIPS:
         raise CaromError(
             f"strike: restitution: no tip is called {given!r}; {did_you_mean(given, list(TIPS))}"

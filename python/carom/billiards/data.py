@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from carom.billiards.given import number
+from carom.errors import CaromError
 
 INCH = 0.0254
 OUNCE = 0.028349523125
@@ -153,8 +154,16 @@ class Laws:
     def __post_init__(self) -> None:
         for field in fields(self):
             given, usual = getattr(self, field.name), field.default
+            if isinstance(usual, str) and isinstance(given, str):
+                continue  # a law: the scene reads it
+            unit = usual.unit if isinstance(usual, Value) else "1"
+            value = number("Laws", field.name, given, unit="without a unit" if unit == "1" else f"in {unit}")
+            most = 1.0 if field.name.endswith("restitution") else math.inf
+            if not 0 <= value <= most:
+                span = "from 0 to 1" if most == 1 else "0 or more"
+                raise CaromError(f"Laws: {field.name} must be {span}, found {value:g}")
             if isinstance(usual, Value) and not isinstance(given, Value):
-                sourced = Value(number("Laws", field.name, given), usual.unit, "given by the caller")
+                sourced = Value(value, unit, "given by the caller")
                 object.__setattr__(self, field.name, sourced)  # the only way in a frozen dataclass
 
     def __str__(self) -> str:

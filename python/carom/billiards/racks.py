@@ -51,7 +51,8 @@ def numbers_of(order: str, seed: int | None = None) -> list[int]:
 def rows_of(balls: int) -> list[int]:
     """Balls in each row, apex first: a triangle, of which the last row may be short; nine are a diamond."""
     if isinstance(balls, bool) or not isinstance(balls, int) or not FEWEST <= balls <= MOST:
-        raise CaromError(f"rack: a rack has {FEWEST} to {MOST} balls, found {balls!r}")
+        cure = f'; for the rack of a game write order="{balls}"' if str(balls) in GAMES else ""
+        raise CaromError(f"rack: a rack has {FEWEST} to {MOST} balls, found {balls!r}{cure}")
     if balls == sum(DIAMOND):
         return list(DIAMOND)
     rows: list[int] = []

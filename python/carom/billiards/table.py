@@ -11,11 +11,12 @@ import numpy as np
 
 from carom.billiards.aim import direction_of_cut, direction_to
 from carom.billiards.data import LAWS, TABLES, Laws, Spec
-from carom.billiards.given import angle, number, place
+from carom.billiards.given import angle, number, place, sphere, vector
 from carom.billiards.racks import numbers_of, rack_places, rows_of
-from carom.billiards.walls import noses, outlets, rail
+from carom.billiards.walls import nearest_cushion, noses, outlets, rail
 from carom.errors import CaromError, did_you_mean
 from carom.events import departures
+from carom.touching import TOUCHING
 
 if TYPE_CHECKING:
     from carom.batch import Batch
@@ -67,12 +68,13 @@ class Table:
             if not given[name] >= 0:
                 raise CaromError(f"table: {name} must not be below 0, found {getattr(spec, name)!r}")
         for name in ("corner_angle", "side_angle"):
-            given[name] = angle("table", name, getattr(spec, name))
-            if not math.pi / 2 <= given[name] < math.pi:
-                raise CaromError(
-                    f"table: {name} is that between nose and facing, from 90 deg to below 180 deg,"
-                    f" found {math.degrees(given[name]):g} deg"
-                )
+            given[name] = angle(
+                "table",
+                name,
+                getattr(spec, name),
+                lambda a: math.pi / 2 <= a < math.pi,
+                "is that between nose and facing, from 90 deg to below 180 deg",
+            )
         spec = replace(spec, **given)
         r = spec.ball_radius
         if not 0 < r < spec.nose_height < 2 * r:
@@ -138,7 +140,7 @@ class Table:
         from carom.billiards.marked import mark
         from carom.scene import Scene
 
-        gravity = number("scene", "gravity", gravity)
+        gravity = number("scene", "gravity", gravity, unit="in m/s^2")
         if not isinstance(laws, Laws):
             raise CaromError(f"scene: laws must be of billiards.Laws, as billiards.LAWS is, found {laws!r}")
         scene = Scene(
@@ -154,22 +156,38 @@ class Table:
         return scene
 
     def ball(self, scene: Scene, name: str, at: str | Sequence[float | str], **keys: Any) -> Sphere:
-        """Add a ball of this table at a spot, or at (x, y), on the bed; `keys` are those of `Scene.sphere`.
+        """Add a ball of this table at a spot or at (x, y), on the bed; `keys` are those of `Scene.sphere`.
 
-        Coordinates are numbers in m or texts with a unit.
+        Coordinates are numbers in m or texts with a unit. A ball in the air is at (x, y, z), z the height of its centre.
         """
         if isinstance(at, str):
             if at not in self.spots:
                 raise CaromError(f"ball: no spot is called {at!r}; {did_you_mean(at, list(self.spots))}")
             at = self.spots[at]
-        x, y = place("ball", "at", at, "length")
-        r = self.spec.ball_radius
+        r = number("ball", "radius", keys.get("radius", self.spec.ball_radius), "length")
+        x, y, z = [*vector("ball", "at", at, "length"), r][:3]
         self._on_slate(name, x, y)
-        given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, r), **keys}
+        self._clear(name, (x, y, z), r)
+        given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, z), **keys}
         return scene.sphere(name, **given)
 
+    def _clear(self, name: str, at: tuple[float, float, float], radius: float) -> None:
+        """Refuses a ball that overlaps the bed or a cushion by more than a touch."""
+        least = radius * (1.0 - TOUCHING)
+        if at[2] < least:
+            raise CaromError(
+                f"ball: {name!r} overlaps the bed: its centre is at a height of {at[2]:g} m, its radius is {radius:g} m;"
+                " leave z out, as in at=(x, y), for a ball on the bed"
+            )
+        cushion, away = nearest_cushion(self.spec, at)
+        if away < least:
+            raise CaromError(
+                f"ball: {name!r} at ({at[0]:g}, {at[1]:g}) m overlaps the {cushion} by {1000 * (radius - away):.3g} mm;"
+                f" the centre of a ball of the table is {self.reach:.4g} m or more from the line of a nose"
+            )
+
     def _on_slate(self, name: str, x: float, y: float) -> None:
-        """Refuses a place that has no slate under it. Overlaps with cushions are found as those of any scene."""
+        """Refuses a place that has no slate under it."""
         spec = self.spec
         shelf = spec.side_shelf if abs(x - 0.5 * spec.length) < 0.5 * spec.side_mouth else 0.0
         if not (0 <= x <= spec.length and -shelf <= y <= spec.width + shelf):
@@ -236,6 +254,7 @@ class Table:
         or with a unit, above 0 where `ball` leaves to the left. Both by the line of centres: throw is left out
         (`carom.billiards.aim`).
         """
+        cue, ball = sphere("aim", "cue", cue), sphere("aim", "ball", ball)
         if (pocket is None) == (cut is None):
             raise CaromError("aim: give a pocket or cut=, one of them")
         if cut is not None:
@@ -245,7 +264,10 @@ class Table:
                 known = did_you_mean(pocket, list(self.pockets)) if self.has_pockets else "the table has none"
                 raise CaromError(f"aim: no pocket is called {pocket!r}; {known}")
             return direction_to(cue, ball, self.pockets[pocket])
-        return direction_to(cue, ball, place("aim", "pocket", pocket, "length"))
+        x, y, *_ = vector(
+            "aim", "pocket", pocket, "length"
+        )  # the place of a ball has a height, which does not matter
+        return direction_to(cue, ball, (x, y))
 
     def _laws(self, scene: Scene, laws: Laws, gravity: float) -> None:
         r = self.spec.ball_radius

@@ -31,6 +31,8 @@ STAIRS = 8
 """Boxes that stand for the slanted edge of the slate in a corner."""
 FACING = 2.8
 """Length of a facing, in radii of a ball."""
+RAIL = 3.0
+"""Width of the rectangle behind a nose, in radii of a ball."""
 
 
 def noses(spec: Spec) -> list[tuple[str, tuple[float, float], tuple[float, float]]]:
@@ -68,7 +70,7 @@ def noses(spec: Spec) -> list[tuple[str, tuple[float, float], tuple[float, float
 
 def rail(scene: Scene, name: str, start: tuple[float, float], end: tuple[float, float], spec: Spec) -> None:
     """A rectangle at the height of the nose that faces down; its inner edge is the nose."""
-    reach = 3.0 * spec.ball_radius
+    reach = RAIL * spec.ball_radius
     way = np.subtract(end, start)
     length = float(np.linalg.norm(way))
     way = way / length
@@ -82,6 +84,22 @@ def rail(scene: Scene, name: str, start: tuple[float, float], end: tuple[float, 
         side=(float(way[0]), float(way[1]), 0.0),
         material="cushion",
     )
+
+
+def nearest_cushion(spec: Spec, point: tuple[float, float, float]) -> tuple[str, float]:
+    """The cushion or facing nearest to a point, and its distance, m: that of the rectangle of `rail`."""
+    found = []
+    for name, start, end in noses(spec):
+        length = math.dist(start, end)
+        way = np.subtract(end, start) / length
+        apart = np.subtract(point[:2], start)
+        along = float(apart @ way)
+        out = float(apart[0] * way[1] - apart[1] * way[0])
+        past = along - min(max(along, 0.0), length)
+        behind = out - min(max(out, 0.0), RAIL * spec.ball_radius)
+        found.append((math.hypot(past, behind, point[2] - spec.nose_height), name))
+    away, name = min(found)
+    return name, away
 
 
 def outlets(spec: Spec) -> list[tuple[list[float], list[float]]]:
