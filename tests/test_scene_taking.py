@@ -77,9 +77,9 @@ def test_many_balls_want_the_tolerance_of_piles() -> None:
         )  # fmt: skip
         return [a.cure for a in scene.validate() if a.key == "run.pile_tolerance"]
 
-    [cure] = advice(500, pile_tolerance=1e-7)
+    [cure] = advice(100, pile_tolerance=1e-7)
     assert cure.startswith("pile_tolerance = 0.0001;")
-    assert advice(500, pile_tolerance=1e-4) == advice(499, pile_tolerance=1e-7) == []
+    assert advice(100, pile_tolerance=1e-4) == advice(99, pile_tolerance=1e-7) == []
 
 
 def test_a_batch_starts_from_a_settled_pile_as_a_run_does(settled: carom.Result) -> None:
