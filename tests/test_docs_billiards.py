@@ -37,6 +37,15 @@ def test_the_first_example_of_the_kit_pockets_balls_without_a_warning(tmp_path: 
     assert re.search(r"^\d\.\d\d s: \d into (?:head|foot|side) ", said)
 
 
+def test_the_speeds_of_the_guide_are_those_of_a_pool_ball() -> None:
+    guide = (DOCS / "guides" / "choose.md").read_text("utf-8")
+    told = re.findall(r"`([\d.]+) r`[^`]*? at ([\d.]+) m/s", guide.partition("For pool 0.1 ms is")[2])[:2]
+    exact = [(share, float(share) * billiards.TABLES["9ft"].ball_radius / 1e-4) for share in ("0.02", "0.05")]
+    assert [(share, float(speed)) for share, speed in told] == [
+        (share, pytest.approx(speed, rel=0.03)) for share, speed in exact
+    ]
+
+
 def test_the_page_of_the_kit_is_plain_english() -> None:
     text = BILLIARDS.read_text("utf-8")
     assert long_lines(text) == []
