@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from carom import billiards, events
 from carom.billiards import LAWS, TABLES, cue_impulse, rack_places, strike, table
+from carom.billiards.data import SNOOKER
 from carom.billiards.racks import numbers_of, rows_of
 from carom.billiards.walls import outlets
 from carom.errors import CaromError, ScenarioError
@@ -431,6 +432,22 @@ def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None
         t.scene(untl=3)
 
 
+def test_the_spots_of_snooker_are_those_of_the_rules() -> None:
+    """WPBSA, section 1, rule 1 (d) to (f), in inches; seen from the baulk end yellow lies right of green."""
+    t = table("snooker")
+    inch, middle = 0.0254, 0.5 * t.spec.width
+    at = {name: t.spots[name] for name in SNOOKER}
+    np.testing.assert_allclose([at[name][0] for name in ("yellow", "green", "brown")], 29 * inch, atol=5e-4)
+    np.testing.assert_allclose(
+        [at["yellow"][1], at["green"][1]], middle + 11.5 * inch * np.array([-1, 1]), atol=5e-4
+    )
+    assert at["black"][0] == pytest.approx(t.spec.length - 12.75 * inch, abs=5e-4)
+    assert at["blue"][0] == 0.5 * t.spec.length
+    assert at["pink"][0] == 0.5 * (at["blue"][0] + t.spec.length)
+    assert {at[name][1] for name in ("brown", "blue", "pink", "black")} == {middle}
+    assert not set(SNOOKER) & set(table("9ft").spots)
+
+
 # --- racks --------------------------------------------------------------------------------------------------------------
 
 
@@ -695,7 +712,7 @@ def test_what_a_stop_of_a_batch_raises_goes_on() -> None:
             r"'9' at \(2.53, 0.6\) m overlaps the cushion foot by 15.9 mm; .* 0.02751 m or more from",
         ),
         ((2.54, 0.6), "'9' at .* overlaps the cushion foot by 20.9"),
-        ((1.0, 0.5, 0.01), "'9' overlaps the bed: its centre is at a height of 0.01 m"),
+        ((1.0, 0.5, 0.01), r"'9' at \(1, 0.5\) m overlaps the bed: its centre is at a height of 0.01 m"),
     ],
 )
 def test_a_ball_outside_of_the_rails_is_named(at: tuple[float, float], said: str) -> None:

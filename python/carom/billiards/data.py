@@ -131,6 +131,11 @@ TABLES: dict[str, Spec] = {
 }
 """By name."""
 
+# WPBSA, section 1, rule 1: lines and spots of a snooker table, m, from the faces of the cushions.
+BAULK, D_RADIUS, BLACK = 0.737, 0.292, 0.324
+SNOOKER = ("yellow", "green", "brown", "blue", "pink", "black")
+"""Snooker's coloured balls, which have spots of their own."""
+
 
 @dataclass(frozen=True)
 class Laws:

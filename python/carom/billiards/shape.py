@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.billiards.data import BAULK, D_RADIUS, SNOOKER
 from carom.billiards.table import Table
 from carom.billiards.walls import noses
 
@@ -39,8 +40,6 @@ LINER = 0.45
 SPOT = 0.17
 LIFT = 0.015
 """By how much marks lie over what they are on, so that neither hides the other."""
-# WPBSA: lines of a snooker table, m.
-BAULK, D_RADIUS, BLACK = 0.737, 0.292, 0.324
 
 
 @dataclass(frozen=True)
@@ -135,15 +134,14 @@ class Shape:
     @cached_property
     def lines(self) -> list[F64]:
         """Spots and lines on the cloth, convex polygons (n, 2)."""
-        middle, spots = 0.5 * self.width, list(self.table.spots.values())
+        middle, marked = 0.5 * self.width, self.table.spots
         if self.table.spec.name == "snooker":
-            spots = [(0.75 * self.length, middle), (0.5 * self.length, middle), (self.length - BLACK, middle)]
-            spots += [(BAULK, middle + k * D_RADIUS) for k in (-1, 0, 1)]
+            marked = {name: marked[name] for name in SNOOKER}
         elif self.holes:
-            spots = [self.table.spots["foot spot"], self.table.spots["head spot"]]
+            marked = {name: marked[name] for name in ("foot spot", "head spot")}
         angle = np.linspace(0.0, 2 * math.pi, 20, endpoint=False)
         circle = SPOT * self.size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        found = [np.array(at) + circle for at in spots]
+        found = [np.array(at) + circle for at in marked.values()]
         if self.table.spec.name == "snooker":
             half = 0.04 * self.size
             found.append(

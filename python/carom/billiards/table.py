@@ -12,11 +12,11 @@ import numpy as np
 from carom.billiards.aim import direction_of_cut, direction_to
 from carom.billiards.data import LAWS, TABLES, Laws, Spec
 from carom.billiards.given import angle, number, place, sphere, vector
+from carom.billiards.places import check_place, spots_of
 from carom.billiards.racks import numbers_of, rack_places, rows_of
-from carom.billiards.walls import nearest_cushion, noses, outlets, rail
+from carom.billiards.walls import noses, outlets, rail
 from carom.errors import CaromError, did_you_mean
 from carom.events import departures
-from carom.touching import TOUCHING
 
 if TYPE_CHECKING:
     from carom.batch import Batch
@@ -113,13 +113,8 @@ class Table:
 
     @property
     def spots(self) -> dict[str, tuple[float, float]]:
-        """Places on the table (x, y), m; `rack` and `cue_ball` take their names."""
-        length, width = self.spec.length, self.spec.width
-        return {
-            "head spot": (0.25 * length, 0.5 * width),
-            "centre spot": (0.5 * length, 0.5 * width),
-            "foot spot": (0.75 * length, 0.5 * width),
-        }
+        """Places on the table (x, y), m; `ball`, `cue_ball` and `rack` take their names."""
+        return spots_of(self.spec)
 
     @property
     def pockets(self) -> dict[str, tuple[float, float]]:
@@ -166,41 +161,9 @@ class Table:
             at = self.spots[at]
         r = number("ball", "radius", keys.get("radius", self.spec.ball_radius), "length")
         x, y, z = [*vector("ball", "at", at, "length"), r][:3]
-        self._on_slate(name, x, y)
-        self._clear(name, (x, y, z), r)
+        check_place(self, name, (x, y, z), r)
         given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, z), **keys}
         return scene.sphere(name, **given)
-
-    def _clear(self, name: str, at: tuple[float, float, float], radius: float) -> None:
-        """Refuses a ball that overlaps the bed or a cushion by more than a touch."""
-        least = radius * (1.0 - TOUCHING)
-        if at[2] < least:
-            raise CaromError(
-                f"ball: {name!r} overlaps the bed: its centre is at a height of {at[2]:g} m, its radius is {radius:g} m;"
-                " leave z out, as in at=(x, y), for a ball on the bed"
-            )
-        cushion, away = nearest_cushion(self.spec, at)
-        if away < least:
-            raise CaromError(
-                f"ball: {name!r} at ({at[0]:g}, {at[1]:g}) m overlaps the {cushion} by {1000 * (radius - away):.3g} mm;"
-                f" the centre of a ball of the table is {self.reach:.4g} m or more from the line of a nose"
-            )
-
-    def _on_slate(self, name: str, x: float, y: float) -> None:
-        """Refuses a place that has no slate under it."""
-        spec = self.spec
-        shelf = spec.side_shelf if abs(x - 0.5 * spec.length) < 0.5 * spec.side_mouth else 0.0
-        if not (0 <= x <= spec.length and -shelf <= y <= spec.width + shelf):
-            raise CaromError(
-                f"ball: {name!r} at ({x:g}, {y:g}) m is outside of the rails:"
-                f" the bed is 0 to {spec.length:g} m along x and 0 to {spec.width:g} m along y"
-            )
-        for low, high in outlets(spec):
-            if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= spec.ball_radius:
-                pocket = min(self.pockets, key=lambda pocket: math.dist(self.pockets[pocket], (x, y)))
-                raise CaromError(
-                    f"ball: {name!r} at ({x:g}, {y:g}) m is behind the edge of the slate, in the pocket {pocket!r}"
-                )
 
     def cue_ball(self, scene: Scene, at: str | Sequence[float | str] = "head spot", **keys: Any) -> Sphere:
         """Add the ball "cue"."""
