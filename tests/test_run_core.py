@@ -150,16 +150,48 @@ def test_joint_impulses_with_names_and_without_joints(breaks: carom.Scene) -> No
     assert np.sum(held.joint_impulse[:, :, 2], axis=0) == pytest.approx([weight, weight], rel=1e-6)
 
 
-def test_the_summary_of_a_failed_run_says_so(breaks: carom.Scene, tmp_path: Path) -> None:
+@pytest.mark.filterwarnings("error::carom.run.CaromWarning")
+def test_the_summary_of_a_failed_run_says_so(
+    breaks: carom.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Why it stopped, with one cure in message and command, before what may be wrong in what was computed."""
+    from carom.cli import summary
     from carom.cli.summary import text
+
+    for module in (carom.run, summary):
+        monkeypatch.setattr(module, "remarks", lambda result: ["rebounds are too low"])
 
     hard = {"max_iterations": 1, "gauss_seidel_sweeps": 0, "max_halvings": 0, "tolerance": 1e-15}
     with pytest.raises(carom.RunFailed) as caught:
         simulate(breaks, until=0.13, out=tmp_path / "run", **hard)
+    assert caught.value.__notes__ == ["warning: rebounds are too low"]
+    assert "; try max_iterations = 50, " in str(caught.value)
     result = caught.value.result
     told = text({**result.summary, "directory": "run"}, result)
     assert told.splitlines()[1].startswith("FAILED, not converged in step ")
+    assert told.splitlines()[2] == "warning     rebounds are too low"
     assert "troubles    stopped: not converged at step" in told
     assert "troubles    none" not in told
-    assert "carom resume run --set" in told.splitlines()[-1]
+    assert "carom resume run --set max_iterations=50 " in told.splitlines()[-1]
     assert "carom plot" not in told
+
+
+@pytest.mark.parametrize(
+    ("advice", "option"),
+    [
+        ("try pile_tolerance = 1e-3", "pile_tolerance=1e-3"),
+        ('try solver = "auto", max_iterations = 50 or max_halvings = 8', "solver=auto"),
+        (
+            'no other setting is known to solve it; on_nonconvergence = "warn" goes on with what was reached',
+            "on_nonconvergence=warn",
+        ),
+        ("joints may leave no motion: look at them", None),
+    ],
+)
+def test_the_command_that_leads_on_sets_what_the_core_advises_first(advice: str, option: str | None) -> None:
+    from carom.changes import CHANGEABLE
+    from carom.cli.summary import _easier
+    from carom.tables import Outcome
+
+    assert _easier(Outcome("not_converged", advice=advice)) == option
+    assert option is None or option.split("=")[0] in CHANGEABLE

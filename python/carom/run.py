@@ -485,9 +485,11 @@ def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], erro
 
 
 def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
-    for told in remarks(result):
-        warnings.warn(told, CaromWarning, stacklevel=3)
     outcome = result.outcome
+    told = remarks(result)
+    if not outcome.failed:
+        for remark in told:
+            warnings.warn(remark, CaromWarning, stacklevel=3)
     if outcome.ok:
         return result
     if stop and outcome.kind == "interrupted":
@@ -495,7 +497,10 @@ def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
             signal.raise_signal(signal.SIGTERM)
         where = f"what was computed is in {result.path}" if kept else "pass out=... to keep what was computed"
         raise KeyboardInterrupt(f"interrupted at t = {outcome.time:g} s; {where}")
-    raise RunFailed(str(outcome), result)
+    stopped = RunFailed(str(outcome), result)
+    for remark in told:  # behind the message: why there is no result comes before what may be wrong in it
+        stopped.add_note(f"warning: {remark}")
+    raise stopped
 
 
 def _temporary() -> RunDir:

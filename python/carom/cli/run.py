@@ -114,8 +114,9 @@ def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None =
 
         print(text(summary, result))
     else:
-        for told in remarks(result):
-            note(f"warning: {told}")
+        if not result.outcome.failed:
+            for told in remarks(result):
+                note(f"warning: {told}")
         if summary.get("unconverged"):
             from carom.errors import counted
 
@@ -134,4 +135,10 @@ def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None =
         told += (
             f"; carom resume {result.path} --set KEY=VALUE goes on from there with other numerical options"
         )
-    return fail(told, NOT_CONVERGED)
+    code = fail(told, NOT_CONVERGED)
+    if (
+        quiet and not as_json
+    ):  # behind the message: why there is no result comes before what may be wrong in it
+        for remark in remarks(result):
+            note(f"warning: {remark}")
+    return code

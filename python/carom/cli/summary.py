@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import re
 import textwrap
 import tomllib
 from collections.abc import Mapping
@@ -15,8 +15,6 @@ from carom.errors import counted
 from carom.gained import unsettled
 from carom.layout import table
 from carom.remarks import remarks
-from carom.scenario.advice import MANY_BALLS, PILE_TOLERANCE
-from carom.scenario.wall_checks import COARSE
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -32,15 +30,15 @@ TROUBLES = {
 }
 #: Travel in a step, in radii, from which a ball can pass through another or a plane unnoticed.
 MOST_TRAVEL = 1.0
-#: A tolerance above this is no cure.
-MOST_TOLERANCE = 1e-7
 
 
 def text(summary: Mapping[str, Any], result: Result) -> str:
     """The summary of a run for a terminal, at most 100 columns wide."""
+    head = [_warnings(result), _head(summary, result)]
+    if result.outcome.failed:  # why there is no result comes before what may be wrong in it
+        head.reverse()
     blocks = [
-        _warnings(result),
-        _head(summary, result),
+        *head,
         _events(result),
         _flow(summary, result),
         _iterations(summary),
@@ -179,21 +177,15 @@ def _next(path: str, result: Result) -> str:
         return f"carom resume {path}   {look}" if outcome.kind == "interrupted" else look
     joined = outcome.level == "smooth" or (result.summary.get("failure") or {}).get("joints")
     commands = [f"carom info {path}"]
-    if outcome.kind == "not_converged" and not joined:  # joints that contradict one another stay
-        commands.insert(0, f"carom resume {path} --set {_easier(outcome, result)}")
+    cure = _easier(outcome)
+    if outcome.kind == "not_converged" and cure and not joined:  # joints that contradict one another stay
+        commands.insert(0, f"carom resume {path} --set {cure}")
     if len(result.time) > 1:
         commands.append(f"carom view {path}")
     return "   ".join(commands)
 
 
-def _easier(outcome: Outcome, result: Result) -> str:
-    """An option with which the failed step may be solved: the tolerance of piles, where it is one of a pile; the next
-    tolerance that its residual keeps; or half steps.
-    """
-    if len(result.names) >= MANY_BALLS and tomllib.loads(result.scenario)["run"]["pile_tolerance"] < COARSE:
-        return f"pile_tolerance={PILE_TOLERANCE:g}"
-    if outcome.residual and outcome.residual < MOST_TOLERANCE:
-        return f"tolerance=1e{math.floor(math.log10(outcome.residual)) + 1}"
-    # At the default, 4, the core halves on by itself up to 8 times.
-    tried = tomllib.loads(result.scenario)["run"]["max_halvings"]
-    return "max_halvings=8" if tried < 8 and tried != 4 else "on_nonconvergence=warn"
+def _easier(outcome: Outcome) -> str | None:
+    """The first option that the advice of the core names (`cures.rs`), as `--set` takes it: one piece of advice, not two."""
+    cure = re.search(r'(\w+) = "?([^\s",;]+)', outcome.advice)
+    return f"{cure[1]}={cure[2]}" if cure else None
