@@ -69,6 +69,11 @@ impl Rows {
         self.rows.retain(|row| row.problem != problem);
     }
 
+    /// The least restitution scale of the rows, 1 where there are none.
+    pub fn least_scale(&self) -> f64 {
+        self.rows.iter().map(|row| row.scale).fold(1.0, f64::min)
+    }
+
     /// Appends the rows to the table. Those of the loads enter it only if an impact follows.
     pub fn hand_over(
         &self,

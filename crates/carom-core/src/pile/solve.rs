@@ -194,8 +194,6 @@ impl Pile {
         if !progress.converged && !self.accept {
             return None;
         }
-        let least = found.iter().copied().fold(1.0, f64::min);
-        report.restitution_scale = report.restitution_scale.min(least);
         Some(found)
     }
 

@@ -324,9 +324,12 @@ impl Pile {
             for mut found in found {
                 scratch.warm.append(&mut found.warm);
                 scratch.impacts.append(&mut found.impacts);
+                report.restitution_scale = report.restitution_scale.min(found.restitution_scale);
                 report.missed_impacts += found.missed;
             }
         }
+        let scale = report.restitution_scale.min(memory.every.least_scale());
+        report.restitution_scale = scale;
         memory
             .every
             .hand_over(&memory.members, scratch.contacts, scratch.impacts);
@@ -334,11 +337,23 @@ impl Pile {
 }
 
 /// What is found at the contacts of a share.
-#[derive(Default)]
 struct Found {
     warm: Vec<Warm>,
     impacts: Vec<ImpactRecord>,
     missed: u32,
+    /// The least of the contacts that closed: scaled restitution of a contact that only loads press scales nothing.
+    restitution_scale: f64,
+}
+
+impl Default for Found {
+    fn default() -> Self {
+        Found {
+            warm: Vec::new(),
+            impacts: Vec::new(),
+            missed: 0,
+            restitution_scale: 1.0,
+        }
+    }
 }
 
 impl Found {
@@ -367,7 +382,11 @@ impl Found {
         if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > memory.tol && !touching {
             self.missed += 1;
         }
-        if m.problem == 0 || memory.every.wanted {
+        if m.problem == 0 {
+            return;
+        }
+        self.restitution_scale = self.restitution_scale.min(m.scale);
+        if memory.every.wanted {
             return;
         }
         self.impacts.push(ImpactRecord {

@@ -84,8 +84,11 @@ pub fn step(
         end,
         h: weighted,
     };
-    step::correct_velocities(model, state, scratch, span, report, *accept_unconverged)?;
+    let corrected =
+        step::correct_velocities(model, state, scratch, span, report, *accept_unconverged);
+    // Before an error is passed on: its time is that of its own phase.
     timers.mark(Phase::Velocity);
+    corrected?;
     advance(model, state, scratch, weight);
     scratch.walls.place(model, end);
     let span = whole;

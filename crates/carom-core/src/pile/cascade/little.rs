@@ -40,7 +40,6 @@ pub(super) struct Batch {
     /// Changes of linear and surface velocity.
     pub moved: Vec<[DVec3; 2]>,
     pub residual: f64,
-    pub restitution_scale: f64,
     /// Islands that were not solved: they gave nothing.
     pub failed: u32,
     pub pushed: bool,
@@ -51,7 +50,7 @@ impl Batch {
         self.given.clear();
         self.turned.clear();
         self.moved.clear();
-        (self.residual, self.restitution_scale) = (0.0, 1.0);
+        self.residual = 0.0;
         (self.failed, self.pushed) = (0, false);
         let mut islands = islands;
         while !islands.is_empty() {
@@ -135,7 +134,6 @@ impl Batch {
         let moved = self.group.corrections().iter();
         self.moved.extend(moved.map(|u| [u.linear, u.surface]));
         self.residual = self.residual.max(residual);
-        self.restitution_scale = self.restitution_scale.min(scale);
         Some(())
     }
 
