@@ -136,9 +136,8 @@ def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None =
             f"; carom resume {result.path} --set KEY=VALUE goes on from there with other numerical options"
         )
     code = fail(told, NOT_CONVERGED)
-    if (
-        quiet and not as_json
-    ):  # behind the message: why there is no result comes before what may be wrong in it
+    if quiet and not as_json:
+        # Behind the message: why there is no result comes before what may be wrong in it.
         for remark in remarks(result):
             note(f"warning: {remark}")
     return code
