@@ -1,6 +1,7 @@
 //! The three sub-problems of a step: smooth (eqs. 1a-b), position (1c-e) and velocity (1f-h).
 
 pub mod coupling;
+mod less_friction;
 pub mod position;
 mod position_measures;
 pub(crate) mod rest;

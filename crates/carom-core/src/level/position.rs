@@ -4,6 +4,7 @@
 //! other rows in the frame of t_n, acting on the increments over the whole step (eq. 37). Joints stand beside the
 //! contacts, and loads that depend on positions act through their change, `(h^2/2) f_p` (eq. 3).
 
+use super::less_friction::with_less_friction;
 use super::position_measures::{Coupled, Positions};
 use super::rest::{self, Resting};
 use super::{
@@ -111,7 +112,12 @@ pub fn solve_island(
             return true;
         }
         if !others {
-            return false;
+            let asked = Demand::Converged;
+            return span.smallest
+                && demand != Demand::Accepted
+                && with_less_friction(scratch, island, report, |scratch, report| {
+                    pile::solve_positions(model, state, scratch, island, span, report, asked, None)
+                });
         }
         report.fallbacks += 1;
     }

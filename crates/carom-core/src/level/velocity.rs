@@ -1,5 +1,6 @@
 //! Velocity sub-problem (eqs. 1f-h): one island of closed contacts, by the impact law of the run.
 
+use super::less_friction::with_less_friction;
 use super::{closed_form, single};
 use crate::contact::Contact;
 use crate::impact::bisect::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
@@ -51,7 +52,11 @@ pub fn solve_island(
             return true;
         }
         if !others {
-            return false;
+            return span.smallest
+                && !accept_unconverged
+                && with_less_friction(scratch, island, report, |scratch, report| {
+                    pile::solve_velocities(model, state, scratch, island, span, report, false)
+                });
         }
         report.fallbacks += 1;
     }
