@@ -328,7 +328,7 @@ def test_a_gate_that_is_drawn_away_at_once_leaves_the_column_its_weight(tmp_path
     share = -floor / (weight(result) * 1e-3)
     assert share[:7] == pytest.approx(1.0, abs=0.1)
     assert np.all(share[7:] > 0.7)  # it begins to collapse
-    assert np.all(share[7:] < 1.0)
+    assert np.all(share[8:] < 0.95)  # in the step after the one in which the gate goes
 
 
 @pytest.mark.long
