@@ -29,9 +29,10 @@ def test_a_step_that_four_halvings_do_not_solve_is_halved_on() -> None:
 
 def test_whoever_sets_the_halvings_gets_them_and_the_advice_that_is_left() -> None:
     with pytest.raises(CaromError) as caught:
-        carom.simulate(heap(), **STUCK, max_halvings=3)
+        # A tolerance below rounding, which no rescue reaches.
+        carom.simulate(heap(), until=0.06, max_halvings=3, tolerance=1e-15, pile_tolerance=1e-15)
     told = str(caught.value)
-    assert "not converged at step 51" in told
+    assert re.search(r"not converged at step \d+", told)
     assert re.search(r"; try (pile_tolerance = 1e-[34] or )?max_halvings = 8$", told)
     assert "max_iterations" not in told
     assert "smaller step" not in told
