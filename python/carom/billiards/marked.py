@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 from carom.billiards.data import Spec
@@ -14,22 +12,12 @@ from carom.errors import CaromError
 HEADER = "[billiard_table]"
 
 
-def mark(table: Table) -> dict[str, Any]:
-    """The keys of `[billiard_table]` for a table."""
-    return {field.name: getattr(table.spec, field.name) for field in fields(Spec) if field.name != "source"}
-
-
-def kit_table(given: Mapping[str, Any]) -> Table:
-    """The table of such keys."""
-    return Table(Spec(**given))
-
-
 def table_of(result: Any) -> Table | None:
     """The table of the kit that a run was made on; None of any other run."""
     try:
         text = getattr(result, "scenario", None)
         if not isinstance(text, str) or HEADER not in text:
             return None  # the scenario of many spheres takes long to parse
-        return kit_table(tomllib.loads(text)["billiard_table"])
+        return Table(Spec(**tomllib.loads(text)["billiard_table"]))
     except (ValueError, KeyError, TypeError, RecursionError, CaromError):
         return None  # a lost or damaged copy of the scenario does not keep the motion from being seen

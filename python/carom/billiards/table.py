@@ -11,7 +11,8 @@ import numpy as np
 
 from carom.billiards.aim import direction_of_cut, direction_to
 from carom.billiards.data import LAWS, TABLES, Laws, Spec
-from carom.billiards.given import angle, number, place, sphere, vector
+from carom.billiards.given import number, place, sphere, vector
+from carom.billiards.measures import checked, mark
 from carom.billiards.places import check_place, spots_of
 from carom.billiards.racks import numbers_of, rack_places, rows_of
 from carom.billiards.walls import noses, outlets, rail
@@ -56,46 +57,7 @@ class Table:
     """Builds scenes on a table and reads results of them."""
 
     def __init__(self, spec: Spec) -> None:
-        given: dict[str, Any] = {}
-        for name in ("length", "width", "ball_radius", "ball_mass", "nose_height"):
-            given[name] = number(
-                "table", name, getattr(spec, name), "mass" if name == "ball_mass" else "length"
-            )
-            if not given[name] > 0:
-                raise CaromError(f"table: {name} must be above 0, found {getattr(spec, name)!r}")
-        for name in ("corner_mouth", "side_mouth", "corner_shelf", "side_shelf"):
-            given[name] = number("table", name, getattr(spec, name), "length")
-            if not given[name] >= 0:
-                raise CaromError(f"table: {name} must not be below 0, found {getattr(spec, name)!r}")
-        for name in ("corner_angle", "side_angle"):
-            given[name] = angle(
-                "table",
-                name,
-                getattr(spec, name),
-                lambda a: math.pi / 2 <= a < math.pi,
-                "is that between nose and facing, from 90 deg to below 180 deg",
-            )
-        spec = replace(spec, **given)
-        r = spec.ball_radius
-        if not 0 < r < spec.nose_height < 2 * r:
-            raise CaromError(
-                f"table: nose_height must be above the centre of the ball and below its top, {r:g} to {2 * r:g} m,"
-                f" found {spec.nose_height:g}"
-            )
-        if min(spec.length, spec.width) < 10 * r:
-            raise CaromError(f"table: {spec.length:g} m x {spec.width:g} m is too small for balls of {r:g} m")
-        if bool(spec.corner_mouth) != bool(spec.side_mouth):
-            raise CaromError(
-                "table: give corner_mouth and side_mouth both, or both 0 for a table without pockets"
-            )
-        # Each piece of nose must be longer than nothing.
-        a, b = spec.corner_mouth / math.sqrt(2), 0.5 * spec.side_mouth
-        if not (0.5 * spec.length > a + b and spec.width > 2 * a):
-            raise CaromError(
-                f"table: pockets of {spec.corner_mouth:g} m (corner_mouth) and {spec.side_mouth:g} m (side_mouth) leave"
-                f" no cushion on {spec.length:g} m x {spec.width:g} m"
-            )
-        self.spec = spec
+        self.spec = checked(spec)
 
     @property
     def has_pockets(self) -> bool:
@@ -132,7 +94,6 @@ class Table:
         self, title: str = "", *, laws: Laws = LAWS, gravity: float = GRAVITY, record: Any = None, **run: Any
     ) -> Scene:
         """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`."""
-        from carom.billiards.marked import mark
         from carom.scene import Scene
 
         gravity = number("scene", "gravity", gravity, unit="in m/s^2")
@@ -141,7 +102,7 @@ class Table:
         scene = Scene(
             title or f"{self.spec.name} table", gravity=(0.0, 0.0, -gravity), run=run, record=record
         )
-        scene.billiard_table = mark(self)
+        scene.billiard_table = mark(self.spec)
         self._laws(scene, laws, gravity)
         scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="cloth")
         for name, start, end in noses(self.spec):

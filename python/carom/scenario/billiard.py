@@ -53,10 +53,11 @@ class BilliardTable(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        from carom.billiards.marked import kit_table
+        from carom.billiards.data import Spec
+        from carom.billiards.measures import checked
 
         try:
-            kit_table(self.written(everything=True))
+            checked(Spec(**self.written(everything=True)))
         except CaromError as error:
             raise refuse(str(error).removeprefix("table: "), "give measures of a table that can be") from None
         return self
