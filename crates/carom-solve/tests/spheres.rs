@@ -7,9 +7,7 @@ mod order;
 mod rolling;
 
 use carom_solve::rows::{Linear, RowSystem, WORLD};
-use carom_solve::spheres::{
-    as_spheres, Body, Contact, Goal, Instructions, Place, Roll, SpheresError, Sweeps,
-};
+use carom_solve::spheres::{Body, Contact, Goal, Instructions, Place, Roll, SpheresError, Sweeps};
 use carom_solve::Bounds;
 use common::{cross, dot, scaled, sharp, Rng};
 
@@ -85,6 +83,21 @@ fn touch(rng: &mut Rng, a: u32, b: u32, normal: [f64; 3], friction: f64) -> Cont
 
 fn sweeps(p: &Problem, threads: usize) -> Sweeps {
     Sweeps::new(&p.bodies, &p.contacts, Some(&p.places), threads).expect("a good problem")
+}
+
+/// `|P(r - z/w) - r|` over all contacts, N s: 0 at solutions, nowhere else.
+fn residual(s: &Sweeps) -> f64 {
+    s.norms(1.0).residual
+}
+
+/// Sweeps until the residual is at most `tolerance`, and looks after every `interval` of them; the sweeps and what is left.
+fn solve(s: &mut Sweeps, tolerance: f64, interval: usize, most: usize) -> (usize, f64) {
+    let mut done = 0;
+    while residual(s) > tolerance && done < most {
+        s.sweep(interval);
+        done += interval;
+    }
+    (done, residual(s))
 }
 
 fn tangents(n: [f64; 3]) -> [[f64; 3]; 2] {
@@ -201,7 +214,7 @@ fn sweeps_reach_a_solution_of_the_rows() {
     ] {
         let p = heap(seed, balls, friction);
         let mut s = sweeps(&p, 1);
-        let (done, residual) = s.solve(1e-14, 50, 40_000);
+        let (done, residual) = solve(&mut s, 1e-14, 50, 40_000);
         assert!(
             residual <= 1e-14,
             "seed {seed}: residual {residual:e} after {done} sweeps"
@@ -220,49 +233,13 @@ fn sweeps_reach_a_solution_of_the_rows() {
     }
 }
 
-/// Rows to spheres and back, and rows that are none of spheres.
-#[test]
-fn rows_of_spheres_are_recognised() {
-    let p = heap(7, 25, 0.4);
-    let system = rows(&p);
-    let spheres = as_spheres(&system).expect("rows of spheres");
-    let mut s = Sweeps::new(&spheres.bodies, &spheres.contacts, None, 1).expect("a good problem");
-    s.solve(1e-14, 50, 40_000);
-    let mut lambda = vec![0.0; system.rows()];
-    spheres.multipliers(&system, &s.impulses(), &mut lambda);
-    let (u, mut z) = (s.velocities().concat(), vec![0.0; system.rows()]);
-    system.linear_measures(&u, &mut z);
-    let violation = common::violation(&system, &z, &lambda, &u) / common::largest(&lambda);
-    assert!(violation < 1e-12, "violation {violation:e}");
-    // World impulses of these multipliers are the impulses.
-    for (r, o) in spheres
-        .impulses(&system, &lambda)
-        .concat()
-        .iter()
-        .zip(s.impulses().concat())
-    {
-        assert!((r - o).abs() < 1e-13);
-    }
-    let with = |change: &dyn Fn(&mut RowSystem)| {
-        let mut system = rows(&p);
-        change(&mut system);
-        as_spheres(&system).is_some()
-    };
-    assert!(with(&|_| ()));
-    assert!(!with(&|s| s.contacts[2].bounds.rolling = 0.1), "rolling");
-    assert!(!with(&|s| s.contacts[2].bilateral = true), "joint");
-    assert!(!with(&|s| s.jac[1][0][3] += 1e-3), "another lever arm");
-    assert!(!with(&|s| s.jac[0][0][0] += 1e-3), "no unit normal");
-    assert!(!with(&|s| s.open_load()), "loads that follow the motion");
-}
-
 /// Without friction velocities are unique: those of Newton's method.
 #[test]
 fn velocities_are_those_of_newton() {
     for (seed, balls) in [(11, 6), (12, 20), (13, 50)] {
         let p = heap(seed, balls, 0.0);
         let mut s = sweeps(&p, 1);
-        s.solve(1e-15, 50, 40_000);
+        solve(&mut s, 1e-15, 50, 40_000);
         let mut system = rows(&p);
         let newton = common::solve(&mut system, &mut Linear, &sharp());
         assert!(newton.report.converged);
@@ -308,7 +285,7 @@ fn one_contact_is_solved_at_once() {
                 "{r:?} is not {expected:?}"
             );
         }
-        assert!(s.residual() < 1e-15);
+        assert!(residual(&s) < 1e-15);
         // Lever arm of body 0: -r n. Torque of the impulse, over I.
         let spin = cross(
             scaled(-0.5, contact.normal),
@@ -482,7 +459,7 @@ fn a_warm_start_goes_on_where_it_was_left() {
     {
         assert!((x - y).abs() < 1e-13, "{x} and {y}");
     }
-    assert!((s.residual() - warm.residual()).abs() < 1e-13);
+    assert!((residual(&s) - residual(&warm)).abs() < 1e-13);
     // `set_contacts` with the numbers of another problem on the same pairs: what a new one has.
     let mut other = heap(61, 50, 0.2);
     for c in &mut other.contacts {
@@ -504,7 +481,7 @@ fn nothing_is_no_problem() {
         let mut s = Sweeps::new(bodies, &none, None, 4).expect("a good problem");
         s.sweep(3);
         s.refresh();
-        assert_eq!(s.solve(0.0, 1, 10), (0, 0.0));
+        assert_eq!(solve(&mut s, 0.0, 1, 10), (0, 0.0));
         assert_eq!(s.velocities(), vec![[0.0; 6]; bodies.len()]);
         assert!(s.impulses().is_empty());
     }

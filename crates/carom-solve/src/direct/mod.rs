@@ -16,12 +16,10 @@ mod llt;
 mod lu;
 mod pattern;
 mod sparse;
-#[cfg(test)]
-mod tests;
 
 pub use dense::Singular;
-pub use llt::SparseLlt;
-pub use lu::SparseLu;
+pub use llt::{Llt, SparseLlt};
+pub use lu::{Lu, SparseLu};
 pub use sparse::{Factor, Sparse, REFINEMENTS, WORST_RESIDUAL};
 
 use std::fmt;
@@ -91,30 +89,4 @@ impl From<Singular> for DirectError {
             column: Some(s.column),
         }
     }
-}
-
-/// A sparse direct solver: analyse a pattern once, refactor values often, solve more often still.
-pub trait LinearBackend {
-    /// Whether the matrix must be symmetric (only its lower triangle is then read).
-    const NEEDS_SYMMETRY: bool;
-
-    /// Orders and plans the factorisation of an `n x n` pattern. Does nothing if it is the one at hand.
-    fn analyse(
-        &mut self,
-        n: usize,
-        col_ptr: &[usize],
-        row_idx: &[usize],
-    ) -> Result<(), DirectError>;
-
-    /// Factors new values; analyses first if the pattern is new.
-    fn refactor(
-        &mut self,
-        n: usize,
-        col_ptr: &[usize],
-        row_idx: &[usize],
-        values: &[f64],
-    ) -> Result<(), DirectError>;
-
-    /// `out = A^-1 rhs` with refinement; on an error `out` holds nothing of use.
-    fn solve(&mut self, rhs: &[f64], out: &mut [f64]) -> Result<SolveQuality, DirectError>;
 }

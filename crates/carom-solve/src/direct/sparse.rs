@@ -1,7 +1,7 @@
 //! What the sparse factorisations share: the pattern cache, refinement and the final judgement.
 
 use super::pattern::Pattern;
-use super::{DirectError, LinearBackend, SolveQuality};
+use super::{DirectError, SolveQuality};
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 
@@ -92,7 +92,7 @@ impl<F: Factor> Sparse<F> {
         self.factor.fill()
     }
 
-    /// See [`LinearBackend::analyse`].
+    /// Orders and plans the factorisation of an `n x n` pattern. Does nothing if it is the one at hand.
     pub fn analyse(
         &mut self,
         n: usize,
@@ -111,7 +111,7 @@ impl<F: Factor> Sparse<F> {
         Ok(())
     }
 
-    /// See [`LinearBackend::refactor`].
+    /// Factors new values; analyses first if the pattern is new.
     pub fn refactor(
         &mut self,
         n: usize,
@@ -140,7 +140,7 @@ impl<F: Factor> Sparse<F> {
         Ok(())
     }
 
-    /// See [`LinearBackend::solve`]. Refines until the backward error is 1e-14 or a step no longer helps, at most
+    /// `out = A^-1 rhs`; on an error `out` holds nothing of use. Refines until the backward error is 1e-14 or a step no longer helps, at most
     /// [`REFINEMENTS`] times; [`DirectError::Inaccurate`] above [`WORST_RESIDUAL`].
     ///
     /// # Panics
@@ -245,33 +245,6 @@ impl<F: Factor> Sparse<F> {
             }
         }
         largest(sums)
-    }
-}
-
-impl<F: Factor> LinearBackend for Sparse<F> {
-    const NEEDS_SYMMETRY: bool = F::SYMMETRIC;
-
-    fn analyse(
-        &mut self,
-        n: usize,
-        col_ptr: &[usize],
-        row_idx: &[usize],
-    ) -> Result<(), DirectError> {
-        Sparse::analyse(self, n, col_ptr, row_idx)
-    }
-
-    fn refactor(
-        &mut self,
-        n: usize,
-        col_ptr: &[usize],
-        row_idx: &[usize],
-        values: &[f64],
-    ) -> Result<(), DirectError> {
-        Sparse::refactor(self, n, col_ptr, row_idx, values)
-    }
-
-    fn solve(&mut self, rhs: &[f64], out: &mut [f64]) -> Result<SolveQuality, DirectError> {
-        Sparse::solve(self, rhs, out)
     }
 }
 

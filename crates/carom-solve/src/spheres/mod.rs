@@ -9,7 +9,6 @@
 
 mod accelerate;
 mod coarse;
-mod convert;
 mod curve;
 mod goal;
 mod groups;
@@ -25,7 +24,6 @@ mod rolls;
 mod settle;
 mod sweeps;
 
-pub use convert::{as_spheres, Spheres};
 pub use goal::{Goal, Norms, Progress};
 pub use lanes::Instructions;
 pub(crate) use lanes::{Lanes, Work};

@@ -6,7 +6,7 @@ use super::kernel::{
     Carry, ContactLanes, Plain, Read, State, V3,
 };
 use super::lanes::{Lanes, Work, GROUP};
-use super::residual::{head, vector, Sums};
+use super::residual::{vector, Sums};
 use super::rolls::Rolls;
 use glam::DVec3;
 
@@ -242,33 +242,6 @@ fn lanes(block: &Block) -> impl Iterator<Item = (&ContactLanes, &Rolls, usize)> 
     let groups = block.groups.iter().zip(&block.rolls);
     let groups = groups.filter(|(_, rolls)| rolls.any);
     groups.flat_map(|(group, rolls)| (0..GROUP).map(move |lane| (group, rolls, lane)))
-}
-
-/// Largest part of the natural map of the moments, over the reference lengths, N s.
-pub fn largest(block: &Block, left: &[State], right: &[State]) -> f64 {
-    let mut worst = 0.0f64;
-    for (group, rolls, lane) in lanes(block) {
-        let (a, b) = (
-            &left[group.a[lane] as usize],
-            &right[group.b[lane] as usize],
-        );
-        let n = vector(&group.normal, lane);
-        let of = |side: usize, state: &State| rolls.per_radius[side][lane] * head(&state.surface);
-        let z = of(0, a) - of(1, b) + vector(&rolls.turn, lane);
-        let approach = head(&a.linear) - head(&b.linear) + vector(&group.slip, lane);
-        let normal = vector(&group.impulse, lane) - group.mass_normal[lane] * approach;
-        let normal = normal.dot(n).max(0.0);
-        let m = vector(&rolls.moment, lane);
-        let x = m - rolls.inertia[lane] * z;
-        let along = x.dot(n);
-        let most = rolls.spinning[lane] * normal;
-        let disc = (x - along * n).clamp_length_max(rolls.rolling[lane] * normal);
-        let part = (along.min(most).max(-most) * n + disc - m).length() * rolls.per_length[lane];
-        if part > worst || part.is_nan() {
-            worst = part;
-        }
-    }
-    worst
 }
 
 /// Adds the moments' `M^-1 G^T m` to the states.

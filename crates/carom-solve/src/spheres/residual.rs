@@ -1,8 +1,7 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
 use super::groups::Block;
-use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, ContactLanes, State};
-use super::lanes::EMPTY;
+use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, State};
 use super::lanes::{Lanes, Work, GROUP};
 use glam::DVec3;
 
@@ -12,42 +11,6 @@ pub fn vector(columns: &[super::kernel::Column; 3], lane: usize) -> DVec3 {
 
 pub fn head(row: &[f64; 4]) -> DVec3 {
     DVec3::new(row[0], row[1], row[2])
-}
-
-/// Lanes with a contact.
-fn lanes(block: &Block) -> impl Iterator<Item = (&ContactLanes, usize)> {
-    block
-        .groups
-        .iter()
-        .zip(&block.ids)
-        .flat_map(|(group, ids)| {
-            ids.iter()
-                .enumerate()
-                .filter(|(_, &id)| id != EMPTY)
-                .map(move |(lane, _)| (group, lane))
-        })
-}
-
-/// Largest part of the natural map, N s.
-pub fn largest(block: &Block, left: &[State], right: &[State]) -> f64 {
-    let mut worst = 0.0f64;
-    for (group, lane) in lanes(block) {
-        let (a, b) = (
-            &left[group.a[lane] as usize],
-            &right[group.b[lane] as usize],
-        );
-        let (n, r) = (vector(&group.normal, lane), vector(&group.impulse, lane));
-        let spin = head(&a.surface) + head(&b.surface);
-        let z = head(&a.linear) - head(&b.linear) + n.cross(spin) + vector(&group.slip, lane);
-        let normal = (r.dot(n) - group.mass_normal[lane] * z.dot(n)).max(0.0);
-        let across = (r - group.mass_tangential[lane] * z).reject_from_normalized(n);
-        let disc = across.clamp_length_max(group.friction[lane] * normal);
-        let part = (normal * n + disc - r).length();
-        if part > worst || part.is_nan() {
-            worst = part;
-        }
-    }
-    worst
 }
 
 /// Sums of squares of eq. 44 over a block, and its worst closing measure.

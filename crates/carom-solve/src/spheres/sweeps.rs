@@ -208,28 +208,6 @@ impl Sweeps {
         });
     }
 
-    /// Largest `|r - P(r - z/w)|` of all contacts, N s, where P is the projection on the half-line of the normal impulse and then on
-    /// the disc that belongs to it, and `w` are the diagonals `w_N`, `w_T`: 0 at solutions, nowhere else.
-    pub fn residual(&self) -> f64 {
-        let chunks: Vec<&[State]> = self.states.chunks(self.layout.stride).collect();
-        team::map(
-            self.threads,
-            self.blocks.iter().collect(),
-            |block: &Block| {
-                let (left, right) = (chunks[block.left as usize], chunks[block.right as usize]);
-                let forces = residual::largest(block, left, right);
-                let moments = moments::largest(block, left, right);
-                if moments > forces || moments.is_nan() {
-                    moments
-                } else {
-                    forces
-                }
-            },
-        )
-        .into_iter()
-        .fold(0.0, |m: f64, r| if r > m || r.is_nan() { r } else { m })
-    }
-
     /// Norms of eq. 44 at the present impulses. Momentum balance holds by construction (see [`Sweeps::refresh`]), so the residual is that
     /// of the contacts. Sums are taken in the order of the blocks, whatever the threads.
     pub fn norms(&self, penalty_scale: f64) -> Norms {
@@ -267,19 +245,6 @@ impl Sweeps {
             terms: 2.0 * momentum + sum.projected.sqrt() + sum.impulse.sqrt(),
             closing: sum.closing,
         }
-    }
-
-    /// Sweeps until the residual is at most `tolerance` (N s) or `most` sweeps are done; the residual is looked at after every
-    /// `interval` sweeps. Returns the sweeps done and the residual.
-    pub fn solve(&mut self, tolerance: f64, interval: usize, most: usize) -> (usize, f64) {
-        let (mut done, mut residual) = (0, self.residual());
-        while residual > tolerance && done < most {
-            let count = interval.clamp(1, most - done);
-            self.sweep(count);
-            done += count;
-            residual = self.residual();
-        }
-        (done, residual)
     }
 
     /// Impulse on body `a` of each contact, N s.

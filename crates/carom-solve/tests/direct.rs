@@ -1,9 +1,11 @@
-//! Matrices for the tests, and the measure they are judged by.
+//! Direct solvers; here the matrices of their tests, and the measure that they are judged by.
 
+#[path = "direct/dense.rs"]
 mod dense;
+#[path = "direct/sparse.rs"]
 mod sparse;
 
-use super::dense::{chol_factor, chol_solve, lu_factor, lu_solve};
+use carom_solve::direct::dense::{chol_factor, chol_solve, lu_factor, lu_solve};
 use proptest::prelude::*;
 
 /// Row-major square matrix.

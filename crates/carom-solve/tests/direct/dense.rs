@@ -1,7 +1,7 @@
 //! Dense LU and Cholesky: random, singular, badly scaled and permuted systems.
 
 use super::{dense_matrix, powers_of_two, Matrix};
-use crate::direct::dense::lu_factor;
+use carom_solve::direct::dense::lu_factor;
 use proptest::prelude::*;
 
 proptest! {
