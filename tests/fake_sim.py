@@ -261,6 +261,7 @@ class Scene:
     names: list[str] = field(default_factory=lambda: ["one", "two"])
     wall_names: list[str] = field(default_factory=lambda: ["bed"])
     load_functions: tuple[Any, ...] = ()
+    joint_names: tuple[str, ...] = ()
     case: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     run: Any = field(default_factory=lambda: SimpleNamespace(until=1.0, **defaults()))
@@ -271,6 +272,9 @@ class Scene:
         for key, value in options.items():
             (record if key in record else run)[key] = value
         return replace(self, run=SimpleNamespace(**run), record=SimpleNamespace(**record))
+
+    def resolved(self) -> Scene:
+        return self
 
     def validate(self) -> list[str]:
         return []

@@ -58,7 +58,7 @@ def test_a_scene_of_the_kit_and_its_file_say_which_table_it_is(name: str) -> Non
     table = billiards.table(name, nose_height="38 mm")
     scene = table.scene("marked", until=0.1, step=1e-3)
     again = Scene.from_toml(scene.to_toml(resolved=True))
-    found = table_of(SimpleNamespace(scenario=again.to_toml(resolved=True)))
+    found = table_of(SimpleNamespace(scene=again))
     assert again.billiard_table == scene.billiard_table
     assert found is not None
     for key, value in vars(table.spec).items():
@@ -69,7 +69,7 @@ def test_a_scene_of_the_kit_and_its_file_say_which_table_it_is(name: str) -> Non
 
 
 def test_the_mark_moves_no_ball(shot: carom.Result) -> None:
-    scene = Scene.from_toml(shot.scenario)
+    scene = shot.scene.resolved()
     marked = scene.to_model()
     scene.billiard_table = None
     assert "billiard_table" not in scene.to_toml(resolved=True)
@@ -81,11 +81,11 @@ def test_the_mark_moves_no_ball(shot: carom.Result) -> None:
     assert Scene("no table").billiard_table is None
 
 
-@pytest.mark.parametrize(
-    "text", ["[billiard_table]", "[billiard_table]\nlength = -1", "[billiard_table", "a = 1"]
-)
-def test_a_damaged_mark_is_none(text: str) -> None:
-    assert table_of(SimpleNamespace(scenario=text)) is None
+@pytest.mark.parametrize("text", ["[billiard_table]", "[billiard_table]\nlength = -1", "[billiard_table", ""])
+def test_a_damaged_mark_is_none(shot: carom.Result, tmp_path: Path, text: str) -> None:
+    copy = shot.save(tmp_path / "copy")
+    (copy.path / "scenario.toml").write_text(text)
+    assert table_of(copy) is None
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from carom.scene import Scene
 from carom.view import codec, write_html
 from carom.view import happenings as module
 from test_view_page import Page
@@ -119,20 +120,14 @@ def test_joints_and_springs_have_their_ends_in_the_axes_of_the_balls(tmp_path: P
 
 def test_axes_of_joints(tmp_path: Path) -> None:
     run = billiard(5)
-    run.scenario = """
-[[joint]]
-type = "line"
-body = "ball2"
-direction = [0.0, 0.0, 2.0]
-[[joint]]
-type = "lock"
-body = "ball3"
-"""
+    run.scene = Scene()
+    run.scene.joint("line", body="ball2", direction=[0.0, 0.0, 2.0])
+    run.scene.joint("lock", body="ball3")
     line, lock = write(run, tmp_path)[1].facts["links"]
     assert (line["name"], line["axes"]) == ("joint1", [[0, 0, 1]])
     assert line["to"] == pytest.approx(run.position[0, 0])  # where the rail passes
     assert lock["axes"] == np.eye(3).tolist()
-    run.scenario = "[[joint]] damaged"
+    del run.scene
     assert "links" not in write(run, tmp_path)[1].facts
 
 

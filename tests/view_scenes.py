@@ -164,14 +164,7 @@ def struck(frames: int) -> Any:
     )
     run.contacts.ends = 4 * np.arange(frames)
     run.energy = SimpleNamespace(time=time, kinetic=2.0 * np.exp(-time), potential=np.full(frames, 7.0))
-    run.scenario = """
-[[joint]]
-name = "tie"
-type = "rod"
-between = ["ball4", "ball5"]
-[[spring]]
-between = ["ball2", "ground"]
-points = [[0.635, 0.635, 0.05715], [0.3, 0.635, 0.3]]
-stiffness = 1.0
-"""
+    run.scene = Scene()
+    run.scene.joint("rod", name="tie", between=["ball4", "ball5"])
+    run.scene.spring("ball2", "ground", points=[[0.635, 0.635, 0.05715], [0.3, 0.635, 0.3]], stiffness=1.0)
     return run

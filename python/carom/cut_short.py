@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +22,7 @@ def cut_short(result: Result) -> str | None:
     cut = int(np.count_nonzero(np.asarray(steps["truncated"])))
     if cut <= MOST * hit:
         return None
-    now = int(tomllib.loads(result.scenario)["run"]["max_problems"])
+    now = result.scene.run.max_problems
     cure = f"raise max_problems in [run] (now {now}), for example to {MORE * now}"
     if (
         not now

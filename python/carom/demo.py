@@ -175,13 +175,11 @@ def _deceleration(result: Result, name: str, frame: int) -> float:
 
 def _law(result: Result, key: str) -> float:
     """A constant of the contact between balls and bed."""
-    import tomllib
-
-    tree = tomllib.loads(result.scenario)
-    bed = next(p for p in tree["plane"] if p["name"] == "bed")["material"]
-    ball = next(s for s in tree["sphere"] if s["name"] == CUE)["material"]
-    law = next(c for c in tree["contact"] if set(c["between"]) == {bed, ball})
-    return float(law.get(key, 0.0))
+    scene = result.scene
+    bed = next(p for p in scene.planes if p.name == "bed").material
+    ball = next(s for s in scene.spheres if s.name == CUE).material
+    law = next(c for c in scene.contacts if set(c.between) == {bed, ball})
+    return float(getattr(law, key))
 
 
 def _has_rolling_resistance(result: Result) -> bool:

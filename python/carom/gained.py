@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from carom.result import Result
+    from carom.scene import Scene
 
 MOST_RISE = 1e-3
 """Rise of a step, over the largest kinetic energy, that is no rounding and no error of a usable step any more."""
@@ -26,16 +26,16 @@ def gained(result: Result) -> str | None:
     share = energy.get("max_rise_relative") or 0.0
     if share <= MOST_RISE:
         return None
-    run = tomllib.loads(result.scenario).get("run", {})
+    run = result.scene.run
     told = f"energy rose by up to {100 * share:.2g} % in a step"
-    if run.get("impact") == "sequence-paper" or run.get("energy_safeguard") is False:
+    if run.impact == "sequence-paper" or run.energy_safeguard is False:
         return (
             told
             + ', of an impact law that can gain (Kane): impact = "sequence" with energy_safeguard = true cannot'
         )
-    if jump := _jump(result.scenario):
+    if jump := _jump(result.scene):
         return f"{told}: {jump}; a shorter step does not cure that"
-    return told + ": shorten step" + (" or lower tolerance" if run.get("method") != "penalty" else "")
+    return told + ": shorten step" + (" or lower tolerance" if run.method != "penalty" else "")
 
 
 def unsettled(result: Result) -> str | None:
@@ -47,23 +47,16 @@ def unsettled(result: Result) -> str | None:
     usual = RISE_PILE * (float(summary.get("step") or 0.0) / 1e-3) ** 2
     if summary.get("method") != "nsga" or not usual < share <= MOST_RISE:
         return None
-    run = tomllib.loads(result.scenario)["run"]
+    run = result.scene.run
     contacts = np.asarray(result.steps["contacts"])
-    if contacts.max(initial=0) <= run["dense_contacts"]:
+    if contacts.max(initial=0) <= run.dense_contacts:
         return None
     return (
         f"energy rose by up to {share:.2g} of what there is in a step, more than the {usual:.2g} of piles at rest; a shorter"
-        f" step, or a smaller pile_tolerance (now {run['pile_tolerance']:g}), lessens it"
+        f" step, or a smaller pile_tolerance (now {run.pile_tolerance:g}), lessens it"
     )
 
 
-def _jump(scenario: str) -> str | None:
+def _jump(scene: Scene) -> str | None:
     """What the check says of walls that jump, which shifts balls and does no work on them."""
-    from carom.scenario.walls import WALLS
-    from carom.scene import Scene
-
-    tables = tomllib.loads(scenario)
-    if not any("motion" in wall for section in WALLS for wall in tables.get(section, [])):
-        return None
-    advice = Scene.from_toml(scenario).validate()
-    return next((f"{p.key}: {p.cause}" for p in advice if JUMPS in p.cause), None)
+    return next((f"{p.key}: {p.cause}" for p in scene.validate() if JUMPS in p.cause), None)

@@ -7,7 +7,6 @@ column per quantity: `result.impacts["time"]` or `result.impacts.time`. Units ar
 from __future__ import annotations
 
 import shutil
-import tomllib
 import warnings
 from collections.abc import Mapping
 from functools import cached_property
@@ -26,6 +25,7 @@ from carom.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, 
 
 if TYPE_CHECKING:
     from carom.plot import Plots
+    from carom.scene import Scene
     from carom.view import ViewInfo
     from carom.walls import Walls
 
@@ -105,7 +105,7 @@ class Result(Frames):
         """Impulse at each joint and moment on its first body since the last frame, (T, J, 6), N s and N m s, in the world
         frame; over the time between frames it is the mean reaction. Without joints the shape is (T, 0, 6).
         """
-        if not self.joint_names:  # the file has no such column then
+        if "joint_impulse" not in self._segments.columns("frames"):
             frames = len(self.time)
             return Column([(np.zeros((frames, 0, 6)), frames)], "N s, N m s")
         return self._segments.column("frames", "joint_impulse")
@@ -147,20 +147,10 @@ class Result(Frames):
         """Names of all walls, planes without end first."""
         return list(self.walls)
 
-    @cached_property
+    @property
     def joint_names(self) -> list[str]:
         """Names of the joints, in the order of the second axis of `joint_impulse`; by default joint1, joint2 ..."""
-        text = self.scenario
-        if "joint" not in text:  # the scenario of many spheres takes long to parse
-            return []
-        from carom.scenario.joints import default_name
-
-        try:
-            joints = tomllib.loads(text).get("joint", [])
-            return [str(joint.get("name") or default_name(i)) for i, joint in enumerate(joints)]
-        except (ValueError, AttributeError, TypeError, RecursionError) as error:
-            path = self._directory.scenario
-            raise CaromError(f"{path} is damaged ({error}); a run keeps its scenario there") from error
+        return self.scene.joint_names
 
     @property
     def gravity(self) -> F64:
@@ -194,6 +184,13 @@ class Result(Frames):
         """Values of the parameters of the scenario file, SI."""
         return dict(self._about.get("scenario", {}).get("parameters", {}))
 
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene as it was run: every default spelled out, random numbers drawn."""
+        from carom.scene import Scene
+
+        return Scene.from_toml(self._directory.scenario)
+
     @property
     def scenario(self) -> str:
         """The scenario as it was run, as TOML."""
@@ -222,6 +219,11 @@ class Result(Frames):
     def events(self) -> Events:
         """One row per ball that entered or left; none without inflows and outlets."""
         return Events(self._segments, self.names)
+
+    @property
+    def flows(self) -> bool:
+        """Whether the scene has inflows or outlets."""
+        return bool(self._segments.columns("events"))
 
     @cached_property
     def contacts(self) -> Contacts:

@@ -214,7 +214,8 @@ def launch(
     """
     simulation, model, plan = _build(scene)
     # The frames are thinned once and for all: a run that is extended keeps its grid.
-    scene = scene.with_options(every=plan.every)
+    case, parameters = scene.case, scene.parameters
+    scene = scene.with_options(every=plan.every).resolved()
     text = scene.to_toml(resolved=True)
     about: dict[str, Any] = {
         "format": 1,
@@ -223,7 +224,7 @@ def launch(
         "scenario": {
             "title": scene.title,
             "file": source and Path(source).name,
-            **({"case": scene.case, "parameters": scene.parameters} if scene.parameters else {}),
+            **({"case": case, "parameters": parameters} if parameters else {}),
             "identity": identify(model),
         },
         "seed": getattr(scene, "seed", None),
@@ -244,7 +245,9 @@ def launch(
             directory.remove()
             raise
         _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=keep, watch=watch)
-    return load(directory.path)
+    result = load(directory.path)
+    result.scene = scene
+    return result
 
 
 def relaunch(

@@ -7,6 +7,7 @@ mm"`.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,8 +25,10 @@ from carom.scenario.building import Number, Vector, make
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
 from carom.scenario.flow import Inflow
+from carom.scenario.joints import Joint
+from carom.scenario.loads import Spring
 from carom.scenario.mechanics import MECHANICS
-from carom.scenario.model import FORMAT, Record, Scenario, World
+from carom.scenario.model import FORMAT, Contact, Material, Record, Scenario, World
 from carom.scenario.options import Run
 from carom.scenario.packing import Packing, Places, advise_packings, faults
 from carom.scenario.problems import Finding, Source
@@ -118,6 +121,12 @@ class Scene(Waller, Attacher, Taker):
         if path is not None:
             Path(path).write_text(text, encoding="utf-8")
         return text
+
+    def resolved(self) -> Scene:
+        """A copy that nothing done to this scene changes, with nothing left to defaults or to chance: `Result.scene`."""
+        tree = resolved_tree(self._tree)
+        functions = {id(place.function): place.function for place in tree.load_function}
+        return Scene._of(copy.deepcopy(tree, functions))
 
     # --- settings -------------------------------------------------------------------------------------------
 
@@ -237,6 +246,31 @@ class Scene(Waller, Attacher, Taker):
     def planes(self) -> tuple[Plane, ...]:
         """The tables `[[plane]]`."""
         return tuple(self._tree.plane)
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The tables `[[material]]`, in the order of `Result.bodies["material"]`."""
+        return tuple(self._tree.material)
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contact laws, tables `[[contact]]`."""
+        return tuple(self._tree.contact)
+
+    @property
+    def inflows(self) -> tuple[Inflow, ...]:
+        """The tables `[[inflow]]`."""
+        return tuple(self._tree.inflow)
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """The tables `[[joint]]`; all their names, given or not, are `joint_names`."""
+        return tuple(self._tree.joint)
+
+    @property
+    def springs(self) -> tuple[Spring, ...]:
+        """The tables `[[spring]]`."""
+        return tuple(self._tree.spring)
 
     def _generators(self) -> list[Generator | Packing | Inflow]:
         return [*self._tree.packing, *self._tree.rack, *self._tree.lattice, *self._tree.inflow]

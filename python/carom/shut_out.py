@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import TYPE_CHECKING
 
 from carom.errors import counted, quoted
-from carom.scenario.flow import Inflow
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -17,15 +15,14 @@ def shut_out(result: Result) -> str | None:
 
     Fewer than all is no trouble: an inflow without a rate goes on for as long as there is room.
     """
-    tables = tomllib.loads(result.scenario).get("inflow", [])
-    if not tables or result.outcome.failed or not result.summary:  # the last: it is still running
+    if not result.flows or result.outcome.failed or not result.summary:  # the last: it is still running
         return None
     events = result.events
     entered = {
         ball for ball, kind in zip(events["ball"].tolist(), events["kind"].tolist(), strict=True) if kind
     }
     told = []
-    for inflow in (Inflow.model_validate(table) for table in tables):
+    for inflow in result.scene.inflows:
         if inflow.start <= result.summary["time"] and entered.isdisjoint(inflow.ball_names()):
             told.append(f"none of {counted(inflow.count, 'ball')} of inflow {quoted(inflow.name)} entered")
     return "; ".join(told) + ": no place in the region had room for one" if told else None

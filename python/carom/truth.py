@@ -176,11 +176,9 @@ class Formulas:
 
 def _others(result: Result, scene: Scene) -> list[str]:
     """What the scene of a run has other than `scene`, as keys of the model; numbers may differ by rounding."""
-    from carom.scene import Scene
-
     if scene.load_functions:  # a run directory holds their names only: nothing can be compared
         return []
-    theirs, mine = Scene.from_toml(result.scenario).to_model(), scene.to_model()
+    theirs, mine = result.scene.to_model(), scene.to_model()
     keys = [key for key in (mine | theirs) if key != "options"]
     return [key.replace("_", " ") for key in keys if not _same(mine.get(key), theirs.get(key))]
 

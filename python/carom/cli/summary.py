@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import textwrap
-import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -76,8 +75,7 @@ def _events(result: Result) -> str:
     step = np.asarray(result.impacts["step"])
     contacts = np.asarray(result.steps["contacts"])
     most = int(contacts.max()) if len(contacts) else 0
-    kept = tomllib.loads(result.scenario).get("record", {}).get("impacts", True)
-    if kept:
+    if result.scene.record.impacts:
         with_impacts = len(np.unique(step))
         impacts = f"{counted(with_impacts, 'step')} with impacts ({counted(len(step), 'impulse')})"
     else:
@@ -86,10 +84,9 @@ def _events(result: Result) -> str:
 
 
 def _flow(summary: Mapping[str, Any], result: Result) -> str:
-    tables = tomllib.loads(result.scenario)
-    if not tables.keys() & {"inflow", "outlet"}:
+    if not result.flows:
         return ""
-    coming = sum(table["count"] for table in tables.get("inflow", []))
+    coming = sum(inflow.count for inflow in result.scene.inflows)
     entered = f"{summary['entered']} of {counted(coming, 'ball')} entered, " if coming else ""
     return f"flow        {entered}{summary['removed']}{'' if coming else ' balls'} left"
 

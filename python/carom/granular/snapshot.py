@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
-
-_RECORD = re.compile(r"^\[record\]\s*$(.*?)(?=^\[|\Z)", re.MULTILINE | re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -211,7 +208,7 @@ def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None =
         raise CaromError(f"there is no frame {frame}; give one of -{len(times)} to {len(times) - 1}")
     frame %= len(times)
     contacts, missing = None, ""
-    if _unrecorded(source):
+    if not source.scene.record.contacts:
         missing = "run it again with contacts = true in [record]"
     elif frame == 0:
         missing = "they are summed since the frame before: take frame 1 or a later one"
@@ -237,12 +234,6 @@ def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None =
 def _distance(wall: Wall, time: float) -> Callable[[F64, F64], F64]:
     """The gap of balls to a wall where it is at a time, s."""
     return lambda centre, radius: wall.gap(centre, radius, np.full(len(radius), time))
-
-
-def _unrecorded(result: Result) -> bool:
-    """Whether the run was told not to keep contacts."""
-    record = _RECORD.search(result.scenario)
-    return record is not None and re.search(r"^contacts = false$", record[1], re.MULTILINE) is not None
 
 
 def _contacts(result: Result, frame: int, interval: float) -> Contacts:

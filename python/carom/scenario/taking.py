@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,7 +40,7 @@ class Taker(Builder):
                 else "wait until the run has some"
             )
             raise CaromError(f"there is no frame {frame}; {cure}")
-        materials = [str(table["name"]) for table in tomllib.loads(result.scenario)["material"]]
+        materials = [material.name for material in result.scene.materials]
         state = {
             name: np.asarray(getattr(result, name)[frame]).tolist()
             for name in ("position", "velocity", "angular_velocity", "orientation")

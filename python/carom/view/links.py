@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import tomllib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from carom.errors import CaromError
 from carom.rotations import rotated_back
 
-Floats = npt.NDArray[np.float64]
+if TYPE_CHECKING:
+    from carom.scenario.joints import Joint
+    from carom.scenario.loads import Spring
 
-SECTIONS = ("joint", "spring")
+Floats = npt.NDArray[np.float64]
 
 
 def links(result: Any, every: int) -> list[dict[str, Any]]:
@@ -21,19 +23,13 @@ def links(result: Any, every: int) -> list[dict[str, Any]]:
     `a` and `b` are bodies, -1 the ground; `from` and `to` are the ends, m: of a ball in its own axes, relative to its
     centre, of the ground in fixed axes. `axes` are unit vectors, fixed: along a line, normal to a plane, locked.
     """
-    text = getattr(result, "scenario", None)
-    if not isinstance(text, str) or not any(f"[[{section}]]" in text for section in SECTIONS):
-        return []  # the scenario of many spheres takes long to parse
     try:
-        tree = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError):
-        return []  # a damaged copy of the scenario does not keep the motion from being seen
+        scene = result.scene
+    except (AttributeError, CaromError):
+        return []  # a lost or damaged copy of the scenario does not keep the motion from being seen
     start = _Start(result)
-    found = []
-    for number, joint in enumerate(tree.get("joint", [])):
-        entry = start.joint(joint, number)
-        found.append(entry)
-    found += [start.spring(spring) for spring in tree.get("spring", [])]
+    names = zip(scene.joints, scene.joint_names, strict=True)
+    found = [*(start.joint(*named) for named in names), *(start.spring(spring) for spring in scene.springs)]
     return [thinned for entry in found if (thinned := _thinned(entry, every)) is not None]
 
 
@@ -56,24 +52,20 @@ class _Start:
         self._position = np.asarray(result.position[0], dtype=np.float64)
         self._orientation = np.asarray(result.orientation[0], dtype=np.float64)
 
-    def joint(self, table: dict[str, Any], number: int) -> dict[str, Any]:
-        from carom.scenario.joints import default_name
+    def joint(self, table: Joint, name: str) -> dict[str, Any]:
+        between = table.between or (table.body, self._ground)
+        points = table.points or [table.point] * 2
+        axes: Any = [axis for axis in (table.direction, table.normal, table.axis) if axis is not None]
+        if table.type == "lock":
+            axes = table.axes or np.eye(3).tolist()
+        return self._link(name, table.type, between, points, axes)
 
-        between = table.get("between") or [table.get("body"), self._ground]
-        points = table.get("points") or [table.get("point")] * 2
-        kind = str(table["type"])
-        axes = [table[key] for key in ("direction", "normal", "axis") if key in table]
-        if kind == "lock":
-            axes = table.get("axes") or np.eye(3).tolist()
-        return self._link(str(table.get("name") or default_name(number)), kind, between, points, axes)
+    def spring(self, table: Spring) -> dict[str, Any]:
+        return self._link(
+            " - ".join(table.between), "spring", table.between, table.points or [None, None], []
+        )
 
-    def spring(self, table: dict[str, Any]) -> dict[str, Any]:
-        between = table["between"]
-        return self._link(" - ".join(between), "spring", between, table.get("points") or [None, None], [])
-
-    def _link(
-        self, name: str, kind: str, between: list[str], points: list[Any], axes: list[Any]
-    ) -> dict[str, Any]:
+    def _link(self, name: str, kind: str, between: Any, points: Any, axes: Any) -> dict[str, Any]:
         bodies = [self._number.get(end, -1) for end in between]
         # An end that is not given is the centre; what the ground holds is then the point of the other body.
         known = [
