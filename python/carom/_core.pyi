@@ -203,7 +203,8 @@ class Simulation:
 
         Of each, with N nodes (spheres), C contacts, J joints and R rows, 6 for each contact (N, T1, T2, R1, R2, S),
         then those of the joints: `level, step, time, part` (0, or the number of the attempt in a halved step),
-        `island, index` (impact problem; 0: loads), `iterations, residual, converged, joints, worst`;
+        `island, index` (impact problem; 0: loads), `iterations, residual, converged, joints, worst`, `attempts` (the
+        rungs of the ladder that were tried, in words);
         `spheres, mass, inertia (N,)`; `bodies (C+J,2)`; `bounds (C,3)` mu, rho, delta; `node (R,2)` of A and B, -1 for
         none, `gradient (R,2,6)` over them, `q, r (R,)`; `motion` before the problem, its `correction` u, and the `load`
         b(u) (N,6); `load_tangent_row`, `_column`, `_value` of -db/du. Measures are `gradient u + q`, linear at u.

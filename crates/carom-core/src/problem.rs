@@ -8,6 +8,7 @@ use crate::contact::Contact;
 use crate::model::Model;
 use crate::outcome::Level;
 use crate::rows::Rows;
+use carom_solve::ladder::Attempt;
 use carom_solve::rows::{RowSystem, NODE_DOF};
 use carom_solve::{Bounds, SolveReport};
 
@@ -31,6 +32,8 @@ pub struct KeptProblem {
     /// Relative residual of eq. 44.
     pub residual: f64,
     pub converged: bool,
+    /// How it was tried to solve it, rung by rung.
+    pub attempts: Vec<Attempt>,
     /// Per node: the sphere, its mass and its moment of inertia.
     pub spheres: Vec<u32>,
     pub mass: Vec<f64>,
@@ -71,6 +74,8 @@ pub struct Solve<'a> {
     pub level: Level,
     pub index: u32,
     pub report: SolveReport,
+    /// What the solver tried; empty: the report says all.
+    pub attempts: &'a [Attempt],
     /// Contact or joint with the largest residual row.
     pub worst: usize,
 }
@@ -89,6 +94,10 @@ impl Solve<'_> {
             iterations: self.report.iterations,
             residual: self.report.residual,
             converged: self.report.converged,
+            attempts: match self.attempts {
+                [] => vec![self.report.attempt()],
+                several => several.to_vec(),
+            },
             spheres: self.spheres.to_vec(),
             mass: system.inv_mass.iter().map(|im| 1.0 / im).collect(),
             inertia: system.inv_inertia.iter().map(|ii| 1.0 / ii).collect(),

@@ -2,7 +2,6 @@
 
 use crate::flow::Exchange;
 use crate::outcome::{BlowUp, Level};
-use carom_solve::report::Rung;
 use carom_solve::SolveReport;
 
 /// A column of the step table.
@@ -126,14 +125,14 @@ impl StepReport {
         self.iterations_position = self.iterations_position.max(r.iterations);
         self.line_search_position = self.line_search_position.max(r.line_search);
         self.residual_position = self.residual_position.max(r.residual);
-        self.fallbacks += u32::from(r.rung != Rung::First);
+        self.fallbacks += u32::from(r.fallback);
     }
 
     pub(crate) fn add_velocity(&mut self, r: &SolveReport) {
         self.iterations_velocity = self.iterations_velocity.max(r.iterations);
         self.line_search_velocity = self.line_search_velocity.max(r.line_search);
         self.residual_velocity = self.residual_velocity.max(r.residual);
-        self.fallbacks += u32::from(r.rung != Rung::First);
+        self.fallbacks += u32::from(r.fallback);
     }
 
     /// Takes in what entered and left after the step.

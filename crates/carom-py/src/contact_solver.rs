@@ -1,5 +1,6 @@
 //! Contact problems from arrays to the solvers and back.
 
+use carom_solve::ladder;
 use carom_solve::problem::{Problem, ProblemError};
 use carom_solve::solver::{self, Settings};
 use carom_solve::Bounds;
@@ -136,6 +137,6 @@ pub fn contact_solvers() -> Vec<(&'static str, &'static str)> {
 
 /// What `auto` does, in words.
 #[pyfunction]
-pub fn auto_rule() -> &'static str {
-    solver::RULE
+pub fn auto_rule() -> String {
+    ladder::rule()
 }

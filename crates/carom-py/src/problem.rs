@@ -17,6 +17,8 @@ pub fn problem_dict<'py>(py: Python<'py>, p: &KeptProblem) -> PyResult<Bound<'py
     out.set_item("iterations", p.iterations)?;
     out.set_item("residual", p.residual)?;
     out.set_item("converged", p.converged)?;
+    let attempts: Vec<String> = p.attempts.iter().map(ToString::to_string).collect();
+    out.set_item("attempts", attempts.join("; "))?;
     out.set_item("joints", p.joints)?;
     out.set_item("worst", p.worst)?;
     let (nodes, rows) = (p.mass.len(), p.free.len());

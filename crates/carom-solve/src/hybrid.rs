@@ -1,7 +1,7 @@
 //! Large islands: linearise, solve the linear cone problem by [`Auto`], move, and look again.
 
 use crate::problem::Problem;
-use crate::report::{Rung, SolveReport};
+use crate::report::SolveReport;
 use crate::rows::{RowSystem, NODE_DOF};
 use crate::solver::{Auto, Settings};
 
@@ -56,21 +56,16 @@ impl Hybrid {
         system.impulses(lambda, &mut self.force);
         system.apply_inverse_mass(&self.force, u);
         let factorised = ["newton", "interior-point"];
+        let stages = || outcome.stages.iter();
         SolveReport {
             converged: outcome.converged,
-            iterations: outcome
-                .stages
-                .iter()
+            iterations: stages()
                 .filter(|s| factorised.contains(&s.solver))
                 .map(|s| s.iterations)
                 .sum(),
-            line_search: 0,
             residual: outcome.err,
-            rung: if outcome.stages.iter().any(|s| s.name == "path") {
-                Rung::Path
-            } else {
-                Rung::First
-            },
+            fallback: stages().any(|s| s.solver == "interior-point"),
+            ..SolveReport::default()
         }
     }
 }

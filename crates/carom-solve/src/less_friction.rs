@@ -19,7 +19,7 @@ impl Newton {
     ) -> Option<SolveReport> {
         let bounds: Vec<Bounds> = system.contacts.iter().map(|c| c.bounds).collect();
         let start = (lambda.to_vec(), u.to_vec());
-        let history = self.history.clone();
+        let (history, mut attempts) = (self.history.clone(), std::mem::take(&mut self.attempts));
         let found = shares.iter().find_map(|&share| {
             for (index, (c, b)) in system.contacts.iter_mut().zip(&bounds).enumerate() {
                 if of(index) {
@@ -28,9 +28,12 @@ impl Newton {
             }
             lambda.fill(0.0);
             u.fill(0.0);
-            let report = self.solve(system, problem, options, lambda, u);
+            let mut report = self.solve(system, problem, options, lambda, u);
+            report.rung = "less friction";
+            attempts.push(report.attempt());
             report.converged.then_some(report)
         });
+        self.attempts = attempts;
         for (c, b) in system.contacts.iter_mut().zip(bounds) {
             c.bounds = b;
         }

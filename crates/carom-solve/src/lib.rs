@@ -9,6 +9,7 @@ pub mod direct;
 pub mod gauss_seidel;
 pub mod hold;
 mod hybrid;
+pub mod ladder;
 mod less_friction;
 pub mod linear_step;
 pub mod newton;

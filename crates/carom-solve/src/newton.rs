@@ -9,8 +9,9 @@
 use crate::cone::{self, Block, Status, MAX_ROWS};
 use crate::gauss_seidel;
 use crate::hybrid::Hybrid;
+use crate::ladder::{Attempt, IslandWay, IslandWhen, ISLAND};
 use crate::linear_step::LinearStep;
-use crate::report::{Rung, SolveReport};
+use crate::report::SolveReport;
 use crate::rows::{RowSystem, Subproblem, NODE_DOF};
 
 /// Numerical options of a solve.
@@ -51,8 +52,7 @@ const DENSE_NODES: usize = 24;
 /// Below this share of the first residual a dense system is tried without shift.
 const NEAR: f64 = 1e-2;
 
-/// Linear problems of a large island; their tolerance relative to that of the island, and how far it may be tightened.
-const MAX_LINEARISATIONS: u32 = 12;
+/// Tolerance of a linear problem relative to that of the island, and how far it may be tightened.
 const LINEAR_SHARE: f64 = 0.1;
 const TIGHTER: f64 = 1e-2;
 const LEAST_TOLERANCE: f64 = 1e-12;
@@ -64,10 +64,7 @@ const LINEAR_ROUNDINGS: f64 = 4.0;
 /// Share of the residual below which a linear problem was worth it.
 const GAIN: f64 = 0.5;
 
-/// Rounds of sweeps and polish on the last rung, iterations of each polish, doublings of the sweeps.
-const SWEEP_ROUNDS: u32 = 14;
-const POLISH_ITERATIONS: u32 = 15;
-/// Contact updates that the sweeps of one solve may cost: some tenths of a second.
+/// Contact updates that the sweeps of one solve may cost: some tenths of a second. Doublings of the sweeps of a round.
 const SWEEP_BUDGET: u32 = 400_000;
 const MAX_DOUBLINGS: u32 = 9;
 /// Sweeps go on while they bring something: where the residual of what they leave has not fallen to this share of its least in
@@ -99,6 +96,8 @@ pub struct Newton {
     began: f64,
     /// Relative residual (eq. 44) at each iterate of the last solve, all rungs in order.
     pub history: Vec<f64>,
+    /// The rungs that the last solve has tried.
+    pub attempts: Vec<Attempt>,
 }
 
 /// Norm of the residual and the sum of the norms of its terms.
@@ -154,49 +153,43 @@ impl Newton {
     ) -> SolveReport {
         self.resize(system);
         self.history.clear();
+        self.attempts.clear();
         self.start_lambda.copy_from_slice(lambda);
         self.start_u.copy_from_slice(u);
         let mut total = SolveReport::default();
-        let linearised = system.contacts.len() > options.dense_contacts && !system.has_load();
-        if linearised {
-            self.linearise(system, problem, options, lambda, u, &mut total);
-            if total.converged {
-                lambda.copy_from_slice(&self.phi);
-                return total;
+        let (loads, swept) = (system.has_load(), options.sweeps > 0);
+        let large = system.contacts.len() > options.dense_contacts;
+        for rung in &ISLAND {
+            let fits = match rung.when {
+                IslandWhen::Always => true,
+                IslandWhen::Large => large && !loads,
+                IslandWhen::Swept => swept,
+                IslandWhen::Small => swept && !large && !loads,
+            };
+            if !fits {
+                continue;
             }
+            total.fallback |= !self.attempts.is_empty();
             lambda.copy_from_slice(&self.start_lambda);
             u.copy_from_slice(&self.start_u);
-        }
-        for (rung, factor) in [
-            (Rung::First, 1.0),
-            (Rung::HalfPenalty, 0.5),
-            (Rung::DoublePenalty, 2.0),
-        ] {
-            if rung != Rung::First {
-                lambda.copy_from_slice(&self.start_lambda);
-                u.copy_from_slice(&self.start_u);
-            }
-            let report = self.iterate(system, problem, options, factor, lambda, u);
-            total.add(&report, rung);
-            if report.converged {
+            let mut report = match rung.way {
+                IslandWay::Newton { penalty } => {
+                    self.iterate(system, problem, options, penalty, lambda, u)
+                }
+                IslandWay::SweepsAndNewton { polish } => {
+                    let most = [rung.budget, polish];
+                    self.sweep_and_polish(system, problem, options, most, lambda, u)
+                }
+                IslandWay::Linearised => {
+                    self.linearise(system, problem, options, rung.budget, lambda, u)
+                }
+            };
+            report.rung = rung.name;
+            total.add(&report);
+            self.attempts.push(report.attempt());
+            if total.converged {
                 break;
             }
-        }
-        if !total.converged {
-            self.sweep_and_polish(system, problem, options, lambda, u, &mut total);
-        }
-        // Wedged balls whose contacts are redundant: path following finds what Newton and sweeps go round in circles for. Whoever
-        // wants no sweeps wants Newton alone.
-        if !total.converged && !linearised && options.sweeps > 0 && !system.has_load() {
-            lambda.copy_from_slice(&self.start_lambda);
-            u.copy_from_slice(&self.start_u);
-            self.linearise(system, problem, options, lambda, u, &mut total);
-            total.rung = Rung::Path;
-            // In small islands closed gaps are a condition.
-            total.converged &= self.gaps_closed(system, options);
-        }
-        if linearised && total.rung == Rung::First {
-            total.rung = Rung::Path; // what failed before is a fallback too
         }
         // Also an iterate that is accepted unconverged (option `warn`) lies inside its cones.
         lambda.copy_from_slice(&self.phi);
@@ -215,9 +208,7 @@ impl Newton {
     ) -> SolveReport {
         self.resize(system);
         self.history.clear();
-        for (p, d) in self.penalty.iter_mut().zip(&system.diag) {
-            *p = options.penalty_scale / d;
-        }
+        self.set_penalty(system, options.penalty_scale);
         problem.evaluate(system, u, &mut self.z);
         let large = system.contacts.len() > options.dense_contacts;
         let norms = self.norms(system, lambda, u);
@@ -230,44 +221,44 @@ impl Newton {
         }
     }
 
-    /// Large islands: a sequence of linear cone problems, each solved by the hybrid. At the velocity level one is enough; at
-    /// the position level what is left of the gaps and the turning of the normals shrinks with every one.
+    /// A sequence of linear cone problems, each solved by the hybrid. At the velocity level one is enough; at the position level
+    /// what is left of the gaps and the turning of the normals shrinks with every one.
     fn linearise<P: Subproblem>(
         &mut self,
         system: &mut RowSystem,
         problem: &mut P,
         options: &NewtonOptions,
+        most: u32,
         lambda: &mut [f64],
         u: &mut [f64],
-        total: &mut SolveReport,
-    ) {
-        for (p, d) in self.penalty.iter_mut().zip(&system.diag) {
-            *p = options.penalty_scale / d;
-        }
+    ) -> SolveReport {
+        let mut total = SolveReport::default();
+        let large = system.contacts.len() > options.dense_contacts;
+        self.set_penalty(system, options.penalty_scale);
         let mut tolerance = LINEAR_SHARE * options.tolerance;
         let mut rounding = LINEAR_ROUNDINGS * options.rounding;
         let mut before = f64::INFINITY;
         let mut exact = true;
-        for _ in 0..MAX_LINEARISATIONS {
+        for _ in 0..most {
             problem.evaluate(system, u, &mut self.z);
             let norms = self.norms(system, lambda, u);
-            total.residual =
-                norms.relative(options, system.contacts.len() > options.dense_contacts);
+            total.residual = norms.relative(options, large);
             self.history.push(total.residual);
             if !norms.residual.is_finite() {
-                return;
+                return total;
             }
-            // Gaps are a target here, no condition: in a tight island they may contradict one another by rounding.
+            // Gaps of large islands are a target here, no condition: in a tight one they may contradict one another by rounding.
             let solved = total.residual < options.tolerance;
-            if solved && (!exact || self.gaps_closed(system, options)) {
-                total.converged = true;
-                return;
+            let closed = self.gaps_closed(system, options);
+            if solved && (!exact || closed) {
+                total.converged = large || closed;
+                return total;
             }
             if total.residual > GAIN * before {
                 // The linear problem was solved as well as it can be, or will be: another one would be the same.
                 if !exact || tolerance < LEAST_TOLERANCE {
-                    total.converged = solved;
-                    return;
+                    total.converged = solved && (large || closed);
+                    return total;
                 }
                 tolerance *= TIGHTER;
                 rounding *= TIGHTER;
@@ -280,51 +271,45 @@ impl Newton {
             self.z = z;
             exact = report.converged;
             total.iterations += report.iterations;
-            if report.rung != Rung::First {
-                total.rung = report.rung;
-            }
+            total.fallback |= report.fallback;
         }
+        total
     }
 
-    /// The last rung: Gauss-Seidel sweeps, twice as many in each round, and a short Newton polish after each. Where
-    /// Newton alternates between statuses of redundant contacts, sweeps find a consistent set in the end.
+    /// Gauss-Seidel sweeps, twice as many in each round, and a short Newton polish after each. Where Newton alternates between
+    /// statuses of redundant contacts, sweeps find a consistent set in the end.
     fn sweep_and_polish<P: Subproblem>(
         &mut self,
         system: &mut RowSystem,
         problem: &mut P,
         options: &NewtonOptions,
+        [rounds, polish]: [u32; 2],
         lambda: &mut [f64],
         u: &mut [f64],
-        total: &mut SolveReport,
-    ) {
+    ) -> SolveReport {
+        let mut total = SolveReport::default();
         let mut swept_lambda = self.start_lambda.clone();
         let mut swept_u = self.start_u.clone();
         let polish = NewtonOptions {
-            max_iterations: options.max_iterations.min(POLISH_ITERATIONS),
+            max_iterations: options.max_iterations.min(polish),
             ..*options
         };
         let mut budget = (SWEEP_BUDGET / system.contacts.len().max(1) as u32).max(options.sweeps);
         let (mut least, mut stale) = (f64::INFINITY, 0);
-        for round in 0..SWEEP_ROUNDS {
+        for round in 0..rounds {
             let count = (options.sweeps << round.min(MAX_DOUBLINGS)).min(budget);
             if count == 0 {
-                return;
+                break;
             }
             budget -= count;
-            gauss_seidel::sweeps(
-                system,
-                problem,
-                count,
-                &mut swept_lambda,
-                &mut swept_u,
-                &mut self.z,
-            );
+            let (r, v) = (&mut swept_lambda, &mut swept_u);
+            gauss_seidel::sweeps(system, problem, count, r, v, &mut self.z);
             lambda.copy_from_slice(&swept_lambda);
             u.copy_from_slice(&swept_u);
             let report = self.iterate(system, problem, &polish, 1.0, lambda, u);
-            total.add(&report, Rung::AfterSweeps);
+            total.add(&report);
             if report.converged {
-                return;
+                break;
             }
             if self.began < STALE_SHARE * least {
                 (least, stale) = (self.began, 0);
@@ -332,9 +317,10 @@ impl Newton {
             }
             stale += 1;
             if stale == STALE_ROUNDS {
-                return;
+                break;
             }
         }
+        total
     }
 
     fn resize(&mut self, system: &RowSystem) {
@@ -364,6 +350,12 @@ impl Newton {
         self.statuses.resize(system.contacts.len(), Status::Gap);
     }
 
+    fn set_penalty(&mut self, system: &RowSystem, scale: f64) {
+        for (p, d) in self.penalty.iter_mut().zip(&system.diag) {
+            *p = scale / d;
+        }
+    }
+
     fn iterate<P: Subproblem>(
         &mut self,
         system: &mut RowSystem,
@@ -373,9 +365,7 @@ impl Newton {
         lambda: &mut [f64],
         u: &mut [f64],
     ) -> SolveReport {
-        for (p, d) in self.penalty.iter_mut().zip(&system.diag) {
-            *p = factor * options.penalty_scale / d;
-        }
+        self.set_penalty(system, factor * options.penalty_scale);
         let mut report = SolveReport::default();
         let mut merits = [0.0; MEMORY];
         problem.evaluate(system, u, &mut self.z);

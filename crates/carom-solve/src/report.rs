@@ -1,20 +1,6 @@
 //! What a solve tells about itself.
 
-/// Which rung of the chain (rule R1) ended a solve.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Rung {
-    /// Newton from the given start.
-    #[default]
-    First,
-    /// Newton again with half the penalty.
-    HalfPenalty,
-    /// Newton again with twice the penalty.
-    DoublePenalty,
-    /// Newton after Gauss-Seidel sweeps.
-    AfterSweeps,
-    /// The linearised problem by the solvers of large islands: path following, or what comes after it.
-    Path,
-}
+use crate::ladder::{self, Attempt};
 
 /// Counts and quality of one solve of one island.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,18 +12,31 @@ pub struct SolveReport {
     pub line_search: u32,
     /// `|r| / (sum |r_k| + floor/tol)` of eq. 44 at the end.
     pub residual: f64,
-    /// The rung that ended the solve.
-    pub rung: Rung,
+    /// The rung of the ladder that ended the solve.
+    pub rung: &'static str,
+    /// It is not the first that was tried, or that took path following.
+    pub fallback: bool,
 }
 
 impl SolveReport {
-    /// Adds what one rung did; quality and rung are those of the latest.
-    pub(crate) fn add(&mut self, later: &SolveReport, rung: Rung) {
+    /// Adds what a later rung did; its quality counts.
+    pub(crate) fn add(&mut self, later: &SolveReport) {
         self.iterations += later.iterations;
         self.line_search += later.line_search;
         self.residual = later.residual;
         self.converged = later.converged;
-        self.rung = rung;
+        self.rung = later.rung;
+        self.fallback |= later.fallback;
+    }
+
+    /// As one attempt.
+    pub fn attempt(&self) -> Attempt {
+        Attempt {
+            rung: self.rung,
+            iterations: self.iterations,
+            residual: self.residual,
+            converged: self.converged,
+        }
     }
 
     /// A closed-form solution: exact, one evaluation.
@@ -46,6 +45,7 @@ impl SolveReport {
         iterations: 1,
         line_search: 0,
         residual: 0.0,
-        rung: Rung::First,
+        rung: ladder::CLOSED_FORM,
+        fallback: false,
     };
 }

@@ -25,7 +25,19 @@ FOLDER = "problems"
 FAILING = "failing_problem.h5"
 LEVELS = ("position", "velocity")
 #: Entries of a kept problem that go to the file as they are.
-ORIGIN = ("level", "step", "time", "part", "island", "index", "iterations", "residual", "converged", "joints")
+ORIGIN = (
+    "level",
+    "step",
+    "time",
+    "part",
+    "island",
+    "index",
+    "iterations",
+    "residual",
+    "converged",
+    "joints",
+    "attempts",
+)
 #: How the problems to keep are chosen.
 CHOICE = 'steps as "100,200:300:50" (first:last:stride), "all", or "worst:10" for the 10 with most iterations'
 

@@ -16,12 +16,10 @@ mod wedge;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::options::{Options, Solver};
+pub(crate) use carom_solve::ladder::LESS_FRICTION;
 use carom_solve::single::SingleContact;
 use carom_solve::{NewtonOptions, RowSystem};
 
-/// Shares of all friction that are tried, one after the other, where nothing solves the smallest part of a step: spheres that wedge one
-/// another may have no motion that obeys Coulomb's law (their forces would have to grow without bound), and have one with less of it.
-pub(crate) const LESS_FRICTION: [f64; 2] = [0.5, 0.1];
 /// Contacts of an island up to which the gap tolerance is asked for.
 const GAP_CHECK_CONTACTS: usize = 50;
 

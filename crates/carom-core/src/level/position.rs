@@ -263,6 +263,7 @@ fn solve_by_newton(
             base,
         });
     }
+    newton.attempts.clear();
     lambda.clear();
     lambda.resize(system.rows(), 0.0);
     u.clear();
@@ -413,6 +414,7 @@ fn solve_by_newton(
             level: Level::Position,
             index: 0,
             report: result,
+            attempts: &newton.attempts,
             worst,
         });
     }

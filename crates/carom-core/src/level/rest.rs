@@ -12,6 +12,7 @@ use crate::options::{Impact, Options, Solver};
 use crate::state::{State, Warm};
 use crate::workspace::IslandScratch;
 use carom_solve::hold::hold;
+use carom_solve::ladder::HELD;
 use carom_solve::rows::{RowContact, RowSystem, Subproblem, NODE_DOF};
 use carom_solve::{Newton, NewtonOptions, SolveReport};
 use glam::DVec3;
@@ -153,9 +154,12 @@ impl Resting {
             }
             system.correction(&nu, &mut correction);
             let mut report = newton.judge(system, problem, options, &nu, &correction);
+            report.rung = HELD;
             let z = newton.measures();
             report.converged |= spare.is_some_and(|share| self.gaps_below(system, z, share));
-            if report.converged && !self.moves(system, z) {
+            let moves = self.moves(system, z);
+            newton.attempts.push(report.attempt());
+            if report.converged && !moves {
                 return Some(Held {
                     nu,
                     correction,

@@ -182,6 +182,7 @@ pub fn keep(
         level,
         index,
         report: SolveReport::CLOSED_FORM,
+        attempts: &[],
         worst: 0,
     });
 }

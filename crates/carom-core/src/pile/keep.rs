@@ -10,6 +10,7 @@ use crate::pile::memory::Pile;
 use crate::pile::velocities::Velocities;
 use crate::problem::{Keeper, Solve};
 use crate::rows::Rows;
+use carom_solve::ladder;
 use carom_solve::rows::{RowSystem, NODE_DOF};
 use carom_solve::spheres::{Body, Progress};
 use carom_solve::SolveReport;
@@ -68,6 +69,7 @@ pub fn keep(
         level: at.level,
         index: at.index,
         report: at.report,
+        attempts: &[],
         worst: 0,
     });
 }
@@ -179,6 +181,7 @@ pub fn report_of(sweeps: u32, residual: f64, converged: bool) -> SolveReport {
         converged,
         iterations: sweeps,
         residual,
+        rung: ladder::SPHERES,
         ..SolveReport::default()
     }
 }

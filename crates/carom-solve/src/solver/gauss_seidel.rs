@@ -2,9 +2,8 @@
 
 use super::sweep::ConeSweeps;
 use super::{ConeSolver, Judge};
+use crate::ladder::RELAXATION;
 
-/// Over-relaxation: what is best lies between 1.2 and 1.5, and 1.5 keeps some problems from converging (measured).
-pub const RELAXATION: f64 = 1.3;
 /// Sweeps of a run that is not bounded otherwise.
 const MAX_SWEEPS: u32 = 100_000;
 /// Sweeps after which the residual is looked at, at first; then every so many, or this share of those done: a look costs two or

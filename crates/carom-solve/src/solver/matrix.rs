@@ -2,10 +2,8 @@
 
 use crate::cone::Block;
 use crate::direct::{dense, SparseLu};
+use crate::ladder::SMALL_ROWS;
 use crate::problem::{Problem, RowGroup};
-
-/// Systems up to this many rows are dense.
-const DENSE_ROWS: usize = 96;
 
 /// The Newton matrix: dense when small, else compressed columns whose pattern is that of W.
 #[derive(Default)]
@@ -24,7 +22,7 @@ pub(super) struct NewtonMatrix {
 
 impl NewtonMatrix {
     pub fn is_dense(&self) -> bool {
-        self.n <= DENSE_ROWS
+        self.n <= SMALL_ROWS
     }
 
     pub fn plan(&mut self, problem: &Problem) {
@@ -209,7 +207,7 @@ mod tests {
             let n = problem.rows();
             let mut linear = NewtonMatrix::default();
             linear.plan(&problem);
-            assert_eq!(linear.is_dense(), n <= DENSE_ROWS);
+            assert_eq!(linear.is_dense(), n <= SMALL_ROWS);
             let rhs: Vec<f64> = (0..n).map(|k| if k % 6 < 3 { 1.0 } else { -1.0 }).collect();
             let mut x = vec![0.0; n];
             linear.copy(&problem);

@@ -15,7 +15,7 @@ mod one_contact;
 pub mod sweep;
 
 pub use admm::Admm;
-pub use auto::{Auto, RULE};
+pub use auto::Auto;
 pub use by_name::{by_name, solve, SOLVERS};
 pub use gauss_seidel::GaussSeidel;
 pub use interior::InteriorPoint;

@@ -326,6 +326,7 @@ impl ImpactScratch {
             level: Level::Velocity,
             index,
             report: self.last,
+            attempts: &scratch.solve.newton.attempts,
             worst: worst_group(&self.sub, scratch.solve.newton.residual_rows()),
         });
     }

@@ -1,0 +1,253 @@
+//! The ladder: all ways to solve a contact problem, when each is tried, how far it goes and why.
+//!
+//! The code runs these tables. [`ISLAND`] is climbed by [`crate::Newton`] for rows over nodes, whose measures may depend on the
+//! correction; each rung begins at the same start. [`AUTO`] is climbed by [`crate::solver::Auto`] for `u = W r + q`; each rung begins at
+//! the best iterate so far. The first rung that converges ends the climb, and every attempt is recorded by the name of its rung.
+//!
+//! What is chosen where a problem is stated (`carom-core`) comes before them or after: [`CLOSED_FORM`], [`SPHERES`], [`HELD`],
+//! [`LESS_FRICTION`].
+
+use std::fmt;
+
+/// One way to solve, and when it is tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Rung<Way, When> {
+    pub name: &'static str,
+    pub way: Way,
+    /// Iterations, sweeps, rounds or linear problems at most.
+    pub budget: u32,
+    pub when: When,
+    pub why: &'static str,
+}
+
+/// A try of a rung, and what is left after it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attempt {
+    pub rung: &'static str,
+    pub iterations: u32,
+    /// Relative residual of eq. 44.
+    pub residual: f64,
+    pub converged: bool,
+}
+
+/// A lone contact of a sphere with a plane ([`crate::single`]): exact, at once.
+pub const CLOSED_FORM: &str = "closed form";
+/// Sweeps over contacts of spheres ([`crate::spheres`]): many contacts, neither joints nor loads that depend on the motion.
+pub const SPHERES: &str = "sweeps of spheres";
+/// Multipliers that hold everything ([`crate::hold`]): where all was at rest and another way moves it, or finds nothing.
+pub const HELD: &str = "held at rest";
+/// Shares of the friction that are left, one after the other, where nothing else solves the smallest part of a step: spheres that wedge one
+/// another may have no motion that obeys Coulomb's law (their forces would have to grow without bound), and have one with less of it.
+pub const LESS_FRICTION: [f64; 2] = [0.5, 0.1];
+
+/// Ways to solve an island of rows.
+#[derive(Clone, Copy, Debug)]
+pub enum IslandWay {
+    /// Linear cone problems, one after the other, each by [`AUTO`].
+    Linearised,
+    /// Newton's method with so many times the usual penalty.
+    Newton { penalty: f64 },
+    /// Rounds of sweeps, twice as many in each, and after each Newton's method for so many iterations.
+    SweepsAndNewton { polish: u32 },
+}
+
+/// When an island is solved so.
+#[derive(Clone, Copy, Debug)]
+pub enum IslandWhen {
+    Always,
+    /// More contacts than `dense_contacts`, no loads that depend on the motion.
+    Large,
+    /// Sweeps are allowed: who wants none wants Newton's method alone.
+    Swept,
+    /// Sweeps are allowed, few contacts, no loads that depend on the motion.
+    Small,
+}
+
+/// Ways to solve `u = W r + q`.
+#[derive(Clone, Copy, Debug)]
+pub enum Method {
+    /// Block Gauss-Seidel with this over-relaxation: up to so many lots, while each makes err [`WORTHWHILE`] times as large at most.
+    Sweeps { relaxation: f64, lots: u32 },
+    /// Semi-smooth Newton, given up after so many iterations that do not halve err.
+    Newton { patience: u32 },
+    /// One lot of sweeps, and then Newton.
+    Round { relaxation: f64, patience: u32 },
+    /// The interior point from scratch.
+    Path,
+    /// Alternating directions.
+    Split,
+}
+
+/// When [`AUTO`] takes a rung.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum When {
+    Always,
+    /// Up to [`SMALL_ROWS`] rows, or a start with err below [`WARM`].
+    SmallOrWarm,
+    /// Cholesky factors of W would hold more than [`MAX_FILL`] numbers. The climb ends with it.
+    Full,
+    /// Until sweeps of such a rung make err no smaller than [`GAIN`] times what it was.
+    Gaining,
+    /// W is unsymmetric by [`UNSYMMETRIC`] at most, and sweeps are not bounded.
+    Symmetric,
+    /// Sweeps are not bounded.
+    Unbounded,
+}
+
+/// Rows up to which a dense factorisation costs no more than some sweeps.
+pub const SMALL_ROWS: usize = 96;
+/// Below this err a start is warm.
+pub const WARM: f64 = 1e-3;
+/// Numbers in Cholesky factors of W up to which factorising methods do not take too long.
+pub const MAX_FILL: usize = 8_000_000;
+/// Largest entry of `W - W^T` over that of W: alternating directions see the symmetric part alone.
+pub const UNSYMMETRIC: f64 = 1e-6;
+/// A lot of sweeps was worth another one, or a round was, if it made err so many times as large.
+pub const WORTHWHILE: f64 = 0.1;
+pub const GAIN: f64 = 0.5;
+/// Iterations of Newton's method that end what another method began.
+pub const POLISH: u32 = 30;
+/// Over-relaxation: what is best lies between 1.2 and 1.5; 1.5 is faster on most piles at rest and keeps others from converging (measured).
+pub const RELAXATION: f64 = 1.3;
+const STRONG: f64 = 1.5;
+/// Patience of Newton's method where other means are near, and where they are not.
+const QUICK: u32 = 8;
+const PATIENT: u32 = 12;
+
+const fn rung<Way: Copy, When: Copy>(
+    name: &'static str,
+    way: Way,
+    budget: u32,
+    when: When,
+    why: &'static str,
+) -> Rung<Way, When> {
+    Rung {
+        name,
+        way,
+        budget,
+        when,
+        why,
+    }
+}
+
+const fn penalty(penalty: f64) -> IslandWay {
+    IslandWay::Newton { penalty }
+}
+
+const fn sweeps(lots: u32) -> Method {
+    let relaxation = RELAXATION;
+    Method::Sweeps { relaxation, lots }
+}
+
+const fn newton(patience: u32) -> Method {
+    Method::Newton { patience }
+}
+
+const fn round(relaxation: f64, patience: u32) -> Method {
+    Method::Round {
+        relaxation,
+        patience,
+    }
+}
+
+/// Islands of rows. Newton's method has as many iterations as the options say.
+#[rustfmt::skip]
+pub const ISLAND: [Rung<IslandWay, IslandWhen>; 6] = [
+    rung("linearised",          IslandWay::Linearised, 12,       IslandWhen::Large,  "hyperstatic islands, where Newton goes round in circles"),
+    rung("newton",              penalty(1.0),          u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
+    rung("half the penalty",    penalty(0.5),          u32::MAX, IslandWhen::Always, "another path through the statuses"),
+    rung("twice the penalty",   penalty(2.0),          u32::MAX, IslandWhen::Always, "another path through the statuses"),
+    rung("sweeps and newton",   IslandWay::SweepsAndNewton { polish: 15 }, 14, IslandWhen::Swept, "sweeps find consistent statuses in the end"),
+    rung("linearised after all", IslandWay::Linearised, 12,      IslandWhen::Small,  "wedged balls whose contacts are redundant"),
+];
+
+/// Problems `u = W r + q`.
+#[rustfmt::skip]
+pub const AUTO: [Rung<Method, When>; 16] = [
+    rung("start",  newton(PATIENT),            20,      When::SmallOrWarm, "a dense factorisation costs little, a warm start is near"),
+    rung("sweeps", sweeps(20),                 60,      When::Always,      "sweeps are cheap and find most of the active set"),
+    rung("sweeps", sweeps(1),                  100_000, When::Full,        "the factors of all other methods would not fit"),
+    rung("polish", newton(QUICK),              POLISH,  When::Always,      "Newton's quadratic end"),
+    rung("rounds", round(RELAXATION, QUICK),   240,     When::Gaining,     "Newton stalled: another start for it"),
+    rung("rounds", round(RELAXATION, QUICK),   960,     When::Gaining,     "Newton stalled: another start for it"),
+    rung("path",   Method::Path,               200,     When::Always,      "sweeps and Newton stalled"),
+    rung("polish", newton(PATIENT),            POLISH,  When::Always,      "Newton's quadratic end"),
+    rung("rounds", round(STRONG, PATIENT),     1000,    When::Always,      "the path stalled: another start for Newton"),
+    rung("rounds", round(RELAXATION, PATIENT), 2000,    When::Always,      "stalled: another start for Newton"),
+    rung("rounds", round(STRONG, PATIENT),     5000,    When::Always,      "stalled: another start for Newton"),
+    rung("rounds", round(RELAXATION, PATIENT), 10_000,  When::Always,      "stalled: another start for Newton"),
+    rung("rounds", round(STRONG, PATIENT),     30_000,  When::Always,      "stalled: another start for Newton"),
+    rung("split",  Method::Split,              5000,    When::Symmetric,   "stalled: one factorisation, then products alone"),
+    rung("polish", newton(PATIENT),            POLISH,  When::Symmetric,   "Newton's quadratic end"),
+    rung("last",   sweeps(1),                  100_000, When::Unbounded,   "stalled: whatever time is left"),
+];
+
+/// [`AUTO`] in words, a line for each rung.
+pub fn rule() -> String {
+    let mut text = String::from(
+        "Rungs of auto: each starts from the best iterate so far, and the first that reaches the tolerance ends the run. Best is\n\
+         judged by the larger of two: err, and err of the problem scaled to diagonals of 1. In parentheses: relaxation of sweeps, and\n\
+         iterations of Newton that do not halve err before it gives up.\n",
+    );
+    for rung in &AUTO {
+        let (name, budget, when, why) = (rung.name, rung.budget, rung.when, rung.why);
+        text += &format!(
+            "{name:<7} {budget:>6} {:<55} {when}{why}\n",
+            rung.way.to_string()
+        );
+    }
+    text.truncate(text.trim_end().len());
+    text
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sweeps { relaxation, lots } => {
+                write!(f, "sweeps ({relaxation})")?;
+                match lots {
+                    1 => Ok(()),
+                    _ => write!(f, ", up to {lots} times while err falls tenfold"),
+                }
+            }
+            Self::Newton { patience } => {
+                write!(f, "iterations of Newton ({patience})")
+            }
+            Self::Round {
+                relaxation,
+                patience,
+            } => write!(f, "sweeps ({relaxation}), then Newton ({patience})"),
+            Self::Path => write!(f, "iterations of the interior point"),
+            Self::Split => write!(f, "iterations of ADMM"),
+        }
+    }
+}
+
+/// A condition and a colon, or nothing.
+impl fmt::Display for When {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Always => Ok(()),
+            Self::SmallOrWarm => write!(f, "up to {SMALL_ROWS} rows, or err below {WARM:e}: "),
+            Self::Full => write!(f, "factors of W above {:e} numbers: ", MAX_FILL as f64),
+            Self::Gaining => write!(f, "while rounds halve err: "),
+            Self::Symmetric => write!(f, "W symmetric to {UNSYMMETRIC:e}: "),
+            Self::Unbounded => write!(f, "no bound on sweeps: "),
+        }
+    }
+}
+
+impl fmt::Display for Attempt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Attempt {
+            rung,
+            iterations,
+            residual,
+            ..
+        } = self;
+        write!(
+            f,
+            "{rung}: {iterations} iterations, residual {residual:.1e}"
+        )
+    }
+}
