@@ -1,7 +1,7 @@
 //! Joints and loads in the impact problems of an island (`docs/theory/algorithm.md`, section 7): every problem holds all
 //! joint rows, and loads act through the change of `h f` with the velocities of the problem (eq. 4).
 
-use super::problem::Law;
+use super::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::islands::Island;
 use crate::joint::add_reaction;

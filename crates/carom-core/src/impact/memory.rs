@@ -1,7 +1,7 @@
 //! What an island's impact problems are solved with: its rows, velocities and accumulated impulses in local nodes.
 
+use super::table::ImpactTable;
 use crate::level::speeds::Speeds;
-use crate::outcome::ImpactRecord;
 use crate::stepper::Span;
 use carom_solve::rows::RowSystem;
 use carom_solve::{SolveReport, Status};
@@ -23,11 +23,12 @@ pub struct ImpactScratch {
     pub(super) settled_joint: Vec<f64>,
     pub(super) load_base: Vec<f64>,
     pub(super) load_impulse: Vec<f64>,
-    /// Smooth and old velocities, total jump, jump of the fixed impulses, jump of stage 0, `V_minus` (6 per node).
+    /// Smooth and old velocities, total jump, jump of the fixed impulses, jump of the loads, `V_minus` (6 per node).
     pub v_check: Vec<f64>,
     pub v_old: Vec<f64>,
     pub jump: Vec<f64>,
     pub fixed: Vec<f64>,
+    pub offset: Vec<f64>,
     pub v_minus: Vec<f64>,
     /// Accumulated impulses per row of `full`.
     pub impulse: Vec<f64>,
@@ -49,8 +50,7 @@ pub struct ImpactScratch {
     pub(super) velocity: Vec<f64>,
     pub(super) force: Vec<f64>,
     pub(super) group: Vec<u32>,
-    /// Rows of stage 0, kept until the step turns out to have an impact in this island.
-    pub(super) resting: Vec<ImpactRecord>,
+    pub(super) table: ImpactTable,
     pub(super) accept_unconverged: bool,
     /// What the last solve told.
     pub(super) last: SolveReport,

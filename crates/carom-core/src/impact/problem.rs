@@ -18,17 +18,6 @@ use crate::workspace::IslandScratch;
 use carom_solve::rows::RowContact;
 use carom_solve::Status;
 
-/// Restitution terms of a problem.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Law {
-    /// e_N = e_T = 0.
-    Plastic,
-    /// Newton's law on `v_minus`, normal of n+1, clipped.
-    Newton,
-    /// As printed: normal of n, not clipped, e_T always.
-    Printed,
-}
-
 impl ImpactScratch {
     /// First row of the joints in `full`.
     pub(super) fn first_joint_row(&self) -> usize {
@@ -116,13 +105,13 @@ impl ImpactScratch {
         for v in [
             &mut self.jump,
             &mut self.fixed,
+            &mut self.offset,
             &mut self.settled,
             &mut self.load_impulse,
         ] {
             v.clear();
             v.resize(dofs, 0.0);
         }
-        self.v_minus.clone_from(&self.v_old);
         for v in [&mut self.velocity, &mut self.force, &mut self.u] {
             v.clear();
             v.resize(dofs, 0.0);
@@ -134,7 +123,7 @@ impl ImpactScratch {
         self.status.clear();
         self.status.resize(members.len(), Status::Gap);
         self.problems = 0;
-        self.resting.clear();
+        self.table.begin(true);
         self.accept_unconverged = accept_unconverged;
     }
 

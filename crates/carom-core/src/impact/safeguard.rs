@@ -1,6 +1,6 @@
 //! The energy safeguard (rule R4): Newton's law with friction and unequal restitution can gain energy in multiple impacts.
 
-use super::problem::Law;
+use super::law::Law;
 use crate::impact::bisect::{bisect_scale, BISECTIONS, BISECTIONS_JOINTS, GAIN_TOLERANCE};
 use crate::impact::memory::ImpactScratch;
 use crate::model::Model;

@@ -60,7 +60,7 @@ pub fn solve_island(
         }
         report.fallbacks += 1;
     }
-    impact::solve_island(
+    impact::rows::solve_island(
         model,
         state,
         scratch,

@@ -8,17 +8,6 @@ use crate::pile::memory::Pile;
 use glam::DVec3;
 
 impl Pile {
-    /// The same where impulses of the loads were kept beside the problem that was chosen.
-    pub(super) fn kept_gives(&self, model: &Model) -> bool {
-        let memory = &self.velocity;
-        let mut chosen = vec![false; memory.members.len()];
-        for &slot in &memory.chosen {
-            chosen[slot as usize] = true;
-        }
-        let mut members = memory.members.iter().zip(&chosen);
-        members.any(|(m, chosen)| !chosen && m.impulse != DVec3::ZERO) && self.gives(model)
-    }
-
     /// Whether all impulses so far have given a group of contacts energy.
     pub(super) fn gives(&self, model: &Model) -> bool {
         let (o, memory) = (&model.options, &self.velocity);
@@ -66,6 +55,6 @@ impl Pile {
         }
         memory.jump.fill([DVec3::ZERO; 2]);
         memory.terms = 0.0;
-        memory.every.forget_problem(problem);
+        memory.table.forget_problem(problem);
     }
 }

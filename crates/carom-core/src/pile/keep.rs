@@ -3,9 +3,9 @@
 use super::member::Member;
 use super::record;
 use crate::contact::Contact;
+use crate::impact::law::Law;
 use crate::model::Model;
 use crate::outcome::Level;
-use crate::pile::limits::Law;
 use crate::pile::memory::Pile;
 use crate::pile::velocities::Velocities;
 use crate::problem::{Keeper, Solve};

@@ -47,17 +47,6 @@ pub fn is_huge(contacts: &[Contact]) -> bool {
     contacts.len() >= HUGE
 }
 
-/// Restitution terms of a problem.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Law {
-    /// e_N = e_T = 0.
-    Plastic,
-    /// Newton's law on the velocities of t_n: the first impact problem.
-    First,
-    /// Newton's law on what earlier problems of the step have left (eq. 27).
-    Later,
-}
-
 /// Whether an impulse of one level is beyond what the other level's stands for ([`APART`]).
 pub(super) fn is_beyond(of_one: DVec3, of_other: DVec3) -> bool {
     of_one.length_squared() > APART * APART * of_other.length_squared()

@@ -1,6 +1,7 @@
 //! Contacts and spheres of a pile at the velocity level.
 
 use carom_solve::rows::WORLD;
+use carom_solve::Status;
 use glam::DVec3;
 
 /// No moving wall.
@@ -79,6 +80,22 @@ impl Member {
         self.hit += given.impulse;
         self.scale = self.scale.min(given.scale);
         true
+    }
+}
+
+impl Member {
+    /// Whether an impulse of the contact is none, holds it or slides.
+    pub fn status(&self, impulse: DVec3) -> Status {
+        let normal = impulse.dot(self.normal);
+        if normal <= 0.0 {
+            Status::Gap
+        } else if impulse.reject_from_normalized(self.normal).length()
+            >= self.friction * normal * (1.0 - 1e-9)
+        {
+            Status::Slip
+        } else {
+            Status::Stick
+        }
     }
 }
 

@@ -6,7 +6,6 @@
 //! islands, and is counted.
 
 mod cascade;
-mod every;
 mod first;
 mod keep;
 pub mod limits;

@@ -3,9 +3,9 @@
 use super::member::{change, Member};
 use super::{keep, roll};
 use crate::contact::Contact;
+use crate::impact::law::Law;
 use crate::level::rest::{self, Resting};
 use crate::model::Model;
-use crate::pile::limits::Law;
 use crate::pile::memory::Pile;
 use carom_solve::spheres::{Goal, Progress};
 use glam::DVec3;

@@ -4,8 +4,9 @@ use super::member::{change, work};
 use super::{roll, shares};
 use crate::contact::Contact;
 use crate::impact::bisect::GAIN_TOLERANCE;
+use crate::impact::law::Law;
 use crate::model::Model;
-use crate::pile::limits::{budget, worst, Law, GAIN_SHARE, LEFT, PATIENCE};
+use crate::pile::limits::{budget, worst, GAIN_SHARE, LEFT, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
 use carom_solve::clusters::{apart, Forest};
@@ -280,15 +281,15 @@ impl Pile {
         let threads = self.sweeps.threads;
         let (impulses, u) = (&self.impulses, &self.corrections);
         let memory = &mut self.velocity;
-        if memory.every.wanted || !moments.is_empty() {
+        if memory.table.wanted || !moments.is_empty() {
             for (k, (r, &scale)) in impulses.iter().zip(scale).enumerate() {
                 let slot = memory.chosen[k];
                 let r = DVec3::from(*r);
                 let m = memory.members[slot as usize];
                 let given = memory.given(&m, r, u, scale);
                 let turned = moments.get(k).map(|&moment| DVec3::from(moment));
-                let pair = [r, turned.unwrap_or_default()];
-                memory.every.push(slot, problem, pair, given.speed, scale);
+                let moment = turned.unwrap_or_default();
+                memory.tell(slot, problem, moment, &given);
                 let hits = memory.members[slot as usize].add(problem, &given, memory.tol);
                 if let Some(moment) = turned {
                     let change = roll::change(&m, u);

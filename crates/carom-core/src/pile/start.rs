@@ -78,12 +78,6 @@ impl Pile {
         }
     }
 
-    /// All closed contacts, started from nothing.
-    pub(super) fn choose_all(&mut self) {
-        self.velocity.choose(|_| true);
-        self.start_nothing();
-    }
-
     /// The chosen contacts from nothing.
     pub(super) fn start_nothing(&mut self) {
         for start in [&mut self.start, &mut self.start_moments] {
@@ -96,6 +90,7 @@ impl Pile {
     /// that meet go the way of a step, `nu = h lambda`; under loads alone they go half of it, `nu/h` is less than what has been given, and
     /// nothing is missing.) The sweeps put it into the cones; moments start from nothing.
     pub(super) fn start_last(&mut self, contacts: &[Contact], span: Span) {
+        self.start_nothing();
         let (threads, members) = (self.sweeps.threads, &self.velocity.members);
         if !has_waves(members.len()) {
             return;

@@ -1,8 +1,10 @@
 //! Nodes and contacts of a pile at the velocity level.
 
+use crate::impact::law::Law;
+use crate::impact::table::{ImpactRow, ImpactTable};
 use crate::model::Model;
 use crate::options::Options;
-use crate::pile::limits::{Law, LEFT};
+use crate::pile::limits::LEFT;
 use crate::pile::member::{change, work, Given, Member};
 use crate::pile::shares;
 use crate::pile::turning::Turning;
@@ -36,7 +38,7 @@ pub(super) struct Velocities {
     /// Terms of eq. 44 of what is solved already in this step.
     pub terms: f64,
     /// Rows of the table of impacts, where every problem has its own.
-    pub every: super::every::Rows,
+    pub table: ImpactTable,
     /// Group of energy of each chosen contact.
     pub group: Vec<u32>,
 }
@@ -94,38 +96,28 @@ impl Velocities {
         if law == Law::Later {
             minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
         }
-        self.newton(
-            model,
-            m.normal,
-            [m.restitution, m.tangential],
-            scale,
-            z,
-            minus,
-        )
+        let e = [m.restitution, m.tangential];
+        self.newton(&model.options, m.normal, e, scale, z, minus)
     }
 
     /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.
     #[inline]
     pub fn newton(
         &self,
-        model: &Model,
+        o: &Options,
         normal: DVec3,
-        [e_n, e_t]: [f64; 2],
+        e: [f64; 2],
         scale: f64,
         z: DVec3,
         minus: DVec3,
     ) -> DVec3 {
         let approach = minus.dot(normal);
-        let e_n = if -approach < model.options.restitution_threshold {
-            0.0
-        } else {
-            e_n
-        };
-        let mut z = z + scale * e_n * approach.min(0.0) * normal;
-        if e_t != 0.0 && approach < -self.tol {
-            z += scale * e_t * (minus - approach * normal);
+        let [along, across] = Law::Later.terms(e, scale, approach, o, self.tol);
+        let z = z + along * normal;
+        if across == 0.0 {
+            return z;
         }
-        z
+        z + across * (minus - approach * normal)
     }
 
     /// What the impulse `r` of a problem that changes the velocities by `u` does at a contact.
@@ -147,6 +139,22 @@ impl Velocities {
             test(slot, &self.members[slot])
         });
         flags
+    }
+
+    /// Keeps what a problem gave a contact for the table of impacts, where every problem is wanted there.
+    #[inline]
+    pub fn tell(&mut self, slot: u32, problem: u32, moment: DVec3, given: &Given) {
+        let (m, r) = (&self.members[slot as usize], given.impulse);
+        if r != DVec3::ZERO {
+            self.table.push(|| ImpactRow {
+                slot,
+                problem,
+                status: m.status(r),
+                given: [r, moment],
+                speed: given.speed,
+                scale: given.scale,
+            });
+        }
     }
 
     /// Terms of eq. 44 of all impulses so far.

@@ -1,21 +1,22 @@
-//! Velocity sub-problem of a pile (eqs. 1f-h): loads first, then the contacts that close together with what the loads press
-//! (rule R2), then whatever closes, where it closes (`cascade`).
+//! Velocity sub-problem of a pile (eqs. 1f-h): the spheres that [`crate::impact::sequence`] works on.
 
 use super::member::{work, Member, FIXED};
 use super::{record, shares};
 use crate::contact::Contact;
+use crate::impact::law::Law;
+use crate::impact::sequence::{loads_first, one_shot, ImpactIsland, Start};
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
 use crate::options::Impact;
 use crate::outcome::ImpactRecord;
-use crate::pile::limits::{coarser, node, Law};
+use crate::pile::limits::{coarser, node};
 use crate::pile::memory::Pile;
 use crate::pile::turning::{any_rolls, Turning};
 use crate::pile::velocities::Velocities;
 use crate::report::StepReport;
 use crate::state::{State, Warm};
-use crate::stepper::Span;
+use crate::stepper::{Prediction, Span};
 use crate::workspace::IslandScratch;
 use carom_solve::team;
 use glam::DVec3;
@@ -56,18 +57,28 @@ impl Pile {
         if self.velocity.tol == 0.0 {
             return true;
         }
+        let law = model.options.impact;
         let mut own = StepReport {
             restitution_scale: 1.0,
+            iterations_velocity: 1,
             ..StepReport::default()
         };
-        let problems = match model.options.impact {
-            Impact::OneShot => self.one_shot(model, scratch, &mut own),
-            _ => self.sequence(model, state, scratch, span, &mut own),
+        let mut spheres = SphereIsland {
+            pile: self,
+            model,
+            state,
+            contacts: scratch.contacts,
+            linear: scratch.linear,
+            span,
+            report: &mut own,
         };
-        let Some(problems) = problems else {
+        let solved = match law {
+            Impact::OneShot => one_shot(&mut spheres),
+            _ => loads_first(&mut spheres),
+        };
+        if !solved {
             return false;
-        };
-        (own.impact_problems, own.iterations_velocity) = (problems, 1);
+        }
         report.join(&own);
         self.close(model, scratch, island, report);
         true
@@ -96,7 +107,7 @@ impl Pile {
         self.begin(model, contacts, list, &mut solve.node_of, position);
         let threads = self.sweeps.threads;
         let memory = &mut self.velocity;
-        memory.every.begin(model.every_impact);
+        memory.table.begin(model.every_impact);
         let mut speeds = Speeds::default();
         memory.driven.clear();
         let mut places = Vec::new();
@@ -183,98 +194,6 @@ impl Pile {
         self.velocity.wall_load = speeds.wall_load;
     }
 
-    /// Rule R2. The number of problems, or nothing if one was not solved.
-    fn sequence(
-        &mut self,
-        model: &Model,
-        state: &State,
-        scratch: &IslandScratch,
-        span: Span,
-        report: &mut StepReport,
-    ) -> Option<u32> {
-        let mut problems = 0;
-        let memory = &mut self.velocity;
-        let tol = memory.tol;
-        let threads = self.sweeps.threads;
-        let resting = memory.flags(threads, |_, m| memory.before(m).dot(m.normal) >= -tol);
-        let loaded = memory.flags(threads, |slot, m| {
-            resting[slot] && memory.normal_speed(m) < -tol
-        });
-        // Stage 0: the load of this step on contacts that were not approaching, without restitution.
-        if loaded.contains(&true) {
-            problems += 1;
-            memory.choose(|slot| resting[slot]);
-            self.start_loads(state, scratch.contacts, span);
-            let gained = |i: usize| (scratch.linear[i].velocity - state.velocity[i]).length();
-            let of_walls = self.velocity.wall_load;
-            self.start_sound(|i| model.mass[i] * gained(i).max(of_walls));
-            self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
-            if self.gives(model) {
-                // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
-                report.fallbacks += 1;
-                self.forget_all(0);
-                self.start_nothing();
-                self.solve_chosen(model, scratch.contacts, Law::Plastic, 0, report)?;
-            }
-            let memory = &mut self.velocity;
-            for turning in &mut memory.turning {
-                turning.load = turning.moment;
-            }
-            memory.offset.clone_from(&memory.jump);
-        }
-        // Stage 1: what closes now, together with the resting contacts that the load closes.
-        let memory = &mut self.velocity;
-        let closing = memory.flags(threads, |_, m| memory.normal_speed(m) < -tol);
-        if !closing.contains(&true) {
-            return Some(problems);
-        }
-        problems += 1;
-        memory.choose(|slot| closing[slot] || loaded[slot]);
-        self.drop_chosen();
-        self.start_first();
-        self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
-        if self.kept_gives(model) {
-            // All of the loads together with the impact, then.
-            report.fallbacks += 1;
-            self.forget_all(1);
-            self.velocity.choose(|slot| closing[slot] || resting[slot]);
-            self.start_first();
-            self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
-        }
-        // Later problems, where something closes.
-        let (last, done) = self.cascade(model, scratch.contacts, report);
-        problems += last - 1;
-        if done {
-            return Some(problems);
-        }
-        report.truncated += 1;
-        self.choose_all();
-        self.start_last(scratch.contacts, span);
-        // Whatever ended it before.
-        let contacts = self.velocity.members.len();
-        let number = model.options.problems(contacts).most + 1;
-        self.solve_chosen(model, scratch.contacts, Law::Plastic, number, report)?;
-        Some(problems + 1)
-    }
-
-    /// Newton's law on all closed contacts at once.
-    fn one_shot(
-        &mut self,
-        model: &Model,
-        scratch: &IslandScratch,
-        report: &mut StepReport,
-    ) -> Option<u32> {
-        self.choose_all();
-        self.solve_chosen(model, scratch.contacts, Law::First, 1, report)?;
-        // Without stage 0 rest is solved as an impact.
-        let memory = &mut self.velocity;
-        let resting = |m: &Member| memory.before(m).dot(m.normal) >= -memory.tol;
-        if memory.members.iter().all(resting) {
-            memory.every.forget();
-        }
-        Some(1)
-    }
-
     /// Forgets the impulses of the chosen contacts; the kept ones' work is restated.
     fn drop_chosen(&mut self) {
         let threads = self.sweeps.threads;
@@ -328,11 +247,119 @@ impl Pile {
                 report.missed_impacts += found.missed;
             }
         }
-        let scale = report.restitution_scale.min(memory.every.least_scale());
-        report.restitution_scale = scale;
-        memory
-            .every
-            .hand_over(&memory.members, scratch.contacts, scratch.impacts);
+        report.restitution_scale = report.restitution_scale.min(memory.table.least_scale());
+        let of = |slot: usize| {
+            let m = &memory.members[slot];
+            let c = &scratch.contacts[m.contact as usize];
+            ([c.a, c.b], m.normal)
+        };
+        memory.table.hand_over(of, scratch.impacts);
+    }
+}
+
+/// The island in its impact problems.
+struct SphereIsland<'p> {
+    pile: &'p mut Pile,
+    model: &'p Model,
+    state: &'p State,
+    contacts: &'p [Contact],
+    linear: &'p [Prediction],
+    span: Span,
+    report: &'p mut StepReport,
+}
+
+impl ImpactIsland for SphereIsland<'_> {
+    fn slots(&self) -> usize {
+        self.pile.velocity.members.len()
+    }
+
+    fn closing_tolerance(&self) -> f64 {
+        self.pile.velocity.tol
+    }
+
+    fn speed_before(&self, slot: usize) -> f64 {
+        let (velocity, m) = (&self.pile.velocity, &self.pile.velocity.members[slot]);
+        velocity.before(m).dot(m.normal)
+    }
+
+    fn speed(&self, slot: usize) -> f64 {
+        let velocity = &self.pile.velocity;
+        velocity.normal_speed(&velocity.members[slot])
+    }
+
+    fn is_pressed(&self, slot: usize) -> bool {
+        self.pile.velocity.members[slot].impulse != DVec3::ZERO
+    }
+
+    fn flags(&self, test: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
+        let mut flags = Vec::new();
+        shares::refill(self.pile.sweeps.threads, &mut flags, self.slots(), test);
+        flags
+    }
+
+    fn choose(&mut self, select: impl Fn(usize) -> bool) {
+        self.pile.velocity.choose(select);
+    }
+
+    fn solve(&mut self, law: Law, problem: u32, start: Start) -> bool {
+        let (model, linear, state) = (self.model, self.linear, self.state);
+        match start {
+            Start::Nothing => self.pile.start_nothing(),
+            Start::Loads => self.pile.start_first(),
+            Start::LastLoads => {
+                self.pile.start_loads(state, self.contacts, self.span);
+                let gained = |i: usize| (linear[i].velocity - state.velocity[i]).length();
+                let of_walls = self.pile.velocity.wall_load;
+                (self.pile).start_sound(|i| model.mass[i] * gained(i).max(of_walls));
+            }
+            Start::Positions => self.pile.start_last(self.contacts, self.span),
+        }
+        let (velocity, tol) = (&self.pile.velocity, self.closing_tolerance());
+        let mut chosen = velocity.chosen.iter();
+        let closed = chosen.any(|&slot| self.speed_before(slot as usize) < -tol);
+        self.pile.velocity.table.begin_problem(problem, closed);
+        self.report.impact_problems += 1;
+        (self.pile)
+            .solve_chosen(model, self.contacts, law, problem, self.report)
+            .is_some()
+    }
+
+    fn drop_chosen(&mut self) {
+        self.pile.drop_chosen();
+    }
+
+    fn forget_all(&mut self, problem: u32) {
+        self.report.impact_problems -= 1;
+        self.pile.forget_all(problem);
+    }
+
+    fn mark_loads(&mut self) {
+        let memory = &mut self.pile.velocity;
+        for turning in &mut memory.turning {
+            turning.load = turning.moment;
+        }
+        memory.offset.clone_from(&memory.jump);
+    }
+
+    fn gives(&self) -> bool {
+        self.pile.gives(self.model)
+    }
+
+    fn later(&mut self, _: Law, first: u32) -> Option<bool> {
+        let (last, done) = self.pile.cascade(self.model, self.contacts, self.report);
+        if last >= first {
+            self.pile.velocity.table.begin_problem(last, true);
+            self.report.impact_problems += last + 1 - first;
+        }
+        Some(done)
+    }
+
+    fn most_problems(&self) -> u32 {
+        self.model.options.problems(self.slots()).most
+    }
+
+    fn report(&mut self) -> &mut StepReport {
+        self.report
     }
 }
 
@@ -386,7 +413,7 @@ impl Found {
             return;
         }
         self.restitution_scale = self.restitution_scale.min(m.scale);
-        if memory.every.wanted {
+        if memory.table.wanted {
             return;
         }
         self.impacts.push(ImpactRecord {

@@ -4,34 +4,11 @@ use crate::impact::bisect::GAIN_TOLERANCE;
 use crate::impact::memory::ImpactScratch;
 use crate::impact::{gives, Worked};
 use crate::model::Model;
-use crate::outcome::ImpactRecord;
-use crate::workspace::IslandScratch;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::Status;
 
-/// Table of impacts before a problem: its length, and the rows of stage 0 that wait for an impact.
-pub struct Rows {
-    length: usize,
-    waiting: Vec<ImpactRecord>,
-}
-
 impl ImpactScratch {
-    pub fn rows(&self, scratch: &IslandScratch) -> Rows {
-        Rows {
-            length: scratch.impacts.len(),
-            waiting: self.resting.clone(),
-        }
-    }
-
-    /// The same where impulses of the loads were kept beside the problem that was chosen.
-    pub fn kept_gives(&self, model: &Model) -> bool {
-        let mut kept = vec![true; self.members.len()];
-        self.chosen.iter().for_each(|&slot| kept[slot] = false);
-        let mut kept = (0..).zip(&kept);
-        kept.any(|(slot, kept)| *kept && self.is_pressed(slot)) && self.gives(model)
-    }
-
-    fn is_pressed(&self, slot: usize) -> bool {
+    pub fn is_pressed(&self, slot: usize) -> bool {
         self.impulse[self.full.contacts[slot].row as usize] > 0.0
     }
 
@@ -73,13 +50,12 @@ impl ImpactScratch {
         gives(&contacts, &kinetic, GAIN_TOLERANCE)
     }
 
-    /// Forgets all impulses of the step, and the rows of the table since `rows`.
-    pub fn forget_all(&mut self, scratch: &mut IslandScratch, rows: Rows) {
+    /// Forgets all impulses of the step, and the rows of `problem`.
+    pub fn forget_all(&mut self, problem: u32) {
         self.impulse.fill(0.0);
         self.work.fill([0.0; 4]);
         self.status.fill(Status::Gap);
         self.update_jump();
-        scratch.impacts.truncate(rows.length);
-        self.resting = rows.waiting;
+        self.table.forget_problem(problem);
     }
 }

@@ -1,8 +1,8 @@
 //! Solves an impact problem, as it is stated for its chosen contacts.
 
-use super::Law;
 use crate::contact::Contact;
 use crate::impact::coupled::Velocities;
+use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::level::coupling::Trial;
 use crate::level::{newton_options, worst_group, LESS_FRICTION};
@@ -19,18 +19,19 @@ use carom_solve::NewtonOptions;
 const AT_REST: f64 = 1e-3;
 
 impl ImpactScratch {
-    /// Solves the chosen contacts by `law` with all present impulses fixed, adds the new ones. With `index` the
-    /// problem is an impact (safeguarded and recorded); without it is stage 0. `warm` starts from given impulses.
+    /// Solves the chosen contacts by `law` with all present impulses fixed, adds the new ones. Problem 0 is that of the loads.
+    /// `warm` starts from given impulses.
     pub fn solve_chosen(
         &mut self,
         model: &Model,
         scratch: &mut IslandScratch,
         law: Law,
-        index: Option<u32>,
+        problem: u32,
         warm: Option<&[f64]>,
         report: &mut StepReport,
     ) -> bool {
         self.problems += 1;
+        self.set_minus(law);
         self.fixed.clone_from(&self.jump);
         for (v, (c, j)) in self
             .velocity
@@ -42,8 +43,8 @@ impl ImpactScratch {
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
         self.build(model, scratch.contacts, law);
-        let problem = index.unwrap_or(0);
-        let scaled = index.is_some() && law == Law::Newton && model.options.energy_safeguard;
+        let newton = matches!(law, Law::First | Law::Later);
+        let scaled = newton && model.options.energy_safeguard;
         // Contacts that can jam (a ball in a corner with mu > 1/sqrt 2) may have no velocities that Newton's law asks for. Smaller
         // parts of the step may take them one by one; where there are none, restitution goes: without it the measures are
         // those of a motion, and the problem has a solution.
@@ -52,8 +53,9 @@ impl ImpactScratch {
         let failed_before = scratch.keeper.failed.take();
         let residual_before = report.residual_velocity;
         let resting = match law {
-            Law::Plastic | Law::Newton if problem <= 1 => self.rests_below(model, scratch.contacts),
-            _ => None,
+            Law::Printed => None,
+            _ if problem > 1 => None,
+            _ => self.rests_below(model, scratch.contacts),
         };
         self.accept_unconverged = accept && !without && resting.is_none();
         let mut before = *report;
@@ -89,7 +91,7 @@ impl ImpactScratch {
         }
         // What was given up cannot be scaled further.
         if scaled && self.scale.iter().any(|&s| s > 0.0) {
-            let fine = self.safeguard(model, scratch, law, index.unwrap_or(0), report);
+            let fine = self.safeguard(model, scratch, law, problem, report);
             if !fine {
                 return false;
             }
@@ -99,11 +101,22 @@ impl ImpactScratch {
             scratch.keeper.failed = failed_before;
         }
         if scratch.keeper.wants(self.last.iterations) {
-            self.keep(model, scratch, index.unwrap_or(0));
+            self.keep(model, scratch, problem);
         }
         self.commit(scratch.contacts);
-        self.record(scratch, index);
+        self.record(scratch.contacts, problem);
         true
+    }
+
+    /// The velocities that restitution acts on.
+    fn set_minus(&mut self, law: Law) {
+        self.v_minus.clone_from(&self.v_old);
+        if matches!(law, Law::Later | Law::Printed) {
+            let jumps = self.jump.iter().zip(&self.offset);
+            for (v, (jump, loads)) in self.v_minus.iter_mut().zip(jumps) {
+                *v += jump - loads;
+            }
+        }
     }
 
     /// A few spheres that jam may have no solution as fine as is asked of them. Where there is no smaller part of the step, what is asked of larger
@@ -175,31 +188,20 @@ impl ImpactScratch {
                 row: row as u32,
                 ..c
             });
-            if law == Law::Plastic {
-                continue;
-            }
             let material = contact.law(model);
-            let scale = self.scale[position];
-            let old = self.relative::<0>(&c, c.row as usize, &self.v_minus);
-            let (e_n, approach, tangential) = if law == Law::Printed {
-                (
-                    material.restitution,
-                    self.printed_approach(&c, contact),
-                    true,
-                )
-            } else {
-                let slow = -old < model.options.restitution_threshold;
-                (
-                    if slow { 0.0 } else { material.restitution },
-                    old.min(0.0),
-                    old < -self.tol,
-                )
+            let approach = match law {
+                Law::Plastic => continue,
+                Law::Printed => self.printed_approach(&c, contact),
+                _ => self.relative::<0>(&c, c.row as usize, &self.v_minus),
             };
-            sub.z0[row] += scale * e_n * approach;
-            if tangential && contact.bounds.sliding > 0.0 {
+            let e = [material.restitution, material.tangential_restitution];
+            let (o, scale) = (&model.options, self.scale[position]);
+            let [normal, across] = law.terms(e, scale, approach, o, self.tol);
+            sub.z0[row] += normal;
+            if across != 0.0 && contact.bounds.sliding > 0.0 {
                 for r in 1..3 {
                     let slip = self.relative::<0>(&c, c.row as usize + r, &self.v_minus);
-                    sub.z0[row + r] += scale * material.tangential_restitution * slip;
+                    sub.z0[row + r] += across * slip;
                 }
             }
         }

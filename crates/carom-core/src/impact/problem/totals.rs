@@ -2,8 +2,8 @@
 
 use crate::contact::Contact;
 use crate::impact::memory::ImpactScratch;
+use crate::impact::table::ImpactRow;
 use crate::model::Model;
-use crate::outcome::ImpactRecord;
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
 use carom_solve::rows::NODE_DOF;
@@ -51,41 +51,31 @@ impl ImpactScratch {
         friction >= c.bounds.sliding * self.lambda[row] * (1.0 - 1e-12)
     }
 
-    /// Keeps the problem in the table of impacts. Stage 0, and a first problem in which only loads act (laws without
-    /// stage 0 solve rest as an impact), enter it only if an impact follows in this island.
-    pub(super) fn record(&mut self, scratch: &mut IslandScratch, index: Option<u32>) {
-        let loads_only = |slot: &usize| self.old_normal_velocity(*slot) >= -self.tol;
-        let quiet = index.is_none() || (index == Some(1) && self.chosen.iter().all(loads_only));
-        let mut rows = std::mem::take(&mut self.resting);
+    /// Keeps the problem for the table of impacts.
+    pub(super) fn record(&mut self, contacts: &[Contact], problem: u32) {
+        let mut table = std::mem::take(&mut self.table);
         for (position, &slot) in self.chosen.iter().enumerate() {
             let s = &self.sub.contacts[position];
             let row = s.row as usize;
             if self.lambda[row] <= 0.0 {
                 continue;
             }
-            let contact = scratch.contacts[self.members[slot] as usize];
+            let contact = &contacts[self.members[slot] as usize];
             let mut packed = [0.0; 6];
             packed[..s.dim as usize].copy_from_slice(&self.lambda[row..row + s.dim as usize]);
             let world = contact.to_world(contact.n1, &packed);
             let full = &self.full.contacts[slot];
             let approach = self.relative::<1>(full, full.row as usize, &self.velocity);
-            rows.push(ImpactRecord {
-                problem: index.unwrap_or(0),
-                a: contact.a,
-                b: contact.b,
-                status: self.status[slot] as u8,
-                normal: contact.n1,
-                impulse: world.impulse,
-                moment: world.moment,
-                approach,
-                separation: approach + self.sub.row_velocity(s, row, &self.u),
-                restitution_scale: self.scale[position],
+            table.push(|| ImpactRow {
+                slot: slot as u32,
+                problem,
+                status: self.status[slot],
+                given: [world.impulse, world.moment],
+                speed: [approach, approach + self.sub.row_velocity(s, row, &self.u)],
+                scale: self.scale[position],
             });
         }
-        if !quiet {
-            scratch.impacts.append(&mut rows);
-        }
-        self.resting = rows;
+        self.table = table;
     }
 
     /// Writes the island's result into the step's scratch.
@@ -101,6 +91,11 @@ impl ImpactScratch {
             scratch.corrections.set(body, jump);
         }
         self.finish_joints(model, scratch);
+        let of = |slot: usize| {
+            let c = &scratch.contacts[self.members[slot] as usize];
+            ([c.a, c.b], c.n1)
+        };
+        self.table.hand_over(of, scratch.impacts);
         for (slot, &m) in self.members.iter().enumerate() {
             let c = &self.full.contacts[slot];
             let contact = &mut scratch.contacts[m as usize];

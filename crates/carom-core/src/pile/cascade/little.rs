@@ -162,7 +162,14 @@ impl Batch {
         for ((edge, &sides), &slot) in self.near.edges(island).iter().zip(sides).zip(slots) {
             let [now, minus] = self.near.relative(velocity, island, edge, sides);
             self.before.push([now, minus]);
-            let slip = velocity.newton(view.model, edge.normal, edge.restitution, 1.0, now, minus);
+            let slip = velocity.newton(
+                &view.model.options,
+                edge.normal,
+                edge.restitution,
+                1.0,
+                now,
+                minus,
+            );
             self.group.push_contact(edge, sides, slip);
             if rolls {
                 let turn = front.turn(velocity, bodies, slot);
@@ -187,7 +194,8 @@ impl Batch {
         let all = self.near.edges(island).iter().zip(&self.before);
         for (k, (edge, &[now, minus])) in all.enumerate() {
             let law = edge.restitution;
-            let slip = (view.velocity).newton(view.model, edge.normal, law, scale, now, minus);
+            let slip =
+                (view.velocity).newton(&view.model.options, edge.normal, law, scale, now, minus);
             self.group.set_slip(k, slip);
         }
         let (_, solved) = self.group.solve(goal);

@@ -12,10 +12,10 @@ mod parts;
 
 use super::keep;
 use crate::contact::Contact;
+use crate::impact::law::Law;
 use crate::model::Model;
 use crate::options::Problems;
 use crate::outcome::Level;
-use crate::pile::limits::Law;
 use crate::pile::memory::Pile;
 use crate::pile::velocities::Velocities;
 use crate::report::StepReport;
@@ -197,8 +197,7 @@ impl Cascade<'_> {
                     let hits = given.impulse != DVec3::ZERO;
                     velocity.turning[slot as usize].add(moment, work, hits);
                 }
-                let both = [given.impulse, moment];
-                (velocity.every).push(slot, problem, both, given.speed, given.scale);
+                velocity.tell(slot, problem, moment, given);
             }
             for change in &batch.moved {
                 let Some(&node) = nodes.next() else { break };

@@ -1,0 +1,205 @@
+//! An island whose contacts are rows in its impact problems, and the law of the run on it.
+
+use super::law::Law;
+use super::memory::ImpactScratch;
+use super::sequence::{as_printed, loads_first, one_shot, ImpactIsland, Start};
+use crate::contact::WorldImpulse;
+use crate::islands::Island;
+use crate::level::rest;
+use crate::model::Model;
+use crate::options::Impact;
+use crate::report::StepReport;
+use crate::state::{State, Warm};
+use crate::stepper::Span;
+use crate::workspace::IslandScratch;
+
+/// Solves one island by the law of the run.
+pub fn solve_island(
+    model: &Model,
+    state: &State,
+    scratch: &mut IslandScratch,
+    island: Island,
+    span: Span,
+    report: &mut StepReport,
+    accept_unconverged: bool,
+) -> bool {
+    let mut work = std::mem::take(scratch.impact);
+    work.begin(model, state, scratch, island, span, accept_unconverged);
+    let settled = island.is_free() || work.settle(model, state, scratch, report);
+    let mut rows = RowIsland {
+        work: &mut work,
+        model,
+        state,
+        scratch,
+        report,
+        impacts: false,
+    };
+    let solved = settled
+        && (rows.work.tol == 0.0
+            || island.contacts.is_empty()
+            || match model.options.impact {
+                Impact::Sequence => loads_first(&mut rows),
+                Impact::SequencePaper => as_printed(&mut rows),
+                Impact::OneShot => one_shot(&mut rows),
+            });
+    if solved {
+        if model.options.impact == Impact::Sequence && !rows.impacts {
+            rows.keep_warm();
+        }
+        work.finish(model, scratch, report);
+    }
+    *scratch.impact = work;
+    solved
+}
+
+struct RowIsland<'r, 's> {
+    work: &'r mut ImpactScratch,
+    model: &'r Model,
+    state: &'r State,
+    scratch: &'r mut IslandScratch<'s>,
+    report: &'r mut StepReport,
+    /// A problem other than that of the loads was solved.
+    impacts: bool,
+}
+
+impl ImpactIsland for RowIsland<'_, '_> {
+    fn slots(&self) -> usize {
+        self.work.members.len()
+    }
+
+    fn closing_tolerance(&self) -> f64 {
+        self.work.tol
+    }
+
+    fn speed_before(&self, slot: usize) -> f64 {
+        self.work.old_normal_velocity(slot)
+    }
+
+    fn speed(&self, slot: usize) -> f64 {
+        self.work.normal_velocity(slot, &self.work.jump)
+    }
+
+    fn is_pressed(&self, slot: usize) -> bool {
+        self.work.is_pressed(slot)
+    }
+
+    fn flags(&self, test: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
+        (0..self.slots()).map(test).collect()
+    }
+
+    fn choose(&mut self, select: impl Fn(usize) -> bool) {
+        let slots = 0..self.slots();
+        self.work.chosen.clear();
+        self.work.chosen.extend(slots.filter(|&slot| select(slot)));
+    }
+
+    fn solve(&mut self, law: Law, problem: u32, start: Start) -> bool {
+        let warm = (start == Start::LastLoads).then(|| self.last_loads());
+        self.impacts |= problem > 0;
+        let (tol, mut chosen) = (self.work.tol, self.work.chosen.iter());
+        let closed = chosen.any(|&slot| self.speed_before(slot) < -tol);
+        self.work.table.begin_problem(problem, closed);
+        let (model, scratch) = (self.model, &mut *self.scratch);
+        (self.work).solve_chosen(model, scratch, law, problem, warm.as_deref(), self.report)
+    }
+
+    fn drop_chosen(&mut self) {
+        self.work.drop_chosen(self.scratch.contacts);
+    }
+
+    fn forget_all(&mut self, problem: u32) {
+        self.work.problems -= 1;
+        self.work.forget_all(problem);
+    }
+
+    fn mark_loads(&mut self) {
+        let work = &mut *self.work;
+        work.offset.clone_from(&work.jump);
+    }
+
+    fn gives(&self) -> bool {
+        self.work.gives(self.model)
+    }
+
+    fn later(&mut self, law: Law, first: u32) -> Option<bool> {
+        let bounds = self.model.options.problems(self.slots());
+        let mut solved = 0;
+        for problem in first..=bounds.most {
+            self.work.choose_closing();
+            if self.work.chosen.is_empty() {
+                return Some(true);
+            }
+            solved += self.work.chosen.len() as u64;
+            if solved > bounds.work {
+                break;
+            }
+            if !self.solve(law, problem, Start::Nothing) {
+                return None;
+            }
+            if self.work.stands_still() {
+                break;
+            }
+        }
+        self.work.choose_closing();
+        Some(self.work.chosen.is_empty())
+    }
+
+    fn most_problems(&self) -> u32 {
+        self.model.options.problems(self.slots()).most
+    }
+
+    fn report(&mut self) -> &mut StepReport {
+        self.report
+    }
+}
+
+impl RowIsland<'_, '_> {
+    /// Impulses of the last step for the chosen contacts, scaled to this step's size (rule R8).
+    fn last_loads(&self) -> Vec<f64> {
+        let work = &self.work;
+        let mut start = Vec::with_capacity(work.full.rows());
+        let scale = work.span.h / self.state.warm_step;
+        for &slot in &work.chosen {
+            let contact = &self.scratch.contacts[work.members[slot] as usize];
+            let dim = work.full.contacts[slot].dim as usize;
+            let mut packed = [0.0; 6];
+            if let Some(warm) = rest::of_last_step(self.state, contact) {
+                let world = WorldImpulse {
+                    impulse: scale * warm.impulse,
+                    moment: scale * warm.moment,
+                };
+                contact.to_rows(&world, &mut packed);
+            }
+            start.extend_from_slice(&packed[..dim]);
+        }
+        start
+    }
+
+    /// Keeps the impulses of an island that had no impact in this step.
+    fn keep_warm(&mut self) {
+        let work = &self.work;
+        for (slot, &m) in work.members.iter().enumerate() {
+            if !work.is_pressed(slot) {
+                continue;
+            }
+            let c = &work.full.contacts[slot];
+            let row = c.row as usize;
+            let mut packed = [0.0; 6];
+            packed[..c.dim as usize].copy_from_slice(&work.impulse[row..row + c.dim as usize]);
+            let contact = &self.scratch.contacts[m as usize];
+            let world = contact.to_world(contact.n1, &packed);
+            let position = if contact.held {
+                contact.to_world(contact.n0, &contact.nu)
+            } else {
+                WorldImpulse::default()
+            };
+            self.scratch.warm.push(Warm {
+                key: (contact.a, contact.b),
+                impulse: world.impulse,
+                moment: world.moment,
+                position: position.impulse,
+                position_moment: position.moment,
+            });
+        }
+    }
+}
