@@ -109,6 +109,13 @@ named_choice! {
     }
 }
 
+impl Impact {
+    /// Whether loads are solved before impacts, without restitution (rule R2).
+    pub fn has_loads_first(self) -> bool {
+        self == Impact::Sequence
+    }
+}
+
 named_choice! {
     /// How contact problems are solved.
     Solver {

@@ -43,7 +43,7 @@ pub fn solve_island(
                 Impact::OneShot => one_shot(&mut rows),
             });
     if solved {
-        if model.options.impact == Impact::Sequence && !rows.impacts {
+        if model.options.impact.has_loads_first() && !rows.impacts {
             rows.keep_warm();
         }
         work.finish(model, scratch, report);

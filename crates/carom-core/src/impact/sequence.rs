@@ -51,26 +51,11 @@ pub trait ImpactIsland: Sync {
 /// Rule R2: loads first, then impacts. `docs/theory/algorithm.md` section 5 has it stage by stage.
 #[must_use]
 pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
-    let tol = island.closing_tolerance();
-    let resting = island.flags(|slot| island.speed_before(slot) >= -tol);
-    let loaded = island.flags(|slot| resting[slot] && island.speed(slot) < -tol);
-    // Stage 0: the load of this step on contacts that were not approaching, without restitution.
-    if loaded.contains(&true) {
-        island.choose(|slot| resting[slot]);
-        if !island.solve(Law::Plastic, 0, Start::LastLoads) {
-            return false;
-        }
-        if island.gives() {
-            // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
-            island.report().fallbacks += 1;
-            island.forget_all(0);
-            if !island.solve(Law::Plastic, 0, Start::Nothing) {
-                return false;
-            }
-        }
-        island.mark_loads();
-    }
+    let Some([resting, loaded]) = loads(island) else {
+        return false;
+    };
     // Stage 1: contacts that close now, together with the resting ones that the load closes.
+    let tol = island.closing_tolerance();
     let closing = island.flags(|slot| island.speed(slot) < -tol);
     if !closing.contains(&true) {
         return true;
@@ -91,13 +76,38 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
             return false;
         }
     }
-    in_turn(island, Law::Later, 2)
+    let later = island.later(Law::Later, 2);
+    end(island, later)
+}
+
+/// Stage 0: the load of this step on contacts that were not approaching, without restitution. Which contacts these are, and which of
+/// them the loads close; nothing if they were not solved.
+fn loads(island: &mut impl ImpactIsland) -> Option<[Vec<bool>; 2]> {
+    let tol = island.closing_tolerance();
+    let resting = island.flags(|slot| island.speed_before(slot) >= -tol);
+    let loaded = island.flags(|slot| resting[slot] && island.speed(slot) < -tol);
+    if loaded.contains(&true) {
+        island.choose(|slot| resting[slot]);
+        let mut solved = island.solve(Law::Plastic, 0, Start::LastLoads);
+        if solved && island.gives() {
+            // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
+            island.report().fallbacks += 1;
+            island.forget_all(0);
+            solved = island.solve(Law::Plastic, 0, Start::Nothing);
+        }
+        if !solved {
+            return None;
+        }
+        island.mark_loads();
+    }
+    Some([resting, loaded])
 }
 
 /// The paper's own sequence (eqs. 24-29): strictly closing contacts from the first problem on.
 #[must_use]
 pub fn as_printed(island: &mut impl ImpactIsland) -> bool {
-    in_turn(island, Law::Printed, 1)
+    let later = island.later(Law::Printed, 1);
+    end(island, later)
 }
 
 /// Newton's law on all closed contacts at once.
@@ -107,14 +117,11 @@ pub fn one_shot(island: &mut impl ImpactIsland) -> bool {
     island.solve(Law::First, 1, Start::Nothing)
 }
 
-/// One problem after the other. What a sequence that does not die out leaves is solved at once without restitution: then nothing
-/// closes, and that is dissipative.
-fn in_turn(island: &mut impl ImpactIsland, law: Law, first: u32) -> bool {
-    let Some(done) = island.later(law, first) else {
-        return false;
-    };
-    if done {
-        return true;
+/// What a sequence that does not die out leaves is solved at once without restitution: then nothing closes, and that is dissipative.
+/// `later` as [`ImpactIsland::later`] has it.
+fn end(island: &mut impl ImpactIsland, later: Option<bool>) -> bool {
+    if later != Some(false) {
+        return later.is_some();
     }
     island.report().truncated += 1;
     island.choose(|_| true);

@@ -4,6 +4,7 @@ use super::less_friction::with_less_friction;
 use super::{closed_form, single};
 use crate::contact::Contact;
 use crate::impact::bisect::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
+use crate::impact::law::Law;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
@@ -112,32 +113,27 @@ fn solve_single<const MOVING: bool>(
     if tol == 0.0 || (!one_shot && check.normal >= -tol) {
         return;
     }
-    let resting = options.impact == Impact::Sequence && gamma_n >= -tol;
-    let law = c.law(model);
-    let paper = options.impact == Impact::SequencePaper;
-    let (mut e_n, mut e_t) = (law.restitution, law.tangential_restitution);
-    if resting {
-        (e_n, e_t) = (0.0, 0.0);
-    } else if !paper {
-        if gamma_n >= -tol {
-            e_t = 0.0;
-        }
-        if -gamma_n < options.restitution_threshold {
-            e_n = 0.0;
-        }
-    }
-    let before = if e_t == 0.0 {
+    let resting = options.impact.has_loads_first() && gamma_n >= -tol;
+    let printed = options.impact == Impact::SequencePaper;
+    let law = match (resting, printed) {
+        (true, _) => Law::Plastic,
+        (_, true) => Law::Printed,
+        _ => Law::First,
+    };
+    let material = c.law(model);
+    let e = [material.restitution, material.tangential_restitution];
+    let before = if material.tangential_restitution == 0.0 {
         [0.0; 2]
     } else {
         let old = single::motion(c, radius, state.velocity[i], state.angular_velocity[i]);
         against(old, &wall_old).slip
     };
-    let approach = if paper { gamma_n } else { gamma_n.min(0.0) };
     let measures = |scale: f64| {
         let mut z = check;
-        z.normal += scale * e_n * approach;
-        z.slip[0] += scale * e_t * before[0];
-        z.slip[1] += scale * e_t * before[1];
+        let [along, across] = law.terms(e, scale, gamma_n, options, tol);
+        z.normal += along;
+        z.slip[0] += across * before[0];
+        z.slip[1] += across * before[1];
         z
     };
     let solve = |scale: f64| single::problem(model, c, &measures(scale)).solve();
@@ -161,7 +157,7 @@ fn solve_single<const MOVING: bool>(
         ([dv, dw], work)
     };
     let (mut jump, mut done) = effect(&s);
-    if options.energy_safeguard && !paper && !resting {
+    if options.energy_safeguard && law == Law::First {
         // The speed of a wall that moves belongs to the scale.
         let of_wall = wall_new.normal.powi(2) + wall_new.slip[0].powi(2) + wall_new.slip[1].powi(2);
         let kinetic = 0.5
