@@ -7,7 +7,7 @@ use crate::contact::WorldImpulse;
 use crate::islands::Island;
 use crate::level::rest;
 use crate::model::Model;
-use crate::options::Impact;
+use crate::options::{Impact, Problems};
 use crate::report::StepReport;
 use crate::state::{State, Warm};
 use crate::stepper::Span;
@@ -122,7 +122,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn later(&mut self, law: Law, first: u32) -> Option<bool> {
-        let bounds = self.model.options.problems(self.slots());
+        let bounds = self.bounds();
         let mut solved = 0;
         for problem in first..=bounds.most {
             self.work.choose_closing();
@@ -144,8 +144,8 @@ impl ImpactIsland for RowIsland<'_, '_> {
         Some(self.work.chosen.is_empty())
     }
 
-    fn most_problems(&self) -> u32 {
-        self.model.options.problems(self.slots()).most
+    fn bounds(&self) -> Problems {
+        self.model.options.problems(self.slots())
     }
 
     fn report(&mut self) -> &mut StepReport {

@@ -2,6 +2,7 @@
 //! that are held as rows ([`crate::impact::rows`]) and as spheres ([`crate::pile`]).
 
 use super::law::Law;
+use crate::options::Problems;
 use crate::report::StepReport;
 
 /// What a solve starts from.
@@ -43,8 +44,8 @@ pub trait ImpactIsland: Sync {
     /// Problems `first`, ... of what closes, until nothing does (rule 26) or a bound is reached: whether nothing closes any more.
     /// Nothing: a problem was not solved.
     fn later(&mut self, law: Law, first: u32) -> Option<bool>;
-    /// Problems up to which a sequence goes on.
-    fn most_problems(&self) -> u32;
+    /// How far a sequence goes on.
+    fn bounds(&self) -> Problems;
     fn report(&mut self) -> &mut StepReport;
 }
 
@@ -125,6 +126,6 @@ fn end(island: &mut impl ImpactIsland, later: Option<bool>) -> bool {
     }
     island.report().truncated += 1;
     island.choose(|_| true);
-    let number = island.most_problems() + 1;
+    let number = island.bounds().most + 1;
     island.solve(Law::Plastic, number, Start::Positions)
 }

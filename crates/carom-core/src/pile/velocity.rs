@@ -8,7 +8,7 @@ use crate::impact::sequence::{loads_first, one_shot, ImpactIsland, Start};
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
-use crate::options::Impact;
+use crate::options::{Impact, Problems};
 use crate::outcome::ImpactRecord;
 use crate::pile::limits::{coarser, node};
 use crate::pile::memory::Pile;
@@ -354,8 +354,8 @@ impl ImpactIsland for SphereIsland<'_> {
         Some(done)
     }
 
-    fn most_problems(&self) -> u32 {
-        self.model.options.problems(self.slots()).most
+    fn bounds(&self) -> Problems {
+        self.model.options.problems(self.slots())
     }
 
     fn report(&mut self) -> &mut StepReport {
