@@ -43,6 +43,8 @@ DROPS = {"short": 8, "full": 100}
 #: Contacts up to which a collected problem is solved.
 CONTACTS = {"short": 150, "full": 100_000}
 ITERATIONS = 500
+#: Scenarios by method `penalty`, and their steps: collisions in a row, a break, rolling, jammed balls, a moving wall.
+PENALTY = {"newtons_cradle": 500, "nine_ball_break": 2500, "incline": 100, "corner": 400, "shaken_layer": 300}
 SOLVERS = ("auto", "gauss-seidel", "newton")
 
 
@@ -183,6 +185,18 @@ def periodic(size: str) -> Iterator[tuple[str, Case]]:
     yield "periodic/box", functools.partial(run, scene, steps=STEPS[size])
 
 
+def penalty(size: str) -> Iterator[tuple[str, Case]]:
+    """Balls whose contacts are springs and dampers, soft ones so that the cases are short; both laws of sliding friction."""
+    import carom
+
+    for stem, steps in PENALTY.items():
+        scene = carom.Scene.from_toml(ROOT / "scenarios" / f"{stem}.toml")
+        for friction in ("regularised", "spring"):
+            options = {"method": "penalty", "penalty_friction": friction, "penalty_young_modulus": 1e7}
+            case = functools.partial(run, scene.with_options(**options), steps=steps)
+            yield f"penalty/{stem}/{friction}", case
+
+
 def problems(size: str) -> Iterator[tuple[str, Case]]:
     """The collected contact problems, by several solvers."""
     folder = ROOT / "tests" / "data" / "contact_problems"
@@ -196,5 +210,5 @@ def problems(size: str) -> Iterator[tuple[str, Case]]:
 
 def every(size: str) -> dict[str, Case]:
     """All cases of a size, `short` or `full`, by name."""
-    sources = (scenarios, drops, periodic, problems)
+    sources = (scenarios, drops, periodic, penalty, problems)
     return {name: case for source in sources for name, case in source(size)}
