@@ -1,6 +1,6 @@
 //! Candidate contacts of a step: pairs of the list that are near after the smooth step, and those that come to overlap later.
 
-use crate::contact::Contact;
+use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::model::Model;
 use crate::outcome::Failure;
 use crate::scratch::Scratch;
@@ -10,8 +10,6 @@ use carom_geom::{sphere_plane, tangent_frame};
 use carom_solve::{team, Bounds};
 use glam::DVec3;
 
-/// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
-pub(crate) const CANDIDATE_MARGIN: f64 = 1e-2;
 /// In scenes of many contacts: gap over r_c up to which pairs join where others have come to overlap.
 const RELIST_MARGIN: f64 = 5e-2;
 /// Pairs that a thread looks at before it takes more.

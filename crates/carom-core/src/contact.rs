@@ -9,6 +9,9 @@ use carom_solve::rows::NODE_DOF;
 use carom_solve::{Bounds, Status};
 use glam::DVec3;
 
+/// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
+pub const CANDIDATE_MARGIN: f64 = 1e-2;
+
 /// One candidate contact of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Contact {

@@ -19,7 +19,6 @@ pub mod level;
 pub mod model;
 pub mod options;
 pub mod outcome;
-pub mod penalty;
 mod pile;
 pub mod problem;
 pub mod record;

@@ -92,7 +92,7 @@ named_choice! {
         Nsga = "nsga",
         /// Moreau-Jean: velocity level only, contacts by the predicted gap.
         MoreauJean = "moreau",
-        /// Continuous contact forces, explicit substeps ([`crate::penalty`]).
+        /// Continuous contact forces, explicit substeps (crate `carom-penalty`).
         Penalty = "penalty",
     }
 }

@@ -29,7 +29,7 @@ pub enum ModelError {
 }
 
 impl ModelError {
-    pub(crate) fn option(name: &str, text: String) -> Self {
+    pub fn option(name: &str, text: String) -> Self {
         ModelError::Option {
             name: name.to_owned(),
             text,
@@ -95,7 +95,7 @@ pub enum Failure {
     MissingLaw(u32, u32),
     /// More pairs may meet within the step than the list holds: the step is far too long for the speeds.
     TooManyPairs,
-    /// Method `penalty` would need more substeps than it may take.
+    /// The method would need more substeps than it may take.
     TooManySubsteps,
     /// A pair would meet after a relative travel (m) of the radius `length` (m) of one or more.
     TooFar {
@@ -180,7 +180,7 @@ impl BlowUp {
 
 /// Whether velocities are numbers, and of a size at which numbers still mean something.
 #[inline]
-pub(crate) fn within_bounds(v: DVec3, w: DVec3) -> bool {
+pub fn within_bounds(v: DVec3, w: DVec3) -> bool {
     // Written so that what is not a number is not within.
     v.length_squared() <= FASTEST * FASTEST && w.length_squared() <= FASTEST * FASTEST
 }

@@ -146,7 +146,7 @@ impl StepReport {
     }
 
     /// Adds substeps and the smallest of them, s; it says nothing where there are none.
-    pub(crate) fn take_substeps(&mut self, count: u32, smallest: f64) {
+    pub fn take_substeps(&mut self, count: u32, smallest: f64) {
         if count > 0 {
             self.substep_min = if self.substeps == 0 {
                 smallest
@@ -328,7 +328,7 @@ pub enum Outcome {
     BlowUp { step: u64, time: f64, what: BlowUp },
     /// More pairs may meet within a step than the neighbour list holds.
     TooManyPairs { step: u64, time: f64 },
-    /// Method `penalty` would need more substeps for a step than it may take.
+    /// The method would need more substeps for a step than it may take.
     TooManySubsteps { step: u64, time: f64 },
     /// A sphere would pass through a body within the smallest part of a step.
     TooFast {

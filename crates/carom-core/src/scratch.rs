@@ -7,7 +7,6 @@ use crate::level::coupling::Trial;
 use crate::level::smooth::SmoothScratch;
 use crate::model::Model;
 use crate::outcome::{History, ImpactRecord, Level};
-use crate::penalty::Workspace;
 use crate::pile::limits::is_huge;
 use crate::pile::memory::Pile;
 use crate::problem::Keeper;
@@ -52,8 +51,6 @@ pub struct Scratch {
     pub history: [History; 3],
     pub keeper: Keeper,
     pub pile: Pile,
-    /// Memory of method `penalty`.
-    pub penalty: Workspace,
     /// What a load said that failed.
     pub load_error: Option<crate::force::LoadError>,
     /// Impulse at the joint and moment on sphere A of every joint in the step: both levels, N s and N m s.
@@ -93,7 +90,6 @@ impl Scratch {
             history: Default::default(),
             keeper: Keeper::default(),
             pile: Pile::new(),
-            penalty: Workspace::new(model),
             load_error: None,
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
             wall_impulse: vec![[DVec3::ZERO; 2]; model.recorded_walls()],

@@ -7,13 +7,12 @@ use crate::force::total::{motion_of, weight_potential};
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
 use crate::outcome::{BlowUp, Failure, Level};
-use crate::penalty;
 use crate::problem::{Keeper, KeptProblem};
 use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport};
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::{step, Attempt};
+use crate::step::{step, Attempt, Stepper};
 use crate::stepper::{moreau, Coefficients};
 use crate::timers::{Phase, Timers};
 use crate::wall::places::Walls;
@@ -44,6 +43,7 @@ pub struct Simulation {
     /// The problem that could not be solved.
     pub failed: Option<KeptProblem>,
     scratch: Scratch,
+    stepper: Box<dyn Stepper>,
     /// Coefficients of h, h/2, h/4, ...
     coefficients: Vec<Coefficients>,
     /// `sum m |g| r`, J.
@@ -51,7 +51,25 @@ pub struct Simulation {
 }
 
 impl Simulation {
+    /// A run by a method of this crate.
+    ///
+    /// # Panics
+    /// With method `penalty`, which another crate has: `carom_penalty::simulation` knows all methods.
     pub fn new(model: Model, initial: InitialState) -> Simulation {
+        let stepper: Box<dyn Stepper> = match model.options.method {
+            Method::Nsga => Box::new(step),
+            Method::MoreauJean => Box::new(moreau::step),
+            Method::Penalty => panic!("method penalty needs carom_penalty::simulation"),
+        };
+        Simulation::with_stepper(model, initial, stepper)
+    }
+
+    /// A run by the given method.
+    pub fn with_stepper(
+        model: Model,
+        initial: InitialState,
+        stepper: Box<dyn Stepper>,
+    ) -> Simulation {
         let state = State::new(&model, initial);
         let o = &model.options;
         let coefficients = (0..=o.deepest())
@@ -84,6 +102,7 @@ impl Simulation {
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         Simulation {
             scratch,
+            stepper,
             monitors: Monitors {
                 entered: u64::from(first.entered),
                 removed: u64::from(first.removed),
@@ -129,7 +148,7 @@ impl Simulation {
         let begin = Instant::now();
         let large = self.model.spheres() >= LARGE;
         // A step in hundreds of substeps takes as long as hundreds of others.
-        let check_every = if large || self.model.options.method == Method::Penalty {
+        let check_every = if large || self.stepper.divides_steps() {
             1
         } else {
             (LARGE / self.model.spheres()).max(1) as u64
@@ -248,13 +267,8 @@ impl Simulation {
                 && self.model.options.on_nonconvergence == OnNonconvergence::Warn,
         };
         let (number, time) = (report.step, report.time);
-        let method = match self.model.options.method {
-            Method::Nsga => step,
-            Method::MoreauJean => moreau::step,
-            Method::Penalty => penalty::step,
-        };
         let mut make = |report: &mut StepReport| {
-            method(
+            self.stepper.step(
                 &self.model,
                 &mut self.state,
                 &mut self.scratch,
@@ -303,7 +317,7 @@ impl Simulation {
             }
             // A list that is too long for its needs: those of a shorter step are less.
             Err(Failure::TooFar { .. } | Failure::TooManyPairs)
-                if !smallest && self.model.options.method != Method::Penalty =>
+                if !smallest && !self.stepper.divides_steps() =>
             {
                 let half = self.coefficients[depth as usize + 1].h;
                 // One part becomes two.
@@ -338,7 +352,7 @@ impl Simulation {
     /// Keeps the contact problem of a blow-up: the step is made once more, in vain, with every problem of it kept.
     #[cold]
     fn keep_blow_up(&mut self, what: BlowUp, recording: Recording) {
-        if what.level == Level::Smooth || self.model.options.method == Method::Penalty {
+        if what.level == Level::Smooth || self.stepper.divides_steps() {
             return;
         }
         let (number, time) = (self.state.step + 1, self.time());

@@ -2,7 +2,6 @@
 
 use crate::contact::ContactKey;
 use crate::model::Model;
-use crate::penalty::Touch;
 use glam::{DQuat, DVec3};
 
 /// Impulse of a resting contact, kept to start the next solve (rule R8): world vectors on body A.
@@ -16,6 +15,35 @@ pub struct Warm {
     /// Position multipliers, kg m and kg m^2; piles alone start from them.
     pub position: DVec3,
     pub position_moment: DVec3,
+}
+
+/// What a contact between continuous forces remembers while it is closed. Methods with impulses have none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    pub key: ContactKey,
+    /// Speed at which the contact closed, to which its damping refers, m/s.
+    pub approach: f64,
+    /// Time since it closed, s.
+    pub age: f64,
+    /// Elongation of the tangential spring, world vector of A against B, m.
+    pub spring: DVec3,
+    /// Impulses on A since it closed, N s and N m s.
+    pub impulse: DVec3,
+    pub moment: DVec3,
+}
+
+impl Touch {
+    /// Of a contact that closes at a speed (m/s).
+    pub fn new(key: ContactKey, approach: f64) -> Touch {
+        Touch {
+            key,
+            approach,
+            age: 0.0,
+            spring: DVec3::ZERO,
+            impulse: DVec3::ZERO,
+            moment: DVec3::ZERO,
+        }
+    }
 }
 
 /// The state of a run between two steps. One entry per sphere in each array.
@@ -43,7 +71,7 @@ pub struct State {
     pub warm: Vec<Warm>,
     /// Step size with which `warm` was found, s.
     pub warm_step: f64,
-    /// Contacts that are closed under method `penalty`, sorted by key.
+    /// Closed contacts of a method with continuous forces, sorted by key.
     pub touches: Vec<Touch>,
 }
 

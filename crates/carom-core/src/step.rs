@@ -4,7 +4,8 @@
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
 use crate::all_islands;
-use crate::candidates::{complete, meet, relist, start_over, CANDIDATE_MARGIN};
+use crate::candidates::{complete, meet, relist, start_over};
+use crate::contact::CANDIDATE_MARGIN;
 use crate::finish::finish;
 use crate::force::total::{motion_of, power};
 use crate::level::{smooth, Demand};
@@ -35,6 +36,54 @@ pub struct Attempt {
     pub smallest: bool,
     /// Take an unconverged iterate, and count it.
     pub accept_unconverged: bool,
+}
+
+/// A method in time: how one step is made. Its own memory can be recomputed: what continues a run is in [`State`].
+///
+/// [`step`] and Moreau-Jean are functions. Other crates hand theirs to [`crate::Simulation::with_stepper`].
+pub trait Stepper: Send + Sync {
+    /// Makes one step. One that fails leaves the state as it was.
+    fn step(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        scratch: &mut Scratch,
+        timers: &mut Timers,
+        attempt: &Attempt,
+        report: &mut StepReport,
+    ) -> Result<(), Failure>;
+
+    /// Whether it divides a step by itself: then a step that fails is not halved, and one may take as long as thousands.
+    fn divides_steps(&self) -> bool {
+        false
+    }
+}
+
+/// A function is a method without memory.
+impl<F> Stepper for F
+where
+    F: Fn(
+            &Model,
+            &mut State,
+            &mut Scratch,
+            &mut Timers,
+            &Attempt,
+            &mut StepReport,
+        ) -> Result<(), Failure>
+        + Send
+        + Sync,
+{
+    fn step(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        scratch: &mut Scratch,
+        timers: &mut Timers,
+        attempt: &Attempt,
+        report: &mut StepReport,
+    ) -> Result<(), Failure> {
+        self(model, state, scratch, timers, attempt, report)
+    }
 }
 
 /// Makes one step.

@@ -448,7 +448,8 @@ fn a_law_that_is_no_number_ends_the_run() {
             frame_every: 0,
             contacts: false,
         };
-        Simulation::new(model, initial).advance(100, recording, Duration::MAX)
+        let mut s = carom_penalty::simulation(model, initial).expect("no joints with penalty");
+        s.advance(100, recording, Duration::MAX)
     };
     for method in [Method::Nsga, Method::MoreauJean, Method::Penalty] {
         for joint_law in [false, true] {

@@ -11,10 +11,10 @@ use crate::state::{
 use crate::tables::{outcome_dict, put_block};
 use crate::ModelError;
 use carom_core::options::Method;
-use carom_core::penalty::laws;
 use carom_core::problem::Steps;
 use carom_core::report::Spread;
 use carom_core::{Model, Recording};
+use carom_penalty::damping;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Duration;
@@ -34,11 +34,10 @@ impl Simulation {
             None => carom_core::Options::default(),
         };
         let input = convert::model_input(model)?;
-        let (model, initial) =
-            Model::new(&input, options).map_err(|e| ModelError::new_err(e.to_string()))?;
-        Ok(Simulation {
-            inner: carom_core::Simulation::new(model, initial),
-        })
+        let made = Model::new(&input, options)
+            .and_then(|(model, initial)| carom_penalty::simulation(model, initial));
+        let inner = made.map_err(|e| ModelError::new_err(e.to_string()))?;
+        Ok(Simulation { inner })
     }
 
     #[getter]
@@ -344,11 +343,11 @@ impl Simulation {
         out.set_item("substep_min", m.substep_min)?;
         let mut found = Vec::new();
         for law in &model.laws {
-            let chi = laws::damping(o.penalty_law, law.restitution, o.penalty_least_restitution);
+            let chi = damping::chi(o.penalty_law, law.restitution, o.penalty_least_restitution);
             let entry = PyDict::new(py);
             entry.set_item("restitution", law.restitution)?;
             entry.set_item("damping", chi)?;
-            entry.set_item("restitution_effective", laws::restitution(chi))?;
+            entry.set_item("restitution_effective", damping::restitution(chi))?;
             found.push(entry);
         }
         out.set_item("laws", found)?;

@@ -3,10 +3,9 @@
 use crate::arrays::{self, flat, put};
 use crate::ModelError;
 use carom_core::contact::ContactKey;
-use carom_core::penalty::Touch;
 use carom_core::record::ContactRecord;
 use carom_core::report::Spread;
-use carom_core::state::{State, Warm};
+use carom_core::state::{State, Touch, Warm};
 use glam::{DQuat, DVec3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

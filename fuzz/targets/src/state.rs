@@ -1,10 +1,9 @@
 //! Target `state`: saved states with damage, read and gone on from.
 
 use crate::draw::Draw;
-use crate::scene::{scene_of, Judge};
-use carom_core::penalty::Touch;
-use carom_core::state::Warm;
-use carom_core::{Model, Recording, Simulation, State};
+use crate::scene::{scene_of, simulation_of, Judge};
+use carom_core::state::{Touch, Warm};
+use carom_core::{Recording, State};
 use glam::DQuat;
 use std::time::Duration;
 
@@ -71,10 +70,9 @@ pub fn state(data: &[u8]) {
     let damages: Vec<u8> = (0..24).map(|_| draw.byte()).collect();
     let count = draw.below(4);
     let (input, options) = scene_of(&mut draw);
-    let Ok((model, initial)) = Model::new(&input, options) else {
+    let Some(mut simulation) = simulation_of(&input, options) else {
         return;
     };
-    let mut simulation = Simulation::new(model, initial);
     let recording = Recording {
         frame_every: 1,
         contacts: true,

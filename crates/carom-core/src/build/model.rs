@@ -6,7 +6,6 @@ use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
 use crate::options::Options;
 use crate::outcome::{entry, finite, positive, ModelError};
-use crate::penalty;
 use crate::wall::{self, checked, Shape, Wall};
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
@@ -46,7 +45,6 @@ impl Model {
         let periodic = super::periodic::compile(input, &walls)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
-        penalty::check(&options, &laws, &input.joints)?;
         let links = compile_links(input)?;
         let model = Model {
             gravity: DVec3::from(input.gravity),

@@ -1,7 +1,7 @@
 //! Checks of a periodic box: its lengths, and that all walls repeat with it.
 
 use super::ModelInput;
-use crate::candidates::CANDIDATE_MARGIN;
+use crate::contact::CANDIDATE_MARGIN;
 use crate::outcome::{entry, finite, ModelError};
 use crate::wall::Wall;
 use carom_geom::{DVec3, Periodic, Shape};

@@ -4,8 +4,7 @@ use crate::contact::ContactKey;
 use crate::level::smooth_newton::initial_accelerations;
 use crate::model::{InitialState, Model};
 use crate::outcome::ModelError;
-use crate::penalty::Touch;
-use crate::state::{State, Warm};
+use crate::state::{State, Touch, Warm};
 use crate::wall;
 use glam::{DQuat, DVec3};
 

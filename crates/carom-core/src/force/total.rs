@@ -44,7 +44,7 @@ pub fn weight_potential(model: &Model, i: usize, x: DVec3) -> f64 {
 }
 
 /// The motion of a state, as loads see it.
-pub(crate) fn motion_of(state: &State, time: f64) -> Motion<'_> {
+pub fn motion_of(state: &State, time: f64) -> Motion<'_> {
     Motion {
         time,
         position: &state.position,

@@ -6,7 +6,7 @@
 //! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
 use super::{Coefficients, Span};
-use crate::contact::Contact;
+use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::force::total::{add_loads, motion_of};
 use crate::level::Demand;
 use crate::model::Model;
@@ -141,7 +141,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
         fastest = fastest.max(smooth);
         let way = (scratch.position[i] - state.position[i]).length();
         let way = way.max(smooth);
-        let need = way + candidates::CANDIDATE_MARGIN * model.radius[i];
+        let need = way + CANDIDATE_MARGIN * model.radius[i];
         scratch.need[i] = state.need(model, i, need);
     }
     scratch.neighbours.refresh(
@@ -258,7 +258,7 @@ fn project(
     report: &mut StepReport,
     accept: bool,
 ) -> Result<(), Failure> {
-    overlapping(model, state, scratch, candidates::CANDIDATE_MARGIN)?;
+    overlapping(model, state, scratch, CANDIDATE_MARGIN)?;
     for round in 0..=step::MAX_RELIST {
         for i in 0..model.spheres() {
             scratch.position[i] = state.position[i] + scratch.linear[i].displacement;

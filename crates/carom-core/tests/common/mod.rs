@@ -64,7 +64,7 @@ pub fn compile(input: &ModelInput, options: Options) -> Result<(Model, InitialSt
 
 pub fn simulation(input: &ModelInput, options: Options) -> Simulation {
     let (model, initial) = compile(input, options).expect("the scene is valid");
-    Simulation::new(model, initial)
+    carom_penalty::simulation(model, initial).expect("the method can honour it")
 }
 
 /// Advances with every step a frame and contacts recorded.

@@ -1,21 +1,26 @@
 //! One pair of bodies that may touch: constants, geometry at the present positions, and what happened to it.
 
-use super::elastic::Elastic;
-use super::touch::{PairLaw, Sum, Touch};
-use crate::contact::{ContactKey, WorldImpulse};
-use crate::model::Model;
-use crate::options::PenaltyFriction;
-use crate::outcome::ImpactRecord;
-use crate::penalty::bodies::Bodies;
-use crate::wall::WallTwist;
+use crate::bodies::Bodies;
+use crate::elastic::Elastic;
+use crate::law::{LawConstants, Laws};
+use crate::sums::Sums;
+use carom_core::contact::ContactKey;
+use carom_core::options::PenaltyFriction;
+use carom_core::outcome::ImpactRecord;
+use carom_core::state::Touch;
+use carom_core::wall::WallTwist;
+use carom_core::Model;
 use carom_geom::Proximity;
-use carom_solve::{Bounds, Status};
+use carom_solve::Status;
 use glam::DVec3;
 
-/// A collision closes and opens again; what stays closed for more than this many times its contact time is a contact at rest.
+/// Longest collision over its contact time; what stays closed for longer is at rest. A free collision with restitution 0.01
+/// lasts 7.2: below that it would leave no record. Ten times more, and the last hops of a ball at rest are collisions.
 const LONGEST_COLLISION: f64 = 100.0;
-/// A contact that closes with less than this share of the speed of a collision at one of its bodies has none of its own.
+/// Share of the speed of a collision at one of its bodies; a contact that closes more slowly takes that speed as its own.
+/// Ten times less, and balls that touch in a row are damped too much; ten times more, and slow collisions too little.
 const OWN_APPROACH: f64 = 0.05;
+
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
     pub a: u32,
@@ -23,31 +28,31 @@ pub struct Pair {
     pub b: u32,
     /// Index of its contact law; without one the bodies may come near, not touch.
     pub law: Option<u32>,
-    pub values: PairLaw,
-    pub(super) radii: [f64; 2],
+    pub constants: LawConstants,
+    pub radii: [f64; 2],
     /// r_c, m.
     pub length: f64,
     /// Place of B among the moving walls.
     driven: Option<u32>,
     /// K, N/m^n.
-    pub(super) stiffness: f64,
+    pub stiffness: f64,
     /// Inverse masses of the normal, sliding and rolling rows.
-    pub(super) inv_mass: f64,
-    pub(super) inv_mass_sliding: f64,
-    pub(super) inv_inertia: f64,
+    pub inv_mass: f64,
+    pub inv_mass_sliding: f64,
+    pub inv_inertia: f64,
     /// At the present positions; the normal points from B to A.
     pub gap: f64,
     pub normal: DVec3,
     /// `K d^n`, N.
-    pub elastic: f64,
+    pub force: f64,
     pub closed: bool,
     pub touch: Touch,
     /// In this step, while it is (or was last) closed, and before.
-    pub(super) now: Sum,
-    pub step: Sum,
+    pub now: Sums,
+    pub step: Sums,
     /// mu of the last sweep, and whether the contact slipped in it.
-    pub(super) friction: f64,
-    pub(super) slips: bool,
+    pub friction: f64,
+    pub slips: bool,
     /// Work of the moving wall in this step, J.
     pub driven_work: f64,
 }
@@ -56,8 +61,7 @@ impl Pair {
     /// A pair at the bodies' present positions; `touch`: it has been closed since an earlier step.
     pub fn new(
         model: &Model,
-        elastic: &Elastic,
-        laws: &[PairLaw],
+        laws: &Laws,
         bodies: &Bodies,
         key: ContactKey,
         touch: Option<Touch>,
@@ -75,43 +79,31 @@ impl Pair {
             a: key.0,
             b: key.1,
             law,
-            values: law.map_or_else(PairLaw::default, |l| laws[l as usize]),
+            constants: law.map_or_else(LawConstants::default, |l| laws.contacts[l as usize]),
             radii: [ra, rb],
             length: if wall.is_some() { ra } else { ra.min(rb) },
             driven: wall.and_then(|w| w.slot()),
-            stiffness: elastic.stiffness(curvature),
+            stiffness: laws.elastic.stiffness(curvature),
             inv_mass,
             inv_mass_sliding: inv_mass + ra * ra * inverse[0] + rb * rb * inverse[1],
             inv_inertia: inverse[0] + inverse[1],
             gap: 0.0,
             normal: DVec3::ZERO,
-            elastic: 0.0,
+            force: 0.0,
             closed: touch.is_some(),
-            touch: touch.unwrap_or(Touch {
-                key,
-                approach: 0.0,
-                age: 0.0,
-                spring: DVec3::ZERO,
-                impulse: DVec3::ZERO,
-                moment: DVec3::ZERO,
-            }),
-            now: Sum::default(),
-            step: Sum::default(),
+            touch: touch.unwrap_or(Touch::new(key, 0.0)),
+            now: Sums::default(),
+            step: Sums::default(),
             friction: 0.0,
             slips: false,
             driven_work: 0.0,
         };
-        pair.place(model, elastic, bodies);
+        pair.place(model, &laws.elastic, bodies);
         pair
     }
 
     pub fn key(&self) -> ContactKey {
         (self.a, self.b)
-    }
-
-    /// Whether anything happened to it in this step.
-    pub fn has_record(&self) -> bool {
-        self.closed || self.step.normal_impulse != DVec3::ZERO
     }
 
     /// Gap, normal and elastic force at the present positions.
@@ -127,7 +119,7 @@ impl Pair {
             bodies.walls.meet(model, self.a, self.b, x[a])
         };
         (self.gap, self.normal) = (gap, normal);
-        self.elastic = if gap < 0.0 {
+        self.force = if gap < 0.0 {
             elastic.force(self.stiffness, -gap)
         } else {
             0.0
@@ -143,9 +135,9 @@ impl Pair {
         bodies: &Bodies,
         dt: f64,
     ) -> Option<ImpactRecord> {
-        let (depth, force) = (-self.gap, self.elastic);
+        let (depth, force) = (-self.gap, self.force);
         let springs = model.options.penalty_friction == PenaltyFriction::Spring;
-        let stretch = self.closed && self.values.slides && springs;
+        let stretch = self.closed && self.constants.slides && springs;
         if stretch {
             self.touch.spring += dt * self.slip(bodies);
         }
@@ -187,14 +179,7 @@ impl Pair {
     /// Starts a contact at the present speed.
     pub fn close(&mut self, bodies: &Bodies) {
         self.closed = true;
-        self.touch = Touch {
-            key: self.key(),
-            approach: self.closing_speed(bodies).max(0.0),
-            age: 0.0,
-            spring: DVec3::ZERO,
-            impulse: DVec3::ZERO,
-            moment: DVec3::ZERO,
-        };
+        self.touch = Touch::new(self.key(), self.closing_speed(bodies).max(0.0));
     }
 
     fn open(&mut self, elastic: &Elastic, bodies: &Bodies) -> Option<ImpactRecord> {
@@ -212,8 +197,7 @@ impl Pair {
             separation: -self.closing_speed(bodies),
             restitution_scale: 1.0,
         };
-        self.step.add(&self.now);
-        self.now = Sum::default();
+        self.end_sums();
         // Small hops of a ball at rest under its weight are no collisions either.
         speed
             .filter(|&v| {
@@ -235,7 +219,7 @@ impl Pair {
         }
         let (old, new) = (
             elastic.slope(force, depth),
-            elastic.slope(self.elastic, -self.gap),
+            elastic.slope(self.force, -self.gap),
         );
         if new > old {
             *spring *= old / new;
@@ -252,7 +236,7 @@ impl Pair {
 
     /// Velocity of B at the contact, now and at t_{n+1}; of a sphere that of its centre, as its radius enters elsewhere.
     #[inline]
-    pub(super) fn wall_motion(&self, bodies: &Bodies) -> [WallTwist; 2] {
+    pub fn wall_motion(&self, bodies: &Bodies) -> [WallTwist; 2] {
         if let Some(slot) = self.driven {
             let point = bodies.position[self.a as usize] - self.radii[0] * self.normal;
             return bodies.walls.twists(slot, point);
@@ -267,7 +251,7 @@ impl Pair {
 
     /// Speed at which the gap shrinks when the wall has its velocity of t_{n+1}, if that is more.
     #[inline]
-    pub(super) fn fastest_closing(&self, bodies: &Bodies) -> f64 {
+    pub fn fastest_closing(&self, bodies: &Bodies) -> f64 {
         let now = self.closing_speed(bodies);
         if self.driven.is_none() {
             return now;
@@ -281,7 +265,7 @@ impl Pair {
 
     /// Counts the work of a moving wall: what it gave A at its own velocity.
     #[inline]
-    pub(super) fn drive(&mut self, bodies: &Bodies, normal: DVec3, friction: DVec3, moment: DVec3) {
+    pub fn drive(&mut self, bodies: &Bodies, normal: DVec3, friction: DVec3, moment: DVec3) {
         if self.driven.is_some() {
             let [wall, _] = self.wall_motion(bodies);
             self.driven_work +=
@@ -291,7 +275,7 @@ impl Pair {
 
     /// Tangential velocity of A against B at the contact (eqs. 34, 41), m/s.
     #[inline]
-    pub(super) fn slip(&self, bodies: &Bodies) -> DVec3 {
+    pub fn slip(&self, bodies: &Bodies) -> DVec3 {
         let [va, wa] = bodies.motion[self.a as usize];
         let [wall, _] = self.wall_motion(bodies);
         let (vb, wb) = (wall.material, wall.spin);
@@ -300,75 +284,17 @@ impl Pair {
         v - n.dot(v) * n + n.cross(self.radii[0] * wa + self.radii[1] * wb)
     }
 
-    fn status(&self) -> Status {
-        if self.slips || !self.values.slides {
+    /// Adds what happened while it was closed to the step.
+    pub fn end_sums(&mut self) {
+        self.step.add(&self.now);
+        self.now = Sums::default();
+    }
+
+    pub fn status(&self) -> Status {
+        if self.slips || !self.constants.slides {
             Status::Slip
         } else {
             Status::Stick
         }
-    }
-
-    /// Ends the step: its sums are complete, and a contact that stays closed remembers its impulses.
-    pub fn end_step(&mut self) {
-        if self.closed {
-            self.touch.impulse += self.now.impulse;
-            self.touch.moment += self.now.moment;
-        }
-        self.step.add(&self.now);
-        self.now = Sum::default();
-    }
-
-    /// Stored energy, J.
-    pub fn energy(&self, elastic: &Elastic) -> f64 {
-        if !self.closed {
-            return 0.0;
-        }
-        let slope = elastic.slope(self.elastic, -self.gap);
-        let sheared = elastic.tangential_ratio * slope * self.touch.spring.length_squared();
-        elastic.energy(self.elastic, -self.gap) + 0.5 * sheared
-    }
-
-    /// The step's impulses as a contact of the step, in the frame of their mean normal.
-    pub fn contact(&self, law: u32) -> crate::contact::Contact {
-        let n = self.step.normal_impulse.normalize_or(self.normal);
-        let (t1, t2) = carom_geom::tangent_frame(n);
-        let mut contact = crate::contact::Contact {
-            a: self.a,
-            b: self.b,
-            law,
-            n0: n,
-            t1,
-            t2,
-            n1: n,
-            gap_start: self.gap,
-            gap_check: self.gap,
-            bounds: Bounds {
-                // The rows are there although the law may give 0 just now.
-                sliding: if self.values.slides {
-                    self.friction.max(f64::MIN_POSITIVE)
-                } else {
-                    0.0
-                },
-                ..self.values.bounds
-            },
-            gap: self.gap,
-            length: self.length,
-            nu: [0.0; 6],
-            lambda: [0.0; 6],
-            work: self.step.work,
-            closed: self.closed,
-            end_frame: false,
-            held: false,
-            rested: false,
-            status: self.status(),
-        };
-        let world = WorldImpulse {
-            impulse: self.step.impulse,
-            moment: self.step.moment,
-        };
-        let mut packed = [0.0; 6];
-        contact.to_rows(&world, &mut packed);
-        contact.lambda = packed;
-        contact
     }
 }

@@ -3,9 +3,9 @@
 use crate::common::{advance, balls, on_floor, G, MASS, R};
 use crate::{close, energies, options, run};
 use carom_core::options::PenaltyFriction;
-use carom_core::penalty::elastic::Elastic;
 use carom_core::{ModelInput, Options};
 use carom_laws::Scalar;
+use carom_penalty::elastic::Elastic;
 
 #[test]
 fn friction_is_coulombs_in_an_oblique_impact() {

@@ -1,6 +1,6 @@
 //! The moving bodies of a step by forces, planes among them.
 
-use crate::wall::places::Walls;
+use carom_core::wall::places::Walls;
 use glam::{DQuat, DVec3};
 
 /// The moving state of a step. Arrays of motion and inertia have an entry for each sphere and, after them, a zero for

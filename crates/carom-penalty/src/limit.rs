@@ -1,11 +1,16 @@
-//! The longest substep that a pair admits.
+//! The longest substep that a pair admits, and that loads admit.
 
-use super::elastic::Elastic;
-use super::pair::Pair;
-use crate::penalty::bodies::Bodies;
+use crate::bodies::Bodies;
+use crate::elastic::Elastic;
+use crate::pair::Pair;
+use carom_core::force::total::motion_of;
+use carom_core::{Model, State};
 use glam::DVec3;
 
-/// Substep over the time constant of the damping at the default resolution of 50: with 0.1 a rebound has e to 1e-3.
+/// Substep over the time scales 1/omega and m/c of loads. From 2 on the scheme is unstable in them.
+const LOAD_SHARE: f64 = 0.1;
+/// Substep over the time constant of the damping at the default resolution of 50: with 0.1 a rebound has e to 1e-3,
+/// and ten times more leaves its damping unresolved.
 const DAMPING_SHARE: f64 = 50.0 * 0.1;
 
 impl Pair {
@@ -49,25 +54,25 @@ impl Pair {
             (hit, free)
         };
         // The energy of the collision, which stays the same over an elastic one; a contact at rest has that of its load.
-        let mut pressed = self.elastic * -self.gap;
+        let mut pressed = self.force * -self.gap;
         let load = self.pressing(&bodies.smooth) / self.inv_mass;
-        if load > self.elastic {
+        if load > self.force {
             pressed = load * elastic.indentation(self.stiffness, load);
         }
         let energy = 0.5 * speed * speed / self.inv_mass + elastic.energy(pressed, 1.0);
         let reference = self.touch.approach.max(speed);
         let damped = if self.closed && reference > 0.0 {
-            1.0 + self.values.damping * speed.max(0.0) / reference
+            1.0 + self.constants.damping * speed.max(0.0) / reference
         } else {
-            1.0 + self.values.damping
+            1.0 + self.constants.damping
         };
         let v = (2.0 * energy * self.inv_mass).sqrt();
         let time = elastic.contact_time(self.stiffness, self.inv_mass, v, damped);
         let mut contact = time / resolution;
         // A damping that outruns the motion has a time of its own; not where the load holds the contact at rest.
-        if self.closed && self.elastic > 2.0 * load && reference > 0.0 {
-            let rate = self.values.damping * self.elastic * self.inv_mass / reference;
-            let share = (self.values.damping * speed.abs() / reference).min(1.0);
+        if self.closed && self.force > 2.0 * load && reference > 0.0 {
+            let rate = self.constants.damping * self.force * self.inv_mass / reference;
+            let share = (self.constants.damping * speed.abs() / reference).min(1.0);
             contact = contact.min(DAMPING_SHARE / (resolution * rate * share));
         }
         free.max(contact)
@@ -75,8 +80,45 @@ impl Pair {
 
     /// Acceleration by which loads press the pair together, m/s^2; 0 if they pull it apart.
     #[inline]
-    pub(super) fn pressing(&self, smooth: &[[DVec3; 2]]) -> f64 {
+    pub fn pressing(&self, smooth: &[[DVec3; 2]]) -> f64 {
         let (a, b) = (self.a as usize, self.b as usize);
         self.normal.dot(smooth[b][0] - smooth[a][0]).max(0.0)
     }
+}
+
+/// Longest substep that the loads admit: the scheme is explicit in them, and has to resolve their springs and dampers. From
+/// the tangents at the start of the step.
+pub fn load_limit(model: &Model, state: &State, time: f64) -> f64 {
+    if model.loads.is_empty() {
+        return f64::INFINITY;
+    }
+    let mut tangents = Vec::new();
+    let at = motion_of(state, time);
+    for load in &model.loads {
+        load.tangent(&at, &mut tangents);
+    }
+    // Several loads on one sphere add up: sums per degree of freedom.
+    let mut sums = vec![[[0.0f64; 6]; 2]; model.spheres()];
+    for t in tangents.iter().filter(|t| t.of == t.over) {
+        let i = t.of as usize;
+        for k in 0..6 {
+            let inverse = if k < 3 {
+                model.inv_mass[i]
+            } else {
+                model.inv_inertia[i]
+            };
+            let row = |block: &[[f64; 6]; 6]| block[k].iter().map(|x| x.abs()).fold(0.0, f64::max);
+            sums[i][0][k] += inverse * row(&t.position);
+            sums[i][1][k] += inverse * row(&t.velocity);
+        }
+    }
+    let mut limit = f64::INFINITY;
+    for [stiffness, damping] in sums {
+        for k in 0..6 {
+            // Two spheres on one spring swing against each other: twice the square of the frequency.
+            limit = limit.min(LOAD_SHARE / (2.0 * stiffness[k]).sqrt());
+            limit = limit.min(LOAD_SHARE / (2.0 * damping[k]));
+        }
+    }
+    limit
 }

@@ -1,13 +1,14 @@
 //! What a run tells and keeps: substeps, bits, momentum, loads; what it refuses.
 
-use crate::common::{advance, balls, bits, compile, on_floor, rack, simulation, G, MASS, R};
-use crate::{close, line, options, run};
+use crate::common::{advance, balls, bits, on_floor, rack, simulation, G, MASS, R};
+use crate::{close, line, options, refusal, run};
 use carom_core::force::drag::Drag;
 use carom_core::force::spring::Spring;
-use carom_core::joint::Joint;
+use carom_core::joint::{Joint, JointRow, RowKind};
 use carom_core::options::PenaltyFriction;
-use carom_core::penalty::elastic::Elastic;
 use carom_core::{Options, Outcome, Simulation};
+use carom_laws::Scalar;
+use carom_penalty::elastic::Elastic;
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -162,11 +163,17 @@ fn joints_are_refused() {
     input.joints = vec![Joint {
         a: 0,
         b: 1,
-        rows: Vec::new(),
+        rows: vec![JointRow {
+            kind: RowKind::Rotation,
+            direction: DVec3::X,
+            arm_a: DVec3::ZERO,
+            arm_b: DVec3::ZERO,
+            law: Scalar::zero(),
+        }],
         translational: 0,
         length: R,
     }];
-    let error = compile(&input, options(1e-3)).unwrap_err().to_string();
+    let error = refusal(&input, options(1e-3)).unwrap();
     assert!(
         error.contains("joints") && error.contains("nsga"),
         "{error}"
@@ -178,7 +185,7 @@ fn unusable_input_is_refused() {
     let refuse = |change: &dyn Fn(&mut Options), law: [f64; 5]| {
         let mut o = options(1e-3);
         change(&mut o);
-        compile(&on_floor(law), o).err().map(|e| e.to_string())
+        refusal(&on_floor(law), o)
     };
     let plain = [0.1, 0.5, 0.0, 0.0, 0.0];
     assert_eq!(refuse(&|_| (), plain), None);

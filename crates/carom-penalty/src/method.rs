@@ -1,24 +1,19 @@
-//! Memory of a step: bodies, pairs, and the pairs' place in the neighbour list.
+//! The method and its memory: bodies, pairs, and the pairs' place in the neighbour list.
 
-use super::elastic::Elastic;
-use super::pair::Pair;
-use super::touch::{PairLaw, Touch};
-use crate::force::total::add_loads;
-use crate::force::{LoadError, Motion};
-use crate::model::Model;
-use crate::options::Method;
-use crate::penalty::bodies::Bodies;
-use crate::state::State;
-use crate::wall::places::Walls;
+use crate::bodies::Bodies;
+use crate::law::Laws;
+use crate::pair::Pair;
+use carom_core::force::total::add_loads;
+use carom_core::force::{LoadError, Motion};
+use carom_core::wall::places::Walls;
+use carom_core::{Model, State};
 use carom_geom::NeighbourList;
 use glam::DVec3;
 
-/// Memory of method `penalty`; empty with other methods.
-#[derive(Debug, Default)]
-pub struct Workspace {
+/// Method `penalty`.
+pub struct Penalty {
     pub bodies: Bodies,
-    pub elastic: Option<Elastic>,
-    pub laws: Vec<PairLaw>,
+    pub laws: Laws,
     /// Sorted by key.
     pub pairs: Vec<Pair>,
     merged: Vec<Pair>,
@@ -36,44 +31,40 @@ pub struct Workspace {
     pub present: Vec<bool>,
 }
 
-impl Workspace {
-    pub fn new(model: &Model) -> Workspace {
-        if model.options.method != Method::Penalty {
-            return Workspace::default();
-        }
-        let (n, planes) = (model.spheres(), model.walls.len());
+impl Penalty {
+    pub fn new(model: &Model) -> Penalty {
+        let (n, bodies) = (model.spheres(), model.spheres() + model.walls.len());
         let extended = |values: &[f64]| {
             let mut out = values.to_vec();
-            out.resize(n + planes, 0.0);
+            out.resize(bodies, 0.0);
             out
         };
-        Workspace {
+        Penalty {
             bodies: Bodies {
                 walls: Walls::new(model),
                 inv_mass: extended(&model.inv_mass),
                 inv_inertia: extended(&model.inv_inertia),
                 radius: extended(&model.radius),
-                smooth: vec![[DVec3::ZERO; 2]; n + planes],
-                acceleration: vec![DVec3::ZERO; n + planes],
+                smooth: vec![[DVec3::ZERO; 2]; bodies],
+                acceleration: vec![DVec3::ZERO; bodies],
                 ..Bodies::default()
             },
-            elastic: Some(Elastic::new(&model.options)),
-            laws: PairLaw::all(model),
+            laws: Laws::new(model),
+            pairs: Vec::new(),
+            merged: Vec::new(),
             need: vec![0.0; n],
             load_limit: f64::INFINITY,
             wrench: vec![[DVec3::ZERO; 2]; n],
-            ..Workspace::default()
+            speed: Vec::new(),
+            ahead: Default::default(),
+            power: 0.0,
+            potential: 0.0,
+            present: Vec::new(),
         }
     }
 
     /// Takes over the state at the start of a step, with the contacts that are closed.
-    pub fn begin(
-        &mut self,
-        model: &Model,
-        state: &State,
-        elastic: &Elastic,
-        time: f64,
-    ) -> Result<(), LoadError> {
+    pub fn take_state(&mut self, model: &Model, state: &State, time: f64) -> Result<(), LoadError> {
         let b = &mut self.bodies;
         b.position.clone_from(&state.position);
         b.orientation.clone_from(&state.orientation);
@@ -84,10 +75,24 @@ impl Workspace {
         b.motion.resize(b.inv_mass.len(), [DVec3::ZERO; 2]);
         self.pairs.clear();
         for touch in &state.touches {
-            let pair = Pair::new(model, elastic, &self.laws, b, touch.key, Some(*touch));
+            let pair = Pair::new(model, &self.laws, b, touch.key, Some(*touch));
             self.pairs.push(pair);
         }
         self.load(model, time, 0.0)
+    }
+
+    /// The state at the end of a step.
+    pub fn write_state(&self, state: &mut State) {
+        let b = &self.bodies;
+        state.position.clone_from(&b.position);
+        state.orientation.clone_from(&b.orientation);
+        for (i, [v, w]) in b.motion[..state.position.len()].iter().enumerate() {
+            state.velocity[i] = *v;
+            state.angular_velocity[i] = *w;
+        }
+        state.touches.clear();
+        let closed = self.pairs.iter().filter(|p| p.closed);
+        state.touches.extend(closed.map(|p| p.touch));
     }
 
     /// Accelerations by gravity and loads at the present positions and at the velocities that `ahead` (s) of the present
@@ -97,42 +102,37 @@ impl Workspace {
         let b = &mut self.bodies;
         if model.loads.is_empty() {
             b.smooth[..n].fill([model.gravity, DVec3::ZERO]);
-            self.hold_absent();
-            return Ok(());
+        } else {
+            let [velocity, angular_velocity] = &mut self.ahead;
+            velocity.clear();
+            velocity.extend((0..n).map(|i| b.motion[i][0] + ahead * b.acceleration[i]));
+            angular_velocity.clear();
+            angular_velocity.extend((0..n).map(|i| b.motion[i][1] + ahead * b.smooth[i][1]));
+            let at = Motion {
+                time,
+                position: &b.position,
+                orientation: &b.orientation,
+                velocity,
+                angular_velocity,
+            };
+            self.wrench.fill([DVec3::ZERO; 2]);
+            add_loads(model, &at, &mut self.wrench)?;
+            self.power = model.loads.iter().map(|load| load.power(&at)).sum();
+            self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
+            for (i, [force, moment]) in self.wrench.iter().enumerate() {
+                b.smooth[i] = [
+                    model.gravity + b.inv_mass[i] * *force,
+                    b.inv_inertia[i] * *moment,
+                ];
+            }
         }
-        let [velocity, angular_velocity] = &mut self.ahead;
-        velocity.clear();
-        velocity.extend((0..n).map(|i| b.motion[i][0] + ahead * b.acceleration[i]));
-        angular_velocity.clear();
-        angular_velocity.extend((0..n).map(|i| b.motion[i][1] + ahead * b.smooth[i][1]));
-        let at = Motion {
-            time,
-            position: &b.position,
-            orientation: &b.orientation,
-            velocity,
-            angular_velocity,
-        };
-        self.wrench.fill([DVec3::ZERO; 2]);
-        add_loads(model, &at, &mut self.wrench)?;
-        self.power = model.loads.iter().map(|load| load.power(&at)).sum();
-        self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
-        for (i, [force, moment]) in self.wrench.iter().enumerate() {
-            b.smooth[i] = [
-                model.gravity + b.inv_mass[i] * *force,
-                b.inv_inertia[i] * *moment,
-            ];
-        }
-        self.hold_absent();
-        Ok(())
-    }
-
-    /// Absent spheres stand still.
-    fn hold_absent(&mut self) {
-        for (smooth, present) in self.bodies.smooth.iter_mut().zip(&self.present) {
+        // Absent spheres stand still.
+        for (smooth, present) in b.smooth.iter_mut().zip(&self.present) {
             if !present {
                 *smooth = [DVec3::ZERO; 2];
             }
         }
+        Ok(())
     }
 
     /// Sets the need of every sphere (m), as the neighbour list takes it.
@@ -153,14 +153,14 @@ impl Workspace {
             *total = smooth[0];
         }
         for pair in self.pairs.iter().filter(|p| p.closed) {
-            let force = pair.elastic * pair.normal;
+            let force = pair.force * pair.normal;
             b.acceleration[pair.a as usize] += b.inv_mass[pair.a as usize] * force;
             b.acceleration[pair.b as usize] -= b.inv_mass[pair.b as usize] * force;
         }
     }
 
     /// Makes the pairs those of the list; pairs with something to report stay. Both are sorted by key.
-    pub fn take_pairs(&mut self, model: &Model, elastic: &Elastic, listed: &[(u32, u32)]) {
+    pub fn take_pairs(&mut self, model: &Model, listed: &[(u32, u32)]) {
         self.merged.clear();
         let mut old = self.pairs.drain(..).filter(Pair::has_record).peekable();
         let there = |body: u32| self.present.get(body as usize) != Some(&false);
@@ -170,7 +170,7 @@ impl Workspace {
             }
             let known = old.next_if(|p| p.key() == key);
             self.merged.push(known.unwrap_or_else(|| {
-                let mut new = Pair::new(model, elastic, &self.laws, &self.bodies, key, None);
+                let mut new = Pair::new(model, &self.laws, &self.bodies, key, None);
                 // At the start of a run bodies may touch already.
                 if new.gap < 0.0 {
                     new.close(&self.bodies);
@@ -183,12 +183,12 @@ impl Workspace {
     }
 
     /// Lets contacts that touched when a collision reached them take its speed, from body to body.
-    pub fn join_collisions(&mut self, model: &Model, elastic: &Elastic, dt: f64) {
+    pub fn join_collisions(&mut self, model: &Model, dt: f64) {
         loop {
             self.speed.clear();
             self.speed.resize(model.spheres(), 0.0);
             for pair in &self.pairs {
-                let Some(v) = pair.collision_speed(elastic) else {
+                let Some(v) = pair.collision_speed(&self.laws.elastic) else {
                     continue;
                 };
                 for body in [pair.a, pair.b] {
@@ -207,10 +207,5 @@ impl Workspace {
                 return;
             }
         }
-    }
-
-    /// Contacts that stay closed, for the state.
-    pub fn touches(&self) -> impl Iterator<Item = Touch> + '_ {
-        self.pairs.iter().filter(|p| p.closed).map(|p| p.touch)
     }
 }

@@ -1,14 +1,14 @@
 //! Method `penalty`: closed forms of one collision, published values of several, friction, order in the substep, bits.
 
 mod collisions;
-#[path = "../common/mod.rs"]
+#[path = "../../../carom-core/tests/common/mod.rs"]
 mod common;
 mod friction;
 mod running;
 
 use carom_core::options::Method;
 use carom_core::{ModelInput, Options, Simulation};
-use common::{advance, balls, simulation, R};
+use common::{advance, balls, compile, simulation, R};
 
 fn options(step: f64) -> Options {
     Options {
@@ -16,6 +16,13 @@ fn options(step: f64) -> Options {
         method: Method::Penalty,
         ..Options::default()
     }
+}
+
+/// Why a scene is refused.
+fn refusal(input: &ModelInput, o: Options) -> Option<String> {
+    let made =
+        compile(input, o).and_then(|(model, initial)| carom_penalty::simulation(model, initial));
+    made.err().map(|e| e.to_string())
 }
 
 fn close(a: f64, b: f64, bound: f64) {

@@ -12,7 +12,7 @@
 
 use glam::DVec3;
 
-/// From this argument on sinh is half an exponential to rounding.
+/// From this argument on sinh is half an exponential to rounding (e^-40); at 2 it is not, and at 800 it overflows.
 const LARGE: f64 = 20.0;
 
 /// Slip speed after friction that would take `drop = D mu P_N` (m/s) from a fast slip, with slip scale `scale` (m/s).
@@ -33,7 +33,7 @@ pub fn slowed(speed: f64, drop: f64, scale: f64) -> f64 {
 
 /// Tangential spring of a contact over one sweep.
 #[derive(Clone, Copy, Debug)]
-pub struct Spring {
+pub struct TangentialSpring {
     /// k_T, N/m, and the share of critical damping.
     pub stiffness: f64,
     pub damping_ratio: f64,
@@ -41,7 +41,7 @@ pub struct Spring {
     pub inv_mass: f64,
 }
 
-impl Spring {
+impl TangentialSpring {
     /// Impulse on A over a time `tau` from the elongation `spring` (m) and the slip `slip` (m/s), at most `bound` (N s); and
     /// whether it slips. The elongation of a spring that slips is cut to what the bound holds.
     pub fn impulse(&self, spring: &mut DVec3, slip: DVec3, bound: f64, tau: f64) -> (DVec3, bool) {
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_spring_holds_up_to_its_bound() {
-        let spring = Spring {
+        let spring = TangentialSpring {
             stiffness: 1e6,
             damping_ratio: 0.0,
             inv_mass: 10.0,

@@ -3,9 +3,9 @@
 use crate::common::{advance, balls, simulation, MASS, R};
 use crate::{close, energies, line, options, run};
 use carom_core::options::PenaltyLaw;
-use carom_core::penalty::elastic::Elastic;
-use carom_core::penalty::laws;
 use carom_core::{ModelInput, Options, Value};
+use carom_penalty::damping;
+use carom_penalty::elastic::Elastic;
 use std::f64::consts::SQRT_2;
 
 fn law_of(name: &str) -> PenaltyLaw {
@@ -65,7 +65,7 @@ fn every_law_has_its_restitution() {
             close(impact.impulse.x, -0.5 * MASS * (1.0 + found), 1e-12 * MASS);
             // The table has three digits, and what the law says has all.
             close(found, e_out, 8e-4);
-            let exact = laws::restitution(laws::damping(law_of(name), e_in, 1e-2));
+            let exact = damping::restitution(damping::chi(law_of(name), e_in, 1e-2));
             close(exact, e_out, 6e-4);
             close(found, exact, 2e-4);
         }

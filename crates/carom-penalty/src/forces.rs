@@ -1,54 +1,44 @@
 //! The forces of a pair in the halves of a substep: elastic, damping, friction.
 
-use super::elastic::Elastic;
-use super::friction::{slowed, Spring};
-use super::pair::Pair;
-use crate::model::Model;
-use crate::options::{Options, PenaltyFriction};
-use crate::penalty::bodies::Bodies;
+use crate::bodies::Bodies;
+use crate::elastic::Elastic;
+use crate::friction::{slowed, TangentialSpring};
+use crate::pair::Pair;
+use carom_core::options::{Options, PenaltyFriction};
+use carom_core::Model;
 use carom_solve::Bounds;
 use glam::DVec3;
 
 impl Pair {
-    /// The first half of a substep before the kick.
+    /// Damping and friction over `tau`, the half of a substep; `then_kick`: the half before the kicks, or its mirror image.
     #[inline]
-    pub fn dissipate_before(
+    pub fn dissipate(
         &mut self,
         bodies: &mut Bodies,
         model: &Model,
         elastic: &Elastic,
         tau: f64,
+        then_kick: bool,
     ) {
         let s = self.closing_speed(bodies);
         self.touch.approach = self.touch.approach.max(s);
-        let middle = s + 0.5 * tau * self.closing_acceleration(bodies);
-        let normal = self.elastic * tau + self.damp(bodies, s, middle, tau);
-        self.rub(bodies, model, elastic, normal, tau);
-        self.resist_turning(bodies, &model.options, normal);
+        let to_middle = if then_kick { 0.5 * tau } else { -0.5 * tau };
+        let middle = s + to_middle * self.closing_acceleration(bodies);
+        let normal = self.force * tau + self.damp(bodies, s, middle, tau);
+        if then_kick {
+            self.rub(bodies, model, elastic, normal, tau);
+            self.resist_turning(bodies, &model.options, normal);
+        } else {
+            self.resist_turning(bodies, &model.options, normal);
+            self.rub(bodies, model, elastic, normal, tau);
+        }
     }
 
     /// Half a kick: the elastic impulse over `tau`.
     #[inline]
     pub fn push(&mut self, bodies: &mut Bodies, tau: f64) {
         let s = self.closing_speed(bodies);
-        self.apply_normal(bodies, self.elastic * tau, s);
-    }
-
-    /// The mirror image of [`Pair::dissipate_before`].
-    #[inline]
-    pub fn dissipate_after(
-        &mut self,
-        bodies: &mut Bodies,
-        model: &Model,
-        elastic: &Elastic,
-        tau: f64,
-    ) {
-        let s = self.closing_speed(bodies);
-        self.touch.approach = self.touch.approach.max(s);
-        let middle = s - 0.5 * tau * self.closing_acceleration(bodies);
-        let normal = self.elastic * tau + self.damp(bodies, s, middle, tau);
-        self.resist_turning(bodies, &model.options, normal);
-        self.rub(bodies, model, elastic, normal, tau);
+        self.apply_normal(bodies, self.force * tau, s);
     }
 
     /// By elastic forces and loads, m/s^2.
@@ -65,12 +55,12 @@ impl Pair {
     /// takes no more than the elastic impulse gives, so that the force never pulls.
     #[inline]
     fn damp(&mut self, bodies: &mut Bodies, s: f64, middle: f64, tau: f64) -> f64 {
-        if self.values.damping == 0.0 || self.touch.approach == 0.0 {
+        if self.constants.damping == 0.0 || self.touch.approach == 0.0 {
             return 0.0;
         }
-        let rate = self.values.damping * self.elastic * self.inv_mass / self.touch.approach;
+        let rate = self.constants.damping * self.force * self.inv_mass / self.touch.approach;
         let full = -middle * (-rate * tau).exp_m1() / self.inv_mass;
-        let impulse = full.max(-self.elastic * tau);
+        let impulse = full.max(-self.force * tau);
         self.apply_normal(bodies, impulse, s);
         impulse
     }
@@ -96,7 +86,7 @@ impl Pair {
         normal: f64,
         tau: f64,
     ) {
-        let (true, Some(law)) = (self.values.slides, self.law) else {
+        let (true, Some(law)) = (self.constants.slides, self.law) else {
             return;
         };
         let slip = self.slip(bodies);
@@ -119,10 +109,9 @@ impl Pair {
                 slip * ((slowed - speed) / (speed * self.inv_mass_sliding))
             }
             PenaltyFriction::Spring => {
-                let slope = elastic.slope(self.elastic, -self.gap);
-                let spring = Spring {
-                    stiffness: elastic.tangential_ratio * slope,
-                    damping_ratio: self.values.damping_ratio,
+                let spring = TangentialSpring {
+                    stiffness: elastic.tangential_slope(self.force, -self.gap),
+                    damping_ratio: self.constants.damping_ratio,
                     inv_mass: self.inv_mass_sliding,
                 };
                 let (impulse, slips) = spring.impulse(&mut self.touch.spring, slip, bound, tau);
@@ -145,7 +134,7 @@ impl Pair {
     fn resist_turning(&mut self, bodies: &mut Bodies, o: &Options, normal: f64) {
         let Bounds {
             rolling, spinning, ..
-        } = self.values.bounds;
+        } = self.constants.bounds;
         if (rolling <= 0.0 && spinning <= 0.0) || normal <= 0.0 {
             return;
         }
