@@ -1,7 +1,7 @@
 //! The same problem with less friction: what is left where spheres wedge one another.
 
 use crate::cone::Bounds;
-use crate::newton::{Newton, NewtonOptions};
+use crate::island::{Newton, NewtonOptions};
 use crate::report::SolveReport;
 use crate::rows::{RowSystem, Subproblem};
 

@@ -1,6 +1,7 @@
 //! A contact problem as rows over nodes: everything a solver may know.
 
 use crate::cone::{Bounds, MAX_ROWS};
+use crate::problem::RowGroup;
 
 /// Index of "no node": the fixed world (a plane).
 pub const WORLD: u32 = u32::MAX;
@@ -33,6 +34,19 @@ pub struct RowContact {
     pub normal: [f64; 3],
     /// `f`: at a wall whose principal curvatures differ; else 0.
     pub flat: [f64; 3],
+}
+
+impl RowContact {
+    /// Its rows, without nodes.
+    #[inline]
+    pub fn group(&self) -> RowGroup {
+        RowGroup {
+            row: self.row as usize,
+            dim: self.dim as usize,
+            bounds: self.bounds,
+            bilateral: self.bilateral,
+        }
+    }
 }
 
 /// Nodes, contacts and rows. `M u = G^T lambda + b(u)`, measures `z(u)` (gaps, or relative velocities with restitution).

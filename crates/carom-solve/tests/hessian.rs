@@ -325,7 +325,6 @@ fn the_reduced_step_is_the_newton_step() {
             continue;
         }
         let iterate = Iterate {
-            z: &at.z,
             penalty: &p,
             phi: &at.phi,
             tangents: &at.tangents,

@@ -4,7 +4,6 @@ use crate::cone::{Block, Status};
 
 /// The iterate at which the system is linearised.
 pub struct Iterate<'a> {
-    pub z: &'a [f64],
     pub penalty: &'a [f64],
     pub phi: &'a [f64],
     pub tangents: &'a [Block],

@@ -2,7 +2,7 @@
 
 use super::{BlockMatrix, Problem, RowGroup};
 use crate::cone::{Bounds, MAX_ROWS};
-use crate::rows::{RowSystem, WORLD};
+use crate::rows::{RowContact, RowSystem, WORLD};
 use std::fmt;
 
 /// Why data do not make a contact problem.
@@ -193,12 +193,8 @@ impl Problem {
     /// [`Problem::from_rows`] into an existing problem.
     pub fn fill_rows(&mut self, system: &RowSystem, q: &[f64]) {
         self.groups.clear();
-        self.groups.extend(system.contacts.iter().map(|c| RowGroup {
-            row: c.row as usize,
-            dim: c.dim as usize,
-            bounds: c.bounds,
-            bilateral: c.bilateral,
-        }));
+        self.groups
+            .extend(system.contacts.iter().map(RowContact::group));
         self.q.clear();
         self.q.extend_from_slice(q);
         let neighbours = system.neighbours();
@@ -222,7 +218,7 @@ impl RowSystem {
     /// Contacts that share a node with each contact, itself among them, ascending: pointers and columns.
     pub fn neighbours(&self) -> (Vec<usize>, Vec<u32>) {
         let mut count = vec![0usize; self.nodes() + 1];
-        let nodes = |c: &crate::rows::RowContact| {
+        let nodes = |c: &RowContact| {
             [c.node_a, c.node_b]
                 .into_iter()
                 .enumerate()

@@ -5,7 +5,7 @@ use super::auto::Auto;
 use super::gauss_seidel::GaussSeidel;
 use super::interior::InteriorPoint;
 use super::judge::{ConeSolver, Judge, Outcome, Settings};
-use super::newton::SemiSmoothNewton;
+use super::semi_smooth::SemiSmoothNewton;
 use crate::problem::{Problem, Scaled};
 
 /// Names and one line each, `auto` first.

@@ -10,8 +10,8 @@ mod gauss_seidel;
 mod interior;
 mod judge;
 mod matrix;
-mod newton;
 mod one_contact;
+mod semi_smooth;
 pub mod sweep;
 
 pub use admm::Admm;
@@ -20,5 +20,5 @@ pub use by_name::{by_name, solve, SOLVERS};
 pub use gauss_seidel::GaussSeidel;
 pub use interior::InteriorPoint;
 pub use judge::{Clock, ConeSolver, Judge, Outcome, Settings, Stage};
-pub use newton::SemiSmoothNewton;
 pub use one_contact::solve_contact;
+pub use semi_smooth::SemiSmoothNewton;

@@ -1,13 +1,11 @@
 //! What is asked of sweeps, the residual of eq. 44 and the worst closing measure, and what was reached.
 
+use crate::judge::Terms;
+
 /// See [`Goal::patience`].
 pub const LENIENCE: f64 = 10.0;
 /// Sweeps in which the bound becomes as wide.
 const WIDENED: f64 = 3_000.0;
-/// Most that the absolute floor counts for, over the terms of eq. 44; and the share of it that stands where there are none (as in
-/// `newton`).
-const FLOOR_OVER_TERMS: f64 = 9.0;
-const LEAST_FLOOR: f64 = 1e-3;
 
 /// Norms of eq. 44 with `p = penalty_scale / w`, in the unit of the impulses, and the worst violation of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,15 +57,8 @@ pub struct Progress {
 impl Goal {
     /// `|r| / (sum |r_k| + tol_f)`.
     pub fn relative(&self, norms: &Norms) -> f64 {
-        let floor = self.floor / self.tolerance;
-        let terms = norms.terms + self.scale;
-        let floor = floor.min(FLOOR_OVER_TERMS * terms.max(LEAST_FLOOR * floor));
-        let sum = terms + floor;
-        if sum > 0.0 {
-            norms.residual / sum
-        } else {
-            0.0
-        }
+        let (residual, terms) = (norms.residual, norms.terms + self.scale);
+        Terms { residual, terms }.relative(self.floor / self.tolerance, true)
     }
 
     pub(super) fn judge(&self, norms: &Norms, sweeps: usize) -> Progress {

@@ -1,8 +1,8 @@
-//! Large islands: linearise, solve the linear cone problem by [`Auto`], move, and look again.
+//! One linear cone problem of an island, solved by [`Auto`].
 
 use crate::problem::Problem;
 use crate::report::SolveReport;
-use crate::rows::{RowSystem, NODE_DOF};
+use crate::rows::RowSystem;
 use crate::solver::{Auto, Settings};
 
 /// Contact updates, and sweeps, that one linear problem may cost: some tenths of a second.
@@ -11,25 +11,23 @@ const MAX_SWEEPS: u64 = 6_000;
 
 /// Workspace.
 #[derive(Default)]
-pub(crate) struct Hybrid {
+pub(super) struct Hybrid {
     auto: Auto,
     problem: Problem,
     q: Vec<f64>,
-    force: Vec<f64>,
 }
 
 impl Hybrid {
-    /// Solves the problem linearised at `u`, where the measures are `z`; `lambda` is start and result, `u = M^-1 G^T lambda`.
-    /// The residual of the report is the `err` of the linear problem. `rounding` is the error of one measure: what it explains
-    /// of `err` is solved too.
+    /// Solves the problem linearised at `x`, where the measures are `z`. `rounding` is the error of one measure: what it explains of `err` is
+    /// solved too.
     pub fn solve(
         &mut self,
         system: &RowSystem,
         z: &[f64],
         [tolerance, rounding]: [f64; 2],
-        lambda: &mut [f64],
-        u: &mut [f64],
+        x: &mut [f64],
     ) -> SolveReport {
+        let (lambda, u) = x.split_at_mut(system.rows());
         self.q.clear();
         self.q.extend_from_slice(z);
         for c in &system.contacts {
@@ -51,20 +49,14 @@ impl Hybrid {
             ..Settings::default()
         };
         let outcome = crate::solver::solve(&self.problem, &mut self.auto, settings, lambda);
-        self.force.clear();
-        self.force.resize(NODE_DOF * system.nodes(), 0.0);
-        system.impulses(lambda, &mut self.force);
-        system.apply_inverse_mass(&self.force, u);
+        system.correction(lambda, u);
         let factorised = ["newton", "interior-point"];
-        let stages = || outcome.stages.iter();
+        let stages = outcome.stages.iter();
+        let counted = stages.clone().filter(|s| factorised.contains(&s.solver));
         SolveReport {
             converged: outcome.converged,
-            iterations: stages()
-                .filter(|s| factorised.contains(&s.solver))
-                .map(|s| s.iterations)
-                .sum(),
-            residual: outcome.err,
-            fallback: stages().any(|s| s.solver == "interior-point"),
+            iterations: counted.map(|s| s.iterations).sum(),
+            fallback: stages.clone().any(|s| s.solver == "interior-point"),
             ..SolveReport::default()
         }
     }

@@ -1,0 +1,368 @@
+//! Islands of rows, solved by the ladder [`ISLAND`] (rule R1), Newton's method first where they are small.
+//!
+//! Unknowns are the multipliers and the correction `u` (M u = G^T lambda). One iteration of Newton's method solves
+//! `[M - sum phi_N K + p G^T C G, -G^T C; -C p G, C - 1] (du, dl) = -(M u - G^T phi, phi - l)`
+//! after elimination of `du` (see `linear_step`): the system that is factored is the small one over the rows of
+//! active contacts. At velocity level (`K = 0`) this gives the iterates of the full saddle system exactly, because
+//! `M u = G^T lambda` holds from the start (decision record 004).
+
+mod hybrid;
+mod linearised;
+mod swept;
+
+use crate::cone::Status;
+use crate::judge::Terms;
+use crate::ladder::{Attempt, IslandWay, IslandWhen, ISLAND};
+use crate::linear_step::{Iterate, LinearStep};
+use crate::newton::{Augmented, Equations, Rule, Steps};
+use crate::report::SolveReport;
+use crate::rows::{RowContact, RowSystem, Subproblem, NODE_DOF};
+use hybrid::Hybrid;
+
+/// Numerical options of a solve.
+#[derive(Clone, Copy, Debug)]
+pub struct NewtonOptions {
+    /// tol_r of eq. 44, dimensionless.
+    pub tolerance: f64,
+    /// Absolute floor of eq. 44 (tol_r tol_f), in the unit of the multipliers.
+    pub floor: f64,
+    /// Closed contacts must meet `|gap| <= gap_tolerance * r_c` (position level, small islands); infinite: not asked.
+    pub gap_tolerance: f64,
+    /// Rounding of a coordinate, m: what a gap cannot be known better than (position level).
+    pub rounding: f64,
+    pub max_iterations: u32,
+    /// p per row is `penalty_scale / D_cc` (rule R1: 0.5; safe for one contact up to 2).
+    pub penalty_scale: f64,
+    /// Proximal shift of the multiplier block, relative to its diagonal, times min(1, |r|/|r_0|) (rule R11).
+    pub proximal_shift: f64,
+    /// Step-length reductions per iteration; 0 switches the line search off.
+    pub max_line_search: u32,
+    /// Gauss-Seidel sweeps before the last restart.
+    pub sweeps: u32,
+    /// Up to this many contacts: dense matrix with the exact Hessian.
+    pub dense_contacts: usize,
+}
+
+/// The shift never falls below these shares of `proximal_shift`, in dense and in large islands: a redundant system
+/// stays factorable and rounding is not blown up along its null space (1e-6 leaves piles cycling; measured).
+const SHIFT_FLOOR_DENSE: f64 = 1e-4;
+const SHIFT_FLOOR_LARGE: f64 = 1e-2;
+/// Last merits that a new one may reach.
+const MEMORY: usize = 5;
+/// Up to this many nodes an island with loads that depend on the motion has a dense matrix.
+const DENSE_NODES: usize = 24;
+/// Below this share of the first residual a dense system is tried without shift.
+const NEAR: f64 = 1e-2;
+/// Roundings of a coordinate by which a closed gap may miss its tolerance. A rack of touching spheres has gaps that are rounding and
+/// contradict one another; where steps are short they are above the tolerance of the loads, and no method but the path solved them.
+const GAP_ROUNDINGS: f64 = 16.0;
+
+/// Workspace of the solver; allocate once, reuse for every problem.
+#[derive(Default)]
+pub struct Newton {
+    at: Augmented,
+    steps: Steps,
+    force: Vec<f64>,
+    /// Multipliers, then corrections: those at the start, and the iterate.
+    start: Vec<f64>,
+    x: Vec<f64>,
+    linear: LinearStep,
+    hybrid: Hybrid,
+    /// Norm of the residual where the last run of iterations began.
+    began: f64,
+    /// Relative residual (eq. 44) at each iterate of the last solve, all rungs in order.
+    pub history: Vec<f64>,
+    /// The rungs that the last solve has tried.
+    pub attempts: Vec<Attempt>,
+}
+
+/// An island on its way up the ladder.
+struct Island<'a, P> {
+    system: &'a mut RowSystem,
+    problem: &'a mut P,
+    options: &'a NewtonOptions,
+}
+
+impl<P> Island<'_, P> {
+    fn is_large(&self) -> bool {
+        self.system.contacts.len() > self.options.dense_contacts
+    }
+
+    /// Relative residual of eq. 44.
+    fn relative(&self, terms: &Terms) -> f64 {
+        let floor = self.options.floor / self.options.tolerance;
+        terms.relative(floor, self.is_large())
+    }
+}
+
+impl Newton {
+    /// Statuses of the contacts at the end of the last solve.
+    pub fn statuses(&self) -> &[Status] {
+        &self.at.statuses
+    }
+
+    /// Rows of `phi - lambda` at the end of the last solve.
+    pub fn residual_rows(&self) -> &[f64] {
+        &self.at.residual
+    }
+
+    /// Measures `z` at the end of the last solve.
+    pub fn measures(&self) -> &[f64] {
+        &self.at.z
+    }
+
+    /// Solves from `(lambda, u)`, which must satisfy `M u = G^T lambda`; on success they hold the solution with
+    /// `lambda` inside its cones. On failure of a rung the next one starts from the same start.
+    pub fn solve<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        lambda: &mut [f64],
+        u: &mut [f64],
+    ) -> SolveReport {
+        let (loads, swept) = (system.has_load(), options.sweeps > 0);
+        let mut on = Island {
+            system,
+            problem,
+            options,
+        };
+        let large = on.is_large();
+        self.begin(on.system);
+        self.attempts.clear();
+        self.start.clear();
+        self.start.extend_from_slice(lambda);
+        self.start.extend_from_slice(u);
+        let mut x = std::mem::take(&mut self.x);
+        let mut total = SolveReport::default();
+        for rung in &ISLAND {
+            let fits = match rung.when {
+                IslandWhen::Always => true,
+                IslandWhen::Large => large && !loads,
+                IslandWhen::Swept => swept,
+                IslandWhen::Small => swept && !large && !loads,
+            };
+            if !fits {
+                continue;
+            }
+            total.fallback |= !self.attempts.is_empty();
+            x.clone_from(&self.start);
+            let mut report = match rung.way {
+                IslandWay::Newton { penalty } => self.iterate(&mut on, penalty, u32::MAX, &mut x),
+                IslandWay::SweepsAndNewton { polish } => {
+                    self.sweep_and_polish(&mut on, [rung.budget, polish], &mut x)
+                }
+                IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
+            };
+            report.rung = rung.name;
+            total.add(&report);
+            self.attempts.push(report.attempt());
+            if total.converged {
+                break;
+            }
+        }
+        // Also an iterate that is accepted unconverged (option `warn`) lies inside its cones.
+        lambda.copy_from_slice(&self.at.phi);
+        u.copy_from_slice(&x[lambda.len()..]);
+        self.x = x;
+        total
+    }
+
+    /// What `(lambda, u)` leave as they are, `M u = G^T lambda`; converged as [`Newton::solve`] would call it (gaps of large islands
+    /// are no condition).
+    pub fn judge<P: Subproblem>(
+        &mut self,
+        system: &mut RowSystem,
+        problem: &mut P,
+        options: &NewtonOptions,
+        lambda: &[f64],
+        u: &[f64],
+    ) -> SolveReport {
+        let mut on = Island {
+            system,
+            problem,
+            options,
+        };
+        self.begin(on.system);
+        self.set_penalty(on.system, options.penalty_scale);
+        let terms = self.evaluate(&mut on, &[lambda, u].concat());
+        let residual = on.relative(&terms);
+        self.history.push(residual);
+        let closed = on.is_large() || self.gaps_closed(on.system, options);
+        SolveReport {
+            converged: residual < options.tolerance && closed,
+            residual,
+            ..SolveReport::default()
+        }
+    }
+
+    fn begin(&mut self, system: &RowSystem) {
+        self.at.resize(system.rows(), system.contacts.len());
+        self.force.resize(NODE_DOF * system.nodes(), 0.0);
+        self.history.clear();
+    }
+
+    fn set_penalty(&mut self, system: &RowSystem, scale: f64) {
+        for (p, d) in self.at.penalty.iter_mut().zip(&system.diag) {
+            *p = scale / d;
+        }
+    }
+
+    /// Newton's method with so many times the penalty.
+    fn iterate<P: Subproblem>(
+        &mut self,
+        on: &mut Island<P>,
+        factor: f64,
+        most: u32,
+        x: &mut [f64],
+    ) -> SolveReport {
+        let options = on.options;
+        self.set_penalty(on.system, factor * options.penalty_scale);
+        // Loads couple nodes beyond the contacts: the nodes count.
+        let dense = if on.system.has_load() {
+            on.system.nodes() <= DENSE_NODES
+        } else {
+            !on.is_large()
+        };
+        // Without multipliers the residual is small for want of terms: the first step is never shortened.
+        let nothing = x[..on.system.rows()].iter().all(|&l| l == 0.0);
+        let rule = Rule {
+            shift: options.proximal_shift,
+            shift_floor: if dense {
+                SHIFT_FLOOR_DENSE
+            } else {
+                SHIFT_FLOOR_LARGE
+            },
+            least: 0.0,
+            memory: MEMORY,
+            start_counts: if nothing { None } else { Some(false) },
+            max_line_search: options.max_line_search,
+        };
+        let mut steps = std::mem::take(&mut self.steps);
+        let mut run = OnRows {
+            most: options.max_iterations.min(most),
+            on,
+            newton: self,
+            dense,
+            terms: Terms::default(),
+            report: SolveReport::default(),
+        };
+        let [iterations, line_search] = steps.iterate(&mut run, x, &rule);
+        let report = run.report;
+        self.steps = steps;
+        SolveReport {
+            iterations,
+            line_search,
+            ..report
+        }
+    }
+
+    /// Measures, projections and residual rows at `x`, and what eq. 44 asks for.
+    fn evaluate<P: Subproblem>(&mut self, on: &mut Island<P>, x: &[f64]) -> Terms {
+        let (lambda, u) = x.split_at(on.system.rows());
+        on.problem.evaluate(on.system, u, &mut self.at.z);
+        let system = &*on.system;
+        self.at
+            .project(system.contacts.iter().map(RowContact::group), lambda);
+        let (mut rr, mut pp, mut ll) = (0.0, 0.0, 0.0);
+        for c in &system.contacts {
+            let translational = (c.row + c.translational) as usize;
+            for row in c.row as usize..(c.row + c.dim) as usize {
+                let scale = if row < translational {
+                    1.0
+                } else {
+                    1.0 / c.length
+                };
+                let [r, phi, l] = [self.at.residual[row], self.at.phi[row], lambda[row]];
+                rr += (scale * r) * (scale * r);
+                pp += (scale * phi) * (scale * phi);
+                ll += (scale * l) * (scale * l);
+            }
+        }
+        system.momentum(&self.at.phi, &mut self.force);
+        let (mut inertia, mut force) = (0.0, 0.0);
+        for node in 0..system.nodes() {
+            let (m, i) = (1.0 / system.inv_mass[node], 1.0 / system.inv_inertia[node]);
+            let turn = 1.0 / system.node_length[node];
+            for k in 0..NODE_DOF {
+                let (mass, scale) = if k < 3 { (m, 1.0) } else { (i, turn) };
+                let a = scale * mass * u[NODE_DOF * node + k];
+                let b = scale * self.force[NODE_DOF * node + k];
+                inertia += a * a;
+                force += b * b;
+                rr += (a - b) * (a - b);
+            }
+        }
+        Terms {
+            residual: rr.sqrt(),
+            terms: inertia.sqrt() + force.sqrt() + pp.sqrt() + ll.sqrt(),
+        }
+    }
+
+    fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
+        options.gap_tolerance.is_infinite()
+            || system.contacts.iter().all(|c| {
+                let tolerance = options.gap_tolerance * c.length + GAP_ROUNDINGS * options.rounding;
+                if c.bilateral {
+                    let rows = c.row as usize..(c.row + c.translational) as usize;
+                    return self.at.z[rows].iter().all(|z| z.abs() <= tolerance);
+                }
+                let z = self.at.z[c.row as usize];
+                z >= -tolerance && (self.at.phi[c.row as usize] == 0.0 || z <= tolerance)
+            })
+    }
+}
+
+/// Newton's method at work on an island.
+struct OnRows<'r, 'a, P> {
+    on: &'r mut Island<'a, P>,
+    newton: &'r mut Newton,
+    dense: bool,
+    most: u32,
+    terms: Terms,
+    report: SolveReport,
+}
+
+impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
+    fn evaluate(&mut self, x: &[f64]) -> f64 {
+        self.terms = self.newton.evaluate(self.on, x);
+        self.terms.residual
+    }
+
+    fn stop(&mut self, x: &mut [f64], merit: f64, iterations: u32) -> bool {
+        let (newton, on, report) = (&mut *self.newton, &*self.on, &mut self.report);
+        if iterations == 0 {
+            newton.began = merit;
+        }
+        report.residual = on.relative(&self.terms);
+        newton.history.push(report.residual);
+        report.converged = merit.is_finite()
+            && report.residual < on.options.tolerance
+            && newton.gaps_closed(on.system, on.options);
+        if report.converged {
+            x[..newton.at.phi.len()].copy_from_slice(&newton.at.phi);
+        }
+        report.converged || !merit.is_finite() || iterations >= self.most
+    }
+
+    fn direction(&mut self, x: &[f64], merit: f64, shift: f64, step: &mut [f64]) -> bool {
+        let (newton, system) = (&mut *self.newton, &*self.on.system);
+        let at = &mut newton.at;
+        at.differentiate(system.contacts.iter().map(RowContact::group));
+        let (lambda, u) = x.split_at(system.rows());
+        let (d_lambda, d_u) = step.split_at_mut(system.rows());
+        let iterate = Iterate {
+            penalty: &at.penalty,
+            phi: &at.phi,
+            tangents: &at.tangents,
+            statuses: &at.statuses,
+            lambda,
+            u,
+        };
+        let near = merit < NEAR * newton.began || self.report.residual < NEAR * NEAR;
+        let linear = &mut newton.linear;
+        linear
+            .solve(system, &iterate, shift, near, self.dense, d_lambda, d_u)
+            .is_ok()
+    }
+}

@@ -1,0 +1,28 @@
+//! When an island counts as solved: eq. 44, for rows and for spheres.
+
+/// Most that the absolute floor of a large island counts for, over the terms of eq. 44; and the share of it that stands where there are none.
+const FLOOR_OVER_TERMS: f64 = 9.0;
+const LEAST_FLOOR: f64 = 1e-3;
+
+/// Norms of eq. 44, in the unit of the multipliers: that of the residual, and the sum of those of its terms.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Terms {
+    pub residual: f64,
+    pub terms: f64,
+}
+
+impl Terms {
+    /// `|r| / (sum |r_k| + floor)`: converged below tol_r, with the floor `tol_f`.
+    ///
+    /// In large islands callers give a floor of lengths (decision record 015), far above rounding where steps are short: there it may
+    /// count for [`FLOOR_OVER_TERMS`] times the terms, so the tolerance is never more than ten times what was asked for.
+    pub fn relative(&self, mut floor: f64, large: bool) -> f64 {
+        if large {
+            floor = floor.min(FLOOR_OVER_TERMS * self.terms.max(LEAST_FLOOR * floor));
+        }
+        if self.residual == 0.0 {
+            return 0.0; // all terms may be 0 too: a ball at rest, with drag, on a floor without gravity
+        }
+        self.residual / (self.terms + floor)
+    }
+}
