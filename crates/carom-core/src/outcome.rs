@@ -199,6 +199,15 @@ impl History {
         self.values.clear();
         (self.problem, self.contacts) = (0, 0);
     }
+
+    /// Takes the residuals of a solve that took longer.
+    pub(crate) fn keep_longest(&mut self, values: &[f64], problem: u32, contacts: usize) {
+        if values.len() > self.values.len() {
+            self.values.clear();
+            self.values.extend_from_slice(values);
+            (self.problem, self.contacts) = (problem, contacts as u32);
+        }
+    }
 }
 
 /// One contact's share in one impact problem.

@@ -4,6 +4,7 @@ pub mod coupling;
 mod less_friction;
 pub mod position;
 mod position_measures;
+mod position_newton;
 pub(crate) mod rest;
 pub mod single;
 pub mod smooth;

@@ -10,7 +10,7 @@ use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
 use crate::wall::places::{proximity, Walls};
-use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
+use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use glam::DVec3;
 
 /// Position measures of an island as functions of U.
@@ -39,7 +39,52 @@ pub(super) struct Coupled<'a> {
     pub base: Vec<f64>,
 }
 
-impl Coupled<'_> {
+impl<'a> Coupled<'a> {
+    /// Puts the island where the smooth step ends, and pushes the rows of its joints.
+    pub fn open(
+        model: &Model,
+        state: &'a State,
+        island: Island<'a>,
+        span: Span,
+        (linear, angular, position): (&[Prediction], &'a [Prediction], &[DVec3]),
+        system: &mut RowSystem,
+        (bodies, node_of, trial): (&'a [u32], &'a [u32], &'a mut Trial),
+    ) -> Self {
+        for &body in bodies {
+            let i = body as usize;
+            // Velocities stay those of the smooth step at this level (eq. 3).
+            trial.velocity[i] = linear[i].velocity;
+            trial.angular_velocity[i] = angular[i].velocity;
+            trial.position[i] = position[i];
+            trial.orientation[i] = rotation::advance(angular[i].displacement, state.orientation[i]);
+        }
+        let mut rows: Rows = Default::default();
+        let node = |body: u32| node_of.get(body as usize).copied().unwrap_or(WORLD);
+        for &index in island.joints {
+            let joint = &model.joints[index as usize];
+            // Nominal rows for D_cc; the measures come with the first evaluation.
+            let dim = joint.gradient_at(&trial.poses(joint), &mut rows);
+            let nodes = (node(joint.a), node(joint.b));
+            let (rows, zeros) = (&rows[..dim], &[0.0; 6][..dim]);
+            system.push_joint(nodes, joint.translational, joint.length, rows, zeros);
+        }
+        let mut base = vec![0.0; NODE_DOF * bodies.len()];
+        if !island.loads.is_empty() {
+            system.open_load();
+            trial.wrenches(model, island.loads, bodies, span.end, &mut base);
+        }
+        Coupled {
+            island,
+            state,
+            angular,
+            bodies,
+            node_of,
+            trial,
+            span,
+            base,
+        }
+    }
+
     /// Puts the island at the correction `u`.
     fn move_to(&mut self, centres: &[DVec3], u: &[f64]) {
         for (node, &body) in self.bodies.iter().enumerate() {

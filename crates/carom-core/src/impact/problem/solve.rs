@@ -279,12 +279,7 @@ impl ImpactScratch {
         };
         (self.sub, self.lambda, self.u) = (sub, lambda, u);
         report.add_velocity(&result);
-        let history = &mut scratch.history[2];
-        if newton.history.len() > history.values.len() {
-            history.values.clone_from(&newton.history);
-            history.problem = problem;
-            history.contacts = self.chosen.len() as u32;
-        }
+        scratch.history[2].keep_longest(&newton.history, problem, self.chosen.len());
         self.last = result;
         if result.converged {
             return true;
