@@ -8,13 +8,15 @@
 //! linear in the impulses and take the same steps, so momentum balance holds throughout. The next sweep puts every contact back into
 //! its cone.
 //!
-//! Bodies take a step in a stage of its own; contacts take it when the next sweep comes to them (`kernel::Along`), so that impulses
+//! Bodies take a step in a stage of its own; contacts take it when the next sweep comes to them (`carry::Along`), so that impulses
 //! pass through the processor once a sweep.
 
-use super::kernel::{Along, State};
+use super::bodies::State;
+use super::carry::Along;
 use super::lanes::{Lanes, Work, GROUP};
 use super::momentum::Change;
-use super::sweeps::{pass, Sweeps};
+use super::pass::pass;
+use super::sweeps::Sweeps;
 use crate::team::{self, lock};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::Mutex;

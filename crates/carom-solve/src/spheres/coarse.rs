@@ -9,10 +9,9 @@
 //!
 //! Not where something rolls, nor in problems of one chunk.
 
+use super::bodies::{ContactLanes, State};
 use super::groups::Block;
-use super::kernel::{ContactLanes, State};
-use super::lanes::EMPTY;
-use super::residual::{head, vector};
+use super::lanes::{head, vector, EMPTY};
 use super::sweeps::Sweeps;
 use crate::direct::dense::{lu_factor, lu_solve};
 use crate::team;

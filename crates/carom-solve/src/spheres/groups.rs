@@ -1,6 +1,6 @@
 //! Groups: contacts that share no moving body, swept as one.
 
-use super::kernel::{ContactLanes, State};
+use super::bodies::{ContactLanes, State};
 use super::lanes::{EMPTY, GROUP, SWAPPED};
 use super::problem::Contact;
 use super::rolls::Rolls;

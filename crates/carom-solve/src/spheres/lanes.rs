@@ -1,5 +1,6 @@
 //! Instruction sets: what `pulp` leaves open for the kernel, rows of bodies to columns of lanes and back.
 
+use glam::DVec3;
 use pulp::Simd;
 
 /// Contacts of a group; a multiple of the lanes of every instruction set.
@@ -8,6 +9,19 @@ pub const GROUP: usize = 8;
 pub const SWAPPED: u32 = 1 << 31;
 /// Id of a lane without contact.
 pub const EMPTY: u32 = u32::MAX;
+
+/// A number of each contact of a group.
+pub type Column = [f64; GROUP];
+
+/// The vector of one lane.
+pub fn vector(columns: &[Column; 3], lane: usize) -> DVec3 {
+    DVec3::new(columns[0][lane], columns[1][lane], columns[2][lane])
+}
+
+/// Without the inverse mass.
+pub fn head(row: &[f64; 4]) -> DVec3 {
+    DVec3::new(row[0], row[1], row[2])
+}
 
 /// An instruction set that treats `F64_LANES` contacts at a time, and the four numbers of a row of a body at a time.
 pub trait Lanes: Simd {

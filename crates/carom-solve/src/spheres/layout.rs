@@ -5,9 +5,9 @@
 //! body depends on the problem alone, not on the threads. Inside a block contacts follow their bodies and fill groups that
 //! share no moving body. All is O(contacts) but for the sort of the bodies and of the few contacts between chunks.
 
+use super::bodies::State;
 use super::curve::Curve;
 use super::groups::{Block, Packing, Source, UngroupedContact};
-use super::kernel::State;
 use super::lanes::SWAPPED;
 use super::{Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;

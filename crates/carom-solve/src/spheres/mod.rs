@@ -8,6 +8,8 @@
 //! The same bits for any number of threads and for all instruction sets (`layout`, `kernel`).
 
 mod accelerate;
+mod bodies;
+mod carry;
 mod coarse;
 mod curve;
 mod goal;
@@ -17,12 +19,14 @@ mod lanes;
 mod layout;
 mod moments;
 mod momentum;
+mod pass;
 mod problem;
 mod residual;
 mod rolling;
 mod rolls;
 mod settle;
 mod sweeps;
+mod vectors;
 
 pub use goal::{Goal, Norms, Progress};
 pub use lanes::Instructions;

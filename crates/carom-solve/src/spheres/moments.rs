@@ -1,50 +1,13 @@
 //! Sweeps over contacts that roll: what `kernel` does, and the moments of `rolling` after the forces of each group.
 
+use super::bodies::{Bodies, Both, ContactLanes, Read, State};
+use super::carry::Carry;
 use super::groups::Block;
-use super::kernel::{
-    add, dot, gather, measures, part, parts, put, scale, sub, sweep_group, Along, Bodies, Both,
-    Carry, ContactLanes, Plain, Read, State, V3,
-};
-use super::lanes::{Lanes, Work, GROUP};
-use super::residual::{vector, Sums};
+use super::kernel::{gather, measures};
+use super::lanes::{vector, Lanes, GROUP};
 use super::rolls::Rolls;
+use super::vectors::{add, dot, part, parts, put, scale, sub, V3};
 use glam::DVec3;
-
-/// What a sweep does beside solving moments.
-pub trait CarryMoments: Carry {
-    /// Moments from which the lanes are solved.
-    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S>;
-    /// Looks at the change.
-    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>);
-}
-
-impl CarryMoments for Plain {
-    #[inline(always)]
-    fn step_moments<S: Lanes>(&mut self, _: S, rolls: &mut Rolls, at: usize) -> V3<S> {
-        parts::<S>(&rolls.moment, at)
-    }
-
-    #[inline(always)]
-    fn note_moments<S: Lanes>(&mut self, _: S, _: &mut Rolls, _: usize, _: V3<S>) {}
-}
-
-impl CarryMoments for Along {
-    #[inline(always)]
-    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S> {
-        let p = self.way(s, parts::<S>(&rolls.way, at));
-        put::<S>(&mut rolls.way, at, p);
-        add(s, parts::<S>(&rolls.moment, at), p)
-    }
-
-    #[inline(always)]
-    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>) {
-        let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&rolls.weight, at));
-        let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[at / S::F64_LANES];
-        *squared = s.add_f64s(*squared, weighted);
-        let way = add(s, parts::<S>(&rolls.way, at), change);
-        put::<S>(&mut rolls.way, at, way);
-    }
-}
 
 /// Measures of the moments of the lanes from `at`: relative angular velocities.
 #[inline(always)]
@@ -109,7 +72,7 @@ fn positive<S: Lanes>(s: S, x: S::f64s) -> S::f64s {
 
 /// New moments of the lanes from `at` at the present normal impulses; returns their change.
 #[inline(always)]
-fn solve<S: Lanes, C: CarryMoments>(
+fn solve<S: Lanes, C: Carry>(
     s: S,
     carry: &mut C,
     bodies: &impl Read,
@@ -160,81 +123,51 @@ fn scatter<S: Lanes>(
     );
 }
 
-/// One pass over groups whose contacts roll, in order.
-pub struct RollingPass<'a, B, C> {
-    pub bodies: B,
-    pub groups: &'a mut [ContactLanes],
-    pub rolls: &'a mut [Rolls],
-    pub carry: C,
-}
-
-impl<B: Bodies, C: CarryMoments> Work for RollingPass<'_, B, C> {
-    type Output = C;
-
-    #[inline(always)]
-    fn run<S: Lanes>(mut self, simd: S) -> C {
-        for (group, rolls) in self.groups.iter_mut().zip(self.rolls) {
-            sweep_group(simd, &mut self.carry, &mut self.bodies, group);
-            if !rolls.any {
-                continue;
-            }
-            for at in (0..GROUP).step_by(2 * S::F64_LANES) {
-                let next = at + S::F64_LANES;
-                let one = solve(simd, &mut self.carry, &self.bodies, group, rolls, at);
-                let two = solve(simd, &mut self.carry, &self.bodies, group, rolls, next);
-                scatter(simd, one, &mut self.bodies, group, rolls, at);
-                scatter(simd, two, &mut self.bodies, group, rolls, next);
-            }
-        }
-        self.carry
+/// Solves the moments of a group.
+#[inline(always)]
+pub fn sweep_moments<S: Lanes>(
+    s: S,
+    carry: &mut impl Carry,
+    bodies: &mut impl Bodies,
+    group: &ContactLanes,
+    rolls: &mut Rolls,
+) {
+    for at in (0..GROUP).step_by(2 * S::F64_LANES) {
+        let next = at + S::F64_LANES;
+        let one = solve(s, carry, bodies, group, rolls, at);
+        let two = solve(s, carry, bodies, group, rolls, next);
+        scatter(s, one, bodies, group, rolls, at);
+        scatter(s, two, bodies, group, rolls, next);
     }
 }
 
 /// What moments add to the sums of eq. 44: residual rows and moments over the reference length of their contact.
-pub struct NormsOf<'a> {
-    pub block: &'a Block,
-    pub left: &'a [State],
-    pub right: &'a [State],
-    pub penalty_scale: f64,
-}
-
-impl Work for NormsOf<'_> {
-    type Output = Sums;
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, s: S) -> Sums {
-        let mut sums = [[0.0; GROUP]; 3];
-        let scale_of = s.splat_f64s(self.penalty_scale);
-        let bodies = Both(self.left, self.right);
-        let groups = self.block.groups.iter().zip(&self.block.rolls);
-        for (group, rolls) in groups.filter(|(_, rolls)| rolls.any) {
-            for at in (0..GROUP).step_by(S::F64_LANES) {
-                let n = parts::<S>(&group.normal, at);
-                // Discs belong to the augmented normal impulse, as in `residual`.
-                let force = measures(s, gather(s, &bodies, group, at), group, at);
-                let mass = s.mul_f64s(scale_of, part::<S>(&group.mass_normal, at));
-                let r_n = dot(s, parts::<S>(&group.impulse, at), n);
-                let normal = s.sub_f64s(r_n, s.mul_f64s(mass, dot(s, force, n)));
-                let m = parts::<S>(&rolls.moment, at);
-                let z = turns(s, &bodies, group, rolls, at);
-                let inertia = s.mul_f64s(scale_of, part::<S>(&rolls.inertia, at));
-                let phi = project(s, [m, z, n], inertia, positive(s, normal), rolls, at);
-                let over = part::<S>(&rolls.per_length, at);
-                let over = s.mul_f64s(over, over);
-                for (sum, x) in sums.iter_mut().zip([sub(s, phi, m), phi, m]) {
-                    let sum = &mut S::as_mut_simd_f64s(sum).0[at / S::F64_LANES];
-                    *sum = s.add_f64s(*sum, s.mul_f64s(over, dot(s, x, x)));
-                }
+#[inline(always)]
+pub fn norms<S: Lanes>(s: S, block: &Block, bodies: &Both, penalty_scale: f64) -> [f64; 3] {
+    let mut sums = [[0.0; GROUP]; 3];
+    let scale_of = s.splat_f64s(penalty_scale);
+    let groups = block.groups.iter().zip(&block.rolls);
+    for (group, rolls) in groups.filter(|(_, rolls)| rolls.any) {
+        for at in (0..GROUP).step_by(S::F64_LANES) {
+            let n = parts::<S>(&group.normal, at);
+            // Discs belong to the augmented normal impulse, as in `residual`.
+            let force = measures(s, gather(s, bodies, group, at), group, at);
+            let mass = s.mul_f64s(scale_of, part::<S>(&group.mass_normal, at));
+            let r_n = dot(s, parts::<S>(&group.impulse, at), n);
+            let normal = s.sub_f64s(r_n, s.mul_f64s(mass, dot(s, force, n)));
+            let m = parts::<S>(&rolls.moment, at);
+            let z = turns(s, bodies, group, rolls, at);
+            let inertia = s.mul_f64s(scale_of, part::<S>(&rolls.inertia, at));
+            let phi = project(s, [m, z, n], inertia, positive(s, normal), rolls, at);
+            let over = part::<S>(&rolls.per_length, at);
+            let over = s.mul_f64s(over, over);
+            for (sum, x) in sums.iter_mut().zip([sub(s, phi, m), phi, m]) {
+                let sum = &mut S::as_mut_simd_f64s(sum).0[at / S::F64_LANES];
+                *sum = s.add_f64s(*sum, s.mul_f64s(over, dot(s, x, x)));
             }
         }
-        let [residual, projected, impulse] = [0, 1, 2].map(|k: usize| sums[k].iter().sum());
-        Sums {
-            residual,
-            projected,
-            impulse,
-            closing: 0.0,
-        }
     }
+    sums.map(|sum| sum.iter().sum())
 }
 
 /// Lanes of a block that may have moments.

@@ -1,6 +1,6 @@
 //! What accelerated sweeps keep from one to the next.
 
-use super::kernel::State;
+use super::bodies::State;
 
 /// Bodies after the sweep before the last one; what the last sweep changed.
 #[derive(Debug, Default)]

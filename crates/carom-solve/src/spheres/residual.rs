@@ -1,17 +1,10 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
+use super::bodies::{Both, State};
 use super::groups::Block;
-use super::kernel::{dot, gather, measures, part, parts, project, sub, Both, State};
-use super::lanes::{Lanes, Work, GROUP};
-use glam::DVec3;
-
-pub fn vector(columns: &[super::kernel::Column; 3], lane: usize) -> DVec3 {
-    DVec3::new(columns[0][lane], columns[1][lane], columns[2][lane])
-}
-
-pub fn head(row: &[f64; 4]) -> DVec3 {
-    DVec3::new(row[0], row[1], row[2])
-}
+use super::kernel::{gather, measures, project};
+use super::lanes::{head, Lanes, Work, GROUP};
+use super::vectors::{dot, part, parts, sub};
 
 /// Sums of squares of eq. 44 over a block, and its worst closing measure.
 #[derive(Clone, Copy, Default)]
@@ -77,7 +70,14 @@ impl Work for NormsOf<'_> {
                 *closing = s.select_f64s(s.greater_than_f64s(depth, *closing), depth, *closing);
             }
         }
-        let [residual, projected, impulse] = [0, 1, 2].map(|k: usize| sums[k].iter().sum());
+        let [mut residual, mut projected, mut impulse] =
+            [0, 1, 2].map(|k: usize| sums[k].iter().sum());
+        if !self.block.rolls.is_empty() {
+            let moments = super::moments::norms(s, self.block, &bodies, self.penalty_scale);
+            residual += moments[0];
+            projected += moments[1];
+            impulse += moments[2];
+        }
         Sums {
             residual,
             projected,

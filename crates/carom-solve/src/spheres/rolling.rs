@@ -1,8 +1,8 @@
 //! Sweeps with rolling and spinning friction: their problem in, their moments out ([`super::rolls`] is the data).
 
 use super::groups::Block;
+use super::lanes::vector;
 use super::problem::{Body, Contact, SpheresError};
-use super::residual::vector;
 use super::rolls::{filled, sign, Roll, Rolls};
 use super::sweeps::Sweeps;
 use crate::team;

@@ -14,8 +14,7 @@
 //! force of a contact, then its moments. Moments are vectors of the world, on `a`. A problem in which nothing rolls has no
 //! [`Rolls`] and takes none of these paths.
 
-use super::kernel::Column;
-use super::lanes::{EMPTY, GROUP, SWAPPED};
+use super::lanes::{Column, EMPTY, GROUP, SWAPPED};
 use super::problem::{Body, Contact};
 
 /// Rolling and spinning friction of a contact.

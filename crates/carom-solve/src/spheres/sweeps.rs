@@ -1,14 +1,16 @@
 //! The sweeps: a problem in the order in which it is swept, and what is asked of it.
 
+use super::bodies::{ContactLanes, State};
+use super::carry::Plain;
 use super::goal::Norms;
 use super::groups::{Block, Slots, Source};
-use super::kernel::{self, One, Pass, Plain, Push, State, Two};
-use super::lanes::{Instructions, EMPTY, SWAPPED};
+use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
-use super::moments::{self, CarryMoments, RollingPass};
 use super::momentum::Memory;
+use super::pass::{self, pass};
 use super::problem::{self, Body, Contact, Place, SpheresError};
 use super::residual;
+use super::rolls::{filled, sign};
 use crate::team::{self, lock};
 use std::sync::Mutex;
 
@@ -138,8 +140,7 @@ impl Sweeps {
         let set = |block: &mut Block| {
             let mut bad = usize::MAX;
             for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
-                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
-                    let (index, swapped) = ((id & !SWAPPED) as usize, id & SWAPPED != 0);
+                for (lane, index, swapped) in filled(ids) {
                     let contact = &contacts[index];
                     if contact.check(index).is_err() {
                         bad = bad.min(index);
@@ -160,9 +161,8 @@ impl Sweeps {
         assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
         let set = |block: &mut Block| {
             for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
-                for (lane, &id) in ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
-                    let impulse = impulses[(id & !SWAPPED) as usize];
-                    group.set_impulse(lane, impulse, id & SWAPPED != 0);
+                for (lane, index, swapped) in filled(ids) {
+                    group.set_impulse(lane, impulses[index], swapped);
                 }
             }
         };
@@ -183,19 +183,8 @@ impl Sweeps {
     fn push(&mut self) {
         self.norms = None;
         let instructions = self.instructions;
-        self.stages(1, |block, left, mut right| {
-            let groups = &block.groups[..];
-            match right.as_deref_mut() {
-                None => instructions.run(Push {
-                    bodies: One(left),
-                    groups,
-                }),
-                Some(right) => instructions.run(Push {
-                    bodies: Two(left, right),
-                    groups,
-                }),
-            }
-            moments::push(block, left, right);
+        self.stages(1, |block, left, right| {
+            pass::push(instructions, block, left, right)
         });
     }
 
@@ -217,21 +206,12 @@ impl Sweeps {
             self.blocks.iter().collect(),
             |block: &Block| {
                 let (left, right) = (chunks[block.left as usize], chunks[block.right as usize]);
-                let mut sums = self.instructions.run(residual::NormsOf {
+                self.instructions.run(residual::NormsOf {
                     block,
                     left,
                     right,
                     penalty_scale,
-                });
-                if !block.rolls.is_empty() {
-                    sums.add(&self.instructions.run(moments::NormsOf {
-                        block,
-                        left,
-                        right,
-                        penalty_scale,
-                    }));
-                }
-                sums
+                })
             },
         );
         let mut sum = residual::Sums::default();
@@ -257,7 +237,7 @@ impl Sweeps {
     /// [`Sweeps::impulses`] in memory that is there.
     pub fn impulses_into(&self, out: &mut Vec<[f64; 3]>) {
         self.gather(out, |block, group, lane| {
-            residual::vector(&block.groups[group].impulse, lane).to_array()
+            vector(&block.groups[group].impulse, lane).to_array()
         });
     }
 
@@ -293,8 +273,7 @@ impl Sweeps {
         team::fill(self.threads, out, |contact| {
             let (block, group, lane) = self.slots.of(contact);
             let block = &self.blocks[block];
-            let swapped = block.ids[group][lane] & SWAPPED != 0;
-            let sign = if swapped { -1.0 } else { 1.0 };
+            let sign = sign(block.ids[group][lane] & SWAPPED != 0);
             vector(block, group, lane).map(|x| sign * x)
         });
     }
@@ -302,9 +281,9 @@ impl Sweeps {
     /// Bytes a sweep moves at least: groups and bodies in, impulses and bodies out.
     pub fn traffic(&self) -> usize {
         let groups: usize = self.blocks.iter().map(|b| b.groups.len()).sum();
-        let impulses = std::mem::size_of::<[kernel::Column; 3]>();
+        let impulses = std::mem::size_of::<[Column; 3]>();
         let states = 2 * std::mem::size_of_val(&self.states[..]);
-        groups * (std::mem::size_of::<kernel::ContactLanes>() + impulses) + states
+        groups * (std::mem::size_of::<ContactLanes>() + impulses) + states
     }
 
     /// How the problem is cut.
@@ -348,45 +327,6 @@ impl Sweeps {
                 );
             }
         });
-    }
-}
-
-/// One pass over the groups of a block.
-pub(super) fn pass<C: CarryMoments>(
-    instructions: Instructions,
-    block: &mut Block,
-    left: &mut [State],
-    right: Option<&mut [State]>,
-    carry: C,
-) -> C {
-    let Block { groups, rolls, .. } = block;
-    if !rolls.is_empty() {
-        return match right {
-            None => instructions.run(RollingPass {
-                bodies: One(left),
-                groups,
-                rolls,
-                carry,
-            }),
-            Some(right) => instructions.run(RollingPass {
-                bodies: Two(left, right),
-                groups,
-                rolls,
-                carry,
-            }),
-        };
-    }
-    match right {
-        None => instructions.run(Pass {
-            bodies: One(left),
-            groups,
-            carry,
-        }),
-        Some(right) => instructions.run(Pass {
-            bodies: Two(left, right),
-            groups,
-            carry,
-        }),
     }
 }
 

@@ -1,0 +1,123 @@
+//! What a sweep does beside solving contacts: nothing, or a step further on the way that it came (`accelerate`).
+
+use super::bodies::{ask, ContactLanes};
+use super::lanes::{Column, Lanes};
+use super::rolls::Rolls;
+use super::vectors::{add, dot, part, parts, put, scale, V3};
+
+/// See the module.
+pub trait Carry {
+    /// Impulses from which the lanes are solved.
+    fn step<S: Lanes>(&mut self, s: S, group: &mut ContactLanes, at: usize) -> V3<S>;
+    /// Asks memory for what it reads of a group beside what every sweep does.
+    fn fetch(group: &ContactLanes);
+    /// Looks at the change, and at the normal measures before it.
+    fn note<S: Lanes>(
+        &mut self,
+        s: S,
+        group: &mut ContactLanes,
+        at: usize,
+        change: V3<S>,
+        z_n: S::f64s,
+    );
+    /// Moments from which the lanes are solved.
+    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S>;
+    /// Looks at their change.
+    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>);
+}
+
+/// A plain sweep.
+pub struct Plain;
+
+impl Carry for Plain {
+    #[inline(always)]
+    fn fetch(_: &ContactLanes) {}
+
+    #[inline(always)]
+    fn step<S: Lanes>(&mut self, _s: S, group: &mut ContactLanes, at: usize) -> V3<S> {
+        parts::<S>(&group.impulse, at)
+    }
+
+    #[inline(always)]
+    fn note<S: Lanes>(&mut self, _: S, _: &mut ContactLanes, _: usize, _: V3<S>, _: S::f64s) {}
+
+    #[inline(always)]
+    fn step_moments<S: Lanes>(&mut self, _: S, rolls: &mut Rolls, at: usize) -> V3<S> {
+        parts::<S>(&rolls.moment, at)
+    }
+
+    #[inline(always)]
+    fn note_moments<S: Lanes>(&mut self, _: S, _: &mut Rolls, _: usize, _: V3<S>) {}
+}
+
+/// A sweep that first goes on the way it came: `p <- beta (p + d)`, `r <- r + p` with the change `d` of the last sweep.
+pub struct Along {
+    /// `beta`, and 0 if the group's `p + d` is of another problem, else 1.
+    pub beta: f64,
+    pub kept: f64,
+    /// Per lane: `|d|^2` over the masses, and the largest `-z_N` that was met.
+    pub squared: Column,
+    pub closing: Column,
+}
+
+impl Along {
+    /// `beta (p + d)` of `p + d`.
+    #[inline(always)]
+    pub fn way<S: Lanes>(&self, s: S, way: V3<S>) -> V3<S> {
+        let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
+        scale(s, beta, scale(s, kept, way))
+    }
+}
+
+impl Carry for Along {
+    #[inline(always)]
+    fn fetch(group: &ContactLanes) {
+        ask(&group.weight);
+        for column in &group.way {
+            ask(column);
+        }
+    }
+
+    #[inline(always)]
+    fn step<S: Lanes>(&mut self, s: S, group: &mut ContactLanes, at: usize) -> V3<S> {
+        let p = self.way(s, parts::<S>(&group.way, at));
+        put::<S>(&mut group.way, at, p);
+        add(s, parts::<S>(&group.impulse, at), p)
+    }
+
+    #[inline(always)]
+    fn note<S: Lanes>(
+        &mut self,
+        s: S,
+        group: &mut ContactLanes,
+        at: usize,
+        change: V3<S>,
+        z_n: S::f64s,
+    ) {
+        let lane = at / S::F64_LANES;
+        let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&group.weight, at));
+        let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[lane];
+        *squared = s.add_f64s(*squared, weighted);
+        let closing = &mut S::as_mut_simd_f64s(&mut self.closing).0[lane];
+        let z = s.sub_f64s(s.splat_f64s(0.0), z_n);
+        *closing = s.select_f64s(s.greater_than_f64s(z, *closing), z, *closing);
+        let way = add(s, parts::<S>(&group.way, at), change);
+        put::<S>(&mut group.way, at, way);
+    }
+
+    #[inline(always)]
+    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S> {
+        let p = self.way(s, parts::<S>(&rolls.way, at));
+        put::<S>(&mut rolls.way, at, p);
+        add(s, parts::<S>(&rolls.moment, at), p)
+    }
+
+    #[inline(always)]
+    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>) {
+        let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&rolls.weight, at));
+        let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[at / S::F64_LANES];
+        *squared = s.add_f64s(*squared, weighted);
+        let way = add(s, parts::<S>(&rolls.way, at), change);
+        put::<S>(&mut rolls.way, at, way);
+    }
+}
