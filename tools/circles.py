@@ -1,4 +1,4 @@
-"""Circles of imports in the Rust crates: prints each one with the names that tie it, exits with 1 if there is one.
+"""Circles of imports in the Rust crates, with the names that tie them, and types of a crate that share a name.
 
     python tools/circles.py [CRATE ...]
 
@@ -25,6 +25,7 @@ ITEM = re.compile(
     r"(?:fn|struct|enum|trait|type|const|static|union|macro_rules!)\s+(\w+)",
     re.M,
 )
+TYPE = re.compile(r"^(?:pub(?:\([^)]*\))?\s+)?(?:unsafe )?(?:struct|enum|trait|type|union)\s+(\w+)", re.M)
 USE = re.compile(r"^(pub(?:\([^)]*\))?\s+)?use\s+([^;]+);", re.M)
 MOD = re.compile(r"^\s*(?:pub(?:\([^)]*\))?\s+)?mod \w+;", re.M)
 PATH = re.compile(r"\b((?:crate|super|self)(?:::\w+)+)")
@@ -66,6 +67,14 @@ class Crate:
         self.passed: dict[Module, dict[str, list[str]]] = {}
         for module, text in self.text.items():
             self.passed[module] = {n: p for _, tree in USE.findall(text) for p, n in leaves(tree) if n != "*"}
+
+    def namesakes(self) -> dict[str, list[Path]]:
+        """Names that several types of the crate have, with the files that define them."""
+        of: dict[str, list[Path]] = defaultdict(list)
+        for module, text in self.text.items():
+            for name in TYPE.findall(text):
+                of[name].append(self.files[module])
+        return {name: files for name, files in of.items() if len(files) > 1}
 
     def defining(self, module: Module, path: list[str], depth: int = 0) -> Module | None:
         """The module that defines what `path` names in `module`; None if it is of another crate."""
@@ -160,11 +169,14 @@ def shortest(arrows: dict[Module, dict[Module, set[str]]], part: set[Module]) ->
 
 def main() -> int:
     """The command."""
-    count = 0
+    count = namesakes = 0
     for source in sorted(CRATES.glob("*/src")):
         if sys.argv[1:] and source.parent.name not in sys.argv[1:]:
             continue
         crate = Crate(source)
+        for name, files in sorted(crate.namesakes().items()):
+            namesakes += 1
+            print(f"{source.parent.name}: several types are named {name}: {', '.join(map(str, files))}")
         arrows = crate.imports()
         for part in circles(arrows):
             count += 1
@@ -180,8 +192,8 @@ def main() -> int:
                         print(
                             f"      {crate.files[at]} -> {crate.files[other]}: {', '.join(sorted(arrows[at][other]))}"
                         )
-    print(f"{count} circles of imports")
-    return 1 if count else 0
+    print(f"{count} circles of imports, {namesakes} names of several types")
+    return 1 if count + namesakes else 0
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 //! All islands of a level, in their order: solved here, or handed over by the threads that solved them.
 
+use crate::parallel::Task;
 use crate::report::StepReport;
 use crate::scratch::Scratch;
-use crate::share::Task;
 
 /// Solves the islands of a level. False: one was not solved, and those behind it do not count.
 pub fn solve(task: &Task, scratch: &mut Scratch, report: &mut StepReport) -> bool {
@@ -16,14 +16,16 @@ pub fn solve(task: &Task, scratch: &mut Scratch, report: &mut StepReport) -> boo
     let mut sharing = std::mem::take(&mut scratch.sharing);
     let (islands, mut step) = scratch.of_level(task.level);
     sharing.solve_shared(task, islands, &step);
-    let mut parts = sharing.parts.iter_mut().peekable();
+    let mut batches = sharing.batches.iter_mut().peekable();
     let mut solved = true;
     for number in 0..islands.len() {
         step.keeper.island = number as u32;
         let island = islands.island(number);
-        while parts.next_if(|part| part.is_done()).is_some() {}
-        solved = match parts.peek_mut() {
-            Some(part) if part.is_next(number as u32) => part.hand_over(&mut step, island, report),
+        while batches.next_if(|batch| batch.is_done()).is_some() {}
+        solved = match batches.peek_mut() {
+            Some(batch) if batch.is_next(number as u32) => {
+                batch.hand_over(&mut step, island, report)
+            }
             _ => task.solve(&mut step, island, report),
         };
         if !solved {

@@ -25,7 +25,7 @@ pub(crate) fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> 
 
 /// A pair that is near, with the gap (m) at the positions that were asked for and the law of its materials.
 #[derive(Clone, Copy)]
-struct Near {
+struct NearPair {
     pair: (u32, u32),
     gap: f64,
     law: u32,
@@ -76,8 +76,8 @@ pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Resul
 fn for_each_share(
     model: &Model,
     pairs: &[(u32, u32)],
-    look: impl Fn(&[(u32, u32)], &mut Vec<Near>) -> Result<(), Failure> + Sync,
-) -> Result<Vec<Vec<Near>>, Failure> {
+    look: impl Fn(&[(u32, u32)], &mut Vec<NearPair>) -> Result<(), Failure> + Sync,
+) -> Result<Vec<Vec<NearPair>>, Failure> {
     let shares = pairs.chunks(PAIRS).collect();
     let found = team::map(model.options.threads as usize, shares, |pairs| {
         let mut found = Vec::new();
@@ -116,7 +116,7 @@ fn near(
     position: &[DVec3],
     pair: (u32, u32),
     margin: f64,
-) -> Result<Option<Near>, Failure> {
+) -> Result<Option<NearPair>, Failure> {
     let (i, j, n) = (pair.0 as usize, pair.1 as usize, model.spheres());
     let ra = model.radius[i];
     // A list may be older than the removal of a ball.
@@ -144,7 +144,7 @@ fn near(
     }
     // A pair without a law may come near, not touch.
     match model.law_of(i, j) {
-        Some(law) => Ok(Some(Near { pair, gap, law })),
+        Some(law) => Ok(Some(NearPair { pair, gap, law })),
         None if gap < 0.0 => Err(Failure::MissingLaw(pair.0, pair.1)),
         None => Ok(None),
     }
@@ -152,7 +152,7 @@ fn near(
 
 /// The contact of a near pair, with the frame of t_n.
 #[inline(always)]
-fn new_contact(model: &Model, state: &State, walls: &Walls, near: &Near) -> Contact {
+fn new_contact(model: &Model, state: &State, walls: &Walls, near: &NearPair) -> Contact {
     let (a, b) = near.pair;
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let (ra, x) = (model.radius[i], state.position[i]);
@@ -302,12 +302,12 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
         }
         Ok(())
     })?;
-    let overlapping = |near: &Near| {
+    let overlapping = |near: &NearPair| {
         let (i, j) = (near.pair.0 as usize, near.pair.1 as usize);
         let rb = model.radius.get(j).copied().unwrap_or(f64::INFINITY);
         near.gap < -model.options.gap_tolerance * model.radius[i].min(rb)
     };
-    let mut joining: Vec<Near> = found.into_iter().flatten().collect();
+    let mut joining: Vec<NearPair> = found.into_iter().flatten().collect();
     if margin == 0.0 {
         joining.retain(overlapping);
     }
@@ -318,7 +318,7 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
         Some(p) => state.position[body as usize] + p.displacement,
         None => DVec3::ZERO,
     };
-    let joined = |near: &Near| {
+    let joined = |near: &NearPair| {
         let mut c = new_contact(model, state, walls, near);
         follow_law(model, state, walls, &mut c)?;
         c.gap_check = proximity(model, walls, &c, smooth(c.a), smooth(c.b)).gap;
@@ -332,8 +332,8 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
 /// Two sorted runs become one, from the back: contacts are large, and a copy of those of a large pile would be the most that it needs at once.
 fn merge(
     contacts: &mut Vec<Contact>,
-    joining: &[Near],
-    joined: impl Fn(&Near) -> Result<Contact, Failure>,
+    joining: &[NearPair],
+    joined: impl Fn(&NearPair) -> Result<Contact, Failure>,
 ) -> Result<(), Failure> {
     let mut there = contacts.len();
     contacts.reserve_exact(joining.len());

@@ -98,12 +98,12 @@ fn end_motion(
     } = scratch;
     let (threads, n) = (model.options.threads as usize, model.spheres());
     let whole = (&mut linear[..n], &mut angular[..n], &mut jump[..n]);
-    type Share<'a> = (
+    type Slices<'a> = (
         &'a mut [Prediction],
         &'a mut [Prediction],
         &'a mut [[DVec3; 2]],
     );
-    let end = |first: usize, (linear, angular, jump): Share| {
+    let end = |first: usize, (linear, angular, jump): Slices| {
         let mut sums = Sums::default();
         for (k, i) in (first..first + linear.len()).enumerate() {
             let (linear, angular) = (&mut linear[k], &mut angular[k]);
@@ -135,8 +135,8 @@ fn write(model: &Model, state: &mut State, scratch: &Scratch) {
     );
     let accelerations = (&mut state.pseudo[..n], &mut state.acceleration[..n]);
     type Two<'a, A, B> = (&'a mut [A], &'a mut [B]);
-    type Motion<'a> = (&'a mut [DVec3], &'a mut [DQuat], Two<'a, DVec3, DVec3>);
-    let each = |first: usize, (to, then): (Motion, Two<[DVec3; 2], [DVec3; 2]>)| {
+    type Moved<'a> = (&'a mut [DVec3], &'a mut [DQuat], Two<'a, DVec3, DVec3>);
+    let each = |first: usize, (to, then): (Moved, Two<[DVec3; 2], [DVec3; 2]>)| {
         let ((x, q, (v, w)), (pseudo, acceleration)) = (to, then);
         for (k, i) in (first..first + x.len()).enumerate() {
             let (linear, angular) = (&scratch.linear[i], &scratch.angular[i]);

@@ -72,7 +72,7 @@ pub struct Twist {
 }
 
 /// A row at a placement.
-struct Placed {
+struct PlacedRow {
     direction: DVec3,
     /// World arms.
     arm_a: DVec3,
@@ -86,7 +86,7 @@ impl Joint {
         self.b == GROUND
     }
 
-    fn place(&self, row: &JointRow, a: &Pose, b: &Pose) -> Placed {
+    fn place(&self, row: &JointRow, a: &Pose, b: &Pose) -> PlacedRow {
         let arm_a = a.orientation * row.arm_a;
         // A point of the ground has no arm that turns.
         let (arm_b, point_b) = if self.grounded() {
@@ -101,7 +101,7 @@ impl Joint {
         } else {
             row.direction
         };
-        Placed {
+        PlacedRow {
             direction,
             arm_a,
             arm_b,

@@ -20,7 +20,7 @@ pub struct Spring {
 }
 
 /// A spring at a motion.
-struct Placed {
+struct PlacedSpring {
     arm_a: DVec3,
     arm_b: DVec3,
     /// Velocity of point A relative to point B.
@@ -31,7 +31,7 @@ struct Placed {
 }
 
 impl Spring {
-    fn place(&self, at: &Motion) -> Placed {
+    fn place(&self, at: &Motion) -> PlacedSpring {
         let point = |body: u32, arm: DVec3| {
             if body == GROUND {
                 return (DVec3::ZERO, arm, DVec3::ZERO);
@@ -44,7 +44,7 @@ impl Spring {
         let (arm_a, pa, va) = point(self.a, self.arm_a);
         let (arm_b, pb, vb) = point(self.b, self.arm_b);
         let between = pa - pb;
-        Placed {
+        PlacedSpring {
             arm_a,
             arm_b,
             rate: va - vb,
@@ -58,7 +58,7 @@ impl Spring {
     }
 
     /// Pull of spring and of damper, N.
-    fn pulls(&self, p: &Placed) -> (f64, f64) {
+    fn pulls(&self, p: &PlacedSpring) -> (f64, f64) {
         (
             self.stiffness * (p.length - self.rest_length),
             self.damping * p.rate.dot(p.direction),

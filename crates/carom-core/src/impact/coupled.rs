@@ -17,7 +17,7 @@ use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
 use glam::DVec3;
 
 /// Velocity measures, linear in `u`, beside loads that are not.
-pub struct Velocities<'a> {
+pub struct CoupledVelocities<'a> {
     pub model: &'a Model,
     pub loads: &'a [u32],
     pub bodies: &'a [u32],
@@ -25,14 +25,14 @@ pub struct Velocities<'a> {
     /// Placements at q_{n+1}.
     pub trial: &'a mut Trial,
     pub span: Span,
-    /// Velocities at `u = 0`, 6 per node.
+    /// CoupledVelocities at `u = 0`, 6 per node.
     pub before: &'a [f64],
     /// Wrench that the change is counted from, and the part of its impulse that is known already.
     pub base: &'a [f64],
     pub known: &'a [f64],
 }
 
-impl Subproblem for Velocities<'_> {
+impl Subproblem for CoupledVelocities<'_> {
     fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
         system.linear_measures(u, z);
         let h = self.span.h;

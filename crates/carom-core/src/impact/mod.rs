@@ -7,7 +7,7 @@
 
 pub mod bisect;
 mod coupled;
-mod kept;
+mod energy_gain;
 pub mod law;
 mod memory;
 mod problem;
@@ -16,5 +16,5 @@ mod safeguard;
 pub mod sequence;
 pub mod table;
 
-pub use kept::{gives, Worked};
+pub use energy_gain::{gains_energy, ContactWork};
 pub use memory::ImpactScratch;

@@ -1,7 +1,7 @@
 //! One impact problem: chosen contacts of an island, fixed impulses of earlier problems, Newton's law (eqs. 16, 24). `solve` states and
 //! solves it, `totals` adds what it gave.
 
-mod first;
+mod energy_gain;
 mod rest;
 mod solve;
 mod totals;

@@ -117,8 +117,8 @@ impl ImpactIsland for RowIsland<'_, '_> {
         work.offset.clone_from(&work.jump);
     }
 
-    fn gives(&self) -> bool {
-        self.work.gives(self.model)
+    fn gains_energy(&self) -> bool {
+        self.work.gains_energy(self.model)
     }
 
     fn later(&mut self, law: Law, first: u32) -> Option<bool> {

@@ -40,7 +40,7 @@ pub trait ImpactIsland: Sync {
     /// What was solved so far are the loads: restitution does not act on their jump (eq. 27).
     fn mark_loads(&mut self);
     /// Whether the impulses so far have given a group of contacts energy.
-    fn gives(&self) -> bool;
+    fn gains_energy(&self) -> bool;
     /// Problems `first`, ... of what closes, until nothing does (rule 26) or a bound is reached: whether nothing closes any more.
     /// Nothing: a problem was not solved.
     fn later(&mut self, law: Law, first: u32) -> Option<bool>;
@@ -68,7 +68,7 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
         return false;
     }
     let keeps = (0..closing.len()).any(|slot| !chosen(slot) && island.is_pressed(slot));
-    if keeps && island.gives() {
+    if keeps && island.gains_energy() {
         // Kept impulses of the loads held one another. All of the loads together with the impact, then.
         island.report().fallbacks += 1;
         island.forget_all(1);
@@ -90,7 +90,7 @@ fn loads(island: &mut impl ImpactIsland) -> Option<[Vec<bool>; 2]> {
     if loaded.contains(&true) {
         island.choose(|slot| resting[slot]);
         let mut solved = island.solve(Law::Plastic, 0, Start::LastLoads);
-        if solved && island.gives() {
+        if solved && island.gains_energy() {
             // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
             island.report().fallbacks += 1;
             island.forget_all(0);

@@ -22,7 +22,7 @@ use carom_solve::SolveReport;
 
 /// Nothing overlaps and nothing is held: U = 0 satisfies every condition.
 #[inline]
-pub(crate) fn is_apart(contacts: &[Contact], island: Island) -> bool {
+pub(crate) fn is_separated(contacts: &[Contact], island: Island) -> bool {
     let apart = |&m: &u32| contacts[m as usize].gap_check >= 0.0;
     island.joints.is_empty() && island.contacts.iter().all(apart)
 }
@@ -37,7 +37,7 @@ pub fn solve_island(
     report: &mut StepReport,
     demand: Demand,
 ) -> bool {
-    if is_apart(scratch.contacts, island) {
+    if is_separated(scratch.contacts, island) {
         return true;
     }
     if let ([m], true) = (island.contacts, island.is_free()) {

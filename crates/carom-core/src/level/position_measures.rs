@@ -21,11 +21,11 @@ pub(super) struct Positions<'a> {
     pub members: &'a [u32],
     /// Centres after the smooth step, per node.
     pub centres: &'a [DVec3],
-    pub coupled: Option<Coupled<'a>>,
+    pub coupled: Option<CoupledPositions<'a>>,
 }
 
 /// Joints and loads of an island.
-pub(super) struct Coupled<'a> {
+pub(super) struct CoupledPositions<'a> {
     pub island: Island<'a>,
     pub state: &'a State,
     /// Rotation increments after the smooth step, per sphere.
@@ -39,7 +39,7 @@ pub(super) struct Coupled<'a> {
     pub base: Vec<f64>,
 }
 
-impl<'a> Coupled<'a> {
+impl<'a> CoupledPositions<'a> {
     /// Puts the island where the smooth step ends, and pushes the rows of its joints.
     pub fn open(
         model: &Model,
@@ -73,7 +73,7 @@ impl<'a> Coupled<'a> {
             system.open_load();
             trial.wrenches(model, island.loads, bodies, span.end, &mut base);
         }
-        Coupled {
+        CoupledPositions {
             island,
             state,
             angular,

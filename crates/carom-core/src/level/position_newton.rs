@@ -1,7 +1,7 @@
 //! An island at the position level by Newton's method: its rows, the solution that rests where that is looked for, and what is tried
 //! where nothing else solves the smallest part of a step.
 
-use super::position_measures::{Coupled, Positions};
+use super::position_measures::{CoupledPositions, Positions};
 use super::rest::{self, Resting};
 use super::{newton_options, position_floor, wedge, worst_group, LESS_FRICTION};
 use crate::islands::Island;
@@ -169,7 +169,7 @@ fn find(
     newton.attempts.clear();
     let coupled = (!island.is_free()).then(|| {
         let motion = (*linear, *angular, *position);
-        Coupled::open(
+        CoupledPositions::open(
             model,
             state,
             island,
@@ -302,7 +302,7 @@ impl Problem<'_, '_> {
             let stopped = self.stopped();
             if stopped.contains(&true) {
                 let of = |slot: usize| stopped.get(slot) == Some(&true);
-                let less = self.with_less_friction(&[wedge::NEXT_TO_NONE], of, report);
+                let less = self.with_less_friction(&[wedge::NEGLIGIBLE_FRICTION], of, report);
                 result = less.unwrap_or(result);
             }
         }

@@ -18,32 +18,32 @@ use carom_solve::{Newton, NewtonOptions, SolveReport};
 use glam::DVec3;
 
 /// What moves by up to this share of what the loads alone would move something by, or this many times the solver's tolerance, stays at rest.
-const SHARE: f64 = 1e-5;
-const OVER_TOLERANCE: f64 = 10.0;
+const STAYS_SHARE: f64 = 1e-5;
+const STAYS_OVER_TOLERANCE: f64 = 10.0;
 /// The share up to which it was at rest, and this many times the one up to which it stays: what solvers leave, step by step, must not grow
 /// into a motion that is no longer looked at.
-const BEFORE: f64 = 1e-2;
-const OVER_STAYS: f64 = 10.0;
+const WAS_SHARE: f64 = 1e-2;
+const WAS_OVER_STAYS: f64 = 10.0;
 /// Linearisations: normals turn with what carries an island along.
 const LINEARISATIONS: usize = 4;
 /// Contacts up to which it is looked for: matrices are factored.
-const MOST: usize = 2_000;
+const MOST_CONTACTS: usize = 2_000;
 
 /// Shares of what the loads alone would move something by: up to the first it stays at rest, up to the second it was so.
 #[derive(Clone, Copy)]
-pub(crate) struct Shares {
+pub(crate) struct RestBounds {
     pub stays: f64,
     pub was: f64,
 }
 
 /// Nothing where rest is not looked for.
-pub(crate) fn shares(o: &Options, contacts: usize) -> Option<Shares> {
+pub(crate) fn rest_bounds(o: &Options, contacts: usize) -> Option<RestBounds> {
     // Whoever asks for a solver, or for the law as printed, gets what that gives.
     let plain = o.solver == Solver::Auto && o.impact != Impact::SequencePaper;
-    let stays = SHARE.max(OVER_TOLERANCE * tolerance(o, contacts));
-    (plain && contacts > 1 && contacts <= MOST).then(|| Shares {
+    let stays = STAYS_SHARE.max(STAYS_OVER_TOLERANCE * tolerance(o, contacts));
+    (plain && contacts > 1 && contacts <= MOST_CONTACTS).then(|| RestBounds {
         stays,
-        was: BEFORE.max(OVER_STAYS * stays),
+        was: WAS_SHARE.max(WAS_OVER_STAYS * stays),
     })
 }
 
@@ -77,7 +77,7 @@ impl Resting {
         h: f64,
     ) -> Option<Resting> {
         let (o, members, contacts) = (&model.options, island.contacts, &*scratch.contacts);
-        let shares = shares(o, members.len())?;
+        let bounds = rest_bounds(o, members.len())?;
         if !island.loads.is_empty() {
             return None;
         }
@@ -88,7 +88,7 @@ impl Resting {
                 continue;
             }
             let [of_loads, speed] = start(model, state, scratch, c, h);
-            if h * speed > shares.was * of_loads {
+            if h * speed > bounds.was * of_loads {
                 return None;
             }
             loads = loads.max(of_loads);
@@ -107,7 +107,7 @@ impl Resting {
                 .map(|&m| &contacts[m as usize])
                 .map(|c| touches(c).then_some(c.gap_start))
                 .collect(),
-            bound: shares.stays * loads,
+            bound: bounds.stays * loads,
         })
     }
 
@@ -133,7 +133,7 @@ impl Resting {
         (system, problem, options): (&mut RowSystem, &mut P, &NewtonOptions),
         mut nu: Vec<f64>,
         spare: Option<f64>,
-    ) -> Option<Held> {
+    ) -> Option<StaticSolution> {
         let mut correction = vec![0.0; NODE_DOF * system.nodes()];
         let mut z = vec![0.0; system.rows()];
         for _ in 0..LINEARISATIONS {
@@ -160,7 +160,7 @@ impl Resting {
             let moves = self.moves(system, z);
             newton.attempts.push(report.attempt());
             if report.converged && !moves {
-                return Some(Held {
+                return Some(StaticSolution {
                     nu,
                     correction,
                     report,
@@ -217,7 +217,7 @@ fn start(model: &Model, state: &State, scratch: &IslandScratch, c: &Contact, h: 
 }
 
 /// A solution that moves nothing.
-pub(crate) struct Held {
+pub(crate) struct StaticSolution {
     pub nu: Vec<f64>,
     pub correction: Vec<f64>,
     pub report: SolveReport,

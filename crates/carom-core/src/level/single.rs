@@ -14,7 +14,7 @@ use glam::DVec3;
 
 /// Measures of a lone sphere-plane contact in its frame: normal, slip (2), turned rolling (2), spin.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Motion {
+pub struct ContactMeasures {
     pub normal: f64,
     pub slip: [f64; 2],
     pub turn: [f64; 2],
@@ -23,9 +23,9 @@ pub struct Motion {
 
 /// Decomposes a translation (or velocity) and a rotation (or angular velocity) at the contact.
 #[inline]
-pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> Motion {
+pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> ContactMeasures {
     let slip = linear + radius * c.n0.cross(angular);
-    Motion {
+    ContactMeasures {
         normal: c.n0.dot(linear),
         slip: [c.t1.dot(slip), c.t2.dot(slip)],
         turn: [-c.t2.dot(angular), c.t1.dot(angular)],
@@ -33,10 +33,10 @@ pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> Motion
     }
 }
 
-impl Motion {
+impl ContactMeasures {
     /// Against that of a moving wall.
     #[inline]
-    pub fn subtract(&mut self, wall: &Motion) {
+    pub fn subtract(&mut self, wall: &ContactMeasures) {
         self.normal -= wall.normal;
         self.spin -= wall.spin;
         for k in 0..2 {
@@ -48,8 +48,8 @@ impl Motion {
 
 /// Measures of a wall's own motion at the contact: of its shape, of its material, and rotation.
 #[inline]
-pub fn driven(c: &Contact, shape: DVec3, material: DVec3, rotation: DVec3) -> Motion {
-    Motion {
+pub fn driven(c: &Contact, shape: DVec3, material: DVec3, rotation: DVec3) -> ContactMeasures {
+    ContactMeasures {
         normal: c.n0.dot(shape),
         ..motion(c, 0.0, material, rotation)
     }
@@ -62,22 +62,22 @@ pub fn wall_motion(
     state: &State,
     scratch: &IslandScratch,
     c: &Contact,
-) -> [Motion; 2] {
+) -> [ContactMeasures; 2] {
     if !scratch.walls.any_moves() {
-        return [Motion::default(); 2];
+        return [ContactMeasures::default(); 2];
     }
     let i = c.a as usize;
     let old = scratch.walls.start_twist(model, c, state.position[i]);
     let new = scratch.walls.end_twist(model, c, scratch.position[i]);
     [old, new].map(|twist| match twist {
         Some(t) => driven(c, t.shape, t.material, t.spin),
-        None => Motion::default(),
+        None => ContactMeasures::default(),
     })
 }
 
 /// The one-contact problem with the given measures.
 #[inline]
-pub fn problem(model: &Model, c: &Contact, z: &Motion) -> SingleContact {
+pub fn problem(model: &Model, c: &Contact, z: &ContactMeasures) -> SingleContact {
     let i = c.a as usize;
     let (r, im, ii) = (model.radius[i], model.inv_mass[i], model.inv_inertia[i]);
     let bounds = c.bounds;
@@ -143,7 +143,7 @@ pub fn keep(
     scratch: &mut IslandScratch,
     member: u32,
     (level, index): (Level, u32),
-    z: &Motion,
+    z: &ContactMeasures,
     multiplier: [f64; 6],
     motion: [DVec3; 2],
     correction: [DVec3; 2],
@@ -188,7 +188,7 @@ pub fn keep(
 }
 
 /// Packs measures into the contact's rows.
-fn pack_measures(c: &Contact, z: &Motion) -> [f64; 6] {
+fn pack_measures(c: &Contact, z: &ContactMeasures) -> [f64; 6] {
     pack(
         c,
         &SingleSolution {

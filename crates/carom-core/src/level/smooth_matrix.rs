@@ -2,7 +2,7 @@
 //! joints, factored dense or sparse by its size.
 
 use super::coupling::Trial;
-use super::smooth_newton::{Group, SmoothScratch, Weights};
+use super::smooth_newton::{CoupledBodies, SmoothScratch, Weights};
 use crate::joint::Block6;
 use crate::model::Model;
 use crate::rows::Rows;
@@ -19,7 +19,7 @@ impl SmoothScratch {
         &mut self,
         model: &Model,
         trial: &mut Trial,
-        group: &Group,
+        group: &CoupledBodies,
         w: Weights,
     ) -> bool {
         self.assemble(model, trial, group, w);
@@ -46,7 +46,7 @@ impl SmoothScratch {
             .is_ok()
     }
 
-    fn assemble(&mut self, model: &Model, trial: &mut Trial, group: &Group, w: Weights) {
+    fn assemble(&mut self, model: &Model, trial: &mut Trial, group: &CoupledBodies, w: Weights) {
         self.entries.clear();
         self.rhs.clear();
         for (k, &body) in group.bodies.iter().enumerate() {

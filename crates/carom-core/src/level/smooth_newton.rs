@@ -22,7 +22,7 @@ const ROUNDING: f64 = 16.0;
 
 /// Spheres that move together in the smooth sub-problem.
 #[derive(Default)]
-pub(super) struct Group {
+pub(super) struct CoupledBodies {
     pub(super) bodies: Vec<u32>,
     pub(super) joints: Vec<u32>,
     pub(super) loads: Vec<u32>,
@@ -43,7 +43,7 @@ pub struct Weights {
 /// Terms of the residual of spheres that move together: a group, or a sphere alone. Each is a problem of its own, so that
 /// a heavy sphere elsewhere is no excuse for an error here.
 #[derive(Clone, Copy, Debug, Default)]
-struct Share {
+struct ResidualTerms {
     /// Squares of the balance and of its terms, N^2; parts of the loads and their rounding, N.
     residual: f64,
     terms: f64,
@@ -55,7 +55,7 @@ struct Share {
     speed: f64,
 }
 
-impl Share {
+impl ResidualTerms {
     /// Smallness of the residual: of the balance over its terms (eq. 44), of the constraints over the speeds, those that
     /// the loads would give in the step among them. At rest forces cancel and speeds are rounding: neither may be the measure.
     fn relative(&self) -> f64 {
@@ -78,13 +78,13 @@ fn worst(a: f64, b: f64) -> f64 {
 
 #[derive(Default)]
 pub struct SmoothScratch {
-    groups: Vec<Group>,
+    groups: Vec<CoupledBodies>,
     grouped: Vec<bool>,
     /// Local index of a sphere in its group.
     pub(super) local: Vec<u32>,
     /// Share of each sphere; those of the groups come first.
-    share_of: Vec<u32>,
-    shares: Vec<Share>,
+    residual_of: Vec<u32>,
+    residuals: Vec<ResidualTerms>,
     /// First row of each joint among all joint rows.
     pub first_row: Vec<u32>,
     /// Smooth reactions lambda of all joint rows, N or N m.
@@ -142,7 +142,7 @@ impl SmoothScratch {
             let top = joined.root(body);
             if top == body {
                 slot[body as usize] = self.groups.len() as u32;
-                self.groups.push(Group::default());
+                self.groups.push(CoupledBodies::default());
             }
             // Roots are the smallest of their group: they come first.
             let group = &mut self.groups[slot[top as usize] as usize];
@@ -156,24 +156,24 @@ impl SmoothScratch {
                 LinkKind::Load(index) => group.loads.push(index),
             }
         }
-        self.share_of = vec![0; joined.len()];
-        let mut shares = self.groups.len() as u32;
+        self.residual_of = vec![0; joined.len()];
+        let mut residuals = self.groups.len() as u32;
         for body in 0..joined.len() as u32 {
             let i = body as usize;
-            self.share_of[i] = if self.grouped[i] {
+            self.residual_of[i] = if self.grouped[i] {
                 slot[joined.root(body) as usize]
             } else {
-                shares += 1;
-                shares - 1
+                residuals += 1;
+                residuals - 1
             };
         }
-        self.shares = vec![Share::default(); shares as usize];
+        self.residuals = vec![ResidualTerms::default(); residuals as usize];
     }
 
     /// Starts a sub-problem: forgets the reactions and speeds of the last one. A joint's law may have left its domain.
     pub fn begin(&mut self, model: &Model, time: f64) -> Result<(), LoadError> {
         self.lambda.fill(0.0);
-        self.shares.fill(Share::default());
+        self.residuals.fill(ResidualTerms::default());
         for (index, joint) in model.joints.iter().enumerate() {
             for row in &joint.rows {
                 let (value, slope) = (row.law.value(time), row.law.slope(time));
@@ -204,11 +204,11 @@ impl SmoothScratch {
     ) -> Result<f64, LoadError> {
         let time = weights.time;
         let n = model.spheres();
-        for share in &mut self.shares {
-            let speed = share.speed;
-            *share = Share {
+        for terms in &mut self.residuals {
+            let speed = terms.speed;
+            *terms = ResidualTerms {
                 speed,
-                ..Share::default()
+                ..ResidualTerms::default()
             };
         }
         let mut wrench = std::mem::take(&mut trial.wrench);
@@ -218,15 +218,15 @@ impl SmoothScratch {
         loaded?;
         for (i, w) in trial.wrench.iter_mut().enumerate() {
             let weight = weight(model, i);
-            let share = &mut self.shares[self.share_of[i] as usize];
-            share.parts += weight.length();
+            let terms = &mut self.residuals[self.residual_of[i] as usize];
+            terms.parts += weight.length();
             w[0] += weight;
             let [f, m] = *w;
             let arm = 1.0 / model.radius[i];
-            share.terms += f.length_squared() + arm * arm * m.length_squared();
+            terms.terms += f.length_squared() + arm * arm * m.length_squared();
             let pull = model.inv_mass[i] * f.length();
             let twist = model.radius[i] * model.inv_inertia[i] * m.length();
-            share.speed = share.speed.max(pull.max(twist) / weights.acceleration);
+            terms.speed = terms.speed.max(pull.max(twist) / weights.acceleration);
         }
         for (index, joint) in model.joints.iter().enumerate() {
             let rows = &mut self.gradients[index];
@@ -235,7 +235,7 @@ impl SmoothScratch {
             let mut rates = [0.0; 6];
             joint.rates(time, &mut rates);
             let twists = trial.twists(joint);
-            let share = &mut self.shares[self.share_of[joint.a as usize] as usize];
+            let terms = &mut self.residuals[self.residual_of[joint.a as usize] as usize];
             for (r, row) in rows.iter().enumerate().take(dim) {
                 let mut value = -rates[r];
                 for (side, twist) in row.iter().zip(&twists) {
@@ -243,7 +243,7 @@ impl SmoothScratch {
                     value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
                     value += side[3] * w.x + side[4] * w.y + side[5] * w.z;
                     let fastest = v.length().max(joint.length * w.length());
-                    share.speed = share.speed.max(fastest);
+                    terms.speed = terms.speed.max(fastest);
                 }
                 self.constraint[first + r] = value;
                 let turn = if r < joint.translational {
@@ -251,7 +251,7 @@ impl SmoothScratch {
                 } else {
                     joint.length
                 };
-                share.constraint = worst(share.constraint, turn * value.abs());
+                terms.constraint = worst(terms.constraint, turn * value.abs());
                 let l = self.lambda[first + r];
                 let bodies = [joint.a, joint.b];
                 for (side, &body) in row.iter().zip(&bodies) {
@@ -259,7 +259,7 @@ impl SmoothScratch {
                         let force = l * DVec3::new(side[0], side[1], side[2]);
                         let moment = l * DVec3::new(side[3], side[4], side[5]);
                         let arm = 1.0 / model.radius[body as usize];
-                        share.terms += force.length_squared() + arm * arm * moment.length_squared();
+                        terms.terms += force.length_squared() + arm * arm * moment.length_squared();
                         w[0] += force;
                         w[1] += moment;
                     }
@@ -269,9 +269,9 @@ impl SmoothScratch {
         for load in &model.loads {
             let magnitude = load.magnitude(&trial.motion(time));
             if let Some(body) = load.bodies()[0] {
-                let share = &mut self.shares[self.share_of[body as usize] as usize];
-                share.parts += magnitude.parts;
-                share.rounding += magnitude.rounding;
+                let terms = &mut self.residuals[self.residual_of[body as usize] as usize];
+                terms.parts += magnitude.parts;
+                terms.rounding += magnitude.rounding;
             }
         }
         for i in 0..n {
@@ -280,12 +280,16 @@ impl SmoothScratch {
             let (inertia, turn) = (model.mass[i] * a, model.inertia[i] * alpha);
             let r = [f - inertia, m - turn];
             let arm = 1.0 / model.radius[i];
-            let share = &mut self.shares[self.share_of[i] as usize];
-            share.residual += r[0].length_squared() + arm * arm * r[1].length_squared();
-            share.terms += inertia.length_squared() + arm * arm * turn.length_squared();
+            let terms = &mut self.residuals[self.residual_of[i] as usize];
+            terms.residual += r[0].length_squared() + arm * arm * r[1].length_squared();
+            terms.terms += inertia.length_squared() + arm * arm * turn.length_squared();
             self.residual[i] = r;
         }
-        Ok(self.shares.iter().map(Share::relative).fold(0.0, worst))
+        Ok(self
+            .residuals
+            .iter()
+            .map(ResidualTerms::relative)
+            .fold(0.0, worst))
     }
 
     /// Replaces the velocity residual of joint rows by the acceleration one: `-(dG/dt v) + c''` (start of a run).

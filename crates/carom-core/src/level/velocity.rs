@@ -87,7 +87,7 @@ fn solve_single<const MOVING: bool>(
     let (v_check, w_check) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
     let mut speeds = Speeds::default();
     speeds.add(model, state, v_check, i);
-    let mut of_walls = [single::Motion::default(); 2];
+    let mut of_walls = [single::ContactMeasures::default(); 2];
     if MOVING {
         let walls = &scratch.walls;
         let twists = walls.start_twist(model, c, state.position[i]);
@@ -97,7 +97,7 @@ fn solve_single<const MOVING: bool>(
         of_walls = single::wall_motion(model, state, scratch, c);
     }
     let [wall_old, wall_new] = of_walls;
-    let against = |mut z: single::Motion, wall: &single::Motion| {
+    let against = |mut z: single::ContactMeasures, wall: &single::ContactMeasures| {
         if MOVING {
             z.subtract(wall);
         }

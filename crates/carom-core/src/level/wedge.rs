@@ -9,14 +9,14 @@ use crate::contact::Contact;
 use carom_solve::rows::RowSystem;
 
 /// Share of friction that is left to contacts which stop a slide. (Bounds of 0 would be other rows.)
-pub(super) const NEXT_TO_NONE: f64 = 1e-9;
+pub(super) const NEGLIGIBLE_FRICTION: f64 = 1e-9;
 /// A slide counts beyond this many times the way of the loads in a step: three times the speed that they give.
-const FAST: f64 = 6.0;
+const SLIDE_RATIO: f64 = 6.0;
 /// An approach is a hit beyond this many of them, or where it began at more than this gap, over the length of the contact.
-const HIT: f64 = 3.0;
-const NEAR: f64 = 1e-6;
+const HIT_RATIO: f64 = 3.0;
+const HIT_GAP: f64 = 1e-6;
 /// And has been stopped where less than this share of it is left.
-const LEFT: f64 = 0.5;
+const STOPPED_SHARE: f64 = 0.5;
 
 /// Contacts of an island, solved at the position level, that stop a slide although nothing was hit, by more than all loads together. `way`:
 /// the largest of a sphere by the loads of the step, m; `load`: the sum of these times the masses, kg m; `measures` and `nu` those of the
@@ -35,7 +35,8 @@ pub(super) fn stopped(
             .zip(&system.contacts)
     };
     let hit = each().any(|(c, row)| {
-        let closes = c.gap_start > NEAR * c.length || c.gap_start - c.gap_check > HIT * way;
+        let closes =
+            c.gap_start > HIT_GAP * c.length || c.gap_start - c.gap_check > HIT_RATIO * way;
         nu[row.row as usize] > 0.0 && closes
     });
     if hit || way == 0.0 {
@@ -47,8 +48,8 @@ pub(super) fn stopped(
             let length = |z: &[f64]| z[slide.clone()].iter().map(|z| z * z).sum::<f64>().sqrt();
             c.bounds.sliding > 0.0
                 && nu[row.row as usize] > load
-                && length(&system.z0) > FAST * way
-                && length(measures) < LEFT * length(&system.z0)
+                && length(&system.z0) > SLIDE_RATIO * way
+                && length(measures) < STOPPED_SHARE * length(&system.z0)
         })
         .collect()
 }

@@ -2,7 +2,7 @@
 
 use super::cascade::memory::CascadeMemory;
 use super::velocities::Velocities;
-use super::{part, shares};
+use super::{chunks, problem_nodes};
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::pile::limits::{is_huge, threads};
@@ -11,11 +11,11 @@ use carom_solve::spheres::{self, Body, Place, SpheresError, Sweeps};
 use glam::DVec3;
 
 /// From this many spheres on neighbours in space are made neighbours in memory.
-const SORTED: usize = 2_000;
+const SORTED_SPHERES: usize = 2_000;
 
 /// A solve starts from nothing where one contact of the last step held so many times what all loads of the island together ask for: spheres that
 /// friction wedges may hold one another with any force, and a tolerance that is relative to that tells nothing of the loads.
-const RUNAWAY: f64 = 10.0;
+const RUNAWAY_RATIO: f64 = 10.0;
 
 /// Memory of the pile solver.
 pub struct Pile {
@@ -38,7 +38,7 @@ pub struct Pile {
     pub(super) corrections: Vec<[f64; 6]>,
     pub(super) velocity: Velocities,
     pub(super) cascade: CascadeMemory,
-    pub(super) part: part::Part,
+    pub(super) problem_nodes: problem_nodes::ProblemNodes,
     /// Bodies of the contacts.
     pub(super) ends: Vec<[u32; 2]>,
     /// That of the step, while an island is solved.
@@ -65,7 +65,7 @@ impl Pile {
             corrections: Vec::new(),
             velocity: Velocities::default(),
             cascade: CascadeMemory::default(),
-            part: part::Part::default(),
+            problem_nodes: problem_nodes::ProblemNodes::default(),
             ends: Vec::new(),
             keeper: Keeper::default(),
             accept: false,
@@ -87,8 +87,8 @@ impl Pile {
         self.huge = is_huge(contacts);
         // Of the round before this one.
         self.forget_solution();
-        self.part.take_all();
-        shares::refill(threads, &mut self.ends, members.len(), |k| {
+        self.problem_nodes.take_all();
+        chunks::refill(threads, &mut self.ends, members.len(), |k| {
             let c = &contacts[members[k] as usize];
             [c.a, c.b]
         });
@@ -101,7 +101,7 @@ impl Pile {
             }
         }
         let spheres = &self.spheres;
-        shares::refill(threads, &mut self.bodies, spheres.len(), |k| {
+        chunks::refill(threads, &mut self.bodies, spheres.len(), |k| {
             let i = spheres[k] as usize;
             Body {
                 inv_mass: model.inv_mass[i],
@@ -109,15 +109,15 @@ impl Pile {
                 radius: model.radius[i],
             }
         });
-        shares::refill(threads, &mut self.places, spheres.len(), |k| {
+        chunks::refill(threads, &mut self.places, spheres.len(), |k| {
             position[spheres[k] as usize].to_array()
         });
     }
 
     /// Makes the problem at hand the one of the sweeps, started from `start`.
     pub(super) fn load_sweeps(&mut self) -> Result<(), SpheresError> {
-        let (bodies, places) = self.part.of(&self.bodies, &self.places);
-        let places = (places.len() >= SORTED).then_some(places);
+        let (bodies, places) = self.problem_nodes.of(&self.bodies, &self.places);
+        let places = (places.len() >= SORTED_SPHERES).then_some(places);
         self.sweeps
             .renew_from(bodies, &self.contacts, places, &self.start)?;
         if self.huge {
@@ -137,7 +137,7 @@ impl Pile {
             sweeps,
             impulses,
             corrections,
-            part,
+            problem_nodes: part,
             bodies,
             ..
         } = self;
@@ -164,11 +164,11 @@ impl Pile {
         }
     }
 
-    /// Starts from nothing where what it would start from has run away ([`RUNAWAY`]); `load`: what loads give each sphere, in the unit of the
+    /// Starts from nothing where what it would start from has run away ([`RUNAWAY_RATIO`]); `load`: what loads give each sphere, in the unit of the
     /// impulses.
     pub(super) fn start_sound(&mut self, load: impl Fn(usize) -> f64 + Sync) {
         let (threads, start) = (self.sweeps.threads, &self.start);
-        let largest = shares::map(threads, start.len(), |range| {
+        let largest = chunks::map(threads, start.len(), |range| {
             let squares = start[range]
                 .iter()
                 .map(|r| DVec3::from(*r).length_squared());
@@ -176,8 +176,8 @@ impl Pile {
         });
         let largest = largest.into_iter().fold(0.0, f64::max).sqrt();
         let spheres = &self.spheres;
-        let loads = shares::sum(threads, spheres.len(), |k| load(spheres[k] as usize));
-        if largest > RUNAWAY * loads {
+        let loads = chunks::sum(threads, spheres.len(), |k| load(spheres[k] as usize));
+        if largest > RUNAWAY_RATIO * loads {
             self.start.fill([0.0; 3]);
             self.start_moments.fill([0.0; 3]);
         }
@@ -185,7 +185,7 @@ impl Pile {
 
     pub(super) fn mean(&self, f: impl Fn(usize) -> f64 + Sync) -> f64 {
         let (threads, spheres) = (self.sweeps.threads, &self.spheres);
-        let sum = shares::sum(threads, spheres.len(), |k| f(spheres[k] as usize));
+        let sum = chunks::sum(threads, spheres.len(), |k| f(spheres[k] as usize));
         sum / spheres.len() as f64
     }
 }

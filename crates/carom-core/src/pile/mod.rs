@@ -6,17 +6,17 @@
 //! islands, and is counted.
 
 mod cascade;
-mod first;
-mod keep;
+mod chunks;
+mod closed_contact;
+mod energy_gain;
 pub mod limits;
-mod member;
 pub mod memory;
-mod part;
 mod position;
+mod problem_data;
+mod problem_nodes;
 mod record;
 mod rest;
 mod roll;
-mod shares;
 mod solve;
 mod start;
 mod turning;
@@ -44,7 +44,7 @@ pub fn is_left_rough(model: &Model, contacts: &[Contact], islands: &Islands) -> 
             return false;
         }
         let (members, count) = (island.contacts, island.contacts.len());
-        let parts = shares::map(threads(model, count), count, |range| {
+        let parts = chunks::map(threads(model, count), count, |range| {
             let (mut smallest, mut deepest) = (f64::INFINITY, 0.0f64);
             for c in members[range].iter().map(|&m| &contacts[m as usize]) {
                 let radius = |body: u32| model.radius.get(body as usize).copied();

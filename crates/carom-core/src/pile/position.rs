@@ -2,7 +2,7 @@
 //! that the last one led to.
 
 use super::warm::Cursor;
-use super::{keep, record, shares};
+use super::{chunks, problem_data, record};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::rest::Resting;
@@ -11,7 +11,7 @@ use crate::level::{position_floor, Demand};
 use crate::model::Model;
 use crate::outcome::Level;
 use crate::pile::limits::{
-    budget, is_beyond, is_large, node, told, worst, COARSE, PATIENCE, TYPICAL,
+    budget, is_beyond, is_large, node, told, worst, COARSE_TOLERANCE, PATIENCE, WORST_CONTACT_FROM,
 };
 use crate::pile::memory::Pile;
 use crate::pile::turning::{any_rolls, Turning};
@@ -28,11 +28,11 @@ use carom_solve::team;
 use glam::DVec3;
 
 /// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
-/// sideways. In islands of many contacts ([`TYPICAL`]) of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000,
+/// sideways. In islands of many contacts ([`WORST_CONTACT_FROM`]) of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000,
 /// and fewer in large ones that are hit.
 const SWEEPS_PER_LINEARISATION: usize = 64;
-const OF_MANY: usize = 48;
-const OF_HIT: usize = 32;
+const SWEEPS_OF_MANY: usize = 48;
+const SWEEPS_OF_HIT: usize = 32;
 /// Overlap over the radius that no pile's size excuses.
 const MOST_OVERLAP: f64 = 4.5e-4;
 /// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
@@ -41,8 +41,8 @@ const LINEAR_SHARE: f64 = 0.8;
 /// be deeper in rough rounds, since the last ones take most of the sweeps, and pairs join anyway; and the largest momentum once the residual
 /// is met by half, since what is left are single contacts.
 const CLOSING_SHARE: f64 = 0.95;
-const ROUGH: f64 = 3.0;
-const CALM: f64 = 0.8;
+const ROUGH_OVERLAP: f64 = 3.0;
+const CALM_MOMENTUM: f64 = 0.8;
 
 /// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, or it moves
 /// what was `resting`; nothing is written.
@@ -95,7 +95,7 @@ fn solve(
     let threads = pile.sweeps.threads;
     let ratio = (span.h / state.warm_step).powi(2);
     // Solved before in this step, but for contacts that have joined: only these are new.
-    let again = shares::any(threads, members.len(), |k| {
+    let again = chunks::any(threads, members.len(), |k| {
         contacts[members[k] as usize].nu[0] > 0.0
     });
     let large = is_large(members.len());
@@ -104,7 +104,7 @@ fn solve(
     // Of a pile that is being hit everywhere it is the impact that the positions hold, not a wedge.
     let hit = large
         && !again
-        && shares::mostly(&shares::map(threads, members.len(), |range| {
+        && chunks::mostly(&chunks::map(threads, members.len(), |range| {
             let mut cursor = Cursor::new(&state.warm);
             let key = |m: &u32| (contacts[*m as usize].a, contacts[*m as usize].b);
             let known = members[range].iter().filter_map(|m| cursor.find(key(m)));
@@ -124,7 +124,7 @@ fn solve(
             }
         })
     };
-    shares::refill_parts(threads, &mut pile.start, members.len(), |first, part| {
+    chunks::refill_parts(threads, &mut pile.start, members.len(), |first, part| {
         let mut cursor = Cursor::new(&state.warm);
         for (start, &m) in part.iter_mut().zip(&members[first..]) {
             *start = begin(&mut cursor, m)[0].to_array();
@@ -154,7 +154,7 @@ fn solve(
         angular,
     };
     let slides = if pile.huge { 0 } else { members.len() };
-    shares::refill(threads, &mut pile.slides, slides, |k| {
+    chunks::refill(threads, &mut pile.slides, slides, |k| {
         at.slide(&contacts[members[k] as usize]).to_array()
     });
     at.write(&pile.slides, &mut pile.contacts);
@@ -176,13 +176,13 @@ fn solve(
     let tolerance = o.tolerance.max(o.pile_tolerance);
     // What goes round in circles is mostly a wedge, which parts of the step pass one side after the other: no bound is widened
     // while there are smaller parts. (Fine tolerances take thousands of sweeps as they are.)
-    let (patience, most) = if span.smallest || tolerance < COARSE {
+    let (patience, most) = if span.smallest || tolerance < COARSE_TOLERANCE {
         (PATIENCE, budget(members.len()))
     } else {
         (usize::MAX, PATIENCE)
     };
     let rough = if wave && demand == Demand::Rough {
-        ROUGH
+        ROUGH_OVERLAP
     } else {
         1.0
     };
@@ -197,7 +197,7 @@ fn solve(
         had: 0,
         rescale: usize::MAX,
         weighed: false,
-        calm: if wave { CALM } else { 1.0 },
+        calm: if wave { CALM_MOMENTUM } else { 1.0 },
     };
     let strict = Goal {
         tolerance: LINEAR_SHARE * goal.tolerance,
@@ -206,9 +206,9 @@ fn solve(
         ..goal
     };
     let between = if wave {
-        OF_HIT
-    } else if members.len() as f64 >= TYPICAL {
-        OF_MANY
+        SWEEPS_OF_HIT
+    } else if members.len() as f64 >= WORST_CONTACT_FROM {
+        SWEEPS_OF_MANY
     } else {
         SWEEPS_PER_LINEARISATION
     };
@@ -245,11 +245,11 @@ fn solve(
     };
     let moment_of = |slot: usize| moments.get(slot).map_or(DVec3::ZERO, |&m| DVec3::from(m));
     if keeper.wants(sweeps as u32) || !last.converged {
-        let stated: Vec<keep::Stated> = members
+        let stated: Vec<problem_data::Stated> = members
             .iter()
             .zip(impulses.iter().zip(&pile.contacts))
             .enumerate()
-            .map(|(slot, (&contact, (r, z)))| keep::Stated {
+            .map(|(slot, (&contact, (r, z)))| problem_data::Stated {
                 turn: pile
                     .rolls
                     .get(slot)
@@ -272,16 +272,16 @@ fn solve(
                 ]
             })
             .collect();
-        let at = keep::Place {
+        let at = problem_data::ProblemPlace {
             model,
             contacts,
             spheres: &pile.spheres,
             bodies: &pile.bodies,
             level: Level::Position,
             index: 0,
-            report: keep::report_of(sweeps as u32, last.residual, last.converged),
+            report: problem_data::report_of(sweeps as u32, last.residual, last.converged),
         };
-        keep::keep(keeper, &at, &stated, velocities, &motion);
+        problem_data::keep(keeper, &at, &stated, velocities, &motion);
     }
     if !last.converged && demand != Demand::Accepted {
         return false;
@@ -294,7 +294,7 @@ fn solve(
             [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])],
         );
     }
-    let (stated, shares) = (&pile.contacts, shares::cut(members, contacts));
+    let (stated, shares) = (&pile.contacts, chunks::cut(members, contacts));
     team::map(threads, shares, |mut share| {
         for (slot, &m) in (share.first..).zip(share.list) {
             let c = share.item(m);
@@ -340,7 +340,7 @@ struct Linearisation<'a> {
 impl Linearisation<'_> {
     /// Contacts with gaps and normals after the smooth step.
     fn write(&self, slides: &[[f64; 3]], out: &mut Vec<spheres::Contact>) {
-        shares::refill(self.threads, out, self.members.len(), |k| {
+        chunks::refill(self.threads, out, self.members.len(), |k| {
             let c = &self.contacts[self.members[k] as usize];
             let [a, b] = [c.a, c.b].map(|body| node(self.model, self.node_of, body));
             let at = |body: u32| self.position.get(body as usize).copied();
@@ -372,7 +372,7 @@ impl Linearisation<'_> {
             u.map_or(DVec3::ZERO, |u| DVec3::new(u[0], u[1], u[2]))
         };
         let centre = |node: u32| DVec3::from(places[node as usize]) + moved(node);
-        shares::each(self.threads, contacts, |k, z| {
+        chunks::each(self.threads, contacts, |k, z| {
             let (ua, ub) = (moved(z.a), moved(z.b));
             let p = if z.a == WORLD || z.b == WORLD {
                 let c = &self.contacts[self.members[k] as usize];

@@ -1,7 +1,7 @@
 //! What rests and can be held stays ([`crate::level::rest`]), in piles of up to some thousand contacts.
 
-use super::member::{change, Member};
-use super::{keep, roll};
+use super::closed_contact::{change, ClosedContact};
+use super::{problem_data, roll};
 use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::level::rest::{self, Resting};
@@ -20,12 +20,12 @@ impl Pile {
                 return false;
             };
             let normal = DVec3::from(z.normal);
-            let m = Member {
+            let m = ClosedContact {
                 a: z.a,
                 b: z.b,
                 normal,
                 arms: [z.a, z.b].map(arm),
-                ..Member::default()
+                ..ClosedContact::default()
             };
             let moved = DVec3::from(z.slip) + change(&m, &self.corrections) - *gap * normal;
             let turned = self.rolls.get(k).map_or(0.0, |r| {
@@ -39,28 +39,28 @@ impl Pile {
     /// Speed up to which all chosen contacts stay at rest, where they were so at t_n, and the position level left them so.
     fn rests_below(&self, model: &Model, contacts: &[Contact]) -> Option<f64> {
         let memory = &self.velocity;
-        let shares = rest::shares(&model.options, memory.chosen.len())?;
+        let bounds = rest::rest_bounds(&model.options, memory.chosen.len())?;
         let at_rest = |&slot: &u32| {
-            let m = &memory.members[slot as usize];
+            let m = &memory.closed[slot as usize];
             if !contacts[m.contact as usize].rested {
                 return false;
             }
             let turn = memory.turning.get(slot as usize);
             let turned = turn.map_or(0.0, |t| t.length * memory.turn_before(slot).length());
-            memory.before(m).length().max(turned) <= shares.was * memory.load
+            memory.before(m).length().max(turned) <= bounds.was * memory.load
         };
         memory
             .chosen
             .iter()
             .all(at_rest)
-            .then_some(shares.stays * memory.load)
+            .then_some(bounds.stays * memory.load)
     }
 
     /// Whether the solution at hand moves any of them by more.
     pub(super) fn sets_off(&self, bound: f64) -> bool {
         let (memory, u) = (&self.velocity, &self.corrections);
         memory.chosen.iter().any(|&slot| {
-            let m = &memory.members[slot as usize];
+            let m = &memory.closed[slot as usize];
             let moved = memory.now(m) + change(m, u);
             let turn = memory.turning.get(slot as usize);
             let turned = turn.map_or(0.0, |t| {
@@ -116,7 +116,8 @@ impl Pile {
             self.start_moments = self.moments();
         }
         let stated = self.stated(&self.start, &self.start_moments);
-        let (system, turned, mut lambda) = keep::rows(model, contacts, &self.bodies, &stated);
+        let (system, turned, mut lambda) =
+            problem_data::rows(model, contacts, &self.bodies, &stated);
         if !carom_solve::hold::hold(&system, &system.z0, |_, _| true, &mut lambda) {
             return false;
         }

@@ -1,10 +1,10 @@
-//! Rolling and spinning friction in a pile: what stands beside the members and their impulses where something rolls.
+//! Rolling and spinning friction in a pile: what stands beside the closed contacts and their impulses where something rolls.
 //!
 //! Moments `m` on A act on the relative angular velocity `w_A - w_B`: across the normal at most `rho lambda_N`, along it
-//! `delta lambda_N` (`docs/theory/algorithm.md`, section 2). Restitution does not act on them. In a pile in which nothing rolls the
+//! `delta lambda_N` (`docs/theory/algorithm.md`, section 2). Law does not act on them. In a pile in which nothing rolls the
 //! list is empty, and nothing here costs anything.
 
-use super::member::Member;
+use super::closed_contact::ClosedContact;
 use crate::pile::turning::Turning;
 use crate::pile::velocities::Velocities;
 use carom_solve::rows::WORLD;
@@ -12,7 +12,7 @@ use carom_solve::spheres::Body;
 use glam::DVec3;
 
 /// Relative angular velocity of a contact's bodies, of A against B.
-fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
+fn relative(m: &ClosedContact, v: &[[DVec3; 2]]) -> DVec3 {
     let of_a = v[m.a as usize][1];
     if m.b == WORLD {
         of_a
@@ -22,7 +22,7 @@ fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
 }
 
 /// Change of it by corrections of the nodes.
-pub(super) fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
+pub(super) fn change(m: &ClosedContact, u: &[[f64; 6]]) -> DVec3 {
     let part = |node: u32| {
         let u = &u[node as usize];
         DVec3::new(u[3], u[4], u[5])
@@ -42,23 +42,23 @@ pub(super) fn work(normal: DVec3, moment: DVec3, before: DVec3, after: DVec3) ->
 }
 
 impl Velocities {
-    /// Relative angular velocity of member `slot` at `v_check`, and at `v_check + jump`.
+    /// Relative angular velocity of closed contact `slot` at `v_check`, and at `v_check + jump`.
     pub fn free_turn(&self, slot: u32) -> DVec3 {
         let wall = self.turning[slot as usize].walls[1];
-        relative(&self.members[slot as usize], &self.check) - wall
+        relative(&self.closed[slot as usize], &self.check) - wall
     }
 
     /// The same at `v_n`.
     pub fn turn_before(&self, slot: u32) -> DVec3 {
         let wall = self.turning[slot as usize].walls[0];
-        relative(&self.members[slot as usize], &self.old) - wall
+        relative(&self.closed[slot as usize], &self.old) - wall
     }
 
     pub fn turn(&self, slot: u32) -> DVec3 {
-        self.free_turn(slot) + relative(&self.members[slot as usize], &self.jump)
+        self.free_turn(slot) + relative(&self.closed[slot as usize], &self.jump)
     }
 
-    /// Relative angular velocity and moment of a member so far; nothing where nothing rolls.
+    /// Relative angular velocity and moment of a closed contact so far; nothing where nothing rolls.
     pub fn turning_now(&self, slot: u32) -> Option<[DVec3; 2]> {
         let turning = self.turning.get(slot as usize)?;
         Some([self.turn(slot), turning.moment])
@@ -68,7 +68,7 @@ impl Velocities {
     pub fn turning_work(&self, slot: u32, moment: DVec3, change: DVec3) -> [f64; 2] {
         let before = self.turn(slot);
         work(
-            self.members[slot as usize].normal,
+            self.closed[slot as usize].normal,
             moment,
             before,
             before + change,
@@ -84,7 +84,7 @@ impl Velocities {
     /// Takes the moments of the chosen contacts off the jump.
     pub fn drop_moments(&mut self, bodies: &[Body]) {
         for &slot in &self.chosen {
-            let m = &self.members[slot as usize];
+            let m = &self.closed[slot as usize];
             let moment = std::mem::take(&mut self.turning[slot as usize].moment);
             self.jump[m.a as usize][1] -= bodies[m.a as usize].inv_inertia * moment;
             if m.b != WORLD {
@@ -96,7 +96,7 @@ impl Velocities {
     /// Work of all moments so far, from `v_check` to `v_check + jump`.
     pub fn restate_turning_work(&mut self) {
         for slot in 0..self.turning.len() {
-            let (m, t) = (&self.members[slot], &self.turning[slot]);
+            let (m, t) = (&self.closed[slot], &self.turning[slot]);
             let (before, after) = (self.free_turn(slot as u32), self.turn(slot as u32));
             self.turning[slot].work = work(m.normal, t.moment, before, after);
         }

@@ -1,12 +1,12 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts, and rule R4 on what they find.
 
-use super::member::{change, work};
-use super::{roll, shares};
+use super::closed_contact::{change, work};
+use super::{chunks, roll};
 use crate::contact::Contact;
 use crate::impact::bisect::GAIN_TOLERANCE;
 use crate::impact::law::Law;
 use crate::model::Model;
-use crate::pile::limits::{budget, worst, GAIN_SHARE, LEFT, PATIENCE};
+use crate::pile::limits::{budget, worst, CLOSING_LEFT, GAIN_SHARE, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
 use carom_solve::clusters::{apart, Forest};
@@ -19,7 +19,7 @@ use glam::DVec3;
 const BISECTIONS: u32 = 6;
 
 /// Sweeps after which impulses are scaled chunk by chunk: what takes fewer has little to tell from one end of the pile to the other.
-const RESCALE: usize = 30;
+const RESCALE_SWEEPS: usize = 30;
 
 /// Share of its energy that rule R4 lets a group gain.
 fn admitted(goal: &Goal) -> f64 {
@@ -38,7 +38,7 @@ impl Pile {
     ) -> Option<()> {
         let memory = &self.velocity;
         let (bodies, places) = (&self.bodies, &self.places);
-        (self.part).take(&memory.members, &memory.chosen, bodies, places);
+        (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, places);
         let scale = vec![1.0; memory.chosen.len()];
         self.write(model, law, &scale);
         self.load_sweeps().ok()?;
@@ -49,7 +49,7 @@ impl Pile {
         // loads are solved before its impacts, which come in every step: what still closes then joins them. (A pile that settles has no
         // such impacts, and never came to rest.)
         let end = match problem {
-            0 if self.velocity.hit => 1.0 / LEFT,
+            0 if self.velocity.hit => 1.0 / CLOSING_LEFT,
             0 | 1 => 1.0,
             _ => worst(self.velocity.chosen.len()),
         };
@@ -62,7 +62,7 @@ impl Pile {
             patience: PATIENCE,
             most,
             had: 0,
-            rescale: RESCALE,
+            rescale: RESCALE_SWEEPS,
             weighed: problem == 0,
             calm: 1.0,
         };
@@ -104,9 +104,9 @@ impl Pile {
     /// The chosen contacts as spheres.
     pub(super) fn write(&mut self, model: &Model, law: Law, scale: &[f64]) {
         let memory = &self.velocity;
-        let (threads, part) = (self.sweeps.threads, &self.part);
-        shares::refill(threads, &mut self.contacts, memory.chosen.len(), |k| {
-            let m = &memory.members[memory.chosen[k] as usize];
+        let (threads, part) = (self.sweeps.threads, &self.problem_nodes);
+        chunks::refill(threads, &mut self.contacts, memory.chosen.len(), |k| {
+            let m = &memory.closed[memory.chosen[k] as usize];
             spheres::Contact {
                 a: part.number(m.a),
                 b: part.number(m.b),
@@ -200,19 +200,19 @@ impl Pile {
 
     /// Groups of chosen contacts joined by spheres and impulses, whose problem gains energy; ascending.
     fn gaining(&mut self, goal: &Goal) -> Vec<u32> {
-        let (part, impulses) = (&self.part, &self.impulses);
+        let (part, impulses) = (&self.problem_nodes, &self.impulses);
         let (bodies, _) = part.of(&self.bodies, &self.places);
         let mut joined = apart(bodies.len());
         let memory = &mut self.velocity;
         for (&slot, r) in memory.chosen.iter().zip(impulses) {
-            let m = &memory.members[slot as usize];
+            let m = &memory.closed[slot as usize];
             if m.b != WORLD && *r != [0.0; 3] {
                 joined.join(part.number(m.a), part.number(m.b));
             }
         }
         memory.group.clear();
         for (&slot, r) in memory.chosen.iter().zip(impulses) {
-            let m = &memory.members[slot as usize];
+            let m = &memory.closed[slot as usize];
             let group = if *r == [0.0; 3] {
                 u32::MAX
             } else {
@@ -226,7 +226,7 @@ impl Pile {
 
     /// Of the given groups those whose present solution does more work than `most` of their energy; ascending.
     fn gains_by(&self, groups: &[u32], most: f64) -> Vec<u32> {
-        let (memory, part, u) = (&self.velocity, &self.part, &self.corrections);
+        let (memory, part, u) = (&self.velocity, &self.problem_nodes, &self.corrections);
         let (bodies, _) = part.of(&self.bodies, &self.places);
         // Of the chosen contacts; none where nothing rolls.
         let moments = self.moments();
@@ -237,7 +237,7 @@ impl Pile {
             if group == u32::MAX {
                 continue;
             }
-            let m = &memory.members[slot as usize];
+            let m = &memory.closed[slot as usize];
             let before = memory.now(m);
             let after = before + change(m, u);
             let [normal, across] = work(m.normal, DVec3::from(*r), before, after);
@@ -285,12 +285,12 @@ impl Pile {
             for (k, (r, &scale)) in impulses.iter().zip(scale).enumerate() {
                 let slot = memory.chosen[k];
                 let r = DVec3::from(*r);
-                let m = memory.members[slot as usize];
+                let m = memory.closed[slot as usize];
                 let given = memory.given(&m, r, u, scale);
                 let turned = moments.get(k).map(|&moment| DVec3::from(moment));
                 let moment = turned.unwrap_or_default();
                 memory.tell(slot, problem, moment, &given);
-                let hits = memory.members[slot as usize].add(problem, &given, memory.tol);
+                let hits = memory.closed[slot as usize].add(problem, &given, memory.tol);
                 if let Some(moment) = turned {
                     let change = roll::change(&m, u);
                     let done = memory.turning_work(slot, moment, change);
@@ -298,8 +298,8 @@ impl Pile {
                 }
             }
         } else {
-            let mut members = std::mem::take(&mut memory.members);
-            let parts = shares::cut(&memory.chosen, &mut members);
+            let mut closed = std::mem::take(&mut memory.closed);
+            let parts = chunks::cut(&memory.chosen, &mut closed);
             team::map(threads, parts, |mut share| {
                 for (k, &slot) in (share.first..).zip(share.list) {
                     let m = share.item(slot);
@@ -307,9 +307,9 @@ impl Pile {
                     m.add(problem, &given, memory.tol);
                 }
             });
-            memory.members = members;
+            memory.closed = closed;
         }
-        for node in self.part.nodes(self.bodies.len()) {
+        for node in self.problem_nodes.nodes(self.bodies.len()) {
             let (jump, u) = (&mut memory.jump[node as usize], &u[node as usize]);
             jump[0] += DVec3::new(u[0], u[1], u[2]);
             jump[1] += DVec3::new(u[3], u[4], u[5]);

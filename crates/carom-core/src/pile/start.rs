@@ -1,7 +1,7 @@
 //! What the velocity problems of a pile start from.
 
 use super::warm::Cursor;
-use super::{record, shares};
+use super::{chunks, record};
 use crate::contact::Contact;
 use crate::pile::limits::{is_beyond, is_large};
 use crate::pile::memory::Pile;
@@ -11,20 +11,20 @@ use glam::DVec3;
 
 /// Contacts from which on impacts need so many layers that the impulses of the positions tell more of them than nothing does. (In small piles
 /// wedges matter, which start from nothing, or from what holds them.)
-const WAVES: usize = 2_500;
+const WAVE_CONTACTS: usize = 2_500;
 
 fn has_waves(contacts: usize) -> bool {
-    contacts >= WAVES
+    contacts >= WAVE_CONTACTS
 }
 
 impl Pile {
     /// The loads of the step on the chosen contacts: from those of the last one.
     pub(super) fn start_loads(&mut self, state: &State, contacts: &[Contact], span: Span) {
         let ratio = span.h / state.warm_step;
-        let (members, chosen) = (&self.velocity.members, &self.velocity.chosen);
+        let (closed, chosen) = (&self.velocity.closed, &self.velocity.chosen);
         // Where a contact starts, whether it was there before, and whether its positions hold more than its loads.
         let begin = |cursor: &mut Cursor, slot: u32, wedged: bool| {
-            let c = &contacts[members[slot as usize].contact as usize];
+            let c = &contacts[closed[slot as usize].contact as usize];
             let warm = cursor.find((c.a, c.b));
             let start = warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
             // What holds a sphere in its place holds its velocity too.
@@ -34,7 +34,7 @@ impl Pile {
             (start, warm.is_some(), beyond)
         };
         let threads = self.sweeps.threads;
-        let counts = shares::map(threads, chosen.len(), |range| {
+        let counts = chunks::map(threads, chosen.len(), |range| {
             let mut cursor = Cursor::new(&state.warm);
             chosen[range].iter().fold([0, 0], |n, &slot| {
                 let (_, was_there, beyond) = begin(&mut cursor, slot, true);
@@ -45,9 +45,9 @@ impl Pile {
             })
         });
         // In a pile that is being hit everywhere it is the impact that the positions hold.
-        let hit = shares::mostly(&counts);
+        let hit = chunks::mostly(&counts);
         let wedged = !hit || !has_waves(chosen.len());
-        shares::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
+        chunks::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
             let mut cursor = Cursor::new(&state.warm);
             for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
                 *start = begin(&mut cursor, slot, wedged).0[0].to_array();
@@ -71,7 +71,7 @@ impl Pile {
         self.start_moments.clear();
         for &slot in &memory.chosen {
             self.start
-                .push(memory.members[slot as usize].load.to_array());
+                .push(memory.closed[slot as usize].load.to_array());
             let moments = memory.turning.get(slot as usize);
             self.start_moments
                 .extend(moments.map(|t| t.load.to_array()));
@@ -91,12 +91,12 @@ impl Pile {
     /// nothing is missing.) The sweeps put it into the cones; moments start from nothing.
     pub(super) fn start_last(&mut self, contacts: &[Contact], span: Span) {
         self.start_nothing();
-        let (threads, members) = (self.sweeps.threads, &self.velocity.members);
-        if !has_waves(members.len()) {
+        let (threads, closed) = (self.sweeps.threads, &self.velocity.closed);
+        if !has_waves(closed.len()) {
             return;
         }
-        shares::each(threads, &mut self.start, |slot, start| {
-            let m = &members[slot];
+        chunks::each(threads, &mut self.start, |slot, start| {
+            let m = &closed[slot];
             let c = &contacts[m.contact as usize];
             let missing = record::position(c, c.n1)[0] / span.h - m.impulse;
             if missing.dot(m.normal) > 0.0 {

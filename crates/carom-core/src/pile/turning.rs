@@ -5,7 +5,7 @@ use crate::model::Model;
 use carom_solve::spheres::Roll;
 use glam::DVec3;
 
-/// Moments of a member.
+/// Moments of a closed contact.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Turning {
     /// rho, delta and the reference length, m.

@@ -4,9 +4,9 @@ use crate::impact::law::Law;
 use crate::impact::table::{ImpactRow, ImpactTable};
 use crate::model::Model;
 use crate::options::Options;
-use crate::pile::limits::LEFT;
-use crate::pile::member::{change, work, Given, Member};
-use crate::pile::shares;
+use crate::pile::chunks;
+use crate::pile::closed_contact::{change, work, ClosedContact, ProblemImpulse};
+use crate::pile::limits::CLOSING_LEFT;
 use crate::pile::turning::Turning;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres;
@@ -15,8 +15,8 @@ use glam::DVec3;
 /// Nodes and contacts at the velocity level. Velocities are (linear, angular) pairs.
 #[derive(Default)]
 pub(super) struct Velocities {
-    pub members: Vec<Member>,
-    /// Moments of the members; empty where nothing rolls.
+    pub closed: Vec<ClosedContact>,
+    /// Moments of the closed contacts; empty where nothing rolls.
     pub turning: Vec<Turning>,
     pub check: Vec<[DVec3; 2]>,
     pub old: Vec<[DVec3; 2]>,
@@ -47,37 +47,37 @@ impl Velocities {
     /// Closing speed that a solve may leave: clear of what counts as closing (but for stage 0 of a pile that is being hit), and never
     /// below what the tolerance can tell at the speeds there are.
     pub fn left(&self, o: &Options) -> f64 {
-        LEFT * self.tol.max(o.pile_tolerance * self.speed)
+        CLOSING_LEFT * self.tol.max(o.pile_tolerance * self.speed)
     }
 
     /// Relative velocity of a contact's surfaces, of A against B.
-    pub fn relative(m: &Member, v: &[[DVec3; 2]]) -> DVec3 {
+    pub fn relative(m: &ClosedContact, v: &[[DVec3; 2]]) -> DVec3 {
         m.relative(|node| v[node as usize])
     }
 
     /// Velocity of a moving wall at a contact, at t_n (0) or t_{n+1} (1).
     #[inline]
-    pub fn wall(&self, m: &Member, end: usize) -> DVec3 {
+    pub fn wall(&self, m: &ClosedContact, end: usize) -> DVec3 {
         let moving = self.driven.get(m.driven as usize);
         moving.map_or(DVec3::ZERO, |v| v[end])
     }
 
     /// Relative velocity at `v_n`, `v_check` and `v_check + jump`.
-    pub fn before(&self, m: &Member) -> DVec3 {
+    pub fn before(&self, m: &ClosedContact) -> DVec3 {
         Self::relative(m, &self.old) - self.wall(m, 0)
     }
 
-    pub fn free(&self, m: &Member) -> DVec3 {
+    pub fn free(&self, m: &ClosedContact) -> DVec3 {
         Self::relative(m, &self.check) - self.wall(m, 1)
     }
 
-    pub fn now(&self, m: &Member) -> DVec3 {
+    pub fn now(&self, m: &ClosedContact) -> DVec3 {
         self.free(m) + Self::relative(m, &self.jump)
     }
 
     /// `now` along the normal: spins do not count.
     #[inline]
-    pub fn normal_speed(&self, m: &Member) -> f64 {
+    pub fn normal_speed(&self, m: &ClosedContact) -> f64 {
         let at = |node: u32| self.check[node as usize][0] + self.jump[node as usize][0];
         let mut d = at(m.a) - self.wall(m, 1);
         if m.b != WORLD {
@@ -87,7 +87,7 @@ impl Velocities {
     }
 
     /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27), restitution scaled.
-    pub fn measures(&self, model: &Model, m: &Member, law: Law, scale: f64) -> DVec3 {
+    pub fn measures(&self, model: &Model, m: &ClosedContact, law: Law, scale: f64) -> DVec3 {
         let z = self.now(m);
         if law == Law::Plastic {
             return z;
@@ -121,10 +121,10 @@ impl Velocities {
     }
 
     /// What the impulse `r` of a problem that changes the velocities by `u` does at a contact.
-    pub fn given(&self, m: &Member, r: DVec3, u: &[[f64; 6]], scale: f64) -> Given {
+    pub fn given(&self, m: &ClosedContact, r: DVec3, u: &[[f64; 6]], scale: f64) -> ProblemImpulse {
         let before = self.now(m);
         let after = before + change(m, u);
-        Given {
+        ProblemImpulse {
             impulse: r,
             work: work(m.normal, r, before, after),
             speed: [before.dot(m.normal), after.dot(m.normal)],
@@ -133,18 +133,22 @@ impl Velocities {
     }
 
     /// `test` of every contact.
-    pub fn flags(&self, threads: usize, test: impl Fn(usize, &Member) -> bool + Sync) -> Vec<bool> {
+    pub fn flags(
+        &self,
+        threads: usize,
+        test: impl Fn(usize, &ClosedContact) -> bool + Sync,
+    ) -> Vec<bool> {
         let mut flags = Vec::new();
-        shares::refill(threads, &mut flags, self.members.len(), |slot| {
-            test(slot, &self.members[slot])
+        chunks::refill(threads, &mut flags, self.closed.len(), |slot| {
+            test(slot, &self.closed[slot])
         });
         flags
     }
 
     /// Keeps what a problem gave a contact for the table of impacts, where every problem is wanted there.
     #[inline]
-    pub fn tell(&mut self, slot: u32, problem: u32, moment: DVec3, given: &Given) {
-        let (m, r) = (&self.members[slot as usize], given.impulse);
+    pub fn tell(&mut self, slot: u32, problem: u32, moment: DVec3, given: &ProblemImpulse) {
+        let (m, r) = (&self.closed[slot as usize], given.impulse);
         if r != DVec3::ZERO {
             self.table.push(|| ImpactRow {
                 slot,
@@ -159,12 +163,12 @@ impl Velocities {
 
     /// Terms of eq. 44 of all impulses so far.
     pub fn total(&self, bodies: &[spheres::Body], threads: usize) -> f64 {
-        let members = &self.members;
-        let impulses = shares::sum(threads, members.len(), |k| {
-            members[k].impulse.length_squared()
+        let closed = &self.closed;
+        let impulses = chunks::sum(threads, closed.len(), |k| {
+            closed[k].impulse.length_squared()
         });
         let impulses = impulses + self.moments_squared();
-        let momenta = shares::sum(threads, bodies.len(), |i| {
+        let momenta = chunks::sum(threads, bodies.len(), |i| {
             let ([v, w], b) = (self.jump[i], &bodies[i]);
             v.length_squared() / b.inv_mass.powi(2)
                 + w.length_squared() / (b.inv_inertia * b.radius).powi(2)
@@ -173,7 +177,7 @@ impl Velocities {
     }
 
     /// Adds an impulse on A to the jump.
-    pub fn push(bodies: &[spheres::Body], m: &Member, r: DVec3, jump: &mut [[DVec3; 2]]) {
+    pub fn push(bodies: &[spheres::Body], m: &ClosedContact, r: DVec3, jump: &mut [[DVec3; 2]]) {
         let turn = m.normal.cross(r);
         let mut add = |node: u32, sign: f64, arm: f64| {
             let (body, at) = (&bodies[node as usize], &mut jump[node as usize]);
@@ -191,7 +195,7 @@ impl Velocities {
     /// Chooses the contacts that `select` takes.
     pub fn choose(&mut self, select: impl Fn(usize) -> bool) {
         self.chosen.clear();
-        let slots = 0..self.members.len() as u32;
+        let slots = 0..self.closed.len() as u32;
         self.chosen
             .extend(slots.filter(|&slot| select(slot as usize)));
     }

@@ -1,7 +1,7 @@
 //! Velocity sub-problem of a pile (eqs. 1f-h): the spheres that [`crate::impact::sequence`] works on.
 
-use super::member::{work, Member, FIXED};
-use super::{record, shares};
+use super::closed_contact::{work, ClosedContact, FIXED};
+use super::{chunks, record};
 use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::impact::sequence::{loads_first, one_shot, ImpactIsland, Start};
@@ -21,8 +21,8 @@ use crate::workspace::IslandScratch;
 use carom_solve::team;
 use glam::DVec3;
 
-/// Shares of contacts whose results are on their way.
-const AT_A_TIME: usize = 64;
+/// Chunks of contacts whose results are on their way.
+const CHUNKS_AT_A_TIME: usize = 64;
 
 /// Solves one island; writes the corrections W of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.
 pub fn solve_velocities(
@@ -128,11 +128,11 @@ impl Pile {
             }));
         }
         let node_of = &solve.node_of;
-        shares::refill(threads, &mut memory.members, list.len(), |k| {
+        chunks::refill(threads, &mut memory.closed, list.len(), |k| {
             let index = list[k];
             let c = &contacts[index as usize];
             let law = c.law(model);
-            Member {
+            ClosedContact {
                 contact: index,
                 a: node(model, node_of, c.a),
                 b: node(model, node_of, c.b),
@@ -143,7 +143,7 @@ impl Pile {
                 restitution: law.restitution,
                 tangential: law.tangential_restitution,
                 scale: 1.0,
-                ..Member::default()
+                ..ClosedContact::default()
             }
         });
         memory.turning.clear();
@@ -159,11 +159,11 @@ impl Pile {
             }));
         }
         let (spheres, nodes) = (&self.spheres, self.spheres.len());
-        shares::refill(threads, &mut memory.check, nodes, |k| {
+        chunks::refill(threads, &mut memory.check, nodes, |k| {
             let i = spheres[k] as usize;
             [linear[i].velocity, angular[i].velocity]
         });
-        shares::refill(threads, &mut memory.old, nodes, |k| {
+        chunks::refill(threads, &mut memory.old, nodes, |k| {
             let i = spheres[k] as usize;
             [state.velocity[i], state.angular_velocity[i]]
         });
@@ -171,7 +171,7 @@ impl Pile {
             v.clear();
             v.resize(nodes, [DVec3::ZERO; 2]);
         }
-        let parts = shares::map(threads, nodes, |range| {
+        let parts = chunks::map(threads, nodes, |range| {
             let mut own = Speeds::default();
             for &body in &spheres[range] {
                 let i = body as usize;
@@ -199,21 +199,21 @@ impl Pile {
         let threads = self.sweeps.threads;
         let memory = &mut self.velocity;
         for &slot in &memory.chosen {
-            let member = &mut memory.members[slot as usize];
-            let dropped = std::mem::take(&mut member.impulse);
+            let closed_contact = &mut memory.closed[slot as usize];
+            let dropped = std::mem::take(&mut closed_contact.impulse);
             if dropped != DVec3::ZERO {
-                Velocities::push(&self.bodies, member, -dropped, &mut memory.jump);
+                Velocities::push(&self.bodies, closed_contact, -dropped, &mut memory.jump);
             }
         }
         if !memory.turning.is_empty() {
             memory.drop_moments(&self.bodies);
         }
-        let mut members = std::mem::take(&mut memory.members);
+        let mut members = std::mem::take(&mut memory.closed);
         team::each(threads, &mut members, |m| {
             let before = memory.free(m);
             m.work = work(m.normal, m.impulse, before, memory.now(m));
         });
-        memory.members = members;
+        memory.closed = members;
         memory.restate_turning_work();
     }
 
@@ -229,10 +229,10 @@ impl Pile {
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);
         }
-        let mut shares = shares::cut(island.contacts, scratch.contacts);
+        let mut pieces = chunks::cut(island.contacts, scratch.contacts);
         // Some at a time: what is found of millions of contacts is not held twice.
-        while !shares.is_empty() {
-            let some = shares.drain(..shares.len().min(AT_A_TIME)).collect();
+        while !pieces.is_empty() {
+            let some = pieces.drain(..pieces.len().min(CHUNKS_AT_A_TIME)).collect();
             let found = team::map(self.sweeps.threads, some, |mut share| {
                 let mut found = Found::default();
                 for (slot, &index) in (share.first..).zip(share.list) {
@@ -249,7 +249,7 @@ impl Pile {
         }
         report.restitution_scale = report.restitution_scale.min(memory.table.least_scale());
         let of = |slot: usize| {
-            let m = &memory.members[slot];
+            let m = &memory.closed[slot];
             let c = &scratch.contacts[m.contact as usize];
             ([c.a, c.b], m.normal)
         };
@@ -270,7 +270,7 @@ struct SphereIsland<'p> {
 
 impl ImpactIsland for SphereIsland<'_> {
     fn slots(&self) -> usize {
-        self.pile.velocity.members.len()
+        self.pile.velocity.closed.len()
     }
 
     fn closing_tolerance(&self) -> f64 {
@@ -278,22 +278,22 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn speed_before(&self, slot: usize) -> f64 {
-        let (velocity, m) = (&self.pile.velocity, &self.pile.velocity.members[slot]);
+        let (velocity, m) = (&self.pile.velocity, &self.pile.velocity.closed[slot]);
         velocity.before(m).dot(m.normal)
     }
 
     fn speed(&self, slot: usize) -> f64 {
         let velocity = &self.pile.velocity;
-        velocity.normal_speed(&velocity.members[slot])
+        velocity.normal_speed(&velocity.closed[slot])
     }
 
     fn is_pressed(&self, slot: usize) -> bool {
-        self.pile.velocity.members[slot].impulse != DVec3::ZERO
+        self.pile.velocity.closed[slot].impulse != DVec3::ZERO
     }
 
     fn flags(&self, test: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
         let mut flags = Vec::new();
-        shares::refill(self.pile.sweeps.threads, &mut flags, self.slots(), test);
+        chunks::refill(self.pile.sweeps.threads, &mut flags, self.slots(), test);
         flags
     }
 
@@ -341,8 +341,8 @@ impl ImpactIsland for SphereIsland<'_> {
         memory.offset.clone_from(&memory.jump);
     }
 
-    fn gives(&self) -> bool {
-        self.pile.gives(self.model)
+    fn gains_energy(&self) -> bool {
+        self.pile.gains_energy(self.model)
     }
 
     fn later(&mut self, _: Law, first: u32) -> Option<bool> {
@@ -386,7 +386,7 @@ impl Default for Found {
 impl Found {
     /// Writes the result of a contact, and lists what it gives the next step and the table of impacts.
     fn take(&mut self, model: &Model, memory: &Velocities, slot: usize, c: &mut Contact) {
-        let m = &memory.members[slot];
+        let m = &memory.closed[slot];
         // Of a contact without moments.
         let nothing = Turning::default();
         let turning = memory.turning.get(slot).unwrap_or(&nothing);

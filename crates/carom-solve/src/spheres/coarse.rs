@@ -10,7 +10,7 @@
 //! Not where something rolls, nor in problems of one chunk.
 
 use super::bodies::{ContactLanes, State};
-use super::groups::Block;
+use super::groups::ContactBlock;
 use super::lanes::{head, vector, EMPTY};
 use super::sweeps::Sweeps;
 use crate::direct::dense::{lu_factor, lu_solve};
@@ -74,7 +74,7 @@ impl Sweeps {
         team::map(
             self.threads,
             self.blocks.iter_mut().collect(),
-            |block: &mut Block| {
+            |block: &mut ContactBlock| {
                 let ends = [block.left, block.right].map(|c| factors[c as usize]);
                 let factor = 1.0 + 0.5 * (ends[0] + ends[1]);
                 let columns = block.groups.iter_mut().flat_map(|g| &mut g.impulse);
@@ -141,7 +141,7 @@ impl Sweeps {
         let mut share = Share::default();
         let mut first = vec![NONE; self.layout.stride];
         let mut entries: Vec<Entry> = Vec::with_capacity(self.layout.stride);
-        let touching = |b: &&Block| b.left as usize == chunk || b.right as usize == chunk;
+        let touching = |b: &&ContactBlock| b.left as usize == chunk || b.right as usize == chunk;
         for block in self.blocks.iter().filter(touching) {
             let chunks = [block.left as usize, block.right as usize];
             let inside = chunks[0] == chunks[1];
@@ -188,7 +188,7 @@ impl Sweeps {
     }
 
     /// Calls `look` for each contact of a block with impulse.
-    fn each(&self, block: &Block, mut look: impl FnMut(&ChunkContact)) {
+    fn each(&self, block: &ContactBlock, mut look: impl FnMut(&ChunkContact)) {
         let stride = self.layout.stride;
         let [left, right] = [block.left, block.right].map(|c| &self.states[c as usize * stride..]);
         for (group, ids) in block.groups.iter().zip(&block.ids) {

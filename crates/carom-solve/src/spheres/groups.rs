@@ -11,7 +11,7 @@ const WINDOW: usize = 64;
 
 /// Contacts inside a chunk (`left == right`), or between two.
 #[derive(Debug, Default)]
-pub struct Block {
+pub struct ContactBlock {
     pub left: u32,
     pub right: u32,
     pub groups: Vec<ContactLanes>,
@@ -123,7 +123,7 @@ pub struct Source<'a> {
     pub slots: &'a Slots,
 }
 
-impl Block {
+impl ContactBlock {
     /// Block number `index` of these links, in the memory of an old one.
     pub fn fill(
         &mut self,

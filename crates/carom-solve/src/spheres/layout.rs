@@ -7,7 +7,7 @@
 
 use super::bodies::State;
 use super::curve::Curve;
-use super::groups::{Block, Packing, Source, UngroupedContact};
+use super::groups::{ContactBlock, Packing, Source, UngroupedContact};
 use super::lanes::SWAPPED;
 use super::{Body, Contact, Place, SpheresError};
 use crate::rows::WORLD;
@@ -110,7 +110,7 @@ impl Layout {
         &mut self,
         source: Source,
         states: &[State],
-        blocks: &mut Vec<Block>,
+        blocks: &mut Vec<ContactBlock>,
         desk: &mut Desk,
         threads: usize,
     ) -> Result<(), SpheresError> {
@@ -137,24 +137,28 @@ impl Layout {
             let first = k as usize * self.stride;
             &states[first..states.len().min(first + self.stride)]
         };
-        blocks.resize_with(self.chunks + order.len(), Block::default);
+        blocks.resize_with(self.chunks + order.len(), ContactBlock::default);
         let tasks = blocks.iter_mut().enumerate().collect();
-        team::map(threads, tasks, |(index, block): (usize, &mut Block)| {
-            let mut packing = lock(&desk.packings).pop().unwrap_or_default();
-            if index < self.chunks {
-                let links = self.inner_links(index, pieces);
-                (block.left, block.right) = (index as u32, index as u32);
-                block.fill(index, &links, chunk(block.left), None, source, &mut packing);
-            } else {
-                let pair = &pairs[order[index - self.chunks] as usize];
-                (block.left, block.right) = pair.ends;
-                let mut links = between[pair.links.clone()].to_vec();
-                links.sort_unstable_by_key(|link| u64::from(link.b) << 32 | u64::from(link.id));
-                let (left, right) = (chunk(block.left), chunk(block.right));
-                block.fill(index, &links, left, Some(right), source, &mut packing);
-            }
-            lock(&desk.packings).push(packing);
-        });
+        team::map(
+            threads,
+            tasks,
+            |(index, block): (usize, &mut ContactBlock)| {
+                let mut packing = lock(&desk.packings).pop().unwrap_or_default();
+                if index < self.chunks {
+                    let links = self.inner_links(index, pieces);
+                    (block.left, block.right) = (index as u32, index as u32);
+                    block.fill(index, &links, chunk(block.left), None, source, &mut packing);
+                } else {
+                    let pair = &pairs[order[index - self.chunks] as usize];
+                    (block.left, block.right) = pair.ends;
+                    let mut links = between[pair.links.clone()].to_vec();
+                    links.sort_unstable_by_key(|link| u64::from(link.b) << 32 | u64::from(link.id));
+                    let (left, right) = (chunk(block.left), chunk(block.right));
+                    block.fill(index, &links, left, Some(right), source, &mut packing);
+                }
+                lock(&desk.packings).push(packing);
+            },
+        );
         if contacts.len() >= HUGE {
             *desk = Desk::default();
         }

@@ -2,7 +2,7 @@
 
 use super::bodies::{Bodies, Both, ContactLanes, Read, State};
 use super::carry::Carry;
-use super::groups::Block;
+use super::groups::ContactBlock;
 use super::kernel::{gather, measures};
 use super::lanes::{vector, Lanes, GROUP};
 use super::rolls::Rolls;
@@ -143,7 +143,7 @@ pub fn sweep_moments<S: Lanes>(
 
 /// What moments add to the sums of eq. 44: residual rows and moments over the reference length of their contact.
 #[inline(always)]
-pub fn norms<S: Lanes>(s: S, block: &Block, bodies: &Both, penalty_scale: f64) -> [f64; 3] {
+pub fn norms<S: Lanes>(s: S, block: &ContactBlock, bodies: &Both, penalty_scale: f64) -> [f64; 3] {
     let mut sums = [[0.0; GROUP]; 3];
     let scale_of = s.splat_f64s(penalty_scale);
     let groups = block.groups.iter().zip(&block.rolls);
@@ -171,14 +171,14 @@ pub fn norms<S: Lanes>(s: S, block: &Block, bodies: &Both, penalty_scale: f64) -
 }
 
 /// Lanes of a block that may have moments.
-fn lanes(block: &Block) -> impl Iterator<Item = (&ContactLanes, &Rolls, usize)> {
+fn lanes(block: &ContactBlock) -> impl Iterator<Item = (&ContactLanes, &Rolls, usize)> {
     let groups = block.groups.iter().zip(&block.rolls);
     let groups = groups.filter(|(_, rolls)| rolls.any);
     groups.flat_map(|(group, rolls)| (0..GROUP).map(move |lane| (group, rolls, lane)))
 }
 
 /// Adds the moments' `M^-1 G^T m` to the states.
-pub fn push(block: &Block, left: &mut [State], mut right: Option<&mut [State]>) {
+pub fn push(block: &ContactBlock, left: &mut [State], mut right: Option<&mut [State]>) {
     for (group, rolls, lane) in lanes(block) {
         let m: DVec3 = vector(&rolls.moment, lane);
         let add = |state: &mut State, factor: f64| {

@@ -2,7 +2,7 @@
 
 use super::bodies::{Bodies, ContactLanes, One, State, Two};
 use super::carry::Carry;
-use super::groups::Block;
+use super::groups::ContactBlock;
 use super::kernel::{sweep_group, Push};
 use super::lanes::{Instructions, Lanes, Work};
 use super::moments::{self, sweep_moments};
@@ -58,12 +58,12 @@ impl<B: Bodies, C: Carry> Work for Pass<'_, B, C> {
 /// One pass over the groups of a block.
 pub(super) fn pass<C: Carry>(
     instructions: Instructions,
-    block: &mut Block,
+    block: &mut ContactBlock,
     left: &mut [State],
     right: Option<&mut [State]>,
     carry: C,
 ) -> C {
-    let Block { groups, rolls, .. } = block;
+    let ContactBlock { groups, rolls, .. } = block;
     match right {
         None => instructions.run(Pass {
             bodies: One(left),
@@ -83,7 +83,7 @@ pub(super) fn pass<C: Carry>(
 /// Adds `M^-1 G^T r` of a block to its bodies.
 pub(super) fn push(
     instructions: Instructions,
-    block: &Block,
+    block: &ContactBlock,
     left: &mut [State],
     mut right: Option<&mut [State]>,
 ) {

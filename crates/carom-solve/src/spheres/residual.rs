@@ -1,7 +1,7 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
 use super::bodies::{Both, State};
-use super::groups::Block;
+use super::groups::ContactBlock;
 use super::kernel::{gather, measures, project};
 use super::lanes::{head, Lanes, Work, GROUP};
 use super::vectors::{dot, part, parts, sub};
@@ -26,7 +26,7 @@ impl Sums {
 
 /// Residual rows `P(r - p z) - r` with `p = penalty_scale / w`, and what they are compared with. Lanes without contact have only zeros.
 pub struct NormsOf<'a> {
-    pub block: &'a Block,
+    pub block: &'a ContactBlock,
     pub left: &'a [State],
     pub right: &'a [State],
     pub penalty_scale: f64,

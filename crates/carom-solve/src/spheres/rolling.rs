@@ -1,6 +1,6 @@
 //! Sweeps with rolling and spinning friction: their problem in, their moments out ([`super::rolls`] is the data).
 
-use super::groups::Block;
+use super::groups::ContactBlock;
 use super::lanes::vector;
 use super::problem::{Body, Contact, SpheresError};
 use super::rolls::{filled, sign, Roll, Rolls};
@@ -71,7 +71,7 @@ impl Sweeps {
         });
     }
 
-    fn each_block(&mut self, work: impl Fn(&mut Block) + Sync) {
+    fn each_block(&mut self, work: impl Fn(&mut ContactBlock) + Sync) {
         team::map(self.threads, self.blocks.iter_mut().collect(), work);
     }
 

@@ -3,7 +3,7 @@
 use super::bodies::{ContactLanes, State};
 use super::carry::Plain;
 use super::goal::Norms;
-use super::groups::{Block, Slots, Source};
+use super::groups::{ContactBlock, Slots, Source};
 use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
@@ -19,7 +19,7 @@ use std::sync::Mutex;
 pub struct Sweeps {
     pub(super) layout: Layout,
     pub(super) states: Vec<State>,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<ContactBlock>,
     pub(super) slots: Slots,
     pub(super) desk: Desk,
     pub(super) radius: Vec<f64>,
@@ -137,7 +137,7 @@ impl Sweeps {
                 contact: self.pairs.min(contacts.len()),
             });
         }
-        let set = |block: &mut Block| {
+        let set = |block: &mut ContactBlock| {
             let mut bad = usize::MAX;
             for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
                 for (lane, index, swapped) in filled(ids) {
@@ -159,7 +159,7 @@ impl Sweeps {
     /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
     pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
         assert_eq!(impulses.len(), self.pairs, "one impulse per contact");
-        let set = |block: &mut Block| {
+        let set = |block: &mut ContactBlock| {
             for (group, ids) in block.groups.iter_mut().zip(&block.ids) {
                 for (lane, index, swapped) in filled(ids) {
                     group.set_impulse(lane, impulses[index], swapped);
@@ -204,7 +204,7 @@ impl Sweeps {
         let parts = team::map(
             self.threads,
             self.blocks.iter().collect(),
-            |block: &Block| {
+            |block: &ContactBlock| {
                 let (left, right) = (chunks[block.left as usize], chunks[block.right as usize]);
                 self.instructions.run(residual::NormsOf {
                     block,
@@ -267,7 +267,7 @@ impl Sweeps {
     pub(super) fn gather(
         &self,
         out: &mut Vec<[f64; 3]>,
-        vector: impl Fn(&Block, usize, usize) -> [f64; 3] + Sync,
+        vector: impl Fn(&ContactBlock, usize, usize) -> [f64; 3] + Sync,
     ) {
         out.resize(self.pairs, [0.0; 3]);
         team::fill(self.threads, out, |contact| {
@@ -288,7 +288,7 @@ impl Sweeps {
 
     /// How the problem is cut.
     pub fn shape(&self) -> Shape {
-        let filled = |blocks: &[Block]| {
+        let filled = |blocks: &[ContactBlock]| {
             let ids = blocks.iter().flat_map(|b| b.ids.iter().flatten());
             ids.filter(|&&id| id != EMPTY).count()
         };
@@ -305,7 +305,7 @@ impl Sweeps {
     fn stages(
         &mut self,
         count: usize,
-        work: impl Fn(&mut Block, &mut [State], Option<&mut [State]>) + Sync,
+        work: impl Fn(&mut ContactBlock, &mut [State], Option<&mut [State]>) + Sync,
     ) {
         let threads = self.threads;
         let chunks: Vec<_> = self

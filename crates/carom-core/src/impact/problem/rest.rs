@@ -11,7 +11,7 @@ use carom_solve::rows::{Linear, RowContact};
 impl ImpactScratch {
     /// Speed up to which the problem at hand is at rest, where all of it was so at t_n, and the position level left it so.
     pub(super) fn rests_below(&self, model: &Model, contacts: &[Contact]) -> Option<f64> {
-        let shares = rest::shares(&model.options, self.sub.contacts.len())?;
+        let bounds = rest::rest_bounds(&model.options, self.sub.contacts.len())?;
         if self.sub.has_load() {
             return None;
         }
@@ -25,12 +25,12 @@ impl ImpactScratch {
             for (k, z) in old.iter_mut().enumerate() {
                 *z = self.relative::<0>(c, c.row as usize + k, &self.v_old);
             }
-            rest::largest(c.bounds.sliding > 0.0, c.length, old) <= shares.was * self.speeds.load
+            rest::largest(c.bounds.sliding > 0.0, c.length, old) <= bounds.was * self.speeds.load
         };
         self.chosen
             .iter()
             .all(rested)
-            .then_some(shares.stays * self.speeds.load)
+            .then_some(bounds.stays * self.speeds.load)
     }
 
     /// Whether the solution at hand moves by more.

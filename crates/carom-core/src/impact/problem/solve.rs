@@ -1,7 +1,7 @@
 //! Solves an impact problem, as it is stated for its chosen contacts.
 
 use crate::contact::Contact;
-use crate::impact::coupled::Velocities;
+use crate::impact::coupled::CoupledVelocities;
 use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::level::coupling::Trial;
@@ -335,8 +335,8 @@ impl ImpactScratch {
         bodies: &'a [u32],
         node_of: &'a [u32],
         trial: &'a mut Trial,
-    ) -> Velocities<'a> {
-        Velocities {
+    ) -> CoupledVelocities<'a> {
+        CoupledVelocities {
             model,
             loads: &self.loads,
             bodies,

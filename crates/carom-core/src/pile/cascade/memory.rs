@@ -1,15 +1,15 @@
 //! What a cascade keeps from step to step.
 
-use crate::pile::cascade::front::{Front, Slots};
-use crate::pile::cascade::little::Batch;
-use crate::pile::cascade::parts::Parts;
+use crate::pile::cascade::batch::Batch;
+use crate::pile::cascade::clusters::Clusters;
+use crate::pile::cascade::contact_graph::{ContactGraph, Slots};
 use std::sync::Mutex;
 
 /// CascadeMemory of a cascade.
 #[derive(Default)]
 pub struct CascadeMemory {
-    pub(super) front: Front,
-    pub(super) parts: Parts,
+    pub(super) graph: ContactGraph,
+    pub(super) clusters: Clusters,
     pub(super) batches: Vec<Mutex<Batch>>,
     /// Closing contacts, as each thread's share of the moved spheres has them.
     pub(super) closing: Vec<Mutex<Slots>>,

@@ -1,16 +1,16 @@
-//! Impact problems after the first (rule 26): strictly closing contacts alone, which fall apart into little islands.
+//! Impact problems after the first (rule 26): strictly closing contacts alone, which fall apart into clusters.
 //!
 //! A problem looks only at the contacts of spheres that the problem before has moved, so that a cascade costs what it moves. It is
 //! the same sequence as in small islands: all closing contacts of a problem at the same time, then the next problem.
 
-mod front;
-mod group;
-mod little;
+mod batch;
+mod cluster_copies;
+mod cluster_solver;
+mod clusters;
+mod contact_graph;
 pub(super) mod memory;
-mod near;
-mod parts;
 
-use super::keep;
+use super::problem_data;
 use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::model::Model;
@@ -19,11 +19,11 @@ use crate::outcome::Level;
 use crate::pile::memory::Pile;
 use crate::pile::velocities::Velocities;
 use crate::report::StepReport;
+use batch::{Batch, View};
 use carom_solve::team::{self, lock};
-use front::{Front, Slots};
+use clusters::Clusters;
+use contact_graph::{ContactGraph, Slots};
 use glam::DVec3;
-use little::{Batch, View};
-use parts::Parts;
 use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// Contacts of the first problem for which another thread is worth while.
@@ -34,11 +34,11 @@ const BATCHES_PER_THREAD: usize = 4;
 /// A cascade does not die out where as many contacts as this close that closed before, and no fewer than this share of those when it was half as long, in the mean
 /// of so many problems. (In a pile that is being hit everywhere cascades go on and on. Contacts that close for the first time are a
 /// blow on its way through the pile: it ends at the other side.)
-const CROWD: usize = 500;
-const LASTING: f64 = 0.95;
-const MEAN_OF: usize = 4;
+const LASTING_CONTACTS: usize = 500;
+const LASTING_SHARE: f64 = 0.95;
+const MEAN_OF_PROBLEMS: usize = 4;
 /// Part of `max_problems`, where it is given, from which on a cascade is asked whether it dies out.
-const EARLY: u32 = 3;
+const EARLY_PART: u32 = 3;
 /// Contacts solved for each contact of the island from which on it is asked. Four times as many make 8000 falling grains take 1.5
 /// times as long; half as many cut sequences that would have ended.
 const EARLY_WORK: u64 = 6;
@@ -49,8 +49,8 @@ struct Cascade<'a> {
     model: &'a Model,
     contacts: &'a [Contact],
     report: &'a mut StepReport,
-    front: Front,
-    parts: Parts,
+    graph: ContactGraph,
+    clusters: Clusters,
     chosen: Vec<u32>,
     firsts: Vec<usize>,
     again: Vec<usize>,
@@ -65,7 +65,7 @@ struct Cascade<'a> {
 
 impl Pile {
     /// Problems 2, 3, ... until nothing closes: the number of the last one, and whether nothing closes (otherwise the bound of the
-    /// sequence was reached, or would be, or a little island could not be solved: a fallback).
+    /// sequence was reached, or would be, or a cluster could not be solved: a fallback).
     pub(super) fn cascade(
         &mut self,
         model: &Model,
@@ -74,15 +74,15 @@ impl Pile {
     ) -> (u32, bool) {
         let (velocity, all_threads) = (&self.velocity, self.sweeps.threads);
         let closes = velocity.flags(all_threads, |_, m| velocity.normal_speed(m) < -velocity.tol);
-        let all = 0..velocity.members.len() as u32;
+        let all = 0..velocity.closed.len() as u32;
         let first: Vec<u32> = all.filter(|&slot| closes[slot as usize]).collect();
-        let bounds = model.options.problems(velocity.members.len());
+        let bounds = model.options.problems(velocity.closed.len());
         if first.is_empty() || bounds.most < 2 {
             return (1, first.is_empty());
         }
         let mut memory = std::mem::take(&mut self.cascade);
-        (memory.front).open(&self.velocity, &self.bodies, all_threads);
-        memory.parts.open(self.bodies.len());
+        (memory.graph).open(&self.velocity, &self.bodies, all_threads);
+        memory.clusters.open(self.bodies.len());
         let threads = (model.options.threads as usize)
             .min(first.len() / PER_THREAD)
             .max(1);
@@ -94,8 +94,8 @@ impl Pile {
             model,
             contacts,
             report,
-            front: memory.front,
-            parts: memory.parts,
+            graph: memory.graph,
+            clusters: memory.clusters,
             chosen: first,
             firsts: memory.firsts,
             again: memory.again,
@@ -107,7 +107,7 @@ impl Pile {
         cascade.again.clear();
         cascade.cut(2, tasks);
         let shared = RwLock::new(cascade);
-        // A problem: batches of islands, what they gave, shares of the moved spheres, the next problem.
+        // A problem: batches of clusters, what they gave, shares of the moved spheres, the next problem.
         let stages = [
             0,
             tasks,
@@ -132,25 +132,25 @@ impl Pile {
         team::run_until(threads, bounds.most as usize - 1, &stages, work, done);
         let cascade = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
         let outcome = cascade.outcome.unwrap_or((bounds.most, false));
-        (memory.front, memory.parts) = (cascade.front, cascade.parts);
+        (memory.graph, memory.clusters) = (cascade.graph, cascade.clusters);
         (memory.chosen, memory.firsts) = (cascade.chosen, cascade.firsts);
         memory.again = cascade.again;
-        memory.front.hand_over(&mut self.velocity, &self.bodies);
+        memory.graph.hand_over(&mut self.velocity, &self.bodies);
         self.cascade = memory;
         outcome
     }
 }
 
 impl Cascade<'_> {
-    /// Cuts the chosen contacts into little islands, and these into batches.
+    /// Cuts the chosen contacts into clusters, and these into batches.
     fn cut(&mut self, problem: u32, batches: usize) {
         if self.pile.keeper.wants(1) {
             self.show();
             self.before = Some(self.pile.velocity.state_of(self.model, &self.chosen));
         }
         self.solved += self.chosen.len() as u64;
-        self.parts.cut(&mut self.front, &self.chosen, problem);
-        self.parts.batches(batches, &mut self.firsts);
+        self.clusters.cut(&mut self.graph, &self.chosen, problem);
+        self.clusters.batches(batches, &mut self.firsts);
     }
 
     #[cold]
@@ -158,12 +158,12 @@ impl Cascade<'_> {
         let Pile {
             velocity, bodies, ..
         } = &mut *self.pile;
-        self.front.show(velocity, bodies);
+        self.graph.show(velocity, bodies);
     }
 
-    /// Solves the islands of a batch.
+    /// Solves the clusters of a batch.
     fn solve(&self, batch: &mut Batch, number: usize) {
-        let islands = match self.firsts.get(number..number + 2) {
+        let range = match self.firsts.get(number..number + 2) {
             Some(&[from, to]) => from..to,
             _ => 0..0,
         };
@@ -171,16 +171,16 @@ impl Cascade<'_> {
             model: self.model,
             velocity: &self.pile.velocity,
             bodies: &self.pile.bodies,
-            front: &self.front,
-            parts: &self.parts,
+            graph: &self.graph,
+            clusters: &self.clusters,
         };
-        batch.solve(&view, islands);
+        batch.solve(&view, range);
     }
 
     /// Adds what the batches gave.
     fn apply(&mut self, batches: &[Mutex<Batch>], problem: u32) {
         let (mut pushed, mut failed) = (false, 0);
-        let (mut slots, mut nodes) = (self.parts.slots.iter(), self.parts.nodes.iter());
+        let (mut slots, mut nodes) = (self.clusters.slots.iter(), self.clusters.nodes.iter());
         let velocity = &mut self.pile.velocity;
         for batch in batches {
             let batch = lock(batch);
@@ -190,7 +190,7 @@ impl Cascade<'_> {
             failed += batch.failed;
             for (k, given) in batch.given.iter().enumerate() {
                 let Some(&slot) = slots.next() else { break };
-                self.front.add(slot, problem, given);
+                self.graph.add(slot, problem, given);
                 let mut moment = DVec3::ZERO;
                 if let Some(&(m, work)) = batch.turned.get(k) {
                     moment = m;
@@ -201,8 +201,8 @@ impl Cascade<'_> {
             }
             for change in &batch.moved {
                 let Some(&node) = nodes.next() else { break };
-                self.front.linear[node as usize] += change[0];
-                self.front.spheres[node as usize].surface += change[1];
+                self.graph.linear[node as usize] += change[0];
+                self.graph.spheres[node as usize].surface += change[1];
             }
         }
         if let Some(before) = self.before.take() {
@@ -219,12 +219,12 @@ impl Cascade<'_> {
 
     /// Marks the contacts of moved spheres that close.
     fn look(&self, closing: &mut Slots, (share, of): (usize, usize)) {
-        closing.clear(self.front.ends.len());
-        let moved = &self.parts.nodes;
+        closing.clear(self.graph.ends.len());
+        let moved = &self.clusters.nodes;
         let bound = |k: usize| k * moved.len() / of;
         let moved = &moved[bound(share)..bound(share + 1)];
         let velocity = &self.pile.velocity;
-        self.front.mark_closing(velocity, moved, closing);
+        self.graph.mark_closing(velocity, moved, closing);
     }
 
     /// The next problem, if anything closes.
@@ -237,15 +237,15 @@ impl Cascade<'_> {
             all.join(&lock(other));
         }
         all.drain(&mut self.chosen);
-        let members = &self.pile.velocity.members;
+        let closed = &self.pile.velocity.closed;
         let again =
-            |&&slot: &&u32| members[slot as usize].problem != 0 || self.front.has_closed(slot);
+            |&&slot: &&u32| closed[slot as usize].problem != 0 || self.graph.has_closed(slot);
         let again = self.chosen.iter().filter(again).count();
         self.again.push(again);
         if self.chosen.is_empty() {
             self.outcome = Some((problem, true));
-        } else if (problem >= self.bounds.most / EARLY
-            || self.solved >= EARLY_WORK * members.len() as u64)
+        } else if (problem >= self.bounds.most / EARLY_PART
+            || self.solved >= EARLY_WORK * closed.len() as u64)
             && lasts(&self.again)
             || self.solved + self.chosen.len() as u64 > self.bounds.work
         {
@@ -258,12 +258,12 @@ impl Cascade<'_> {
 
 /// Whether a cascade goes on and on in which so many contacts closed again, problem by problem.
 fn lasts(again: &[usize]) -> bool {
-    let ending_at = |end: usize| -> usize { again[end - MEAN_OF..end].iter().sum() };
-    if again.len() < 2 * MEAN_OF {
+    let ending_at = |end: usize| -> usize { again[end - MEAN_OF_PROBLEMS..end].iter().sum() };
+    if again.len() < 2 * MEAN_OF_PROBLEMS {
         return false;
     }
     let (now, half) = (ending_at(again.len()), ending_at(again.len().div_ceil(2)));
-    now >= MEAN_OF * CROWD && now as f64 >= LASTING * half as f64
+    now >= MEAN_OF_PROBLEMS * LASTING_CONTACTS && now as f64 >= LASTING_SHARE * half as f64
 }
 
 /// Locks that the stages of a cascade never wait for.
@@ -288,12 +288,12 @@ struct Before {
 impl Velocities {
     #[cold]
     fn state_of(&self, model: &Model, chosen: &[u32]) -> Before {
-        let members = || chosen.iter().map(|&slot| &self.members[slot as usize]);
+        let contacts = || chosen.iter().map(|&slot| &self.closed[slot as usize]);
         Before {
             motion: self.velocities(),
             jump: self.jump.clone(),
-            impulse: members().map(|m| m.impulse).collect(),
-            slip: members()
+            impulse: contacts().map(|m| m.impulse).collect(),
+            slip: contacts()
                 .map(|m| self.measures(model, m, Law::Later, 1.0))
                 .collect(),
             turn: chosen
@@ -305,7 +305,7 @@ impl Velocities {
 }
 
 impl Pile {
-    /// Keeps a problem of the cascade: all its little islands as one. (Restitution that the safeguard scaled is stated unscaled.)
+    /// Keeps a problem of the cascade: all its clusters as one. (Restitution that the safeguard scaled is stated unscaled.)
     #[cold]
     fn keep_round(
         &mut self,
@@ -316,19 +316,19 @@ impl Pile {
         before: Before,
     ) {
         let velocity = &self.velocity;
-        let stated: Vec<keep::Stated> = chosen
+        let stated: Vec<problem_data::Stated> = chosen
             .iter()
             .zip(before.slip.iter().zip(&before.impulse))
             .enumerate()
             .map(|(k, (&slot, (&slip, &impulse)))| {
-                let m = &velocity.members[slot as usize];
+                let m = &velocity.closed[slot as usize];
                 let turning = before
                     .turn
                     .get(k)
                     .map_or([DVec3::ZERO; 2], |[turn, moment]| {
                         [*turn, velocity.turning[slot as usize].moment - *moment]
                     });
-                keep::Stated::of(m, slip, m.impulse - impulse, turning)
+                problem_data::Stated::of(m, slip, m.impulse - impulse, turning)
             })
             .collect();
         let correction: Vec<[f64; 6]> = velocity
@@ -340,16 +340,16 @@ impl Pile {
                 [v.x, v.y, v.z, w.x, w.y, w.z]
             })
             .collect();
-        let at = keep::Place {
+        let at = problem_data::ProblemPlace {
             model,
             contacts,
             spheres: &self.spheres,
             bodies: &self.bodies,
             level: Level::Velocity,
             index,
-            report: keep::report_of(1, 0.0, true),
+            report: problem_data::report_of(1, 0.0, true),
         };
-        keep::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
+        problem_data::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
     }
 }
 

@@ -24,8 +24,8 @@ use std::cmp::Reverse;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Mutex;
 
-/// Parts for each thread: enough that the last ones end at about the same time.
-const PARTS_PER_THREAD: usize = 8;
+/// Batches for each thread: enough that the last ones end at about the same time.
+const BATCHES_PER_THREAD: usize = 8;
 
 /// A level of a step, as every island of it is solved.
 #[derive(Clone, Copy)]
@@ -60,7 +60,7 @@ impl Task<'_> {
 
     /// Whether another thread may solve an island.
     fn may_share(&self, contacts: &[Contact], island: Island) -> bool {
-        if self.level == Level::Position && position::is_apart(contacts, island) {
+        if self.level == Level::Position && position::is_separated(contacts, island) {
             return false;
         }
         match island.contacts {
@@ -75,15 +75,15 @@ impl Task<'_> {
 pub struct Sharing {
     /// Islands of this level that other threads solve, with their weights.
     chosen: Vec<(u32, usize)>,
-    pub(crate) parts: Vec<Part>,
+    pub(crate) batches: Vec<IslandBatch>,
     workers: Vec<Worker>,
 }
 
 impl Sharing {
     /// Solves all islands that are worth it; none if the work is not.
     pub(crate) fn solve_shared(&mut self, task: &Task, islands: &Islands, step: &IslandScratch) {
-        for part in &mut self.parts {
-            part.clear();
+        for batch in &mut self.batches {
+            batch.clear();
         }
         let threads = self.divide(task, islands, step.contacts);
         if threads < 2 {
@@ -92,29 +92,30 @@ impl Sharing {
         let workers = Mutex::new(std::mem::take(&mut self.workers));
         // Behind a failure nothing counts.
         let failed = AtomicUsize::new(usize::MAX);
-        let mut parts: Vec<_> = std::mem::take(&mut self.parts)
+        let mut batches: Vec<_> = std::mem::take(&mut self.batches)
             .into_iter()
             .enumerate()
             .collect();
         // What takes longest begins first.
-        parts.sort_by_key(|(_, part)| Reverse(part.weight));
-        parts = team::map(threads, parts, |(place, mut part)| {
+        batches.sort_by_key(|(_, batch)| Reverse(batch.weight));
+        batches = team::map(threads, batches, |(place, mut batch)| {
             if place < failed.load(Ordering::Relaxed) {
                 let idle = lock(&workers).pop();
                 let mut worker = idle.unwrap_or_else(|| Worker::new(task.model));
-                if !part.solve(task, islands, step, &mut worker) {
+                if !batch.solve(task, islands, step, &mut worker) {
                     failed.fetch_min(place, Ordering::Relaxed);
                 }
                 lock(&workers).push(worker);
             }
-            (place, part)
+            (place, batch)
         });
-        parts.sort_by_key(|(place, _)| *place);
-        self.parts.extend(parts.into_iter().map(|(_, part)| part));
+        batches.sort_by_key(|(place, _)| *place);
+        self.batches
+            .extend(batches.into_iter().map(|(_, batch)| batch));
         std::mem::swap(&mut self.workers, &mut lock(&workers));
     }
 
-    /// Deals the islands to parts of about the same weight; the number of threads that they are worth.
+    /// Deals the islands to batches of about the same weight; the number of threads that they are worth.
     fn divide(&mut self, task: &Task, islands: &Islands, contacts: &[Contact]) -> usize {
         let o = &task.model.options;
         self.chosen.clear();
@@ -132,17 +133,17 @@ impl Sharing {
         if threads < 2 {
             return 1;
         }
-        let each = total.div_ceil(PARTS_PER_THREAD * threads);
+        let each = total.div_ceil(BATCHES_PER_THREAD * threads);
         let mut used = 0;
         for &(number, own) in &self.chosen {
-            let full = |part: &Part| part.weight > 0 && part.weight + own > each;
-            used += usize::from(self.parts.get(used).is_some_and(full));
-            if used == self.parts.len() {
-                self.parts.push(Part::default());
+            let full = |batch: &IslandBatch| batch.weight > 0 && batch.weight + own > each;
+            used += usize::from(self.batches.get(used).is_some_and(full));
+            if used == self.batches.len() {
+                self.batches.push(IslandBatch::default());
             }
-            let part = &mut self.parts[used];
-            part.islands.push(number);
-            part.weight += own;
+            let batch = &mut self.batches[used];
+            batch.islands.push(number);
+            batch.weight += own;
         }
         threads
     }
@@ -171,7 +172,7 @@ impl Worker {
 
 /// Some islands, in their order, and what a thread found in them.
 #[derive(Default)]
-pub(crate) struct Part {
+pub(crate) struct IslandBatch {
     islands: Vec<u32>,
     weight: usize,
     /// Those of the islands, one after the other.
@@ -205,7 +206,7 @@ struct End {
     impacts: usize,
 }
 
-impl Part {
+impl IslandBatch {
     fn clear(&mut self) {
         self.islands.clear();
         self.weight = 0;

@@ -8,7 +8,7 @@ use carom_solve::rows::WORLD;
 
 /// A contact with impulse: its nodes, and the work of all it has been given since the smooth step, J.
 #[derive(Clone, Copy, Debug)]
-pub struct Worked {
+pub struct ContactWork {
     pub a: u32,
     pub b: u32,
     pub work: f64,
@@ -16,7 +16,7 @@ pub struct Worked {
 
 /// Whether the contacts of a group (joined by spheres) have done more work together than `share` of its energy. `kinetic`: the energy of
 /// each node after the smooth step, and of walls that move as fast as theirs, J.
-pub fn gives(contacts: &[Worked], kinetic: &[f64], share: f64) -> bool {
+pub fn gains_energy(contacts: &[ContactWork], kinetic: &[f64], share: f64) -> bool {
     let mut joined = apart(kinetic.len());
     for c in contacts.iter().filter(|c| c.b != WORLD) {
         joined.join(c.a, c.b);
@@ -37,14 +37,14 @@ mod tests {
 
     #[test]
     fn gains_are_those_of_groups_and_not_hidden_by_others() {
-        let at = |a, b, work| Worked { a, b, work };
+        let at = |a, b, work| ContactWork { a, b, work };
         let kinetic = [1.0, 1.0, 1.0, 1.0];
         // 0 and 1 lose more than 2 and 3 gain.
         let contacts = [at(0, 1, -1.0), at(2, 3, 0.1), at(2, WORLD, 0.05)];
-        assert!(gives(&contacts, &kinetic, 0.07));
-        assert!(!gives(&contacts, &kinetic, 0.08));
+        assert!(gains_energy(&contacts, &kinetic, 0.07));
+        assert!(!gains_energy(&contacts, &kinetic, 0.08));
         // Joined by a contact they are one group.
         let joined = [contacts[0], contacts[1], contacts[2], at(1, 2, 0.0)];
-        assert!(!gives(&joined, &kinetic, 1e-10));
+        assert!(!gains_energy(&joined, &kinetic, 1e-10));
     }
 }

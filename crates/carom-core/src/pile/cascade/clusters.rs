@@ -1,60 +1,60 @@
-//! The closing contacts of a problem, fallen apart into little islands.
+//! The closing contacts of a problem, fallen apart into clusters (contacts joined by spheres).
 
-use super::front::Front;
+use super::contact_graph::ContactGraph;
 use carom_solve::clusters::{Forest, Linked};
 use carom_solve::rows::WORLD;
 
 const NONE: u32 = u32::MAX;
 
-/// Where a chosen contact's sphere belongs: its parent among united ones, the island of a root, its number within the island.
+/// Where a chosen contact's sphere belongs: its parent among united ones, the cluster of a root, its number within the cluster.
 #[derive(Clone, Copy, Default)]
-struct Place {
+struct ClusterPlace {
     parent: u32,
-    island: u32,
+    cluster: u32,
     local: u32,
 }
 
-impl Linked for Place {
+impl Linked for ClusterPlace {
     #[inline]
     fn parent(&mut self) -> &mut u32 {
         &mut self.parent
     }
 }
 
-/// Little islands in the order of their first contacts.
+/// Clusters in the order of their first contacts.
 #[derive(Default)]
-pub(super) struct Parts {
-    /// Contacts, island after island, with their ends as numbers within the island.
+pub(super) struct Clusters {
+    /// Contacts, cluster after cluster, with their ends as numbers within the cluster.
     pub slots: Vec<u32>,
     pub sides: Vec<[u32; 2]>,
-    /// Spheres, island after island.
+    /// Spheres, cluster after cluster.
     pub nodes: Vec<u32>,
-    /// Where contacts and spheres of an island begin; one more at the end.
+    /// Where contacts and spheres of a cluster begin; one more at the end.
     pub starts: Vec<[u32; 2]>,
-    places: Vec<Place>,
-    /// Island of each chosen contact, and contacts placed so far.
+    places: Vec<ClusterPlace>,
+    /// Cluster of each chosen contact, and contacts placed so far.
     of_chosen: Vec<u32>,
     placed: Vec<u32>,
 }
 
-impl Parts {
+impl Clusters {
     pub fn open(&mut self, nodes: usize) {
         self.places.clear();
-        self.places.resize(nodes, Place::default());
+        self.places.resize(nodes, ClusterPlace::default());
     }
 
     /// Cuts `chosen`, and marks its spheres as touched by the problem. What is new in it nobody can guess, so nothing branches on it.
-    pub fn cut(&mut self, front: &mut Front, chosen: &[u32], problem: u32) {
+    pub fn cut(&mut self, graph: &mut ContactGraph, chosen: &[u32], problem: u32) {
         for &slot in chosen {
-            let [a, b] = front.ends[slot as usize];
+            let [a, b] = graph.ends[slot as usize];
             for node in [a, b].into_iter().filter(|&n| n != WORLD) {
-                let touched = &mut front.touched[node as usize];
+                let touched = &mut graph.touched[node as usize];
                 let place = &mut self.places[node as usize];
                 let is_new = *touched != problem;
                 *touched = problem;
-                *place = Place {
+                *place = ClusterPlace {
                     parent: if is_new { node } else { place.parent },
-                    island: NONE,
+                    cluster: NONE,
                     local: NONE,
                 };
             }
@@ -65,18 +65,18 @@ impl Parts {
         self.of_chosen.clear();
         self.placed.clear();
         self.placed.resize(chosen.len(), 0);
-        let mut islands = 0;
+        let mut count = 0;
         for &slot in chosen {
-            let root = self.places.root(front.ends[slot as usize][0]);
+            let root = self.places.root(graph.ends[slot as usize][0]);
             let place = &mut self.places[root as usize];
-            let is_new = place.island == NONE;
-            let island = if is_new { islands } else { place.island };
-            islands += u32::from(is_new);
-            place.island = island;
-            self.placed[island as usize] += 1;
-            self.of_chosen.push(island);
+            let is_new = place.cluster == NONE;
+            let cluster = if is_new { count } else { place.cluster };
+            count += u32::from(is_new);
+            place.cluster = cluster;
+            self.placed[cluster as usize] += 1;
+            self.of_chosen.push(cluster);
         }
-        self.placed.truncate(islands as usize);
+        self.placed.truncate(count as usize);
         let mut sum = 0;
         self.starts.clear();
         for size in &mut self.placed {
@@ -86,23 +86,23 @@ impl Parts {
         self.starts.push([sum, 0]);
         self.slots.resize(chosen.len(), 0);
         self.sides.resize(chosen.len(), [WORLD; 2]);
-        for (&slot, &island) in chosen.iter().zip(&self.of_chosen) {
-            let place = &mut self.placed[island as usize];
+        for (&slot, &cluster) in chosen.iter().zip(&self.of_chosen) {
+            let place = &mut self.placed[cluster as usize];
             self.slots[*place as usize] = slot;
-            self.sides[*place as usize] = front.ends[slot as usize];
+            self.sides[*place as usize] = graph.ends[slot as usize];
             *place += 1;
         }
         self.number();
     }
 
-    /// Numbers the spheres of each island in the order of its contacts.
+    /// Numbers the spheres of each cluster in the order of its contacts.
     fn number(&mut self) {
         self.nodes.resize(2 * self.sides.len(), 0);
         let mut count = 0;
-        for island in 0..self.starts.len() - 1 {
+        for cluster in 0..self.starts.len() - 1 {
             let first = count;
-            self.starts[island][1] = first;
-            let (from, to) = (self.starts[island][0], self.starts[island + 1][0]);
+            self.starts[cluster][1] = first;
+            let (from, to) = (self.starts[cluster][0], self.starts[cluster + 1][0]);
             let sides = self.sides[from as usize..to as usize].iter_mut();
             for side in sides.flatten().filter(|side| **side != WORLD) {
                 let local = &mut self.places[*side as usize].local;
@@ -119,20 +119,20 @@ impl Parts {
         self.nodes.truncate(count as usize);
     }
 
-    /// Cuts the islands into at most `count` batches of about as many contacts: first island of each, one more at the end.
+    /// Cuts the clusters into at most `count` batches of about as many contacts: first cluster of each, one more at the end.
     pub fn batches(&self, count: usize, firsts: &mut Vec<usize>) {
-        let islands = self.starts.len() - 1;
+        let clusters = self.starts.len() - 1;
         let share = self.slots.len().div_ceil(count);
         firsts.clear();
         firsts.push(0);
         let mut from = 0;
-        for island in 1..islands {
-            let at = self.starts[island][0] as usize;
+        for cluster in 1..clusters {
+            let at = self.starts[cluster][0] as usize;
             if at - from >= share {
-                firsts.push(island);
+                firsts.push(cluster);
                 from = at;
             }
         }
-        firsts.push(islands);
+        firsts.push(clusters);
     }
 }

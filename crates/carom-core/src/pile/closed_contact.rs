@@ -9,7 +9,7 @@ pub(super) const FIXED: u32 = u32::MAX;
 
 /// A closed contact of the pile.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Member {
+pub(super) struct ClosedContact {
     /// Index among the contacts of the step.
     pub contact: u32,
     pub a: u32,
@@ -36,7 +36,7 @@ pub(super) struct Member {
 
 /// What one problem gave a contact.
 #[derive(Clone, Copy)]
-pub(super) struct Given {
+pub(super) struct ProblemImpulse {
     pub impulse: DVec3,
     pub work: [f64; 2],
     /// Along the normal, before and after.
@@ -44,7 +44,7 @@ pub(super) struct Given {
     pub scale: f64,
 }
 
-impl Member {
+impl ClosedContact {
     /// Relative velocity of the surfaces, of A against B, by the velocities of nodes.
     #[inline]
     pub fn relative(&self, at: impl Fn(u32) -> [DVec3; 2]) -> DVec3 {
@@ -60,7 +60,7 @@ impl Member {
 
     /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not; whether this
     /// is a part of an impact.
-    pub fn add(&mut self, problem: u32, given: &Given, tol: f64) -> bool {
+    pub fn add(&mut self, problem: u32, given: &ProblemImpulse, tol: f64) -> bool {
         self.impulse += given.impulse;
         self.work[0] += given.work[0];
         self.work[1] += given.work[1];
@@ -83,7 +83,7 @@ impl Member {
     }
 }
 
-impl Member {
+impl ClosedContact {
     /// Whether an impulse of the contact is none, holds it or slides.
     pub fn status(&self, impulse: DVec3) -> Status {
         let normal = impulse.dot(self.normal);
@@ -107,7 +107,7 @@ pub(super) fn work(normal: DVec3, r: DVec3, before: DVec3, after: DVec3) -> [f64
 }
 
 /// Change of a contact's relative velocity by corrections of the nodes.
-pub(super) fn change(m: &Member, u: &[[f64; 6]]) -> DVec3 {
+pub(super) fn change(m: &ClosedContact, u: &[[f64; 6]]) -> DVec3 {
     let part = |node: u32| {
         let u = &u[node as usize];
         (DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5]))

@@ -1,8 +1,8 @@
-//! Loads, and the first impact problem, once more where the impulses so far give energy ([`crate::impact::gives`]).
+//! Loads, and the first impact problem, once more where the impulses so far give energy ([`crate::impact::gains_energy`]).
 
 use crate::impact::bisect::GAIN_TOLERANCE;
 use crate::impact::memory::ImpactScratch;
-use crate::impact::{gives, Worked};
+use crate::impact::{gains_energy, ContactWork};
 use crate::model::Model;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::Status;
@@ -14,7 +14,7 @@ impl ImpactScratch {
 
     /// Whether all impulses so far have given a group of contacts energy. Joints and loads that depend on the motion do work of their own:
     /// islands with such are not looked at.
-    pub fn gives(&self, model: &Model) -> bool {
+    pub fn gains_energy(&self, model: &Model) -> bool {
         if !(model.options.energy_safeguard && self.joints.is_empty() && self.loads.is_empty()) {
             return false;
         }
@@ -37,7 +37,7 @@ impl ImpactScratch {
                 continue;
             }
             let c = &self.full.contacts[slot];
-            contacts.push(Worked {
+            contacts.push(ContactWork {
                 a: c.node_a,
                 b: c.node_b,
                 work: work.iter().sum(),
@@ -47,7 +47,7 @@ impl ImpactScratch {
             let square: f64 = wall.iter().map(|v| v * v).sum();
             kinetic[c.node_a as usize] += 0.5 / self.full.inv_mass[c.node_a as usize] * square;
         }
-        gives(&contacts, &kinetic, GAIN_TOLERANCE)
+        gains_energy(&contacts, &kinetic, GAIN_TOLERANCE)
     }
 
     /// Forgets all impulses of the step, and the rows of `problem`.

@@ -1,6 +1,6 @@
 //! Problems of piles as data, on request (`carom_core::problem`).
 
-use super::member::Member;
+use super::closed_contact::ClosedContact;
 use super::record;
 use crate::contact::Contact;
 use crate::impact::law::Law;
@@ -29,7 +29,7 @@ pub struct Stated {
 }
 
 /// Where a problem stands.
-pub struct Place<'a> {
+pub struct ProblemPlace<'a> {
     pub model: &'a Model,
     pub contacts: &'a [Contact],
     pub spheres: &'a [u32],
@@ -42,7 +42,7 @@ pub struct Place<'a> {
 /// Hands a problem to the keeper: its rows in the frames at the normals, `correction` and `motion` of each node.
 pub fn keep(
     keeper: &mut Keeper,
-    at: &Place,
+    at: &ProblemPlace,
     stated: &[Stated],
     correction: &[[f64; NODE_DOF]],
     motion: &[[DVec3; 2]],
@@ -110,7 +110,7 @@ pub fn rows(
 }
 
 impl Stated {
-    pub fn of(m: &Member, slip: DVec3, impulse: DVec3, [turn, moment]: [DVec3; 2]) -> Self {
+    pub fn of(m: &ClosedContact, slip: DVec3, impulse: DVec3, [turn, moment]: [DVec3; 2]) -> Self {
         Self {
             contact: m.contact,
             nodes: (m.a, m.b),
@@ -143,7 +143,7 @@ impl Pile {
         let moments = self.moments();
         let stated = self.stated(&self.impulses, &moments);
         let memory = &self.velocity;
-        let at = Place {
+        let at = ProblemPlace {
             model,
             contacts,
             spheres: &self.spheres,
@@ -164,7 +164,7 @@ impl Pile {
         let solved = self.contacts.iter().zip(impulses);
         let chosen = memory.chosen.iter().zip(solved).enumerate();
         let stated = chosen.map(|(k, (&slot, (c, r)))| {
-            let m = &memory.members[slot as usize];
+            let m = &memory.closed[slot as usize];
             let moment = moments.get(k).filter(|_| !memory.turning.is_empty());
             let turning = moment.map_or([DVec3::ZERO; 2], |&moment| {
                 [memory.turn(slot), DVec3::from(moment)]

@@ -1,15 +1,15 @@
 //! The spheres of a velocity problem: all of the island, or those of its contacts alone where these are few.
 
-use super::member::Member;
+use super::closed_contact::ClosedContact;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Place, Sweeps};
 
 /// Contacts of the island over those of a problem from which on only their own spheres are taken.
-const FEW: usize = 4;
+const FEW_CONTACTS: usize = 4;
 
 /// Spheres of a problem, by the nodes of the island.
 #[derive(Default)]
-pub(super) struct Part {
+pub(super) struct ProblemNodes {
     /// All nodes, with their own numbers.
     whole: bool,
     /// Otherwise: the nodes, ascending, and the number of each among them.
@@ -19,15 +19,21 @@ pub(super) struct Part {
     places: Vec<Place>,
 }
 
-impl Part {
+impl ProblemNodes {
     /// Takes the whole island.
     pub fn take_all(&mut self) {
         self.whole = true;
     }
 
     /// Takes the spheres of the chosen contacts.
-    pub fn take(&mut self, members: &[Member], chosen: &[u32], bodies: &[Body], places: &[Place]) {
-        self.whole = FEW * chosen.len() > members.len();
+    pub fn take(
+        &mut self,
+        closed: &[ClosedContact],
+        chosen: &[u32],
+        bodies: &[Body],
+        places: &[Place],
+    ) {
+        self.whole = FEW_CONTACTS * chosen.len() > closed.len();
         if self.whole {
             return;
         }
@@ -42,7 +48,7 @@ impl Part {
         numbers.clear();
         numbers.resize(bodies.len(), WORLD);
         for &slot in chosen {
-            let m = &members[slot as usize];
+            let m = &closed[slot as usize];
             for node in [m.a, m.b] {
                 if node != WORLD && numbers[node as usize] == WORLD {
                     numbers[node as usize] = 0;

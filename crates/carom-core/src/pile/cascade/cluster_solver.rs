@@ -1,6 +1,6 @@
-//! A little island of an impact cascade: a handful of contacts, solved one after the other until all agree.
+//! A cluster of an impact cascade: a handful of contacts, solved one after the other until all agree.
 
-use super::front::{over, Edge, Node};
+use super::contact_graph::{over, Edge, Node};
 use crate::pile::turning::Turning;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal, Norms};
@@ -9,7 +9,7 @@ use glam::DVec3;
 /// Sweeps at most. Islands of many contacts converge slowly: after this the other solvers are asked.
 const MOST_SWEEPS: usize = 3_000;
 
-/// A contact of the group.
+/// A contact of the cluster.
 #[derive(Clone, Copy, Debug)]
 struct Local {
     a: u32,
@@ -22,7 +22,7 @@ struct Local {
     r: DVec3,
 }
 
-/// Rolling and spinning friction of a contact of the group.
+/// Rolling and spinning friction of a contact of the cluster.
 #[derive(Clone, Copy, Debug)]
 struct LocalRoll {
     /// rho, delta and the reference length, m.
@@ -34,9 +34,9 @@ struct LocalRoll {
     m: DVec3,
 }
 
-/// Memory of a group.
+/// Memory of the cluster at hand.
 #[derive(Default)]
-pub(super) struct Group {
+pub(super) struct ClusterSolver {
     contacts: Vec<Local>,
     /// As many as contacts, or none.
     rolls: Vec<LocalRoll>,
@@ -46,7 +46,7 @@ pub(super) struct Group {
     bodies: Vec<Body>,
 }
 
-impl Group {
+impl ClusterSolver {
     pub fn clear(&mut self) {
         self.contacts.clear();
         self.rolls.clear();

@@ -1,7 +1,7 @@
-//! Loads of a pile, and its first impact problem, once more where the impulses so far give energy ([`crate::impact::gives`]).
+//! Loads of a pile, and its first impact problem, once more where the impulses so far give energy ([`crate::impact::gains_energy`]).
 
 use crate::impact::bisect::GAIN_TOLERANCE;
-use crate::impact::{gives, Worked};
+use crate::impact::{gains_energy, ContactWork};
 use crate::model::Model;
 use crate::pile::limits::GAIN_SHARE;
 use crate::pile::memory::Pile;
@@ -9,7 +9,7 @@ use glam::DVec3;
 
 impl Pile {
     /// Whether all impulses so far have given a group of contacts energy.
-    pub(super) fn gives(&self, model: &Model) -> bool {
+    pub(super) fn gains_energy(&self, model: &Model) -> bool {
         let (o, memory) = (&model.options, &self.velocity);
         if !o.energy_safeguard {
             return false;
@@ -23,7 +23,7 @@ impl Pile {
             })
             .collect();
         let mut contacts = Vec::new();
-        for (slot, m) in memory.members.iter().enumerate() {
+        for (slot, m) in memory.closed.iter().enumerate() {
             if m.impulse == DVec3::ZERO {
                 continue;
             }
@@ -31,7 +31,7 @@ impl Pile {
                 .turning
                 .get(slot)
                 .map_or(0.0, |t| t.work[0] + t.work[1]);
-            contacts.push(Worked {
+            contacts.push(ContactWork {
                 a: m.a,
                 b: m.b,
                 work: m.work[0] + m.work[1] + turning,
@@ -40,13 +40,13 @@ impl Pile {
             kinetic[m.a as usize] += 0.5 * wall / self.bodies[m.a as usize].inv_mass;
         }
         let share = GAIN_TOLERANCE.max(GAIN_SHARE * o.tolerance.max(o.pile_tolerance));
-        gives(&contacts, &kinetic, share)
+        gains_energy(&contacts, &kinetic, share)
     }
 
     /// Forgets all impulses and impacts of the step; what the loads alone gave stays known.
     pub(super) fn forget_all(&mut self, problem: u32) {
         let memory = &mut self.velocity;
-        for m in &mut memory.members {
+        for m in &mut memory.closed {
             (m.impulse, m.hit, m.work) = (DVec3::ZERO, DVec3::ZERO, [0.0; 2]);
             (m.problem, m.approach, m.scale) = (0, 0.0, 1.0);
         }

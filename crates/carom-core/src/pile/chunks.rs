@@ -1,14 +1,14 @@
-//! Lists of contacts and spheres cut into shares of a fixed size: threads take them in turn, and sums over them are the same for any
+//! Lists of contacts and spheres cut into chunks of a fixed size: threads take them in turn, and sums over them are the same for any
 //! number of threads.
 
 use carom_solve::team;
 use std::ops::Range;
 
-/// Items of a share.
+/// Items of a chunk.
 const SIZE: usize = 2_048;
 
 /// A part of an ascending list of places in a slice, with the part of the slice that they are in.
-pub(super) struct Share<'a, T> {
+pub(super) struct Chunk<'a, T> {
     /// Where the list has its first one.
     pub first: usize,
     pub list: &'a [u32],
@@ -16,7 +16,7 @@ pub(super) struct Share<'a, T> {
     offset: usize,
 }
 
-impl<T> Share<'_, T> {
+impl<T> Chunk<'_, T> {
     /// The item that `place`, one of the list, names.
     #[inline]
     pub fn item(&mut self, place: u32) -> &mut T {
@@ -25,14 +25,14 @@ impl<T> Share<'_, T> {
 }
 
 /// Cuts `list`, ascending places in `items`.
-pub(super) fn cut<'a, T>(list: &'a [u32], mut items: &'a mut [T]) -> Vec<Share<'a, T>> {
-    let (mut offset, mut shares) = (0, Vec::with_capacity(list.len().div_ceil(SIZE)));
+pub(super) fn cut<'a, T>(list: &'a [u32], mut items: &'a mut [T]) -> Vec<Chunk<'a, T>> {
+    let (mut offset, mut chunks) = (0, Vec::with_capacity(list.len().div_ceil(SIZE)));
     for (number, part) in list.chunks(SIZE).enumerate() {
         let first = SIZE * number;
         let next = list.get(first + SIZE);
         let end = next.map_or(offset + items.len(), |&place| place as usize);
         let (own, rest) = items.split_at_mut(end - offset);
-        shares.push(Share {
+        chunks.push(Chunk {
             first,
             list: part,
             items: own,
@@ -40,10 +40,10 @@ pub(super) fn cut<'a, T>(list: &'a [u32], mut items: &'a mut [T]) -> Vec<Share<'
         });
         (items, offset) = (rest, end);
     }
-    shares
+    chunks
 }
 
-/// `work` on every share of `0..count`, in order.
+/// `work` on every chunk of `0..count`, in order.
 pub(super) fn map<R: Send>(
     threads: usize,
     count: usize,
@@ -54,7 +54,7 @@ pub(super) fn map<R: Send>(
     team::map(threads, parts, work)
 }
 
-/// Sum of `value` over `0..count`, share by share.
+/// Sum of `value` over `0..count`, chunk by chunk.
 pub(super) fn sum(threads: usize, count: usize, value: impl Fn(usize) -> f64 + Sync) -> f64 {
     let parts = map(threads, count, |range| range.map(&value).sum::<f64>());
     parts.into_iter().sum()
@@ -101,7 +101,7 @@ pub(super) fn any(threads: usize, count: usize, test: impl Fn(usize) -> bool + S
     map(threads, count, |mut range| range.any(&test)).contains(&true)
 }
 
-/// Whether most are such: of each share, how many are such and how many might be.
+/// Whether most are such: of each chunk, how many are such and how many might be.
 pub(super) fn mostly(counts: &[[usize; 2]]) -> bool {
     let [those, all] = counts
         .iter()
@@ -114,15 +114,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_place_of_the_list_is_in_one_share() {
+    fn every_place_of_the_list_is_in_one_chunk() {
         for (count, every) in [(0, 1), (5, 3), (SIZE, 1), (3 * SIZE + 7, 1), (9000, 2)] {
             let list: Vec<u32> = (0..count as u32).map(|k| every * k + 1).collect();
             let mut items = vec![0u32; every as usize * count + 2];
-            let shares = cut(&list, &mut items);
-            team::map(2, shares, |mut share| {
-                let list = share.list;
-                for (k, &place) in (share.first..).zip(list) {
-                    *share.item(place) += 1 + k as u32;
+            let chunks = cut(&list, &mut items);
+            team::map(2, chunks, |mut chunk| {
+                let list = chunk.list;
+                for (k, &place) in (chunk.first..).zip(list) {
+                    *chunk.item(place) += 1 + k as u32;
                 }
             });
             let mut expected = vec![0; items.len()];

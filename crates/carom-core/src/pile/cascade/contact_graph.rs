@@ -1,7 +1,7 @@
 //! What a cascade works on: contacts and spheres in a few lines of memory each, since it looks far more often than it solves.
 
-use crate::pile::member::{Given, Member};
-use crate::pile::shares;
+use crate::pile::chunks;
+use crate::pile::closed_contact::{ClosedContact, ProblemImpulse};
 use crate::pile::velocities::Velocities;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
@@ -39,7 +39,7 @@ impl Node {
     }
 }
 
-/// What the front has of a sphere besides its linear velocity.
+/// What the graph has of a sphere besides its linear velocity.
 #[derive(Clone, Copy)]
 pub(super) struct Sphere {
     pub surface: DVec3,
@@ -49,7 +49,7 @@ pub(super) struct Sphere {
 
 /// A contact as one of its spheres has it, so that all that a moved sphere looks at lies side by side.
 #[derive(Clone, Copy, Default)]
-struct Beside {
+struct NodeContact {
     /// Towards this sphere.
     normal: DVec3,
     slot: u32,
@@ -71,7 +71,7 @@ struct Tally {
 
 /// Contacts and spheres of the pile in a cascade.
 #[derive(Default)]
-pub(super) struct Front {
+pub(super) struct ContactGraph {
     pub edges: Vec<Edge>,
     pub ends: Vec<[u32; 2]>,
     pub spheres: Vec<Sphere>,
@@ -80,20 +80,20 @@ pub(super) struct Front {
     /// Linear velocities of the spheres, of what rests, and of moving walls: little memory, since most looks end here.
     pub linear: Vec<DVec3>,
     tallies: Vec<Tally>,
-    /// Members before the cascade, where what was added is looked at on the way.
-    base: Vec<Member>,
+    /// Closed contacts before the cascade, where what was added is looked at on the way.
+    base: Vec<ClosedContact>,
     /// Contacts at each node, node after node, and where each node's begin.
-    at_node: Vec<Beside>,
+    at_node: Vec<NodeContact>,
     starts: Vec<u32>,
     /// Problem in which a node was last moved, 0: never.
     pub touched: Vec<u32>,
 }
 
-impl Front {
+impl ContactGraph {
     pub fn open(&mut self, velocity: &Velocities, bodies: &[Body], threads: usize) {
-        let members = &velocity.members;
-        shares::refill(threads, &mut self.edges, members.len(), |slot| {
-            let m = &members[slot];
+        let closed = &velocity.closed;
+        chunks::refill(threads, &mut self.edges, closed.len(), |slot| {
+            let m = &closed[slot];
             Edge {
                 a: m.a,
                 b: m.b,
@@ -104,14 +104,14 @@ impl Front {
             }
         });
         let edges = &self.edges;
-        shares::refill(threads, &mut self.ends, edges.len(), |slot| {
+        chunks::refill(threads, &mut self.ends, edges.len(), |slot| {
             [edges[slot].a, edges[slot].b]
         });
-        shares::refill(threads, &mut self.tallies, edges.len(), |_| {
+        chunks::refill(threads, &mut self.tallies, edges.len(), |_| {
             Tally::default()
         });
         self.base.clear();
-        shares::refill(threads, &mut self.spheres, bodies.len(), |i| {
+        chunks::refill(threads, &mut self.spheres, bodies.len(), |i| {
             let ([_, check], [_, jump]) = (velocity.check[i], velocity.jump[i]);
             let body = &bodies[i];
             Sphere {
@@ -120,13 +120,13 @@ impl Front {
                 inv_surface: body.radius * body.radius * body.inv_inertia,
             }
         });
-        shares::refill(threads, &mut self.shift, bodies.len(), |i| {
+        chunks::refill(threads, &mut self.shift, bodies.len(), |i| {
             let (check, [old, offset]) =
                 (&velocity.check[i], [&velocity.old[i], &velocity.offset[i]]);
             let [v, w] = [0, 1].map(|k| check[k] + offset[k] - old[k]);
             [v, bodies[i].radius * w]
         });
-        shares::refill(threads, &mut self.linear, bodies.len(), |i| {
+        chunks::refill(threads, &mut self.linear, bodies.len(), |i| {
             velocity.check[i][0] + velocity.jump[i][0]
         });
         self.linear.push(DVec3::ZERO);
@@ -149,12 +149,12 @@ impl Front {
         }
         self.at_node.clear();
         let entries = self.starts[nodes] as usize;
-        self.at_node.resize(entries, Beside::default());
+        self.at_node.resize(entries, NodeContact::default());
         let walls = self.linear.len() - nodes - 1;
         let mut add = |node: u32, slot: usize, other: u32, normal: DVec3| {
             let place = &mut self.starts[node as usize];
             let slot = slot as u32;
-            self.at_node[*place as usize] = Beside {
+            self.at_node[*place as usize] = NodeContact {
                 normal,
                 slot,
                 other,
@@ -224,7 +224,7 @@ impl Front {
     }
 
     /// Adds what problem `problem` gave a contact that was closing.
-    pub fn add(&mut self, slot: u32, problem: u32, given: &Given) {
+    pub fn add(&mut self, slot: u32, problem: u32, given: &ProblemImpulse) {
         if given.impulse == DVec3::ZERO {
             return;
         }
@@ -238,17 +238,17 @@ impl Front {
         t.scale = t.scale.min(given.scale);
     }
 
-    /// [`Front::hand_over`] with more to come: in the end the members have the same bits.
+    /// [`ContactGraph::hand_over`] with more to come: in the end the closed contacts have the same bits.
     pub fn show(&mut self, velocity: &mut Velocities, bodies: &[Body]) {
         if self.base.is_empty() {
-            self.base.clone_from(&velocity.members);
+            self.base.clone_from(&velocity.closed);
         }
         self.hand_over(velocity, bodies);
     }
 
-    /// Hands all that was added to the members, and the velocities to the jumps.
+    /// Hands all that was added to the closed contacts, and the velocities to the jumps.
     pub fn hand_over(&mut self, velocity: &mut Velocities, bodies: &[Body]) {
-        for (slot, (m, t)) in velocity.members.iter_mut().zip(&self.tallies).enumerate() {
+        for (slot, (m, t)) in velocity.closed.iter_mut().zip(&self.tallies).enumerate() {
             if t.problem != 0 {
                 if let Some(base) = self.base.get(slot) {
                     *m = *base;
@@ -311,7 +311,7 @@ impl Slots {
     }
 }
 
-impl Member {
+impl ClosedContact {
     /// Adds impulses of later problems, the first of them with its normal velocity before it.
     fn join(&mut self, impulse: DVec3, work: [f64; 2], first: (u32, f64), scale: f64) {
         self.impulse += impulse;
