@@ -10,9 +10,10 @@ use carom_geom::{sphere_plane, tangent_frame};
 use carom_solve::{team, Bounds};
 use glam::DVec3;
 
-/// In scenes of many contacts: gap over r_c up to which pairs join where others have come to overlap.
+/// In scenes of many contacts: gap over r_c (1) up to which pairs join where others have come to overlap. Too small: more rounds, each with a solve
+/// of the pile.
 const RELIST_MARGIN: f64 = 5e-2;
-/// Pairs that a thread looks at before it takes more.
+/// Pairs that a thread looks at before it takes more. Speed alone.
 const PAIRS: usize = 8_192;
 
 /// A list that reached its limit has lost pairs: nothing may be concluded from it.

@@ -9,7 +9,8 @@ use carom_solve::rows::NODE_DOF;
 use carom_solve::{Bounds, Status};
 use glam::DVec3;
 
-/// Candidate contacts have a gap below this share of r_c after the smooth step; others enter when they overlap.
+/// Gap over r_c after the smooth step (1) below which a pair is a candidate contact; others enter when they overlap. Too small: solves are
+/// repeated for pairs that join. Too large: islands grow together by contacts that never close, and take longer.
 pub const CANDIDATE_MARGIN: f64 = 1e-2;
 
 /// One candidate contact of a step.

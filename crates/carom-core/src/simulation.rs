@@ -21,9 +21,10 @@ use carom_solve::team;
 use glam::DVec3;
 use std::time::{Duration, Instant};
 
-/// Systems of this many spheres and more are timed and checked against the clock in every step.
+/// Fewest spheres of a system that is timed and checked against the clock in every step. More: a run of large steps overruns its time limit; fewer: the
+/// clock costs small systems speed.
 const LARGE: usize = 1000;
-/// Rows of the step table that one call makes room for in advance.
+/// Rows of the step table that one call makes room for in advance. Memory and speed alone.
 const ROWS: u64 = 8192;
 
 /// What is recorded while advancing.

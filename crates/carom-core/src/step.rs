@@ -22,7 +22,8 @@ use crate::{pile, travel};
 use carom_solve::team;
 use glam::DVec3;
 
-/// Rounds of listing new overlaps after the position solve.
+/// Most rounds of listing new overlaps after the position solve. Too few: the last ones stay in the step, and are counted. Too many: a jam in
+/// which pairs come and go holds up its step.
 pub(crate) const MAX_RELIST: u32 = 20;
 
 /// What is asked of one step.

@@ -11,9 +11,9 @@ use crate::state::State;
 use crate::wall::places::Walls;
 use glam::DVec3;
 
-/// Points looked at on the way to a wall: two per radius, up to so many.
+/// Most points looked at on the way to a wall, two per radius. Fewer: a ball that is faster than 500 radii a step may miss a thin wall; more cost time.
 const WAY_POINTS: f64 = 1e3;
-/// Overlap over the radius up to which a wall may be passed within a step.
+/// Overlap over the radius (1) up to which a wall may be passed within a step. At 0 a touch at a rim divides the step; too large, and balls cut corners.
 const GRAZE: f64 = 1e-2;
 
 /// Refuses the step if a sphere would travel its radius or more against a body on its way; names the worst pair. After the

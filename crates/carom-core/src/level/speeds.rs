@@ -5,10 +5,12 @@ use crate::options::Options;
 use crate::state::State;
 use crate::wall::WallTwist;
 
-/// Closing speeds below this share of the island's speed are rounding.
+/// Closing speeds below this share (1) of the island's speed are rounding. Too small: touching balls that fly together have impacts in every
+/// step, without end. Too large: slow impacts within a fast island keep no restitution.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// Contacts beyond which an island is a pile whose closing tolerance is its own.
+/// Most contacts of an island with the closing tolerance of small ones. Beyond it `pile_closing_tolerance` counts: with more, piles that settle
+/// solve impacts that go round and round; with fewer, slow impacts of small islands lose their restitution.
 pub(crate) const MANY: usize = 100;
 
 /// Speeds of an island that set its closing tolerance (rule R3).

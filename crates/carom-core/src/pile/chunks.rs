@@ -4,7 +4,7 @@
 use carom_solve::team;
 use std::ops::Range;
 
-/// Items of a chunk.
+/// Items of a chunk. The order of sums follows it, so another value changes results in their last bits; small ones cost a thread more in waiting.
 const SIZE: usize = 2_048;
 
 /// A part of an ascending list of places in a slice, with the part of the slice that they are in.

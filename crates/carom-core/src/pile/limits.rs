@@ -8,38 +8,49 @@ use carom_solve::rows::WORLD;
 use carom_solve::spheres::Progress;
 use glam::DVec3;
 
-/// Sweeps and contact updates that one solve may take: what is more of both.
+/// Sweeps that one solve may take (up to 16 times as many where [`LEAST_UPDATES`] are more). Too few: tall piles end unconverged, and steps are
+/// halved or counted as fallbacks. Too many: a step without solution takes minutes to say so.
 pub(super) const SWEEPS: usize = 4_000;
 
+/// Contact updates that one solve may take at least, for small piles, whose sweeps are cheap; wrong values show as for [`SWEEPS`].
 pub(super) const LEAST_UPDATES: usize = 2_000_000;
 
 /// Sweeps from which on the bound of the worst contact widens (`spheres::Goal::patience`; counted as a fallback), or after which a
-/// position problem is given up for smaller parts of the step.
+/// position problem is given up for smaller parts of the step. Too few: fallbacks and halved steps where sweeps would have ended. Too many:
+/// each jam costs as many sweeps before it is halved.
 pub(super) const PATIENCE: usize = 1_000;
 
-/// Islands of more contacts than this have no other solver: a step that fails is halved.
+/// Most contacts of an island that goes to Newton's method where sweeps fail; a step with a larger one is halved. More: one failure takes
+/// minutes. Fewer: jams of a few hundred contacts end at the last halving, and the run stops.
 pub(super) const NEWTON_CONTACTS: usize = 500;
 
-/// Tolerance of piles from which on every island without dense matrix is swept.
+/// `pile_tolerance` (1) from which on every island without dense matrix is swept. Smaller: sweeps, which converge linearly, crawl in islands that
+/// Newton's method solves faster. Larger: scenes of piles pay for factorisations of each small island.
 pub(super) const COARSE_TOLERANCE: f64 = 1e-5;
 
-/// Tolerance that scenes of piles are advised to set.
+/// `pile_tolerance` (1) that scenes of piles are advised to set, and up to which closing tolerances are not widened. Smaller: closing counts only
+/// above larger speeds, and slow impacts lose restitution. Larger: impacts go round and round on what the solver left.
 pub(super) const USUAL_TOLERANCE: f64 = 1e-4;
 
-/// Contacts of a large island.
+/// Fewest contacts of a large island, which is solved otherwise where it is hit. Fewer: wedges stay, and a tower of 28 balls gained energy. More:
+/// hit piles of tens of thousands of grains take up to twice the sweeps.
 pub(super) const LARGE_ISLAND: usize = 10_000;
 
-/// Contacts of a pile from which on its worst one may be worse.
+/// Contacts of a pile from which on its worst one may be worse ([`worst`]). Fewer: overlaps of small piles grow. More: the worst of very many
+/// contacts takes twice the sweeps.
 pub(super) const WORST_CONTACT_FROM: f64 = 2_500.0;
 
-/// Share of the closing tolerance that solvers may leave.
+/// Share (1) of the closing tolerance that solvers may leave. At 1 what a solve leaves closes again, and 8000 grains never came to rest
+/// (decision 016); near 0 each solve takes more sweeps.
 pub(super) const CLOSING_LEFT: f64 = 0.5;
 
-/// The levels keep to their own impulses of the last step as long as those of one are at most so many times those of the other, `nu` over h/2
-/// against the impulse of the loads. Where spheres are wedged a level alone may hold them by friction, for ever if it starts from there.
+/// The levels keep to their own impulses of the last step as long as those of one are at most so many times (1) those of the other, `nu` over h/2
+/// against the impulse of the loads. Where spheres are wedged a level alone may hold them by friction, for ever if it starts from there. Too
+/// large: one held a ball that the other let fall, and a tower of 28 balls gained 5e-3 of its energy in a step. Too small: more sweeps.
 pub(super) const LEVELS_APART: f64 = 3.0;
 
-/// Contacts from which on memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of so many.
+/// Fewest candidate contacts of a step whose memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of
+/// so many. Fewer: steps wait for the system's memory. More: a scene of millions of balls needs the memory of all phases at once.
 pub(super) const HUGE_ISLAND: usize = 1_000_000;
 
 /// Whether memory is given back in a step with these candidates.
@@ -123,6 +134,6 @@ pub(super) fn told(progress: &Progress, rounds: u32) -> carom_solve::SolveReport
     }
 }
 
-/// An impact problem gains energy if its work exceeds this share of the solver's tolerance, of the kinetic energy: an inexact
-/// solution does a little work.
+/// An impact problem gains energy if its work exceeds this share (1) of the solver's tolerance, of the kinetic energy: an inexact
+/// solution does a little work. Too small: piles lose restitution to residuals. Too large: jams gain as much energy in each step.
 pub(super) const GAIN_SHARE: f64 = 1e-2;

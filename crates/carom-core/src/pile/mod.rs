@@ -31,7 +31,7 @@ use crate::pile::limits::{fits, is_large, threads};
 pub use position::{overlap, solve_positions};
 pub use velocity::solve_velocities;
 
-/// Of overlaps that are measured twice.
+/// Relative difference (1) of an overlap that is measured twice. At 0 a rough round that met its bound is repeated for a rounding.
 const ROUNDING: f64 = 1e-6;
 
 /// Whether something overlaps deeper than it may after a round of [`crate::level::Demand::Rough`].

@@ -27,21 +27,26 @@ use carom_solve::spheres::{self, Goal};
 use carom_solve::team;
 use glam::DVec3;
 
-/// Sweeps between two linearisations at most: where spheres are wedged the linear problem may have no solution, and the way out is
-/// sideways. In islands of many contacts ([`WORST_CONTACT_FROM`]) of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000,
-/// and fewer in large ones that are hit.
+/// Most sweeps between two linearisations: where spheres are wedged the linear problem may have no solution, and the way out is
+/// sideways. Too many: sweeps are spent on it in vain. Too few: momentum is lost at each, and piles take more sweeps.
 const SWEEPS_PER_LINEARISATION: usize = 64;
+/// The same from [`WORST_CONTACT_FROM`] contacts on: of 24, 32, 48, 64 and 128 the one with the fewest sweeps in a falling pile of 64 000.
 const SWEEPS_OF_MANY: usize = 48;
+/// The same in large islands that are hit, where fewer are the faster ones. Speed alone.
 const SWEEPS_OF_HIT: usize = 32;
-/// Overlap over the radius that no pile's size excuses.
+/// Overlap over the radius (1) that no pile's size excuses. Larger: deep overlaps in piles of 20 000 contacts and more, which later steps push apart.
+/// Smaller: up to twice the sweeps there.
 const MOST_OVERLAP: f64 = 4.5e-4;
-/// Tolerance of a linear problem over that of the island: what it leaves and what the turning of the normals adds fit below it.
+/// Tolerance of a linear problem over that of the island (1): what it leaves and what the turning of the normals adds fit below it. At 1 each
+/// linearisation ends just above the tolerance, and one more follows; near 0 sweeps are wasted on normals that will turn.
 const LINEAR_SHARE: f64 = 0.8;
-/// In large islands that are hit: the same for the worst overlap, which linearising changes less there; by how much overlaps may
-/// be deeper in rough rounds, since the last ones take most of the sweeps, and pairs join anyway; and the largest momentum once the residual
-/// is met by half, since what is left are single contacts.
+/// The same for the worst overlap in large islands that are hit, which linearising changes less there.
 const CLOSING_SHARE: f64 = 0.95;
+/// How many times (1) deeper overlaps may be in rough rounds, since the last sweeps take most of the time and pairs join anyway. At 1 hit piles
+/// take twice the sweeps; too large, and the pairs that join are not those of the end.
 const ROUGH_OVERLAP: f64 = 3.0;
+/// Largest momentum of the sweeps (1) in large islands that are hit, once the residual is met by half: what is left are single contacts. At 1
+/// they swing about their solution; far smaller, and news travel slowly through the pile. Speed alone.
 const CALM_MOMENTUM: f64 = 0.8;
 
 /// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, or it moves

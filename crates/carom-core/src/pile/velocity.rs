@@ -21,7 +21,7 @@ use crate::workspace::IslandScratch;
 use carom_solve::team;
 use glam::DVec3;
 
-/// Chunks of contacts whose results are on their way.
+/// Chunks of contacts whose results are on their way. Memory alone: more, and what is found of millions of contacts is held twice.
 const CHUNKS_AT_A_TIME: usize = 64;
 
 /// Solves one island; writes the corrections W of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.

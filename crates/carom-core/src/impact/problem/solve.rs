@@ -15,7 +15,8 @@ use crate::workspace::{IslandScratch, SolveScratch};
 use carom_solve::rows::{Linear, RowContact, Subproblem, NODE_DOF};
 use carom_solve::NewtonOptions;
 
-/// Speed over r/h below which the multipliers of joints at rest are rounding.
+/// Speed over r/h (1) below which the multipliers of joints at rest are rounding. At 0 a ball that is held without gravity never counts as
+/// solved; too large, and slow impacts at joints end with a residual.
 const AT_REST: f64 = 1e-3;
 
 impl ImpactScratch {

@@ -6,7 +6,8 @@ use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal, Norms};
 use glam::DVec3;
 
-/// Sweeps at most. Islands of many contacts converge slowly: after this the other solvers are asked.
+/// Most sweeps of a cluster. Clusters of many contacts converge slowly: after this the sequence ends without restitution, and is counted. Too few:
+/// impacts turn plastic; too many: a cluster without solution holds up its step.
 const MOST_SWEEPS: usize = 3_000;
 
 /// A contact of the cluster.

@@ -26,18 +26,21 @@ use contact_graph::{ContactGraph, Slots};
 use glam::DVec3;
 use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-/// Contacts of the first problem for which another thread is worth while.
+/// Contacts of the first problem for which another thread is worth while. Speed alone: fewer, and threads wait for one another.
 const PER_THREAD: usize = 256;
-/// Batches for each thread: enough that the last ones end at about the same time.
+/// Batches for each thread. Speed alone: enough that the last ones end at about the same time.
 const BATCHES_PER_THREAD: usize = 4;
 
-/// A cascade does not die out where as many contacts as this close that closed before, and no fewer than this share of those when it was half as long, in the mean
-/// of so many problems. (In a pile that is being hit everywhere cascades go on and on. Contacts that close for the first time are a
-/// blow on its way through the pile: it ends at the other side.)
+/// A cascade does not die out where as many contacts as this, in the mean of [`MEAN_OF_PROBLEMS`], close that closed before. (Contacts that close for
+/// the first time are a blow on its way through the pile: it ends at the other side.) Too few: impacts that would have died out turn plastic.
+/// Too many: in piles that are hit everywhere a third of the step goes into sequences that are cut all the same.
 const LASTING_CONTACTS: usize = 500;
+/// And no fewer than this share (1) of those when it was half as long. Smaller: cascades that die out slowly turn plastic; larger: none is asked.
 const LASTING_SHARE: f64 = 0.95;
+/// Problems over which both are averaged: between layers of a lattice every other problem is the larger one, and one alone would mislead.
 const MEAN_OF_PROBLEMS: usize = 4;
-/// Part of `max_problems`, where it is given, from which on a cascade is asked whether it dies out.
+/// Part of `max_problems`, where it is given, from which on a cascade is asked whether it dies out: at 3 after a third of them. Larger: sequences are
+/// cut that would have ended; 1: those that go on are paid for in full.
 const EARLY_PART: u32 = 3;
 /// Contacts solved for each contact of the island from which on it is asked. Four times as many make 8000 falling grains take 1.5
 /// times as long; half as many cut sequences that would have ended.
