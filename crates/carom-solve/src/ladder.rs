@@ -36,8 +36,9 @@ pub const CLOSED_FORM: &str = "closed form";
 pub const SPHERES: &str = "sweeps of spheres";
 /// Multipliers that hold everything ([`crate::hold`]): where all was at rest and another way moves it, or finds nothing.
 pub const HELD: &str = "held at rest";
-/// Shares of the friction that are left, one after the other, where nothing else solves the smallest part of a step: spheres that wedge one
+/// Shares (1) of the friction that are left, one after the other, where nothing else solves the smallest part of a step: spheres that wedge one
 /// another may have no motion that obeys Coulomb's law (their forces would have to grow without bound), and have one with less of it.
+/// Without them such a step stops the run (exit code 3); with small ones alone jams come loose and slide.
 pub const LESS_FRICTION: [f64; 2] = [0.5, 0.1];
 
 /// Ways to solve an island of rows.

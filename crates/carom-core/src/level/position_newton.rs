@@ -35,7 +35,7 @@ pub(super) enum Way<'a> {
 }
 
 /// A solution.
-struct Found {
+struct PositionSolution {
     report: SolveReport,
     /// It was looked for as one that moves nothing.
     held: bool,
@@ -146,7 +146,7 @@ fn find(
     span: Span,
     report: &mut StepReport,
     way: Way,
-) -> Option<Found> {
+) -> Option<PositionSolution> {
     let IslandScratch {
         contacts,
         solve,
@@ -246,7 +246,7 @@ struct Problem<'a, 'p> {
 }
 
 impl Problem<'_, '_> {
-    fn solve(&mut self, way: Way, report: &mut StepReport) -> Option<Found> {
+    fn solve(&mut self, way: Way, report: &mut StepReport) -> Option<PositionSolution> {
         let (resting, accept) = match way {
             Way::Solve { resting, accept } => (resting, accept),
             Way::Hold(resting) => (Some(resting), false),
@@ -258,7 +258,7 @@ impl Problem<'_, '_> {
                 rest::as_before(self.state, contacts, members, self.system, self.span.h);
             (resting, nu, held || only)
         });
-        let held = |report| Found {
+        let held = |report| PositionSolution {
             report,
             held: true,
             rests: true,
@@ -307,7 +307,7 @@ impl Problem<'_, '_> {
                 result = less.unwrap_or(result);
             }
         }
-        Some(Found {
+        Some(PositionSolution {
             report: result,
             held: false,
             rests,
@@ -392,7 +392,7 @@ impl Problem<'_, '_> {
 }
 
 /// Writes a solution into the step.
-fn write(scratch: &mut IslandScratch, members: &[u32], found: &Found) {
+fn write(scratch: &mut IslandScratch, members: &[u32], found: &PositionSolution) {
     let solve = &*scratch.solve;
     for (node, &body) in solve.bodies.iter().enumerate() {
         let v = &solve.u[NODE_DOF * node..NODE_DOF * (node + 1)];
