@@ -1,5 +1,7 @@
 //! Matrix-free sweeps against Newton's method, closed forms and conservation laws.
 
+#[path = "spheres/coarse.rs"]
+mod coarse;
 mod common;
 #[path = "spheres/order.rs"]
 mod order;

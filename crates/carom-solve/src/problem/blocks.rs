@@ -126,6 +126,18 @@ impl BlockMatrix {
         }
     }
 
+    /// Row, column and place among the values of every entry, row by row.
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+        (0..self.len()).flat_map(move |i| {
+            let (row, dim) = self.shape(i);
+            let blocks = move |r| (self.ptr[i]..self.ptr[i + 1]).map(move |k| (r, k));
+            (0..dim).flat_map(blocks).flat_map(move |(r, k)| {
+                let (col, width) = self.shape(self.col[k] as usize);
+                (0..width).map(move |c| (row + r, col + c, self.start[k] + r * width + c))
+            })
+        })
+    }
+
     /// Largest entry of `W - W^T` over the largest of `W`.
     pub fn asymmetry(&self) -> f64 {
         let largest = self.values.iter().fold(0.0f64, |m, v| m.max(v.abs()));

@@ -68,93 +68,15 @@ impl Problem {
         dimension: usize,
         bounds: &[Bounds],
     ) -> Result<(Problem, RowMap), ProblemError> {
-        let n = q.len();
-        if ![2, 3, 5, 6].contains(&dimension) {
-            return refuse("dimension", format!("{dimension} is none of 2, 3, 5, 6"));
-        }
-        if bounds.len() * dimension != n {
-            let contacts = bounds.len();
-            return refuse(
-                "q",
-                format!("{n} rows for {contacts} contacts of {dimension} rows"),
-            );
-        }
-        let descends = ptr.windows(2).any(|w| w[1] < w[0]);
-        if ptr.len() != n + 1
-            || ptr[0] != 0
-            || descends
-            || ptr[n] != col.len() as i64
-            || col.len() != values.len()
-        {
-            return refuse("W", "its arrays are not those of compressed rows");
-        }
-        if let Some(k) = col.iter().position(|&c| c < 0 || c >= n as i64) {
-            return refuse(
-                "W",
-                format!("column {} of entry {k} is out of range", col[k]),
-            );
-        }
-        for (name, array) in [("W", values), ("q", q)] {
-            if let Some(k) = array.iter().position(|v| !v.is_finite()) {
-                return refuse(name, format!("{} as value {k} (from 0)", array[k]));
-            }
-        }
-        for (c, b) in bounds.iter().enumerate() {
-            for (name, v) in [("mu", b.sliding), ("mu_r", b.rolling), ("mu_s", b.spinning)] {
-                if !(v >= 0.0 && v.is_finite()) {
-                    return refuse(name, format!("{v} at contact {c} (from 0)"));
-                }
-            }
-        }
+        check(ptr, col, values, q, dimension, bounds)?;
         let flat = dimension == 2;
-        let mut groups = Vec::with_capacity(bounds.len());
-        let mut map = RowMap {
-            source: Vec::with_capacity(n),
-            rows: n,
-        };
-        // Place of each row of the data within its contact of the problem.
-        let mut place = vec![usize::MAX; n];
-        for (c, b) in bounds.iter().enumerate() {
-            let bounds = Bounds {
-                sliding: b.sliding,
-                rolling: if dimension > 3 { b.rolling } else { 0.0 },
-                spinning: if dimension > 5 { b.spinning } else { 0.0 },
-            };
-            let row = map.source.len();
-            let mut take = |r: usize| {
-                place[c * dimension + r] = map.source.len() - row;
-                map.source.push(c * dimension + r);
-            };
-            take(0);
-            if bounds.sliding > 0.0 {
-                take(1);
-                if !flat {
-                    take(2);
-                }
-            }
-            if bounds.rolling > 0.0 {
-                take(3);
-                take(4);
-            }
-            if bounds.spinning > 0.0 {
-                take(5);
-            }
-            if flat && bounds.sliding > 0.0 {
-                map.source.push(usize::MAX);
-            }
-            groups.push(RowGroup {
-                row,
-                dim: bounds.dim(),
-                bounds,
-                bilateral: false,
-            });
-        }
+        let (groups, map, place) = place_rows(q.len(), dimension, bounds);
         let mut problem = Problem {
             w: pattern_of(&groups, dimension, ptr, col),
             q: map.enter(q),
             groups,
         };
-        for row in 0..n {
+        for row in 0..q.len() {
             if place[row] == usize::MAX {
                 continue;
             }
@@ -217,38 +139,18 @@ impl Problem {
 impl RowSystem {
     /// Contacts that share a node with each contact, itself among them, ascending: pointers and columns.
     pub fn neighbours(&self) -> (Vec<usize>, Vec<u32>) {
-        let mut count = vec![0usize; self.nodes() + 1];
         let nodes = |c: &RowContact| {
-            [c.node_a, c.node_b]
-                .into_iter()
-                .enumerate()
-                .filter(|&(k, n)| n != WORLD && (k == 0 || n != c.node_a))
-                .map(|(_, n)| n as usize)
-                .collect::<Vec<_>>()
+            let both = [c.node_a, c.node_b].into_iter();
+            both.filter(|&n| n != WORLD).map(|n| n as usize)
         };
-        for c in &self.contacts {
-            for n in nodes(c) {
-                count[n + 1] += 1;
-            }
-        }
-        for n in 0..self.nodes() {
-            count[n + 1] += count[n];
-        }
-        let mut fill = count.clone();
-        let mut of_node = vec![0u32; count[self.nodes()]];
+        let mut of_node = vec![Vec::new(); self.nodes()];
         for (i, c) in self.contacts.iter().enumerate() {
-            for n in nodes(c) {
-                of_node[fill[n]] = i as u32;
-                fill[n] += 1;
-            }
+            nodes(c).for_each(|n| of_node[n].push(i as u32));
         }
-        let (mut ptr, mut col) = (vec![0], Vec::new());
-        let mut seen = Vec::new();
+        let (mut ptr, mut col, mut seen) = (vec![0], Vec::new(), Vec::new());
         for c in &self.contacts {
             seen.clear();
-            for n in nodes(c) {
-                seen.extend_from_slice(&of_node[count[n]..count[n + 1]]);
-            }
+            nodes(c).for_each(|n| seen.extend_from_slice(&of_node[n]));
             seen.sort_unstable();
             seen.dedup();
             col.extend_from_slice(&seen);
@@ -256,6 +158,98 @@ impl RowSystem {
         }
         (ptr, col)
     }
+}
+
+/// Refuses what is no problem.
+fn check(
+    ptr: &[i64],
+    col: &[i64],
+    values: &[f64],
+    q: &[f64],
+    dimension: usize,
+    bounds: &[Bounds],
+) -> Result<(), ProblemError> {
+    let n = q.len();
+    if ![2, 3, 5, 6].contains(&dimension) {
+        return refuse("dimension", format!("{dimension} is none of 2, 3, 5, 6"));
+    }
+    if bounds.len() * dimension != n {
+        let contacts = bounds.len();
+        return refuse(
+            "q",
+            format!("{n} rows for {contacts} contacts of {dimension} rows"),
+        );
+    }
+    let descends = ptr.windows(2).any(|w| w[1] < w[0]);
+    if ptr.len() != n + 1
+        || ptr[0] != 0
+        || descends
+        || ptr[n] != col.len() as i64
+        || col.len() != values.len()
+    {
+        return refuse("W", "its arrays are not those of compressed rows");
+    }
+    if let Some(k) = col.iter().position(|&c| c < 0 || c >= n as i64) {
+        return refuse(
+            "W",
+            format!("column {} of entry {k} is out of range", col[k]),
+        );
+    }
+    for (name, array) in [("W", values), ("q", q)] {
+        if let Some(k) = array.iter().position(|v| !v.is_finite()) {
+            return refuse(name, format!("{} as value {k} (from 0)", array[k]));
+        }
+    }
+    for (c, b) in bounds.iter().enumerate() {
+        for (name, v) in [("mu", b.sliding), ("mu_r", b.rolling), ("mu_s", b.spinning)] {
+            if !(v >= 0.0 && v.is_finite()) {
+                return refuse(name, format!("{v} at contact {c} (from 0)"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The contacts, where their rows come from, and the place of each row of the data within its contact.
+fn place_rows(
+    rows: usize,
+    dimension: usize,
+    bounds: &[Bounds],
+) -> (Vec<RowGroup>, RowMap, Vec<usize>) {
+    let mut groups = Vec::with_capacity(bounds.len());
+    let mut map = RowMap {
+        source: Vec::with_capacity(rows),
+        rows,
+    };
+    let mut place = vec![usize::MAX; rows];
+    for (c, b) in bounds.iter().enumerate() {
+        let bounds = Bounds {
+            sliding: b.sliding,
+            rolling: if dimension > 3 { b.rolling } else { 0.0 },
+            spinning: if dimension > 5 { b.spinning } else { 0.0 },
+        };
+        let row = map.source.len();
+        let discs = [
+            (bounds.sliding, 1..dimension.min(3)),
+            (bounds.rolling, 3..5),
+            (bounds.spinning, 5..6),
+        ];
+        let discs = discs.into_iter().filter(|(bound, _)| *bound > 0.0);
+        for r in std::iter::once(0).chain(discs.flat_map(|(_, rows)| rows)) {
+            place[c * dimension + r] = map.source.len() - row;
+            map.source.push(c * dimension + r);
+        }
+        if dimension == 2 && bounds.sliding > 0.0 {
+            map.source.push(usize::MAX);
+        }
+        groups.push(RowGroup {
+            row,
+            dim: bounds.dim(),
+            bounds,
+            bilateral: false,
+        });
+    }
+    (groups, map, place)
 }
 
 /// Blocks that hold an entry, those opposite to them, and the diagonal.

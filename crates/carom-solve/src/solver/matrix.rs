@@ -38,7 +38,8 @@ impl NewtonMatrix {
         } else {
             self.col_ptr.clear();
             self.col_ptr.resize(n + 1, 0);
-            self.each(problem, |_, col, _, this| this.col_ptr[col + 1] += 1);
+            w.entries()
+                .for_each(|(_, col, _)| self.col_ptr[col + 1] += 1);
             for c in 0..n {
                 self.col_ptr[c + 1] += self.col_ptr[c];
             }
@@ -46,40 +47,21 @@ impl NewtonMatrix {
             self.values.resize(self.col_ptr[n], 0.0);
         }
         let mut fill = self.col_ptr.clone();
-        self.each(problem, |row, col, value, this| {
-            let place = if this.is_dense() {
+        // Rows ascend within each column.
+        w.entries().for_each(|(row, col, value)| {
+            let place = if self.is_dense() {
                 row * n + col
             } else {
                 let at = fill[col];
                 fill[col] += 1;
-                this.row_idx[at] = row;
+                self.row_idx[at] = row;
                 at
             };
-            this.place[value] = place;
+            self.place[value] = place;
             if row == col {
-                this.diagonal[row] = place;
+                self.diagonal[row] = place;
             }
         });
-    }
-
-    /// Row, column and index of every value of W, rows ascending within each column.
-    fn each(
-        &mut self,
-        problem: &Problem,
-        mut f: impl FnMut(usize, usize, usize, &mut NewtonMatrix),
-    ) {
-        let w = &problem.w;
-        for i in 0..w.len() {
-            let (row, dim) = w.shape(i);
-            for r in 0..dim {
-                for k in w.ptr[i]..w.ptr[i + 1] {
-                    let (col, width) = w.shape(w.col[k] as usize);
-                    for c in 0..width {
-                        f(row + r, col + c, w.start[k] + r * width + c, self);
-                    }
-                }
-            }
-        }
     }
 
     pub fn assemble(&mut self, problem: &Problem, tangents: &[Block], penalty: &[f64], shift: f64) {

@@ -13,7 +13,7 @@
 
 use super::bodies::State;
 use super::carry::Along;
-use super::lanes::{Lanes, Work, GROUP};
+use super::lanes::{Lanes, Work};
 use super::momentum::Change;
 use super::pass::pass;
 use super::sweeps::Sweeps;
@@ -107,12 +107,7 @@ impl Sweeps {
                 return;
             };
             let block = &mut **lock(&blocks[index]);
-            let along = Along {
-                beta,
-                kept,
-                squared: [0.0; GROUP],
-                closing: [0.0; GROUP],
-            };
+            let along = Along::new(beta, kept);
             let left = &mut *lock(&chunks[block.left as usize]);
             let done = if block.left == block.right {
                 pass(*instructions, block, left.0, None, along)

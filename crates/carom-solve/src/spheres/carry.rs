@@ -61,6 +61,15 @@ pub struct Along {
 }
 
 impl Along {
+    pub fn new(beta: f64, kept: f64) -> Along {
+        Along {
+            beta,
+            kept,
+            squared: Default::default(),
+            closing: Default::default(),
+        }
+    }
+
     /// `beta (p + d)` of `p + d`.
     #[inline(always)]
     pub fn way<S: Lanes>(&self, s: S, way: V3<S>) -> V3<S> {
