@@ -162,7 +162,7 @@ pub fn tangent(bounds: &Bounds, xi: &[f64], block: &mut Block) {
 }
 
 #[inline]
-fn norm(v: &[f64]) -> f64 {
+pub(crate) fn norm(v: &[f64]) -> f64 {
     match v {
         [x] => x.abs(),
         [x, y] => (x * x + y * y).sqrt(),

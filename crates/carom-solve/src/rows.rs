@@ -148,17 +148,10 @@ impl RowSystem {
     ) {
         debug_assert_eq!(jac.len(), bounds.dim());
         let group = RowContact {
-            node_a,
-            node_b,
-            row: self.jac.len() as u32,
-            dim: jac.len() as u32,
             bounds,
-            bilateral: false,
             translational: if bounds.sliding > 0.0 { 3 } else { 1 },
-            length,
-            curvature: 0.0,
             normal,
-            flat: [0.0; 3],
+            ..self.next_group([node_a, node_b], jac.len(), length)
         };
         self.push_rows(group, jac, z0);
     }
@@ -174,19 +167,28 @@ impl RowSystem {
     ) {
         debug_assert!(jac.len() <= MAX_ROWS);
         let group = RowContact {
+            bilateral: true,
+            translational: translational as u32,
+            ..self.next_group([node_a, node_b], jac.len(), length)
+        };
+        self.push_rows(group, jac, z0);
+    }
+
+    /// Rows behind all others, of a frictionless contact.
+    fn next_group(&self, [node_a, node_b]: [u32; 2], dim: usize, length: f64) -> RowContact {
+        RowContact {
             node_a,
             node_b,
             row: self.jac.len() as u32,
-            dim: jac.len() as u32,
+            dim: dim as u32,
             bounds: Bounds::default(),
-            bilateral: true,
-            translational: translational as u32,
+            bilateral: false,
+            translational: 1,
             length,
             curvature: 0.0,
             normal: [0.0; 3],
             flat: [0.0; 3],
-        };
-        self.push_rows(group, jac, z0);
+        }
     }
 
     fn push_rows(&mut self, group: RowContact, jac: &[[[f64; NODE_DOF]; 2]], z0: &[f64]) {
@@ -303,24 +305,6 @@ impl RowSystem {
                 }
             }
         }
-    }
-
-    /// Dense `W = G M^-1 G^T`, row-major: for reports and stored problems, not for the hot path.
-    pub fn dense_delassus(&self) -> Vec<f64> {
-        let n = self.rows();
-        let mut w = vec![0.0; n * n];
-        for i in &self.contacts {
-            for j in &self.contacts {
-                let mut block = [[0.0; MAX_ROWS]; MAX_ROWS];
-                self.delassus_block(i, j, &mut block);
-                for r in 0..i.dim as usize {
-                    for s in 0..j.dim as usize {
-                        w[(i.row as usize + r) * n + j.row as usize + s] = block[r][s];
-                    }
-                }
-            }
-        }
-        w
     }
 }
 

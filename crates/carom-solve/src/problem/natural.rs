@@ -1,7 +1,7 @@
 //! The residual by which all solvers are judged: the natural map of the cone problem, computed outside of them.
 
 use super::{Problem, RowGroup};
-use crate::cone::MAX_ROWS;
+use crate::cone::{norm, MAX_ROWS};
 
 /// Nearest point of the cone `K = { r_N >= 0, |r_b| <= mu_b r_N }` to `x`, in place.
 ///
@@ -134,13 +134,4 @@ fn natural_map(problem: &Problem, r: &[f64], u: &[f64]) -> f64 {
         sum += f.iter().map(|f| f * f).sum::<f64>();
     }
     sum.sqrt()
-}
-
-#[inline]
-fn norm(v: &[f64]) -> f64 {
-    match v {
-        [x] => x.abs(),
-        [x, y] => (x * x + y * y).sqrt(),
-        _ => v.iter().map(|x| x * x).sum::<f64>().sqrt(),
-    }
 }

@@ -173,11 +173,6 @@ impl<'a> Judge<'a> {
     }
 
     #[inline]
-    pub fn tolerance(&self) -> f64 {
-        self.settings.tolerance
-    }
-
-    #[inline]
     pub fn threads(&self) -> usize {
         self.settings.threads
     }

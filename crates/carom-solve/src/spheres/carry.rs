@@ -1,54 +1,9 @@
-//! What a sweep does beside solving contacts: nothing, or a step further on the way that it came (`accelerate`).
+//! What a sweep does beside solving contacts: before, a step further on the way that it came (`accelerate`); after, it sums what it changed.
 
 use super::bodies::{ask, ContactLanes};
 use super::lanes::{Column, Lanes};
 use super::rolls::Rolls;
 use super::vectors::{add, dot, part, parts, put, scale, V3};
-
-/// See the module.
-pub trait Carry {
-    /// Impulses from which the lanes are solved.
-    fn step<S: Lanes>(&mut self, s: S, group: &mut ContactLanes, at: usize) -> V3<S>;
-    /// Asks memory for what it reads of a group beside what every sweep does.
-    fn fetch(group: &ContactLanes);
-    /// Looks at the change, and at the normal measures before it.
-    fn note<S: Lanes>(
-        &mut self,
-        s: S,
-        group: &mut ContactLanes,
-        at: usize,
-        change: V3<S>,
-        z_n: S::f64s,
-    );
-    /// Moments from which the lanes are solved.
-    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S>;
-    /// Looks at their change.
-    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>);
-}
-
-/// A plain sweep.
-pub struct Plain;
-
-impl Carry for Plain {
-    #[inline(always)]
-    fn fetch(_: &ContactLanes) {}
-
-    #[inline(always)]
-    fn step<S: Lanes>(&mut self, _s: S, group: &mut ContactLanes, at: usize) -> V3<S> {
-        parts::<S>(&group.impulse, at)
-    }
-
-    #[inline(always)]
-    fn note<S: Lanes>(&mut self, _: S, _: &mut ContactLanes, _: usize, _: V3<S>, _: S::f64s) {}
-
-    #[inline(always)]
-    fn step_moments<S: Lanes>(&mut self, _: S, rolls: &mut Rolls, at: usize) -> V3<S> {
-        parts::<S>(&rolls.moment, at)
-    }
-
-    #[inline(always)]
-    fn note_moments<S: Lanes>(&mut self, _: S, _: &mut Rolls, _: usize, _: V3<S>) {}
-}
 
 /// A sweep that first goes on the way it came: `p <- beta (p + d)`, `r <- r + p` with the change `d` of the last sweep.
 pub struct Along {
@@ -72,30 +27,31 @@ impl Along {
 
     /// `beta (p + d)` of `p + d`.
     #[inline(always)]
-    pub fn way<S: Lanes>(&self, s: S, way: V3<S>) -> V3<S> {
+    fn way<S: Lanes>(&self, s: S, way: V3<S>) -> V3<S> {
         let (beta, kept) = (s.splat_f64s(self.beta), s.splat_f64s(self.kept));
         scale(s, beta, scale(s, kept, way))
     }
-}
 
-impl Carry for Along {
+    /// Asks memory for what it reads of a group beside what the kernel does.
     #[inline(always)]
-    fn fetch(group: &ContactLanes) {
+    pub fn fetch(group: &ContactLanes) {
         ask(&group.weight);
         for column in &group.way {
             ask(column);
         }
     }
 
+    /// Impulses from which the lanes are solved.
     #[inline(always)]
-    fn step<S: Lanes>(&mut self, s: S, group: &mut ContactLanes, at: usize) -> V3<S> {
+    pub fn step<S: Lanes>(&mut self, s: S, group: &mut ContactLanes, at: usize) -> V3<S> {
         let p = self.way(s, parts::<S>(&group.way, at));
         put::<S>(&mut group.way, at, p);
         add(s, parts::<S>(&group.impulse, at), p)
     }
 
+    /// Looks at the change, and at the normal measures before it.
     #[inline(always)]
-    fn note<S: Lanes>(
+    pub fn note<S: Lanes>(
         &mut self,
         s: S,
         group: &mut ContactLanes,
@@ -114,15 +70,17 @@ impl Carry for Along {
         put::<S>(&mut group.way, at, way);
     }
 
+    /// Moments from which the lanes are solved.
     #[inline(always)]
-    fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S> {
+    pub fn step_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize) -> V3<S> {
         let p = self.way(s, parts::<S>(&rolls.way, at));
         put::<S>(&mut rolls.way, at, p);
         add(s, parts::<S>(&rolls.moment, at), p)
     }
 
+    /// Looks at their change.
     #[inline(always)]
-    fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>) {
+    pub fn note_moments<S: Lanes>(&mut self, s: S, rolls: &mut Rolls, at: usize, change: V3<S>) {
         let weighted = s.mul_f64s(dot(s, change, change), part::<S>(&rolls.weight, at));
         let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[at / S::F64_LANES];
         *squared = s.add_f64s(*squared, weighted);

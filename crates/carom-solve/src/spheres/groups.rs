@@ -115,11 +115,11 @@ impl Packing {
     }
 }
 
-/// What groups are made of: the contacts, the impulses to start from (none: 0), and where to enter the lanes of the contacts.
+/// What groups are made of: the contacts, the impulses to start from, and where to enter the lanes of the contacts.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
     pub contacts: &'a [Contact],
-    pub impulses: Option<&'a [[f64; 3]]>,
+    pub impulses: &'a [[f64; 3]],
     pub slots: &'a Slots,
 }
 
@@ -157,8 +157,7 @@ impl ContactBlock {
                 }
                 let (contact, swapped) = ((link.id & !SWAPPED) as usize, link.id & SWAPPED != 0);
                 group.set_contact(lane, &source.contacts[contact], swapped);
-                let impulse = source.impulses.map_or([0.0; 3], |all| all[contact]);
-                group.set_impulse(lane, impulse, swapped);
+                group.set_impulse(lane, source.impulses[contact], swapped);
                 source.slots.enter(contact, index, GROUP * number + lane);
             }
         }

@@ -14,7 +14,7 @@
 //! the same order on all instruction sets, so all give the same bits.
 
 use super::bodies::{Bodies, ContactLanes, Read};
-use super::carry::Carry;
+use super::carry::Along;
 use super::lanes::{Lanes, Work, GROUP};
 use super::vectors::{add, cross, dot, part, parts, put, scale, sub, V3};
 
@@ -84,9 +84,9 @@ pub fn project<S: Lanes>(
 /// New impulses of the lanes from `at`; returns their change `d` and `n x d`. Before, an accelerated sweep takes the step that its
 /// bodies have taken already.
 #[inline(always)]
-fn solve<S: Lanes, C: Carry>(
+fn solve<S: Lanes>(
     s: S,
-    carry: &mut C,
+    carry: &mut Along,
     bodies: [V3<S>; 2],
     group: &mut ContactLanes,
     at: usize,
@@ -139,7 +139,7 @@ fn scatter<S: Lanes>(
 #[inline(always)]
 pub fn sweep_group<S: Lanes>(
     simd: S,
-    carry: &mut impl Carry,
+    carry: &mut Along,
     bodies: &mut impl Bodies,
     group: &mut ContactLanes,
 ) {

@@ -1,7 +1,7 @@
 //! Sweeps over contacts that roll: what `kernel` does, and the moments of `rolling` after the forces of each group.
 
 use super::bodies::{Bodies, Both, ContactLanes, Read, State};
-use super::carry::Carry;
+use super::carry::Along;
 use super::groups::ContactBlock;
 use super::kernel::{gather, measures};
 use super::lanes::{vector, Lanes, GROUP};
@@ -72,9 +72,9 @@ fn positive<S: Lanes>(s: S, x: S::f64s) -> S::f64s {
 
 /// New moments of the lanes from `at` at the present normal impulses; returns their change.
 #[inline(always)]
-fn solve<S: Lanes, C: Carry>(
+fn solve<S: Lanes>(
     s: S,
-    carry: &mut C,
+    carry: &mut Along,
     bodies: &impl Read,
     group: &ContactLanes,
     rolls: &mut Rolls,
@@ -127,7 +127,7 @@ fn scatter<S: Lanes>(
 #[inline(always)]
 pub fn sweep_moments<S: Lanes>(
     s: S,
-    carry: &mut impl Carry,
+    carry: &mut Along,
     bodies: &mut impl Bodies,
     group: &ContactLanes,
     rolls: &mut Rolls,

@@ -1,7 +1,7 @@
 //! One pass over the groups of a block, and `u` of their impulses.
 
 use super::bodies::{Bodies, ContactLanes, One, State, Two};
-use super::carry::Carry;
+use super::carry::Along;
 use super::groups::ContactBlock;
 use super::kernel::{sweep_group, Push};
 use super::lanes::{Instructions, Lanes, Work};
@@ -18,24 +18,24 @@ const AHEAD: usize = 2;
 const FAR: usize = 8;
 
 /// The groups in order, the moments of each after its forces where something rolls.
-struct Pass<'a, B, C> {
+struct Pass<'a, B> {
     bodies: B,
     groups: &'a mut [ContactLanes],
     /// As many, or none.
     rolls: &'a mut [Rolls],
-    carry: C,
+    carry: Along,
 }
 
-impl<B: Bodies, C: Carry> Work for Pass<'_, B, C> {
-    type Output = C;
+impl<B: Bodies> Work for Pass<'_, B> {
+    type Output = Along;
 
     #[inline(always)]
-    fn run<S: Lanes>(mut self, simd: S) -> C {
+    fn run<S: Lanes>(mut self, simd: S) -> Along {
         if self.rolls.is_empty() {
             for k in 0..self.groups.len() {
                 if let Some(next) = self.groups.get(k + FAR) {
                     next.fetch();
-                    C::fetch(next);
+                    Along::fetch(next);
                 }
                 if let Some(next) = self.groups.get(k + AHEAD) {
                     self.bodies.fetch(next);
@@ -56,13 +56,13 @@ impl<B: Bodies, C: Carry> Work for Pass<'_, B, C> {
 }
 
 /// One pass over the groups of a block.
-pub(super) fn pass<C: Carry>(
+pub(super) fn pass(
     instructions: Instructions,
     block: &mut ContactBlock,
     left: &mut [State],
     right: Option<&mut [State]>,
-    carry: C,
-) -> C {
+    carry: Along,
+) -> Along {
     let ContactBlock { groups, rolls, .. } = block;
     match right {
         None => instructions.run(Pass {

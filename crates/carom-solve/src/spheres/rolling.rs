@@ -9,7 +9,7 @@ use crate::team;
 
 impl Sweeps {
     /// Adds rolling and spinning friction to the contacts of the problem, with the moments on the bodies `a` to start from, N m s.
-    /// `bodies` and `contacts` are those of [`Sweeps::renew`]; velocity corrections follow.
+    /// `bodies` and `contacts` are those of [`Sweeps::renew_from`]; velocity corrections follow.
     pub fn set_rolls(
         &mut self,
         bodies: &[Body],

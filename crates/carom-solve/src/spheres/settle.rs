@@ -20,6 +20,12 @@ const NEVER: Change = Change {
 };
 
 impl Sweeps {
+    /// Runs `count` sweeps without momentum.
+    pub fn sweep(&mut self, count: usize) {
+        self.restart();
+        self.accelerated(count, 0.0, NEVER);
+    }
+
     /// Where the present impulses stand after so many sweeps.
     pub fn judge(&mut self, goal: &Goal, sweeps: usize) -> Progress {
         let norms = match self.norms {

@@ -1,13 +1,12 @@
 //! The sweeps: a problem in the order in which it is swept, and what is asked of it.
 
 use super::bodies::{ContactLanes, State};
-use super::carry::Plain;
 use super::goal::Norms;
 use super::groups::{ContactBlock, Slots, Source};
 use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
-use super::pass::{self, pass};
+use super::pass::push;
 use super::problem::{self, Body, Contact, Place, SpheresError};
 use super::residual;
 use super::rolls::{filled, sign};
@@ -15,7 +14,7 @@ use crate::team::{self, lock};
 use std::sync::Mutex;
 
 /// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Sweeps {
     pub(super) layout: Layout,
     pub(super) states: Vec<State>,
@@ -43,39 +42,20 @@ impl Sweeps {
     ) -> Result<Self, SpheresError> {
         let mut sweeps = Self::empty();
         sweeps.threads = threads;
-        sweeps.renew(bodies, contacts, places)?;
+        sweeps.renew_from(bodies, contacts, places, &vec![[0.0; 3]; contacts.len()])?;
         Ok(sweeps)
     }
 
-    /// No bodies and no contacts: a place for [`Sweeps::renew`].
+    /// No bodies and no contacts: a place for [`Sweeps::renew_from`].
     pub fn empty() -> Self {
         Self {
-            layout: Layout::default(),
-            states: Vec::new(),
-            blocks: Vec::new(),
-            slots: Slots::default(),
-            desk: Desk::default(),
-            radius: Vec::new(),
-            pairs: 0,
-            norms: None,
-            memory: Memory::default(),
             threads: 1,
-            instructions: Instructions::default(),
+            ..Self::default()
         }
     }
 
-    /// [`Sweeps::new`] in the memory of this one, as for the next step of a simulation: new memory is a good part of the cost of
-    /// `new`. After an error the problem is empty.
-    pub fn renew(
-        &mut self,
-        bodies: &[Body],
-        contacts: &[Contact],
-        places: Option<&[Place]>,
-    ) -> Result<(), SpheresError> {
-        self.prepare(bodies, contacts, places, None)
-    }
-
-    /// [`Sweeps::renew`] and [`Sweeps::warm_start`] in one: what is started from is written as the groups are made.
+    /// A problem in the memory of this one, as for the next step of a simulation, started from impulses: new memory is a good part of
+    /// the cost of `new`. After an error the problem is empty.
     pub fn renew_from(
         &mut self,
         bodies: &[Body],
@@ -84,18 +64,6 @@ impl Sweeps {
         impulses: &[[f64; 3]],
     ) -> Result<(), SpheresError> {
         assert_eq!(impulses.len(), contacts.len(), "one impulse per contact");
-        self.prepare(bodies, contacts, places, Some(impulses))?;
-        self.push();
-        Ok(())
-    }
-
-    fn prepare(
-        &mut self,
-        bodies: &[Body],
-        contacts: &[Contact],
-        places: Option<&[Place]>,
-        impulses: Option<&[[f64; 3]]>,
-    ) -> Result<(), SpheresError> {
         // Empty until all is well.
         let mut blocks = std::mem::take(&mut self.blocks);
         let mut layout = std::mem::take(&mut self.layout);
@@ -126,6 +94,7 @@ impl Sweeps {
         (self.blocks, self.layout) = (blocks, layout);
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
+        self.push();
         Ok(())
     }
 
@@ -184,16 +153,7 @@ impl Sweeps {
         self.norms = None;
         let instructions = self.instructions;
         self.stages(1, |block, left, right| {
-            pass::push(instructions, block, left, right)
-        });
-    }
-
-    /// Runs `count` sweeps.
-    pub fn sweep(&mut self, count: usize) {
-        self.norms = None;
-        let instructions = self.instructions;
-        self.stages(count, |block, left, right| {
-            pass(instructions, block, left, right, Plain);
+            push(instructions, block, left, right)
         });
     }
 

@@ -353,3 +353,21 @@ pub fn heap(rng: &mut Rng, contacts: usize, planes: bool, curved: bool) -> Spher
     }
     spheres
 }
+
+/// Dense `W = G M^-1 G^T`, row-major.
+pub fn dense_delassus(system: &RowSystem) -> Vec<f64> {
+    let n = system.rows();
+    let mut w = vec![0.0; n * n];
+    for i in &system.contacts {
+        for j in &system.contacts {
+            let mut block = [[0.0; carom_solve::cone::MAX_ROWS]; carom_solve::cone::MAX_ROWS];
+            system.delassus_block(i, j, &mut block);
+            for r in 0..i.dim as usize {
+                for s in 0..j.dim as usize {
+                    w[(i.row as usize + r) * n + j.row as usize + s] = block[r][s];
+                }
+            }
+        }
+    }
+    w
+}

@@ -193,7 +193,8 @@ fn renewed_sweeps_are_new_ones() {
         let mut bad = other.contacts.clone();
         bad[1].friction = -1.0;
         let places = Some(&other.places[..]);
-        let refused = s.renew(&other.bodies, &bad, places);
+        let none = vec![[0.0; 3]; bad.len()];
+        let refused = s.renew_from(&other.bodies, &bad, places, &none);
         assert_eq!(refused, Err(SpheresError::Contact { contact: 1 }));
         s.sweep(1);
         assert_eq!(residual(&s), 0.0);
@@ -201,7 +202,7 @@ fn renewed_sweeps_are_new_ones() {
             (s.impulses().len(), s.velocities().len(), s.shape().stages),
             (0, 0, 0)
         );
-        s.renew(&other.bodies, &other.contacts, places)
+        s.renew_from(&other.bodies, &other.contacts, places, &none)
             .expect("a good problem");
         let mut new = sweeps(other, 1);
         s.sweep(4);

@@ -362,7 +362,8 @@ fn a_warm_start_has_the_moments_too() {
         .expect("good friction");
     assert_eq!(residual(&warm).to_bits(), residual(&fresh).to_bits());
     // The next problem in the same memory rolls no more.
-    warm.renew(&p.bodies, &p.contacts, Some(&p.places))
+    let none = vec![[0.0; 3]; p.contacts.len()];
+    warm.renew_from(&p.bodies, &p.contacts, Some(&p.places), &none)
         .expect("a good problem");
     assert!(warm.moments().concat().iter().all(|&m| m == 0.0));
 }
