@@ -40,10 +40,11 @@ impl Watch {
     }
 }
 
-/// Accelerations are no velocities, but the next step begins with them: their sum is a number if all of them are.
+/// Accelerations are no velocities, but the next step begins with them: the sum of the pseudo accelerations, which hold them, is a
+/// number if all of them are.
 #[inline]
 fn carried([linear, angular]: [&Prediction; 2]) -> DVec3 {
-    linear.acceleration + angular.acceleration + linear.pseudo + angular.pseudo
+    linear.pseudo + angular.pseudo
 }
 
 /// Fails at the first sphere whose motion has left the numbers in a step of `h`; `scratch.jump` holds the new velocities.

@@ -43,10 +43,17 @@ pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Resul
     } = scratch;
     let (pairs, margin) = (neighbours.pairs(), CANDIDATE_MARGIN);
     if pairs.len() <= PAIRS {
-        contacts.clear();
+        let mut count = 0;
         for &pair in pairs {
-            push_candidate(model, state, walls, position, pair, margin, contacts)?;
+            if let Some(near) = near(model, state, walls, position, pair, margin)? {
+                if count == contacts.len() {
+                    contacts.push(Contact::default());
+                }
+                begin(model, state, walls, &near, &mut contacts[count])?;
+                count += 1;
+            }
         }
+        contacts.truncate(count);
         return Ok(());
     }
     let found = for_each_share(model, pairs, |pairs, found| {
@@ -64,11 +71,8 @@ pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Resul
         rest = behind;
     }
     let made = team::map(model.options.threads as usize, shares, |(near, places)| {
-        for (near, place) in near.iter().zip(places) {
-            *place = new_contact(model, state, walls, near);
-            follow_law(model, state, walls, place)?;
-        }
-        Ok(())
+        let mut places = near.iter().zip(places);
+        places.try_for_each(|(near, place)| begin(model, state, walls, near, place))
     });
     made.into_iter().collect()
 }
@@ -101,10 +105,9 @@ pub(crate) fn push_candidate(
     let Some(near) = near(model, state, walls, position, pair, margin)? else {
         return Ok(false);
     };
-    contacts.push(new_contact(model, state, walls, &near));
-    if let Some(c) = contacts.last_mut() {
-        follow_law(model, state, walls, c)?;
-    }
+    let mut c = Contact::default();
+    begin(model, state, walls, &near, &mut c)?;
+    contacts.push(c);
     Ok(true)
 }
 
@@ -151,53 +154,44 @@ fn near(
     }
 }
 
-/// The contact of a near pair, with the frame of t_n.
+/// Makes `c` the contact of a near pair, with the frame of t_n and the bounds of its law. Contacts are large: each is written where
+/// it stays.
 #[inline(always)]
-fn new_contact(model: &Model, state: &State, walls: &Walls, near: &NearPair) -> Contact {
-    let (a, b) = near.pair;
+fn begin(
+    model: &Model,
+    state: &State,
+    walls: &Walls,
+    near: &NearPair,
+    c: &mut Contact,
+) -> Result<(), Failure> {
+    let ((a, b), law) = (near.pair, &model.laws[near.law as usize]);
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let (ra, x) = (model.radius[i], state.position[i]);
-    let (start, (t1, t2), length);
+    *c = Contact::default();
+    (c.a, c.b, c.law, c.bounds) = (a, b, near.law, law.bounds);
+    (c.gap_check, c.gap) = (near.gap, near.gap);
+    let start;
     if j >= n {
         let wall = &model.walls[j - n];
-        length = ra;
+        c.length = ra;
         match wall.fixed_plane() {
             Some((point, normal)) => {
                 start = sphere_plane(x, ra, point, normal);
-                (t1, t2) = (wall.tangent1, wall.tangent2);
+                (c.t1, c.t2) = (wall.tangent1, wall.tangent2);
             }
             None => {
                 start = walls.meet_at_start(model, a, b, x);
-                (t1, t2) = tangent_frame(start.normal);
+                (c.t1, c.t2) = tangent_frame(start.normal);
             }
         }
     } else {
         let rb = model.radius[j];
-        length = ra.min(rb);
+        c.length = ra.min(rb);
         start = model.periodic.sphere_sphere(x, ra, state.position[j], rb);
-        (t1, t2) = tangent_frame(start.normal);
+        (c.t1, c.t2) = tangent_frame(start.normal);
     }
-    Contact {
-        a,
-        b,
-        law: near.law,
-        bounds: model.laws[near.law as usize].bounds,
-        n0: start.normal,
-        t1,
-        t2,
-        n1: start.normal,
-        gap_start: start.gap,
-        gap_check: near.gap,
-        gap: near.gap,
-        length,
-        ..Contact::default()
-    }
-}
-
-/// Gives a contact the bounds of its friction law, if it has one.
-#[inline]
-fn follow_law(model: &Model, state: &State, walls: &Walls, c: &mut Contact) -> Result<(), Failure> {
-    if c.law(model).friction_law.is_some() {
+    (c.n0, c.n1, c.gap_start) = (start.normal, start.normal, start.gap);
+    if law.friction_law.is_some() {
         c.bounds = bounds_at_start(model, state, walls, c)?;
     }
     Ok(())
@@ -320,8 +314,8 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
         None => DVec3::ZERO,
     };
     let joined = |near: &NearPair| {
-        let mut c = new_contact(model, state, walls, near);
-        follow_law(model, state, walls, &mut c)?;
+        let mut c = Contact::default();
+        begin(model, state, walls, near, &mut c)?;
         c.gap_check = proximity(model, walls, &c, smooth(c.a), smooth(c.b)).gap;
         Ok(c)
     };

@@ -103,6 +103,9 @@ fn end_motion(
         &'a mut [Prediction],
         &'a mut [[DVec3; 2]],
     );
+    // Of one length, which is checked here and not for every sphere.
+    let (mass, inertia, present) = (&model.mass[..n], &model.inertia[..n], &state.present[..n]);
+    let (from, to) = (&state.position[..n], &position[..n]);
     let end = |first: usize, (linear, angular, jump): Slices| {
         let mut sums = Sums::default();
         for (k, i) in (first..first + linear.len()).enumerate() {
@@ -110,14 +113,13 @@ fn end_motion(
             let v = linear.velocity + jump[k][0];
             let w = angular.velocity + jump[k][1];
             let (v2, w2) = (v.length_squared(), w.length_squared());
-            sums.kinetic += 0.5 * (model.mass[i] * v2 + model.inertia[i] * w2);
-            if state.present[i] {
-                sums.potential += weight_potential(model, i, position[i]);
+            sums.kinetic += 0.5 * (mass[i] * v2 + inertia[i] * w2);
+            if present[i] {
+                sums.potential += weight_potential(model, i, to[i]);
             }
             linear.pseudo = coefficients.finish(linear);
             angular.pseudo = coefficients.finish(angular);
-            let way = position[i] - state.position[i];
-            sums.watch.look(v2 + w2, way, [linear, angular]);
+            sums.watch.look(v2 + w2, to[i] - from[i], [linear, angular]);
             jump[k] = [v, w];
         }
         sums
@@ -136,13 +138,19 @@ fn write(model: &Model, state: &mut State, scratch: &Scratch) {
     let accelerations = (&mut state.pseudo[..n], &mut state.acceleration[..n]);
     type Two<'a, A, B> = (&'a mut [A], &'a mut [B]);
     type Moved<'a> = (&'a mut [DVec3], &'a mut [DQuat], Two<'a, DVec3, DVec3>);
+    let (linear, angular) = (&scratch.linear[..n], &scratch.angular[..n]);
+    let (position, shift, jump) = (
+        &scratch.position[..n],
+        &scratch.shift[..n],
+        &scratch.jump[..n],
+    );
     let each = |first: usize, (to, then): (Moved, Two<[DVec3; 2], [DVec3; 2]>)| {
         let ((x, q, (v, w)), (pseudo, acceleration)) = (to, then);
         for (k, i) in (first..first + x.len()).enumerate() {
-            let (linear, angular) = (&scratch.linear[i], &scratch.angular[i]);
-            [v[k], w[k]] = scratch.jump[i];
-            x[k] = scratch.position[i];
-            q[k] = rotation::advance(angular.displacement + scratch.shift[i][1], q[k]);
+            let (linear, angular) = (&linear[i], &angular[i]);
+            [v[k], w[k]] = jump[i];
+            x[k] = position[i];
+            q[k] = rotation::advance(angular.displacement + shift[i][1], q[k]);
             pseudo[k] = [linear.pseudo, angular.pseudo];
             acceleration[k] = [linear.acceleration, angular.acceleration];
         }

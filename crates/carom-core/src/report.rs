@@ -121,6 +121,7 @@ impl StepReport {
         }
     }
 
+    #[inline(always)]
     pub(crate) fn add_position(&mut self, r: &SolveReport) {
         self.iterations_position = self.iterations_position.max(r.iterations);
         self.line_search_position = self.line_search_position.max(r.line_search);
@@ -128,6 +129,7 @@ impl StepReport {
         self.fallbacks += u32::from(r.fallback);
     }
 
+    #[inline(always)]
     pub(crate) fn add_velocity(&mut self, r: &SolveReport) {
         self.iterations_velocity = self.iterations_velocity.max(r.iterations);
         self.line_search_velocity = self.line_search_velocity.max(r.line_search);

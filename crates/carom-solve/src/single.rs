@@ -61,7 +61,7 @@ impl SingleContact {
     }
 
     /// The exact solution.
-    #[inline]
+    #[inline(always)]
     pub fn solve(&self) -> SingleSolution {
         let mut out = SingleSolution::default();
         if self.z_normal >= 0.0 {

@@ -104,6 +104,7 @@ pub(crate) fn position_floor(options: &Options, contacts: usize) -> f64 {
 }
 
 /// Whether a lone contact goes to the closed form.
+#[inline(always)]
 pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
     let bounds = contact.bounds;
     let i = contact.a as usize;

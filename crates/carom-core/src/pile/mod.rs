@@ -36,6 +36,9 @@ const ROUNDING: f64 = 1e-6;
 
 /// Whether something overlaps deeper than it may after a round of [`crate::level::Demand::Rough`].
 pub fn is_left_rough(model: &Model, contacts: &[Contact], islands: &Islands) -> bool {
+    if !is_large(contacts.len()) {
+        return false;
+    }
     let o = &model.options;
     let tolerance = o.tolerance.max(o.pile_tolerance);
     let mut all = (0..islands.len()).map(|k| islands.island(k));
