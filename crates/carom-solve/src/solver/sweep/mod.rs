@@ -16,7 +16,7 @@ use crate::problem::Problem;
 use crate::spheres::Instructions;
 use crate::team::{self, lock};
 use chunk::{Chunk, ChunkPass};
-use order::Order;
+pub use order::Order;
 use std::sync::atomic::AtomicU64;
 use std::sync::Mutex;
 
@@ -57,7 +57,8 @@ impl ConeSweeps {
         ConeSweeps::ordered(problem, threads, &order)
     }
 
-    fn ordered(problem: &Problem, threads: usize, order: &Order) -> ConeSweeps {
+    /// In an order of the caller's.
+    pub fn ordered(problem: &Problem, threads: usize, order: &Order) -> ConeSweeps {
         // Room for numbering, one for each thread that packs.
         let rooms: Mutex<Vec<Vec<u32>>> = Mutex::default();
         let lists: Vec<&[u32]> = order
