@@ -130,6 +130,7 @@ pub(super) fn told(progress: &Progress, rounds: u32) -> carom_solve::SolveReport
         converged: progress.converged,
         iterations: rounds,
         residual: progress.residual,
+        rung: carom_solve::ladder::SPHERES,
         ..Default::default()
     }
 }

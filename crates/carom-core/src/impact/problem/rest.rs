@@ -6,6 +6,7 @@ use crate::level::rest;
 use crate::model::Model;
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
+use carom_solve::ladder::{Attempt, HELD};
 use carom_solve::rows::{Linear, RowContact};
 
 impl ImpactScratch {
@@ -61,10 +62,15 @@ impl ImpactScratch {
         }
         let before = (self.lambda.clone(), self.u.clone(), self.last);
         let history = std::mem::take(&mut scratch.solve.newton.history);
+        let mut attempts = std::mem::take(&mut scratch.solve.newton.attempts);
         let mut own = *report;
-        if self.solve_built(model, scratch, 0, Some(&start), &mut own)
-            && !self.moves(scratch, bound)
-        {
+        let solved = self.solve_built(model, scratch, 0, Some(&start), &mut own);
+        attempts.push(Attempt {
+            rung: HELD,
+            ..self.last.attempt()
+        });
+        scratch.solve.newton.attempts = attempts;
+        if solved && !self.moves(scratch, bound) {
             *report = own;
             return true;
         }
