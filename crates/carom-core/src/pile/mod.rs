@@ -12,6 +12,7 @@ mod energy_gain;
 pub mod limits;
 pub mod memory;
 mod position;
+mod position_measures;
 mod problem_data;
 mod problem_nodes;
 mod record;

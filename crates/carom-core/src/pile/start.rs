@@ -1,12 +1,13 @@
-//! What the velocity problems of a pile start from.
+//! What the problems of a pile start from.
 
 use super::warm::Cursor;
 use super::{chunks, record};
 use crate::contact::Contact;
+use crate::model::Model;
 use crate::pile::limits::{is_beyond, is_large};
 use crate::pile::memory::Pile;
-use crate::state::State;
-use crate::stepper::Span;
+use crate::state::{State, Warm};
+use crate::stepper::{Prediction, Span};
 use glam::DVec3;
 
 /// Fewest contacts of an island whose impacts need so many layers that the impulses of the positions tell more of them than nothing does. Too
@@ -18,6 +19,67 @@ fn has_waves(contacts: usize) -> bool {
 }
 
 impl Pile {
+    /// The position level: from the multipliers of the last step, or from those that this step has found where pairs have joined. Whether the
+    /// pile is large and either is hit everywhere or has been solved before in this step.
+    pub(super) fn start_positions(
+        &mut self,
+        model: &Model,
+        state: &State,
+        (contacts, members): (&[Contact], &[u32]),
+        linear: &[Prediction],
+        span: Span,
+        rolls: bool,
+    ) -> bool {
+        let threads = self.sweeps.threads;
+        let ratio = (span.h / state.warm_step).powi(2);
+        // Solved before in this step, but for contacts that have joined: only these are new.
+        let again = chunks::any(threads, members.len(), |k| {
+            contacts[members[k] as usize].nu[0] > 0.0
+        });
+        let large = is_large(members.len());
+        let of_load = 0.5 * span.h * span.h / state.warm_step;
+        let beyond = |w: &Warm| is_beyond(ratio * w.position, of_load * w.impulse);
+        // Of a pile that is being hit everywhere it is the impact that the positions hold, not a wedge.
+        let hit = large
+            && !again
+            && chunks::mostly(&chunks::map(threads, members.len(), |range| {
+                let mut cursor = Cursor::new(&state.warm);
+                let key = |m: &u32| (contacts[*m as usize].a, contacts[*m as usize].b);
+                let known = members[range].iter().filter_map(|m| cursor.find(key(m)));
+                known.fold([0, 0], |n, w| [n[0] + usize::from(beyond(w)), n[1] + 1])
+            }));
+        let begin = |cursor: &mut Cursor, m: u32| {
+            let c = &contacts[m as usize];
+            if again {
+                return record::position(c, c.n1);
+            }
+            let warm = cursor.find((c.a, c.b));
+            warm.map_or([DVec3::ZERO; 2], |w| {
+                if !hit && beyond(w) {
+                    [of_load * w.impulse, of_load * w.moment]
+                } else {
+                    [ratio * w.position, ratio * w.position_moment]
+                }
+            })
+        };
+        chunks::refill_parts(threads, &mut self.start, members.len(), |first, part| {
+            let mut cursor = Cursor::new(&state.warm);
+            for (start, &m) in part.iter_mut().zip(&members[first..]) {
+                *start = begin(&mut cursor, m)[0].to_array();
+            }
+        });
+        self.start_moments.clear();
+        if rolls {
+            let mut cursor = Cursor::new(&state.warm);
+            let moments = members.iter().map(|&m| begin(&mut cursor, m)[1]);
+            self.start_moments.extend(moments.map(|m| m.to_array()));
+        }
+        if !again {
+            self.start_sound(|i| model.mass[i] * linear[i].displacement.length());
+        }
+        large && (hit || again)
+    }
+
     /// The loads of the step on the chosen contacts: from those of the last one.
     pub(super) fn start_loads(&mut self, state: &State, contacts: &[Contact], span: Span) {
         let ratio = span.h / state.warm_step;
