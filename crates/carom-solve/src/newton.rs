@@ -131,7 +131,7 @@ impl Augmented {
     }
 
     /// All that follows from `r` and the measures.
-    #[inline]
+    #[inline(always)] // a step of few balls has no time for a call and copies of groups
     pub fn project(&mut self, groups: impl Iterator<Item = RowGroup>, r: &[f64]) {
         for (status, group) in self.statuses.iter_mut().zip(groups) {
             let rows = group.rows();
@@ -151,7 +151,7 @@ impl Augmented {
     }
 
     /// `d phi / d xi` of every contact.
-    #[inline]
+    #[inline(always)]
     pub fn differentiate(&mut self, groups: impl Iterator<Item = RowGroup>) {
         for (block, group) in self.tangents.iter_mut().zip(groups) {
             if group.bilateral {
