@@ -16,6 +16,11 @@ pub enum Law {
 }
 
 impl Law {
+    /// Whether restitution acts, and the energy safeguard looks at it. (As printed there is none.)
+    pub fn has_restitution(self) -> bool {
+        matches!(self, Law::First | Law::Later)
+    }
+
     /// Of a contact with `[e_N, e_T]` that approaches by `approach` (m/s, negative: it closes): what is added to the normal
     /// measure, and the factor of the slip of `V_minus` that is added to the tangential ones. Closing counts from `tol` on;
     /// `scale` is that of the energy safeguard.

@@ -25,7 +25,7 @@ impl ImpactScratch {
         joints.map_or(self.full.rows(), |c| c.row as usize)
     }
 
-    /// Collects the island: rows with the normal of n+1, velocities per node, speeds and the closing tolerance.
+    /// Collects the island: rows with the normal of n+1, and its motion.
     pub fn begin(
         &mut self,
         model: &Model,
@@ -81,6 +81,13 @@ impl ImpactScratch {
         }
         self.span = span;
         self.begin_coupling(model, state, scratch, island);
+        self.begin_motion(model, state, scratch);
+        self.forget_problems();
+        self.accept_unconverged = accept_unconverged;
+    }
+
+    /// Velocities per node, speeds and the closing tolerance.
+    fn begin_motion(&mut self, model: &Model, state: &State, scratch: &IslandScratch) {
         let IslandScratch {
             solve,
             linear,
@@ -100,31 +107,34 @@ impl ImpactScratch {
                 .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
             self.speeds.add(model, state, linear[i].velocity, i);
         }
-        self.tol = self.speeds.closing_tolerance(&model.options, members.len());
-        let dofs = self.v_check.len();
+        let contacts = self.members.len();
+        self.tol = self.speeds.closing_tolerance(&model.options, contacts);
+    }
+
+    /// No problem was solved yet.
+    fn forget_problems(&mut self) {
+        let (dofs, contacts) = (self.v_check.len(), self.members.len());
         for v in [
             &mut self.jump,
             &mut self.fixed,
             &mut self.offset,
             &mut self.settled,
             &mut self.load_impulse,
+            &mut self.velocity,
+            &mut self.force,
+            &mut self.u,
         ] {
-            v.clear();
-            v.resize(dofs, 0.0);
-        }
-        for v in [&mut self.velocity, &mut self.force, &mut self.u] {
             v.clear();
             v.resize(dofs, 0.0);
         }
         self.impulse.clear();
         self.impulse.resize(self.full.rows(), 0.0);
         self.work.clear();
-        self.work.resize(members.len(), [0.0; 4]);
+        self.work.resize(contacts, [0.0; 4]);
         self.status.clear();
-        self.status.resize(members.len(), Status::Gap);
+        self.status.resize(contacts, Status::Gap);
         self.problems = 0;
         self.table.begin(true);
-        self.accept_unconverged = accept_unconverged;
     }
 
     /// Measure of a row of `full` at the velocities `v` of t_n (0) or t_{n+1} (1): against the wall, where that moves.

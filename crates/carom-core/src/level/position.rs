@@ -41,33 +41,8 @@ pub fn solve_island(
         return true;
     }
     if let ([m], true) = (island.contacts, island.is_free()) {
-        let m = *m;
-        // By reference: a contact is hundreds of bytes, and this is the whole of a rolling ball's step.
-        let c = &scratch.contacts[m as usize];
-        if closed_form(model, c) {
-            let i = c.a as usize;
-            let (linear, angular) = (
-                scratch.linear[i].displacement,
-                scratch.angular[i].displacement,
-            );
-            let mut z = single::motion(c, model.radius[i], linear, angular);
-            if scratch.walls.any_moves() {
-                let (from, to) = (state.position[i], scratch.position[i]);
-                if let Some([way, turn]) = scratch.walls.displacement(model, c, from, to) {
-                    z.subtract(&single::driven(c, way, way, turn));
-                }
-            }
-            z.normal = c.gap_check;
-            let s = single::problem(model, c, &z).solve();
-            let nu = single::pack(c, &s);
-            let shift = single::correction(model, c, &s);
-            scratch.corrections.set(c.a, shift);
-            scratch.contacts[m as usize].nu = nu;
-            report.add_position(&SolveReport::CLOSED_FORM);
-            if scratch.keeper.wants(1) {
-                let at = (Level::Position, 0);
-                single::keep(model, scratch, m, at, &z, nu, [linear, angular], shift);
-            }
+        if closed_form(model, &scratch.contacts[*m as usize]) {
+            solve_single(model, state, scratch, *m, report);
             return true;
         }
     }
@@ -117,4 +92,38 @@ pub fn solve_island(
         accept: demand == Demand::Accepted,
     };
     position_newton::solve(model, state, scratch, island, span, report, way)
+}
+
+/// A lone contact of a sphere with a plane, in closed form.
+#[inline(always)]
+fn solve_single(
+    model: &Model,
+    state: &State,
+    scratch: &mut IslandScratch,
+    m: u32,
+    report: &mut StepReport,
+) {
+    // By reference: a contact is hundreds of bytes, and this is the whole of a rolling ball's step.
+    let c = &scratch.contacts[m as usize];
+    let i = c.a as usize;
+    let linear = scratch.linear[i].displacement;
+    let angular = scratch.angular[i].displacement;
+    let mut z = single::motion(c, model.radius[i], linear, angular);
+    if scratch.walls.any_moves() {
+        let (from, to) = (state.position[i], scratch.position[i]);
+        if let Some([way, turn]) = scratch.walls.displacement(model, c, from, to) {
+            z.subtract(&single::driven(c, way, way, turn));
+        }
+    }
+    z.normal = c.gap_check;
+    let s = single::problem(model, c, &z).solve();
+    let nu = single::pack(c, &s);
+    let shift = single::correction(model, c, &s);
+    scratch.corrections.set(c.a, shift);
+    scratch.contacts[m as usize].nu = nu;
+    report.add_position(&SolveReport::CLOSED_FORM);
+    if scratch.keeper.wants(1) {
+        let at = (Level::Position, 0);
+        single::keep(model, scratch, m, at, &z, nu, [linear, angular], shift);
+    }
 }

@@ -110,16 +110,19 @@ impl Pile {
         memory.table.begin(model.every_impact);
         let mut speeds = Speeds::default();
         memory.driven.clear();
+        let twists = |c: &Contact| {
+            let from = state.position[c.a as usize];
+            let to = position[c.a as usize];
+            Some([
+                walls.start_twist(model, c, from)?,
+                walls.end_twist(model, c, to)?,
+            ])
+        };
         let mut places = Vec::new();
         if walls.any_moves() {
             places.extend(list.iter().map(|&index| {
                 let c = &contacts[index as usize];
-                let i = c.a as usize;
-                let ends = (
-                    walls.start_twist(model, c, state.position[i]),
-                    walls.end_twist(model, c, position[i]),
-                );
-                let (Some(old), Some(new)) = ends else {
+                let Some([old, new]) = twists(c) else {
                     return FIXED;
                 };
                 speeds.add_wall(&old, &new);
@@ -150,12 +153,7 @@ impl Pile {
         if any_rolls(model, contacts, list) {
             memory.turning.extend(list.iter().map(|&index| {
                 let c = &contacts[index as usize];
-                let i = c.a as usize;
-                let ends = [
-                    walls.start_twist(model, c, state.position[i]),
-                    walls.end_twist(model, c, position[i]),
-                ];
-                Turning::new(c, ends.map(|wall| wall.map_or(DVec3::ZERO, |t| t.spin)))
+                Turning::new(c, twists(c).map_or([DVec3::ZERO; 2], |t| t.map(|t| t.spin)))
             }));
         }
         let (spheres, nodes) = (&self.spheres, self.spheres.len());
@@ -182,9 +180,14 @@ impl Pile {
         for own in parts {
             speeds.join(&own);
         }
-        let o = &model.options;
         memory.terms = 0.0;
-        memory.tol = coarser(o, list.len()) * speeds.closing_tolerance(o, list.len());
+        self.set_tolerances(model, list.len(), &speeds, span);
+    }
+
+    /// What counts as closing, and the floor of residuals, by the speeds of the island.
+    fn set_tolerances(&mut self, model: &Model, contacts: usize, speeds: &Speeds, span: Span) {
+        let o = &model.options;
+        self.velocity.tol = coarser(o, contacts) * speeds.closing_tolerance(o, contacts);
         let share = o.touching_tolerance / span.h;
         let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
         let mass = self.mean(|i| model.mass[i]);

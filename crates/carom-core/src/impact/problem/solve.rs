@@ -32,26 +32,50 @@ impl ImpactScratch {
         report: &mut StepReport,
     ) -> bool {
         self.problems += 1;
-        self.set_minus(law);
-        self.fixed.clone_from(&self.jump);
-        for (v, (c, j)) in self
-            .velocity
-            .iter_mut()
-            .zip(self.v_check.iter().zip(&self.fixed))
-        {
-            *v = c + j;
-        }
+        self.set_velocities(law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
         self.build(model, scratch.contacts, law);
-        let newton = matches!(law, Law::First | Law::Later);
-        let scaled = newton && model.options.energy_safeguard;
+        let failed_before = scratch.keeper.failed.take();
+        if !self.solve_stated(model, scratch, law, problem, warm, report) {
+            return false;
+        }
+        // What was given up cannot be scaled further.
+        let scaled = law.has_restitution() && model.options.energy_safeguard;
+        if scaled && self.scale.iter().any(|&s| s > 0.0) {
+            let fine = self.safeguard(model, scratch, law, problem, report);
+            if !fine {
+                return false;
+            }
+        }
+        if self.last.converged {
+            // What was tried on the way, with more restitution, is no failure.
+            scratch.keeper.failed = failed_before;
+        }
+        if scratch.keeper.wants(self.last.iterations) {
+            self.keep(model, scratch, problem);
+        }
+        self.commit(scratch.contacts);
+        self.record(scratch.contacts, problem);
+        true
+    }
+
+    /// Solves the problem as it is stated; at rest where it was so, and by what is left where nothing solves the smallest part of a step.
+    fn solve_stated(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        law: Law,
+        problem: u32,
+        warm: Option<&[f64]>,
+        report: &mut StepReport,
+    ) -> bool {
         // Contacts that can jam (a ball in a corner with mu > 1/sqrt 2) may have no velocities that Newton's law asks for. Smaller
         // parts of the step may take them one by one; where there are none, restitution goes: without it the measures are
         // those of a motion, and the problem has a solution.
+        let scaled = law.has_restitution() && model.options.energy_safeguard;
         let without = scaled && self.span.smallest;
         let accept = self.accept_unconverged;
-        let failed_before = scratch.keeper.failed.take();
         let residual_before = report.residual_velocity;
         let resting = match law {
             Law::Printed => None,
@@ -83,34 +107,24 @@ impl ImpactScratch {
             report.restitution_scale = 0.0;
             report.fallbacks += 1;
         }
-        if !solved && !self.is_fine_enough(model, report) {
-            let residual = std::mem::replace(&mut report.residual_velocity, residual_before);
-            if !self.solve_with_less_friction(model, scratch, problem, report) {
-                report.residual_velocity = residual;
-                return false;
-            }
+        if solved || self.is_fine_enough(model, report) {
+            return true;
         }
-        // What was given up cannot be scaled further.
-        if scaled && self.scale.iter().any(|&s| s > 0.0) {
-            let fine = self.safeguard(model, scratch, law, problem, report);
-            if !fine {
-                return false;
-            }
+        let residual = std::mem::replace(&mut report.residual_velocity, residual_before);
+        let solved = self.solve_with_less_friction(model, scratch, problem, report);
+        if !solved {
+            report.residual_velocity = residual;
         }
-        if self.last.converged {
-            // What was tried on the way, with more restitution, is no failure.
-            scratch.keeper.failed = failed_before;
-        }
-        if scratch.keeper.wants(self.last.iterations) {
-            self.keep(model, scratch, problem);
-        }
-        self.commit(scratch.contacts);
-        self.record(scratch.contacts, problem);
-        true
+        solved
     }
 
-    /// The velocities that restitution acts on.
-    fn set_minus(&mut self, law: Law) {
+    /// The velocities before the problem, and those that restitution acts on.
+    fn set_velocities(&mut self, law: Law) {
+        self.fixed.clone_from(&self.jump);
+        let before = self.v_check.iter().zip(&self.fixed);
+        for (v, (check, jump)) in self.velocity.iter_mut().zip(before) {
+            *v = check + jump;
+        }
         self.v_minus.clone_from(&self.v_old);
         if matches!(law, Law::Later | Law::Printed) {
             let jumps = self.jump.iter().zip(&self.offset);
