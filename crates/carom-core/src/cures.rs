@@ -2,9 +2,9 @@
 
 use crate::options::{Options, Solver, MOST_HALVINGS_TRIED};
 
-/// Values of `pile_tolerance` with which islands of thousands of contacts are solved, the usual one first.
+/// Values of `pile_tolerance` (1) with which islands of thousands of contacts are solved, the usual one first. Others would be advised in vain.
 const PILE_TOLERANCES: [f64; 2] = [1e-4, 1e-3];
-/// A result whose residual is larger is none: no such `tolerance` is proposed.
+/// Largest `tolerance` (1) that is proposed: a result whose residual is larger is none. Larger: users are sent to results that are no results.
 const MOST_TOLERANCE: f64 = 1e-4;
 
 /// In words, for a problem of so many contacts that was left with this residual.

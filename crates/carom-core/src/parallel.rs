@@ -24,7 +24,7 @@ use std::cmp::Reverse;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Mutex;
 
-/// Batches for each thread: enough that the last ones end at about the same time.
+/// Batches for each thread: enough that the last ones end at about the same time. Speed alone.
 const BATCHES_PER_THREAD: usize = 8;
 
 /// A level of a step, as every island of it is solved.

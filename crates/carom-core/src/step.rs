@@ -22,8 +22,8 @@ use crate::{pile, travel};
 use carom_solve::team;
 use glam::DVec3;
 
-/// Most rounds of listing new overlaps after the position solve. Too few: the last ones stay in the step, and are counted. Too many: a jam in
-/// which pairs come and go holds up its step.
+/// Most rounds of listing new overlaps after the position solve. Too few: steps in which pairs keep joining fail, and are halved. Too many: a
+/// jam in which pairs come and go holds up its step.
 pub(crate) const MAX_RELIST: u32 = 20;
 
 /// What is asked of one step.

@@ -17,19 +17,20 @@ use carom_solve::rows::{RowContact, RowSystem, Subproblem, NODE_DOF};
 use carom_solve::{Newton, NewtonOptions, SolveReport};
 use glam::DVec3;
 
-/// Share (1) of what the loads alone would move something by in a step up to which it stays at rest. Too large: what creeps is held. Too small:
-/// pyramids that friction can hold fall, since solvers leave a trace of motion.
+/// Share (1) of what the loads alone would move something by in a step up to which it stays at rest. Too large: what slides is held; at 1e-2 two
+/// pyramids of `validation/pyramids` do not do as friction says. At 1e-9 all still do.
 const STAYS_SHARE: f64 = 1e-5;
-/// The same over the solver's tolerance (1): below it the residual of a coarse solve counts as motion, and rest is looked for in every step.
+/// The same over the solver's tolerance (1), where that is coarser: what a coarse solve leaves must not count as motion.
 const STAYS_OVER_TOLERANCE: f64 = 10.0;
 /// Share (1) of the motion by the loads up to which something was at rest at t_n. At 1e-3 the 3e-6 m/s that sweeps leave brought pyramids
 /// down (decision 019): what solvers leave, step by step, must not grow into a motion that is no longer looked at. Too large: what begins to move is stopped.
 const WAS_SHARE: f64 = 1e-2;
 /// The same over the share up to which it stays at rest (1), for coarse tolerances; too small, and piles swept coarsely fall as above.
 const WAS_OVER_STAYS: f64 = 10.0;
-/// Most linearisations: normals turn with what carries an island along. With one, what a wall turns or carries is let go.
+/// Most linearisations: normals turn with what carries an island along. Too few: what turns with a wall is not held. Speed alone elsewhere.
 const LINEARISATIONS: usize = 4;
-/// Most contacts of an island for which rest is looked for. Matrices are factored: with more, a step of a settling pile takes seconds.
+/// Most contacts of an island for which rest is looked for, as matrices are factored. Too few: at 0, 16 of 36 pyramids that friction can hold
+/// fall (`validation/pyramids`). More: the factors of a large island at rest take the time of its step.
 const MOST_CONTACTS: usize = 2_000;
 
 /// Shares of what the loads alone would move something by: up to the first it stays at rest, up to the second it was so.

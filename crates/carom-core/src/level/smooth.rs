@@ -17,8 +17,8 @@ use carom_solve::team;
 
 pub use super::smooth_newton::SmoothScratch;
 
-/// Largest residual over its terms (1) with which the smooth sub-problem counts as solved, whatever `tolerance` is. Too large: joints drift and
-/// energy with them, as an error of the loads. Below 1e-14 rounding stops the run.
+/// Largest residual over its terms (1) with which the smooth sub-problem counts as solved; `tolerance` may ask for less. Too large: what it
+/// leaves is an error of the loads, and joints drift by it. Too small costs nothing: what rounding leaves counts as solved.
 const TOLERANCE: f64 = 1e-10;
 
 /// Predicts every sphere and solves for the smooth accelerations and reactions of joints.

@@ -27,19 +27,18 @@ const SWEEPS_PER_LINEARISATION: usize = 64;
 const SWEEPS_OF_MANY: usize = 48;
 /// The same in large islands that are hit, where fewer are the faster ones. Speed alone.
 const SWEEPS_OF_HIT: usize = 32;
-/// Overlap over the radius (1) that no pile's size excuses. Larger: deep overlaps in piles of 20 000 contacts and more, which later steps push apart.
-/// Smaller: up to twice the sweeps there.
+/// Overlap over the radius (1) that no pile's size excuses; it counts at `pile_tolerance` above 1e-4. Larger: deeper overlaps there. Smaller: more sweeps.
 const MOST_OVERLAP: f64 = 4.5e-4;
-/// Tolerance of a linear problem over that of the island (1): what it leaves and what the turning of the normals adds fit below it. At 1 each
-/// linearisation ends just above the tolerance, and one more follows; near 0 sweeps are wasted on normals that will turn.
+/// Tolerance of a linear problem over that of the island (1): what it leaves and what the turning of the normals adds fit below it. Speed alone:
+/// nearer to 1 more linearisations, nearer to 0 more sweeps.
 const LINEAR_SHARE: f64 = 0.8;
 /// The same for the worst overlap in large islands that are hit, which linearising changes less there.
 const CLOSING_SHARE: f64 = 0.95;
-/// How many times (1) deeper overlaps may be in rough rounds, since the last sweeps take most of the time and pairs join anyway. At 1 hit piles
-/// take twice the sweeps; too large, and the pairs that join are not those of the end.
+/// How many times (1) deeper overlaps may be in rough rounds, since the last sweeps take most of the time and pairs join anyway. Too small: hit
+/// piles take more sweeps. Too large: the last, strict round has all of them to do.
 const ROUGH_OVERLAP: f64 = 3.0;
-/// Largest momentum of the sweeps (1) in large islands that are hit, once the residual is met by half: what is left are single contacts. At 1
-/// they swing about their solution; far smaller, and news travel slowly through the pile. Speed alone.
+/// Largest momentum of the sweeps (1) in large islands that are hit, once the residual is met by half: what is left are single contacts, for
+/// which momentum is no help. Speed alone.
 const CALM_MOMENTUM: f64 = 0.8;
 
 /// How the sweeps of an island ended.
