@@ -226,6 +226,7 @@ class Simulation:
             "iterations": 3,
             "residual": 0.5,
             "converged": False,
+            "attempts": "newton: residual 5.0e-01",
             "joints": 0,
             "worst": 0,
             "spheres": np.array([0]),

@@ -254,5 +254,5 @@ class TestJumps:
         with pytest.warns(CaromWarning) as caught:
             simulate(scene)
         told = str(caught.list[-1].message)
-        assert 'in a step: plane "floor" motion.translation: the law jumps by 0.004 m at t = 0.02 s' in told
+        assert 'in a step: scene.plane["floor"] motion: the law jumps by 0.004 m at t = 0.02 s' in told
         assert "shorten step" not in told

@@ -59,4 +59,6 @@ def unsettled(result: Result) -> str | None:
 
 def _jump(scene: Scene) -> str | None:
     """What the check says of walls that jump, which shifts balls and does no work on them."""
-    return next((f"{p.key}: {p.cause}" for p in scene.validate() if JUMPS in p.cause), None)
+    found = (p for p in scene.validate() if JUMPS in p.cause)
+    # Of a scene from Python `where` names the wall, of a file's it names the file.
+    return next((f"{p.key if p.source else f'{p.where} {p.key}'}: {p.cause}" for p in found), None)
