@@ -17,8 +17,8 @@ import kill_scenes
 import numpy as np
 import pytest
 from carom import checkpoint
-from carom.drive import Cadence
 from carom.errors import CaromError, ScenarioError
+from carom.sinks import Cadence
 from kill_harness import differences, recorded
 
 

@@ -21,7 +21,7 @@ from carom.cli.options import settings
 from carom.cli.output import seconds
 from carom.cli.progress import facts
 from carom.demo import Row, as_table
-from carom.drive import Progress
+from carom.sinks import Progress
 
 COMMANDS = ["demo", "run", "resume", "check", "plot", "view", "info", "schema", "doctor", "cite"]
 COMMANDS += ["compare", "converge", "reproduce", "solve", "examples list", "examples copy"]

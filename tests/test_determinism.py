@@ -21,7 +21,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom import drive
+from carom import drive, sinks
 from carom.cli.examples import find
 from carom.record.layout import EVENTS, TABLES
 from physics_scenes import R, balls
@@ -264,13 +264,13 @@ def test_checkpoints_however_often_and_a_run_in_parts(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trials: Trials
 ) -> None:
     """Blocks of seven steps, each with a checkpoint, and the run taken up in the middle."""
-    monkeypatch.setattr(drive, "_block_steps", lambda bodies, plan: 7)
+    monkeypatch.setattr(drive, "BLOCK_STEPS", 7)
     for constant, value in (
         ("FIRST_CHECKPOINT_SECONDS", 0.0),
         ("CHECKPOINT_SECONDS", 0.0),
         ("CHECKPOINT_SHARE", 1e9),
     ):
-        monkeypatch.setattr(drive, constant, value)
+        monkeypatch.setattr(sinks, constant, value)
     scene = SCENES[name]()
     half = round(scene.run.until / scene.run.step) // 2 * scene.run.step  # type: ignore[operator]
     simulate(scene, until=half, out=tmp_path / "run")

@@ -12,9 +12,9 @@ import carom
 import fake_sim
 import pytest
 from carom import checkpoint
-from carom.drive import Progress
 from carom.errors import CaromError
 from carom.record import Rows
+from carom.sinks import Progress
 from fake_runs import everything, interrupted
 
 
@@ -35,7 +35,7 @@ def about(run: Path) -> dict[str, Any]:
 def test_an_interrupted_run_continues_bit_for_bit(
     scene: Any, tmp_path: Path, every: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)  # small blocks
+    monkeypatch.setattr("carom.sinks.BLOCK_BYTES", 40_000)  # small blocks
     carom.simulate(scene, until=1.0, every=every, out=tmp_path / "whole")
     run = tmp_path / "run"
     interrupted(scene, run, 300, until=1.0, every=every)
@@ -55,7 +55,7 @@ def test_an_interrupted_run_continues_bit_for_bit(
 def test_a_segment_without_a_checkpoint_of_its_own_is_overruled(
     scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)
+    monkeypatch.setattr("carom.sinks.BLOCK_BYTES", 40_000)
     carom.simulate(scene, until=1.0, out=tmp_path / "whole")
     run = tmp_path / "run"
     interrupted(scene, run, 300, until=1.0)
@@ -84,7 +84,7 @@ def stopped_with_two_checkpoints(scene: Any, run: Path) -> tuple[Path, Path]:
 
 @pytest.fixture
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("carom.drive.BLOCK_BYTES", 40_000)
+    monkeypatch.setattr("carom.sinks.BLOCK_BYTES", 40_000)
 
 
 @pytest.mark.usefixtures("small_blocks")

@@ -17,10 +17,11 @@ import h5py
 import numpy as np
 import pytest
 from carom import checkpoint
-from carom.drive import Plan, Progress, thinned
+from carom.drive import Plan, thinned
 from carom.errors import CaromError
 from carom.record import Rows, Segments, Writer
 from carom.rundir import RunDir
+from carom.sinks import Progress
 from fake_runs import everything
 from hypothesis import given
 from hypothesis import strategies as st

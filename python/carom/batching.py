@@ -6,24 +6,23 @@ import copy
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.batch import KINEMATICS, Batch
+from carom.batch import ENDED, KINEMATICS, Batch
 from carom.cases import Overrides
-from carom.drive import Plan, thinned
+from carom.drive import Plan, Sink, begin, drive
 from carom.errors import CaromError
 from carom.scenario.wall_checks import touching
 
 if TYPE_CHECKING:
-    from carom._core import Simulation
+    from carom._core import Block, Simulation
     from carom.scene import Scene
     from carom.watching import Watch
 
-#: Seconds of computing after which a case looks whether it should stop.
-LOOK_SECONDS = 0.2
 #: Bytes of frames above which a batch is refused rather than left to the system's killer.
 MOST_BYTES = 8 * 1024**3
 
@@ -39,7 +38,29 @@ ENERGIES = ("initial", "final", "max_rise")
 def _plan(scene: Scene, every: int | None) -> Plan:
     if scene.run.until is None:
         raise CaromError("simulate_batch: the scene does not say how long to simulate; pass until=...")
-    return Plan.of(scene.run.until, scene.run.step, every or 1, False)
+    return replace(Plan.of(scene.run.until, scene.run.step, 1, False), every=every or 0)
+
+
+class _Kept(Sink):
+    """The frames of a case on the grid, in its rows of the arrays of the batch, and its small tables."""
+
+    def __init__(self, frames: Mapping[str, NDArray[Any]], plan: Plan) -> None:
+        self._frames, self._every = frames, plan.every
+        self.tables: dict[str, list[Mapping[str, Any]]] = {"impacts": [], "events": []}
+
+    def start(self, simulation: Simulation) -> None:
+        start = simulation.frame() if self._frames else {}
+        for key, values in self._frames.items():
+            values[0] = start[key]
+
+    def take(self, simulation: Simulation, block: Block) -> None:
+        for name, kept in self.tables.items():
+            if name in block:
+                kept.append(block[name])  # type: ignore[literal-required]
+        if self._frames:
+            rows, off = np.divmod(block["frames"]["step"].astype(np.int64), self._every)
+            for key, values in self._frames.items():
+                values[rows[off == 0]] = block["frames"][key][off == 0]
 
 
 class Runner:
@@ -153,8 +174,6 @@ class Runner:
         self.outcome[case], self.message[case] = kind, message
 
     def _one(self, case: int) -> None:
-        from carom import _core
-
         if self.overrides is None:
             scene, plan = self.scenes[case], self.plans[case]
             scene.validate()
@@ -168,54 +187,31 @@ class Runner:
         else:
             model.pop("drop_impacts", None)
         try:
-            simulation = _core.Simulation(model)
-        except _core.ModelError as error:
-            return self._note(case, "bad_model", str(error))
+            simulation = begin(model)
+        except CaromError as error:
+            self._note(case, "bad_model", str(error))
+            return
         overlap = simulation.overlaps(touching(model["options"]["pile_tolerance"]), 1)
         if overlap:
             a, b, gap = overlap[0]
             names = self.bodies[0 if self.overrides is not None else case]
-            return self._note(
-                case, "overlap", f"{names[a]} and {names[b]} overlap by {-gap:.3g} m at the start"
-            )
-        return self._advance(case, simulation, plan, model)
-
-    def _advance(self, case: int, simulation: Simulation, plan: Plan, model: Mapping[str, Any]) -> None:
-        every = self.every or 0
-        if every:
-            start = simulation.frame()
-            for key, values in self.frames.items():
-                values[case, 0] = start[key]
-        tables: dict[str, list[Mapping[str, Any]]] = {"impacts": [], "events": []}
+            self._note(case, "overlap", f"{names[a]} and {names[b]} overlap by {-gap:.3g} m at the start")
+            return
+        kept = _Kept({key: values[case] for key, values in self.frames.items()}, plan)
+        sinks: list[Sink] = [kept]
         watch = copy.deepcopy(self.watch)  # a condition may remember: one for each case
         if watch is not None:
-            watch.begin(self.names, model, every or thinned(plan.steps))
-        outcome, message = "done", ""
-        while simulation.step < plan.steps and outcome == "done":
-            if self.stop.is_set():
-                return
-            next_look = plan.steps if watch is None else min(plan.steps, watch.next(simulation.step))
-            block = simulation.advance(next_look - simulation.step, every, False, LOOK_SECONDS)
-            for name, kept in tables.items():
-                if name in block:
-                    kept.append(block[name])  # type: ignore[literal-required]
-            if every and len(block["frames"]["step"]):
-                rows = block["frames"]["step"].astype(np.int64) // every
-                for key, values in self.frames.items():
-                    values[case, rows] = block["frames"][key]
-            failure = block["outcome"]
-            if failure is not None:
-                where = f"at step {failure.get('step')}, t = {failure.get('time', float('nan')):g} s"
-                self._note(case, str(failure["kind"]), f"{where}; {failure.get('advice', '')}".rstrip("; "))
-                return
-            ended = watch and watch.ask(simulation, block, last=simulation.step >= plan.steps)
-            if watch is not None and watch.error is not None:
-                self._break(watch.error)
-                return
-            if ended:
-                outcome, message = str(ended["kind"]), str(ended["message"])
-        self._keep(case, simulation, tables)
-        self._note(case, outcome, message)
+            watch.begin(self.names, model, plan)
+            sinks.append(watch)
+        outcome = drive(simulation, plan, sinks, self.stop.is_set).outcome
+        if watch is not None and watch.error is not None:
+            self._break(watch.error)
+        elif outcome["kind"] in ENDED:
+            self._keep(case, simulation, kept.tables)
+            self._note(case, str(outcome["kind"]), str(outcome.get("message", "")))
+        elif outcome["kind"] != "interrupted":  # the batch itself was stopped
+            where = f"at step {outcome.get('step')}, t = {outcome.get('time', float('nan')):g} s"
+            self._note(case, str(outcome["kind"]), f"{where}; {outcome.get('advice', '')}".rstrip("; "))
 
     def _keep(self, case: int, simulation: Simulation, tables: Mapping[str, list[Mapping[str, Any]]]) -> None:
         frame, totals = simulation.frame(), simulation.monitors()

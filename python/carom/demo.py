@@ -63,10 +63,10 @@ def scenario(case: str) -> Path:
 
 def simulate(case: str, out: Path, *, progress: Callable[..., None] | None = None) -> Result:
     """Run a case into the directory `out`, on until all balls rest if they are slowed down by rolling resistance."""
-    from carom.drive import Interrupt
     from carom.run import launch, relaunch
     from carom.rundir import RunDir
     from carom.scene import Scene
+    from carom.sinks import Interrupt
 
     scene = Scene.from_toml(scenario(case))
     scene.validate()
@@ -98,7 +98,7 @@ def first_contact(result: Result, a: str, b: str) -> tuple[float, float, int]:
     """
     hits = result.impacts.between(a, b)
     if not len(hits):
-        raise CaromError(f"{a} and {b} never met in {result.path}")
+        raise CaromError(f"{a} and {b} never met in {result.origin}")
     step = int(hits["step"][0])
     frame = int(np.searchsorted(np.asarray(result.step), step)) - 1  # the last one before the hit
     apart = result[a].position[frame] - result[b].position[frame]

@@ -226,7 +226,7 @@ class Selection(Frames):
         names = self.names
         shown = ", ".join(names[:4]) + (f", ... ({len(names)})" if len(names) > 4 else "")
         span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no frames"
-        return f"<part of {self._result.title or self._result.path.name!r}: {counted(len(self), 'frame')}, {span}; {shown}>"
+        return f"<part of {self._result.label!r}: {counted(len(self), 'frame')}, {span}; {shown}>"
 
     def _read(self, quantity: str) -> NDArray[Any]:
         # The rows between are read in one piece: of a long file only what is needed, of a short one what is there already.

@@ -48,7 +48,7 @@ def of_result(result: Result) -> str:
     facts += [
         ("tables", f"impacts {len(result.impacts)} rows, contacts {len(result.contacts)} rows"),
         ("walls", ", ".join(result.wall_names[:LISTED]) or "none"),
-        ("directory", str(result.path)),
+        ("directory", result.origin),
     ]
     head = ["ball", "radius (m)", "mass (kg)"]
     rows = [
@@ -66,7 +66,7 @@ def of_result(result: Result) -> str:
     more = len(result.names) - LISTED
     if more > 0:
         rows.append([f"... and {more} more", *[""] * (len(head) - 1)])
-    return page(result.title or result.path.name, facts, head, rows)
+    return page(result.label, facts, head, rows)
 
 
 def of_scene(scene: Scene) -> str:

@@ -1,4 +1,4 @@
-"""`carom.Result`: what a run left behind, read from its directory as far as it is asked for.
+"""`carom.Result`: what a run left behind, in memory or read from its directory as far as it is asked for.
 
 Arrays are `Column`s: they know their shape, read what is indexed, and act as NumPy arrays. Tables have one
 column per quantity: `result.impacts["time"]` or `result.impacts.time`. Units are SI throughout.
@@ -6,8 +6,10 @@ column per quantity: `result.impacts["time"]` or `result.impacts.time`. Units ar
 
 from __future__ import annotations
 
+import copy
 import shutil
 import warnings
+import weakref
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -19,8 +21,8 @@ from numpy.typing import NDArray
 from carom.about import checked
 from carom.errors import CaromError, counted
 from carom.frames import Frames, Selection, chosen_bodies, chosen_frames
-from carom.record import Column, Segments
-from carom.rundir import RunDir
+from carom.record import Column, Memory, Record, Segments, Writer
+from carom.rundir import RunDir, temporary
 from carom.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps
 
 if TYPE_CHECKING:
@@ -38,7 +40,8 @@ class UnfinishedRun(UserWarning):
 
 def load(path: str | Path) -> Result:
     """The result of a run directory, also of one that is still being written or was killed."""
-    result = Result(RunDir.open(path))
+    directory = RunDir.open(path)
+    result = Result(checked(directory), Segments(directory.segments()), directory)
     if result.status == "running":
         why = "is still being written" if result.is_being_written else "did not finish"
         cure = "" if result.is_being_written else f" (`carom resume {result.path}` continues it)"
@@ -47,26 +50,44 @@ def load(path: str | Path) -> Result:
 
 
 class Result(Frames):
-    """A run: T frames of N bodies, its impacts, contacts and steps. Obtained by `carom.simulate` or
-    `carom.load`.
+    """A run: its scene, T frames of N bodies, its impacts, contacts and steps. Obtained by `carom.simulate`,
+    `carom.Simulation.result` or `carom.load`.
 
     What was committed when the object was made is what it shows; load again to see more of a run in progress.
     """
 
-    def __init__(self, directory: RunDir) -> None:
-        self._directory = directory
-        self._about = checked(directory)
-        self._segments = Segments(directory.segments())
+    def __init__(
+        self,
+        about: dict[str, Any],
+        record: Record,
+        directory: RunDir | None = None,
+        scene: Scene | None = None,
+        problem: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._about, self._segments, self._directory = about, record, directory
+        self._problem = problem  # of a result in memory: the one that could not be solved
+        if scene is not None:
+            self.scene = scene
 
     @property
     def path(self) -> Path:
-        """The run directory."""
-        return self._directory.path
+        """The run directory. A result in memory is written to a temporary one when this is first asked; it goes with it."""
+        return (self._directory or self._copy).path
+
+    @property
+    def origin(self) -> str:
+        """The run directory, or "memory"."""
+        return "memory" if self._directory is None else str(self._directory.path)
+
+    @property
+    def label(self) -> str:
+        """The title, or where there is none the name of the run directory."""
+        return self.title or Path(self.origin).name
 
     @property
     def segment_names(self) -> list[str]:
         """The results files, in the order of the run."""
-        return [file.name for file in self._directory.segments()]
+        return [] if self._directory is None else [file.name for file in self._directory.segments()]
 
     # Motion, one row per frame.
 
@@ -189,11 +210,14 @@ class Result(Frames):
         """The scene as it was run: every default spelled out, random numbers drawn."""
         from carom.scene import Scene
 
+        assert self._directory is not None
         return Scene.from_toml(self._directory.scenario)
 
     @property
     def scenario(self) -> str:
         """The scenario as it was run, as TOML."""
+        if self._directory is None:
+            return self.scene.to_toml(resolved=True)
         path = self._directory.scenario
         try:
             return path.read_text(encoding="utf-8")
@@ -248,7 +272,7 @@ class Result(Frames):
     @property
     def is_being_written(self) -> bool:
         """Whether the process that computes the run is alive, on this machine."""
-        return self._directory.is_being_written()
+        return self._directory is not None and self._directory.is_being_written()
 
     @property
     def outcome(self) -> Outcome:
@@ -314,14 +338,49 @@ class Result(Frames):
         return export(self, directory, format, **options)
 
     def save(self, path: str | Path, *, force: bool = False) -> Result:
-        """Copy the run directory, to keep a result that was simulated without `out`; returns the copy."""
+        """Write a result that was simulated without `out` to a run directory, or copy its own; returns the copy."""
         copy = RunDir.create(path, force=force)
         try:
-            shutil.copytree(self.path, copy.path, dirs_exist_ok=True)
-        except OSError as error:
+            if self._directory is None:
+                self._write(copy)
+            else:
+                shutil.copytree(self.path, copy.path, dirs_exist_ok=True)
+        except (OSError, CaromError) as error:
             copy.remove()
             raise CaromError(f"cannot copy the run to {path}: {error}") from error
         return load(copy.path)
+
+    @cached_property
+    def _copy(self) -> RunDir:
+        """The temporary directory of a result in memory."""
+        directory = temporary()
+        weakref.finalize(self, directory.remove)
+        self._write(directory)
+        return directory
+
+    def _write(self, directory: RunDir) -> None:
+        """Write a result in memory to a new directory."""
+        assert isinstance(self._segments, Memory)
+        about = copy.deepcopy(self._about)
+        with directory.writing():
+            directory.write_scenario(self.scenario)
+            writer = Writer(
+                directory.next_segment(),
+                **self._segments.described,
+                expected=self._segments.rows,
+                further=directory.next_segment,
+            )
+            writer.append(self._segments.blocks())
+            writer.close()
+            about["segments"][-1]["file"] = writer.paths[0].name
+            if len(writer.paths) > 1:
+                about["segments"][-1]["files"] = [file.name for file in writer.paths]
+            if self._problem is not None:
+                from carom.record.problem import keep_failing
+
+                keep_failing(directory, self._problem, about["outcome"])
+            directory.write(about)
+            directory.log("saved", status=self.status)
 
     def close(self) -> None:
         """Close the files. Columns that were read stay usable."""
@@ -329,6 +388,8 @@ class Result(Frames):
 
     def __reduce__(self) -> Any:
         """Copies and other processes open the run anew; files that are open cannot be sent."""
+        if self._directory is None:
+            return Result, (self._about, self._segments, None, self.scene, self._problem)
         return load, (self.path,)
 
     def __enter__(self) -> Result:
@@ -347,11 +408,13 @@ class Result(Frames):
         shown = ", ".join(bodies[:4]) + (f", ... ({len(bodies)})" if len(bodies) > 4 else "")
         span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if frames else "no frames yet"
         lines = [
-            f"<carom.Result {self.title or self.path.name!r}: {self.outcome.brief}>",
+            f"<carom.Result {self.label!r}: {self.outcome.brief}>",
             f"  {counted(frames, 'frame')}, {span}; {counted(len(self.steps), 'step')}",
             f"  bodies    {shown}",
             f"  impacts   {len(self.impacts)} rows; contacts {len(self.contacts)} rows",
-            f"  directory {self.path}",
+            "  kept in memory; save(path) writes it"
+            if self._directory is None
+            else f"  directory {self.path}",
         ]
         return "\n".join(lines)
 

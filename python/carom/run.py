@@ -1,4 +1,4 @@
-"""`carom.simulate` and `carom.resume`: from a scene to a run directory and its `Result`.
+"""`carom.simulate` and `carom.resume`: from a scene to its `Result`, in memory or in a run directory.
 
 (The module is not called `simulate`: importing it would hide the function of that name in the package.)
 """
@@ -6,11 +6,9 @@
 from __future__ import annotations
 
 import signal
-import tempfile
 import warnings
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,13 +19,14 @@ import carom
 from carom import changes, checkpoint, restart, summary
 from carom.about import continued
 from carom.allocator import release_early
-from carom.drive import Cadence, Ending, Interrupt, Plan, Progress, drive, empty_block, identify, with_frame
+from carom.drive import Ending, Plan, Sink, begin, drive, identify
 from carom.errors import CaromError
-from carom.record import Rows, Writer
+from carom.record import Memory, Rows, Writer
 from carom.record.walls import tables
 from carom.remarks import remarks
 from carom.result import Result, load
-from carom.rundir import RunDir, now
+from carom.rundir import RunDir, now, temporary
+from carom.sinks import Cadence, Checkpoints, Interrupt, Progress, Recorder, Shown
 from carom.watching import Callback, Stop, Watch
 
 if TYPE_CHECKING:
@@ -73,12 +72,13 @@ def simulate(
 
     Of a file with `[parameters]`, `case` and `set` choose a variant, as in `Scene.from_toml`.
     `options` are the keys of `[run]` and `[record]` of a scenario and override those of the scene, which is
-    not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The run directory is `out` (an
-    existing one is refused without `force`), or a temporary one that lives as long as the result;
-    `Result.save` keeps it. `progress` is called about ten times a second. Ctrl-C stops between two steps with
-    everything recorded, then raises `KeyboardInterrupt`. With `out` SIGTERM too first leaves a checkpoint.
+    not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The result is kept in memory, and `Result.save`
+    writes it; with `out` it is written to that run directory while the run goes on (an existing one is refused without
+    `force`), and Ctrl-C and SIGTERM leave a checkpoint. `progress` is called about ten times a second. Ctrl-C stops between
+    two steps, then raises `KeyboardInterrupt`.
 
-    `save_problems` keeps contact problems in `problems/` of the run directory (docs/reference/problems.md), in
+    `save_problems` keeps contact problems in `problems/` of the run directory (docs/reference/problems.md; without `out` a
+    temporary one), in
     `problem_form` "local" or "global": of one step, of several (`[100, 200]`, `range(200, 301, 50)`, `"100,200:300:50"`,
     `"all"`), or the hardest of the run (`"worst:10"`).
 
@@ -96,16 +96,14 @@ def simulate(
         warnings.warn(str(advice), CaromWarning, stacklevel=2)
     choice = chosen(scene, save_problems, problem_form)
     watch = Watch.of(callback, stop, callback_every)
+    create: Callable[[], RunDir] | None = None if choice is None else temporary
+    if out is not None:
+        create = partial(RunDir.create, out, force=force)
     halt = Interrupt()
     with halt.listening(signal.SIGINT, *([] if out is None else [signal.SIGTERM])):
-        if out is not None:
-            create = partial(RunDir.create, out, force=force)
-            result = launch(scene, create, stop=halt, progress=progress, problems=choice, watch=watch)
-        else:
-            result = launch(
-                scene, _temporary, stop=halt, progress=progress, keep=False, problems=choice, watch=watch
-            )
-            weakref.finalize(result._segments, _discard, RunDir(result.path))
+        result = launch(
+            scene, create, stop=halt, progress=progress, keep=out is not None, problems=choice, watch=watch
+        )
     if watch is not None:
         watch.raise_with(result)
     return _judged(result, halt, kept=out is not None)
@@ -197,7 +195,7 @@ def resume(
 
 def launch(
     scene: Scene,
-    create: Callable[[], RunDir],
+    create: Callable[[], RunDir] | None,
     *,
     stop: Interrupt,
     progress: OnProgress | None = None,
@@ -206,47 +204,31 @@ def launch(
     problems: Choice | None = None,
     watch: Watch | None = None,
 ) -> Result:
-    """Run a validated scene to its end, failure or interruption: the result says which.
+    """Run a validated scene to its end, failure or interruption: the result says which. Without `create` it is in memory.
 
     The directory is created last, so that a wrong scene neither leaves one behind nor replaces an old one.
     `source` is the scenario file, for the summary. Without `keep` no checkpoints are written (nobody could
-    use them).
+    use them), and the directory goes with the result.
     """
-    simulation, model, plan = _build(scene)
-    # The frames are thinned once and for all: a run that is extended keeps its grid.
-    case, parameters = scene.case, scene.parameters
-    scene = scene.with_options(every=plan.every).resolved()
-    text = scene.to_toml(resolved=True)
-    about: dict[str, Any] = {
-        "format": 1,
-        "status": "running",
-        "outcome": None,
-        "scenario": {
-            "title": scene.title,
-            "file": source and Path(source).name,
-            **({"case": case, "parameters": parameters} if parameters else {}),
-            "identity": identify(model),
-        },
-        "seed": getattr(scene, "seed", None),
-        "versions": summary.versions(),
-        "created": now(),
-        "segments": [],
-    }
+    run = Run(scene, source)
     if problems is not None:  # a run that is continued goes on keeping them
-        about["save_problems"] = {"choice": problems.text, "form": problems.form}
+        run.about["save_problems"] = {"choice": problems.text, "form": problems.form}
+    if create is None:
+        return run.in_memory(stop, progress, watch)
     directory = create()
     with directory.writing():
         try:
-            directory.write_scenario(text)
-            directory.write(about)
-            start = _Start(simulation, model, plan, about)
-            writer = _writer(scene, directory, start)
+            directory.write_scenario(run.scene.to_toml(resolved=True))
+            directory.write(run.about)
+            writer = run.writer(directory)
         except BaseException:
             directory.remove()
             raise
-        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=keep, watch=watch)
+        run.in_directory(directory, writer, stop=stop, progress=progress, keep=keep, watch=watch)
     result = load(directory.path)
-    result.scene = scene
+    result.scene = run.scene
+    if not keep:  # files that are still open go when they are closed
+        weakref.finalize(result._segments, directory.remove)
     return result
 
 
@@ -276,7 +258,7 @@ def relaunch(
     scene = old
     if options:
         scene = old.overridden(options, places) if places else old.with_options(**options)
-    simulation, model, plan = _build(scene)
+    run = Run(scene)
     about = continued(directory)
     before = old.to_model()
     was = identify(before)
@@ -285,18 +267,18 @@ def relaunch(
             f"{directory.scenario} was changed since the run began, and a run continues only with the same scenario;"
             " start a new one with `carom run`"
         )
-    if directory.is_finished(plan.steps) and wish.checkpoint == "newest":
+    if directory.is_finished(run.plan.steps) and wish.checkpoint == "newest":
         return load(directory.path)
-    if identify(model) == was:
+    if identify(run.model) == was:
         changes.refuse_to_fail_again(directory, about)
     with directory.writing():
         about = continued(directory)
         saved = restart.choose(directory, about, wish)
         if saved is not None:
             reached = max(saved.time, (about.get("outcome") or {}).get("time") or 0.0)
-            if plan.until < reached - 0.5 * plan.step:
+            if run.plan.until < reached - 0.5 * run.plan.step:
                 raise CaromError(f"the run has reached t = {reached:g} s already; give --until a later time")
-            _restore(simulation, saved)
+            _restore(run.simulation, saved)
         aside = restart.put_aside(directory, saved, wish)
         if aside:
             directory.log("put aside", files=aside)
@@ -305,16 +287,16 @@ def relaunch(
             directory.log("remark", message=remark)
         if wish.anew:  # those of the old results, which are put aside
             about["segments"] = []
-        changes.note_changes(directory, about, before, model, simulation.step)
+        changes.note_changes(directory, about, before, run.model, run.simulation.step)
         about.update(status="running", outcome=None)
         directory.write(
             about
         )  # before the scenario: run.json knows the identity of the old one and of the new
         if options:
-            directory.write_scenario(scene.to_toml(resolved=True))
-        start = _Start(simulation, model, plan, about, saved.rows if saved else Rows())
-        writer = _writer(scene, directory, start)
-        _execute(scene, directory, start, writer, stop=stop, progress=progress, keep=True, watch=watch)
+            directory.write_scenario(run.scene.to_toml(resolved=True))
+        run.about = about
+        writer = run.writer(directory, saved.rows if saved else Rows())
+        run.in_directory(directory, writer, stop=stop, progress=progress, keep=True, watch=watch)
     return load(directory.path)
 
 
@@ -327,142 +309,153 @@ def _restore(simulation: Simulation, saved: checkpoint.Checkpoint) -> None:
         raise CaromError(f"the checkpoint of step {saved.step} does not fit this Carom: {error}") from error
 
 
-def _cadence(scene: Scene) -> Cadence:
-    record = scene.record
-    return Cadence(record.checkpoint_steps, record.checkpoint_time, record.checkpoint_wall)
+class Run:
+    """A scene in the core with the plan of its run, and what `run.json` says of it; the scene is a copy of its own."""
 
+    def __init__(self, scene: Scene, source: str | None = None) -> None:
+        if scene.run.until is None:
+            raise CaromError(
+                "the scenario does not say how long to simulate; set `until` in [run], or pass until=..."
+            )
+        self.model = scene.to_model()
+        release_early(len(self.model["radius"]))
+        self.simulation = begin(self.model)
+        self.plan = Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts)
+        # The frames are thinned once and for all: a run that is extended keeps its grid.
+        self.scene = scene.with_options(every=self.plan.every).resolved()
+        variant: dict[str, Any] = {}
+        if scene.parameters:
+            variant = {"case": scene.case, "parameters": scene.parameters}
+        self.about: dict[str, Any] = {
+            "format": 1,
+            "status": "running",
+            "outcome": None,
+            "scenario": {
+                "title": scene.title,
+                "file": source and Path(source).name,
+                **variant,
+                "identity": identify(self.model),
+            },
+            "seed": getattr(scene, "seed", None),
+            "versions": summary.versions(),
+            "created": now(),
+            "segments": [],
+        }
 
-@dataclass
-class _Start:
-    """All that `_execute` needs to know of the beginning of a segment."""
+    def in_memory(self, stop: Interrupt, progress: OnProgress | None, watch: Watch | None) -> Result:
+        """The run and its result, without files."""
+        memory = Memory(**self.described())
+        segment = {"from_step": self.simulation.step, "started": now()}
+        ending = self._drive(memory, [], stop, progress, watch)
+        problem = self._conclude(ending, segment)
+        return Result(self.about, memory, scene=self.scene, problem=problem)
 
-    simulation: Simulation
-    model: Mapping[str, Any]
-    plan: Plan
-    about: dict[str, Any]
-    first: Rows = field(default_factory=Rows)
+    def in_directory(
+        self,
+        directory: RunDir,
+        writer: Writer,
+        *,
+        stop: Interrupt,
+        progress: OnProgress | None,
+        keep: bool,
+        watch: Watch | None = None,
+    ) -> None:
+        """The run, into the segment of `writer`; `run.json` says how it ended."""
+        simulation, plan, about = self.simulation, self.plan, self.about
+        more: list[Sink] = []
+        kept = about.get("save_problems")
+        if kept is not None:
+            from carom.record.problem import Choice, Problems
 
-
-def _build(scene: Scene) -> tuple[Simulation, Mapping[str, Any], Plan]:
-    from carom import _core
-
-    if scene.run.until is None:
-        raise CaromError(
-            "the scenario does not say how long to simulate; set `until` in [run], or pass until=..."
+            more.append(Problems(directory, Choice.of(kept["choice"], kept["form"])))
+        if keep:
+            record = self.scene.record
+            cadence = Cadence(record.checkpoint_steps, record.checkpoint_time, record.checkpoint_wall)
+            more.append(Checkpoints(writer, directory, plan, cadence, about["scenario"]["identity"]))
+        segment = {"file": writer.path.name, "from_step": simulation.step, "started": now()}
+        directory.log(
+            "start", step=simulation.step, steps=plan.steps, segment=writer.path.name, **about["versions"]
         )
-    model = scene.to_model()
-    release_early(len(model["radius"]))
-    try:
-        simulation = _core.Simulation(model)
-    except _core.ModelError as error:
-        raise CaromError(str(error)) from error
-    plan = Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts)
-    return simulation, model, plan
-
-
-def _execute(
-    scene: Scene,
-    directory: RunDir,
-    start: _Start,
-    writer: Writer,
-    *,
-    stop: Interrupt,
-    progress: OnProgress | None,
-    keep: bool,
-    watch: Watch | None = None,
-) -> None:
-    """Run from `start` into the segment of `writer` and say in `run.json` how it ended."""
-    simulation, plan, about = start.simulation, start.plan, start.about
-    if watch is not None:
-        watch.begin(list(scene.names), start.model, plan.every)
-    problems = None
-    kept = about.get("save_problems")
-    if kept is not None:
-        from carom.record.problem import Choice, Problems
-
-        problems = Problems(directory, Choice.of(kept["choice"], kept["form"]))
-    segment = {"file": writer.path.name, "from_step": simulation.step, "started": now()}
-    directory.log(
-        "start", step=simulation.step, steps=plan.steps, segment=writer.path.name, **about["versions"]
-    )
-    try:
-        block = empty_block(simulation, plan)
-        if not any(start.first):
-            block = with_frame(block, simulation.frame(), simulation.step)
-        writer.append(block)
-        writer.commit()
-        ending = drive(
-            simulation,
-            writer,
-            directory,
-            plan,
-            bodies=len(scene.names),
-            identity=about["scenario"]["identity"],
-            checkpoints=_cadence(scene) if keep else None,
-            stop=stop,
-            progress=progress,
-            problems=problems,
-            watch=watch,
-        )
-        writer.close()
-        if len(writer.paths) > 1:
-            segment["files"] = [path.name for path in writer.paths]
-        _finish(scene, directory, start, segment, ending)
-    except BaseException as error:
-        _note_failure(directory, writer, about, error)
-        raise
-
-
-def _writer(scene: Scene, directory: RunDir, start: _Start) -> Writer:
-    model, plan = start.model, start.plan
-    bodies = {"name": list(scene.names), **{k: model[k] for k in ("radius", "mass", "inertia", "material")}}
-    frames = plan.steps // plan.every + 2
-    attributes = {
-        "title": scene.title or "",
-        "carom_version": carom.__version__,
-        "step": plan.step,
-        "every": plan.every,
-        "gravity": np.asarray(model["gravity"], dtype=np.float64),
-        "start_step": start.simulation.step,
-        **{key: model[key] for key in ("periodic", "periodic_origin") if key in model},
-    }
-    expected = Rows(frames, 2 * len(bodies["name"]) * frames, plan.steps, 256, plan.steps, 4 * plan.steps)
-    surfaces = tables(list(scene.wall_names), model)
-    return Writer(
-        directory.next_segment(),
-        bodies=bodies,
-        planes=surfaces["planes"],
-        walls=surfaces.get("walls"),
-        attributes=attributes,
-        first=start.first,
-        expected=expected,
-        leave_out=[("frames", "walls")] if scene.record.walls is False else [],
-        further=directory.next_segment,
-    )
-
-
-def _finish(scene: Scene, directory: RunDir, start: _Start, segment: dict[str, Any], ending: Ending) -> None:
-    simulation, about = start.simulation, start.about
-    failed = ending.kind not in ("done", "stopped", "interrupted")
-    outcome = summary.named(ending.outcome, scene.names, scene.wall_names)
-    problem = simulation.failing_problem() if failed else None
-    if problem is not None:
-        from carom.problem.errors import ContactProblemError
-        from carom.record.problem import FAILING, write_kept
-
         try:
-            outcome["problem_file"] = write_kept(directory.path / FAILING, problem).name
-        except ContactProblemError as error:
-            directory.log("problem not kept", file=FAILING, message=str(error))
-    about["segments"].append(
-        {**segment, "to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
-    )
-    about["status"] = "failed" if failed else ending.kind
-    about["outcome"] = outcome
-    about["finished"] = now()
-    about["summary"] = summary.summary(scene, simulation, start.plan, about)
-    directory.write(about)
-    directory.log("end", status=about["status"], outcome=outcome)
+            ending = self._drive(writer, more, stop, progress, watch)
+            writer.close()
+            if len(writer.paths) > 1:
+                segment["files"] = [path.name for path in writer.paths]
+            problem = self._conclude(ending, segment)
+            if problem is not None:
+                from carom.record.problem import keep_failing
+
+                keep_failing(directory, problem, about["outcome"])
+            directory.write(about)
+            directory.log("end", status=about["status"], outcome=about["outcome"])
+        except BaseException as error:
+            _note_failure(directory, writer, about, error)
+            raise
+
+    def _drive(
+        self,
+        store: Writer | Memory,
+        more: Sequence[Sink],
+        stop: Interrupt,
+        progress: OnProgress | None,
+        watch: Watch | None,
+    ) -> Ending:
+        sinks: list[Sink] = [Recorder(store, self.plan, len(self.scene.names))]
+        if progress is not None:
+            sinks.append(Shown(progress, self.plan))
+        if watch is not None:
+            watch.begin(list(self.scene.names), self.model, self.plan)
+            sinks.append(watch)
+        return drive(self.simulation, self.plan, [*sinks, *more], stop.__bool__)
+
+    def described(self) -> dict[str, Any]:
+        """What a record says of the run besides its rows: arguments of `Writer` and `Memory`."""
+        scene, model, plan = self.scene, self.model, self.plan
+        bodies = {
+            "name": list(scene.names),
+            **{k: model[k] for k in ("radius", "mass", "inertia", "material")},
+        }
+        attributes: dict[str, Any] = {
+            "title": scene.title or "",
+            "carom_version": carom.__version__,
+            "step": plan.step,
+            "every": plan.every,
+            "gravity": np.asarray(model["gravity"], dtype=np.float64),
+            "start_step": self.simulation.step,
+            **{key: model[key] for key in ("periodic", "periodic_origin") if key in model},
+        }
+        return {
+            "bodies": bodies,
+            **tables(list(scene.wall_names), model),
+            "attributes": attributes,
+            "leave_out": [("frames", "walls")] if scene.record.walls is False else [],
+        }
+
+    def writer(self, directory: RunDir, first: Rows | None = None) -> Writer:
+        """The writer of the next segment, after the `first` rows."""
+        plan = self.plan
+        frames = plan.steps // plan.every + 2
+        balls = len(self.scene.names)
+        return Writer(
+            directory.next_segment(),
+            **self.described(),
+            first=first,
+            expected=Rows(frames, 2 * balls * frames, plan.steps, 256, plan.steps, 4 * plan.steps),
+            further=directory.next_segment,
+        )
+
+    def _conclude(self, ending: Ending, segment: dict[str, Any]) -> dict[str, Any] | None:
+        """Say in `about` how the run ended; returns the contact problem that could not be solved, if there is one."""
+        simulation, about, scene = self.simulation, self.about, self.scene
+        failed = ending.kind not in ("done", "stopped", "interrupted")
+        problem = simulation.failing_problem() if failed else None
+        segment |= {"to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
+        about["segments"].append(segment)
+        about["status"] = "failed" if failed else ending.kind
+        about["outcome"] = summary.named(ending.outcome, scene.names, scene.wall_names)
+        about["finished"] = now()
+        about["summary"] = summary.summary(scene, simulation, self.plan, about)
+        return problem
 
 
 def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], error: BaseException) -> None:
@@ -504,11 +497,3 @@ def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
     for remark in told:  # behind the message: why there is no result comes before what may be wrong in it
         stopped.add_note(f"warning: {remark}")
     raise stopped
-
-
-def _temporary() -> RunDir:
-    return RunDir(Path(tempfile.mkdtemp(prefix="carom-")), durable=False)
-
-
-def _discard(directory: RunDir) -> None:
-    directory.remove()  # files that are still open go when they are closed

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import errno
 import json
+import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -251,6 +252,11 @@ class RunDir:
             for empty in (*(self.path / name for name in folders), self.path):
                 if empty.exists():
                     empty.rmdir()
+
+
+def temporary() -> RunDir:
+    """An empty run directory that nobody will look for after this process."""
+    return RunDir(Path(tempfile.mkdtemp(prefix="carom-")), durable=False)
 
 
 def size_on_disk(path: Path) -> int:

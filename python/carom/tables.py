@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
-from carom.record import Segments
+from carom.record import Record
 
 if TYPE_CHECKING:
     import pandas
@@ -32,7 +32,7 @@ class Table:
 
     name = ""
 
-    def __init__(self, segments: Segments, rows: Array | None = None) -> None:
+    def __init__(self, segments: Record, rows: Array | None = None) -> None:
         self._segments = segments
         self._chosen = rows  # indices of rows, or None for all
 
@@ -119,7 +119,7 @@ class Steps(Table):
 class _Pairs(Table):
     """A table with two bodies a row, which also has their names."""
 
-    def __init__(self, segments: Segments, names: Sequence[str], rows: Array | None = None) -> None:
+    def __init__(self, segments: Record, names: Sequence[str], rows: Array | None = None) -> None:
         super().__init__(segments, rows)
         self._names = np.array([*names, "?"], dtype=object)
 
@@ -191,7 +191,7 @@ class Events(Table):
 
     name = "events"
 
-    def __init__(self, segments: Segments, names: Sequence[str], rows: Array | None = None) -> None:
+    def __init__(self, segments: Record, names: Sequence[str], rows: Array | None = None) -> None:
         super().__init__(segments, rows)
         self._names = names
 

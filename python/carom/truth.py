@@ -55,15 +55,15 @@ class Frames:
         """The frames of a run of the same scene: how it was solved may differ, what was solved may not."""
         bodies = scene.names
         if result.names != bodies:
-            raise CaromError(f"the run in {result.path} has other spheres than the scene")
+            raise CaromError(f"the run in {result.origin} has other spheres than the scene")
         if other := _others(result, scene):
             raise CaromError(
-                f"the run in {result.path} is no reference for this scene: it has other {', '.join(other)};"
+                f"the run in {result.origin} is no reference for this scene: it has other {', '.join(other)};"
                 " run the scene itself with a fine step and every = 1, in the same case and with the same --set"
             )
         states = {key: np.asarray(getattr(result, key)) for key in QUANTITIES}
         step = float(result.summary.get("step") or np.min(np.diff(result.time)))
-        return cls(f"run in {result.path}", bodies, np.asarray(result.time), states, step)
+        return cls(f"run in {result.origin}", bodies, np.asarray(result.time), states, step)
 
     def offered(self) -> list[str] | None:
         return None

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.drive import Plan, Sink, thinned
 from carom.errors import CaromError, did_you_mean
 from carom.tables import UnknownName
 
@@ -211,7 +212,7 @@ Stop = Callable[[View], object]
 """Ends the run where it returns True or a text, the reason that `outcome.message` gives; False, None and "" let it go on."""
 
 
-class Watch:
+class Watch(Sink):
     """A callback and a stop condition, and after which steps they are asked: all multiples of `every`."""
 
     def __init__(
@@ -232,6 +233,7 @@ class Watch:
         self._callback, self._stop, self.every = callback, stop, every
         self.names: Sequence[str] = ()
         self.model: Any = {}
+        self._last = 0
         self.error: BaseException | None = None
 
     @classmethod
@@ -247,22 +249,22 @@ class Watch:
             return None
         return watch
 
-    def begin(self, names: Sequence[str], model: Any, every: int) -> None:
-        """The run that is watched; `every` is that of the frames, which holds where no other was given."""
-        self.names, self.model = names, model
-        self.every = self.every or every
+    def begin(self, names: Sequence[str], model: Any, plan: Plan) -> None:
+        """The run that is watched; the plan's spacing of frames holds where no other was given."""
+        self.names, self.model, self._last = names, model, plan.steps
+        self.every = self.every or plan.every or thinned(plan.steps)
 
-    def next(self, step: int) -> int:
+    def next(self, step: int) -> float:
         """The first step after `step` at which to ask."""
         every = self.every or 1
         return (step // every + 1) * every
 
-    def ask(self, simulation: Simulation, block: Block, *, last: bool = False) -> dict[str, Any] | None:
+    def take(self, simulation: Simulation, block: Block) -> dict[str, Any] | None:
         """The outcome if the run ends here: by the stop condition, or because a function raised (then `error` is set).
 
-        After the `last` step there is nothing to stop.
+        After the last step there is nothing to stop.
         """
-        if simulation.step % (self.every or 1):
+        if block["outcome"] is not None or simulation.step % (self.every or 1):
             return None
         here = {"step": simulation.step, "time": simulation.time}
         name = "callback"
@@ -272,7 +274,7 @@ class Watch:
                     self._callback(view)
                 name = "stop"
                 reason = self._stop(view) if self._stop is not None else None
-                if not _ends(reason) or last:
+                if not _ends(reason) or simulation.step >= self._last:
                     return None
         except BaseException as error:
             self.error = error

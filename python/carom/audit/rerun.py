@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 
 if TYPE_CHECKING:
-    from carom.record import Segments
+    from carom.record import Record
     from carom.result import Result
 
 #: Bytes that are compared at a time.
@@ -151,7 +151,7 @@ def _compare(original: Result, again: Result) -> tuple[int, int, tuple[Differenc
     return datasets, numbers, tuple(found)
 
 
-def _rows(segments: Segments, table: str, name: str) -> int:
+def _rows(segments: Record, table: str, name: str) -> int:
     return len(segments.column(table, name))
 
 

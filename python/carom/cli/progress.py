@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from carom.drive import Progress
+    from carom.sinks import Progress
 
 #: A run that is over sooner than this shows no bar, and does not pay for importing one.
 PATIENCE_S = 0.4

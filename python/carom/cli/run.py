@@ -68,10 +68,10 @@ def run(
 
     Example: carom run corner.toml --save-problems 200:300:50,worst:5
     """
-    from carom.drive import Interrupt
     from carom.errors import counted
     from carom.run import chosen, launch
     from carom.rundir import RunDir
+    from carom.sinks import Interrupt
 
     if on_nonconvergence is not None:
         set_ = [*(set_ or []), f"run.on_nonconvergence={on_nonconvergence}"]

@@ -90,7 +90,7 @@ class Selection:
         """Every so many of the frames from `start` to `stop`, s; the last of them need not be among them."""
         time = np.asarray(result.time)
         if not len(time):
-            raise CaromError(f"{result.path} holds no frames yet; there is nothing to export")
+            raise CaromError(f"{result.origin} holds no frames yet; there is nothing to export")
         if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
             raise CaromError(f"every: {every!r} is no whole number from 1; 1 takes every recorded frame")
         for name, value in (("start", start), ("stop", stop)):

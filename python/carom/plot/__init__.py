@@ -130,7 +130,7 @@ class Plots:
         return [kind for kind in KINDS if not lacking.get(kind)]
 
     def __repr__(self) -> str:
-        return f"<figures of {self._result.path}: {', '.join(k.replace('-', '_') for k in KINDS)}>"
+        return f"<figures of {self._result.origin}: {', '.join(k.replace('-', '_') for k in KINDS)}>"
 
 
 def _known(what: str) -> None:

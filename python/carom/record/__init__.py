@@ -1,10 +1,14 @@
-"""How a run is kept: one HDF5 file per segment, written while the run goes on and readable at any moment."""
+"""How a run is kept: in memory, or one HDF5 file per segment, written while the run goes on and readable at any moment."""
 
 from __future__ import annotations
 
 from carom.files import RecordError
 from carom.record.layout import FORMAT, Rows
+from carom.record.memory import Memory
 from carom.record.reader import Column, Segments
 from carom.record.writer import Writer
 
-__all__ = ["FORMAT", "Column", "RecordError", "Rows", "Segments", "Writer"]
+Record = Segments | Memory
+"""What a `Result` reads."""
+
+__all__ = ["FORMAT", "Column", "Memory", "Record", "RecordError", "Rows", "Segments", "Writer"]

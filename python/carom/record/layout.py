@@ -7,8 +7,8 @@ without Carom. `docs/reference/results.md` describes the whole.
 
 from __future__ import annotations
 
-from collections.abc import Container
-from typing import NamedTuple
+from collections.abc import Container, Mapping
+from typing import Any, NamedTuple
 
 FORMAT = 1
 
@@ -50,6 +50,12 @@ class Rows(NamedTuple):
 def tables(owner: Container[str]) -> tuple[str, ...]:
     """The tables of a block, of a file or of their columns."""
     return (*TABLES, EVENTS) if EVENTS in owner else TABLES
+
+
+def count(block: Mapping[str, Any]) -> Rows:
+    """Rows of the tables of a block as `Simulation.advance` returns it."""
+    counts = {table: len(block[table]["gap" if table == "contacts" else "step"]) for table in tables(block)}
+    return Rows(**counts, values=len(block["residuals"]["value"]))
 
 
 #: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from carom.drive import Sink
 from carom.errors import CaromError, counted
 from carom.problem.errors import ContactProblemError, refuse
 from carom.problem.fclib import write_fclib
@@ -92,23 +93,25 @@ def _listed(given: int | Iterable[int], label: str) -> list[int]:
     return steps
 
 
-class Problems:
+class Problems(Sink):
     """Asks a simulation for the problems of a choice and writes them to the directory of its run."""
 
     def __init__(self, directory: RunDir, choice: Choice) -> None:
         self.directory, self.choice = directory, choice
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         """Tell the simulation, before its first step."""
         simulation.keep_problems(list(self.choice.steps), self.choice.hardest)
 
-    def take(self, simulation: Simulation, *, end: bool = False) -> None:
-        """Write what was kept since the last call; at the `end` also the hardest problems."""
-        kept = simulation.take_problems(False)
-        if end:
-            kept += simulation.take_problems(True)[
-                ::-1
-            ]  # of two that are called the same the harder one stays
+    def take(self, simulation: Simulation, block: object) -> None:
+        """Write what was kept since the last call."""
+        self._write(simulation.take_problems(False))
+
+    def end(self, simulation: Simulation) -> None:
+        """Write the hardest problems too: of two that are called the same the harder one stays."""
+        self._write([*simulation.take_problems(False), *reversed(simulation.take_problems(True))])
+
+    def _write(self, kept: Iterable[Mapping[str, Any]]) -> None:
         for problem in kept:
             path = self.directory.path / FOLDER / file_name(problem)
             try:
@@ -129,6 +132,14 @@ def file_name(kept: Mapping[str, Any]) -> str:
 def write_kept(path: Path, kept: Mapping[str, Any], form: str = "local") -> Path:
     """Write a problem as `Simulation.take_problems` and `failing_problem` give it."""
     return write_fclib(state(kept, form), path, extra=origin(kept))
+
+
+def keep_failing(directory: RunDir, kept: Mapping[str, Any], outcome: dict[str, Any]) -> None:
+    """Write the problem that a run could not solve, and say in its outcome where."""
+    try:
+        outcome["problem_file"] = write_kept(directory.path / FAILING, kept).name
+    except ContactProblemError as error:
+        directory.log("problem not kept", file=FAILING, message=str(error))
 
 
 def origin(kept: Mapping[str, Any]) -> dict[str, Any]:

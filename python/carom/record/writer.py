@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from carom.files import RecordError, unwritable
 from carom.record import blank
-from carom.record.layout import ENDS, FORMAT, Rows, tables
+from carom.record.layout import ENDS, FORMAT, Rows, count, tables
 
 Table = Mapping[str, Any]
 
@@ -97,7 +97,7 @@ class Writer:
             except BaseException:
                 self.abandon()  # before HDF5 tries to write what there is no room for, which it does not survive
                 raise
-        counts = _count(block)
+        counts = count(block)
         parts = {name: dict(block[name]) for name in tables(self._columns)}
         for (table, column), target in ENDS.items():
             offset = np.uint64(getattr(self.first, target) + getattr(self.rows, target))
@@ -320,11 +320,6 @@ def _extend(dataset: h5py.Dataset, rows: NDArray[Any]) -> None:
         start = dataset.shape[0]
         dataset.resize(start + len(rows), axis=0)
         dataset[start:] = rows
-
-
-def _count(block: Mapping[str, Any]) -> Rows:
-    counts = {table: len(block[table]["gap" if table == "contacts" else "step"]) for table in tables(block)}
-    return Rows(**counts, values=len(block["residuals"]["value"]))
 
 
 class _explained:

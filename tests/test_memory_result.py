@@ -1,0 +1,101 @@
+"""A result in memory: what a run without `out` keeps is what a run directory holds, data set by data set."""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom import Result, Scene
+from carom.cli.examples import find
+from carom.record.layout import EVENTS, TABLES
+from carom.record.problem import FAILING
+
+#: Scenes of balls, walls that move, balls that come and go, joints and contacts in every frame.
+NAMES = ["three_balls", "newtons_cradle", "slide_to_roll", "nine_ball_break", "hopper_slot", "rotating_drum"]
+
+
+def short(name: str) -> Scene:
+    """The scene of a shipped scenario, 60 steps of it, with contacts."""
+    scene = Scene.from_toml(find(name))
+    assert scene.run.step is not None
+    return scene.with_options(until=60 * scene.run.step, every=7, contacts=True)
+
+
+def columns(result: Result) -> dict[str, Any]:
+    """All that the run recorded, by table and column, and what does not change."""
+    record = result._segments
+    found = {
+        f"{t}/{c}": np.asarray(record.column(t, c)) for t in (*TABLES, EVENTS) for c in record.columns(t)
+    }
+    return found | {
+        f"{table}/{name}": values
+        for table in ("bodies", "planes", "walls")
+        for name, values in record.static(table).items()
+    }
+
+
+def assert_same(a: dict[str, Any], b: dict[str, Any]) -> None:
+    """The same data sets with the same bits."""
+    assert a.keys() == b.keys()
+    assert len(a) > 50
+    for name, values in a.items():
+        assert values.dtype.kind == b[name].dtype.kind, name
+        np.testing.assert_array_equal(values, b[name], err_msg=name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_memory_and_directory_hold_the_same(name: str, tmp_path: Path) -> None:
+    memory = carom.simulate(short(name))
+    written = carom.simulate(short(name), out=tmp_path / "run")
+    assert_same(columns(memory), columns(written))
+    assert memory.scenario == written.scenario
+    assert memory.status == written.status == "done"
+    saved = memory.save(tmp_path / "saved")
+    assert_same(columns(memory), columns(saved))
+    assert saved.scenario == written.scenario
+
+
+def test_nothing_is_written_before_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any, **__: Any) -> str:
+        raise AssertionError("a temporary folder was made")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(tempfile, "mkdtemp", refuse)
+        result = carom.simulate(short("three_balls"))
+        assert result.energy.kinetic[-1] >= 0.0
+        assert result.scene.names == short("three_balls").names
+        assert "kept in memory" in repr(result)
+    place = result.path
+    assert (place / "run.json").is_file()
+    assert_same(columns(result), columns(carom.load(place)))
+    del result
+    assert not place.exists()
+
+
+def test_a_result_in_memory_can_be_sent() -> None:
+    result = carom.simulate(short("three_balls"))
+    sent = pickle.loads(pickle.dumps(result))
+    assert_same(columns(result), columns(sent))
+    assert sent.scene.names == result.scene.names
+
+
+def test_a_run_that_fails_in_memory_has_its_problem(tmp_path: Path) -> None:
+    """Too few iterations and no halving: the run stops, and what it computed can be saved with the problem."""
+    scene = Scene.from_toml(find("pile")).with_options(
+        until=1.0,
+        max_iterations=1,
+        max_halvings=0,
+        pile_contacts=10_000,
+        gauss_seidel_sweeps=0,
+        solver="newton",
+    )
+    with pytest.raises(carom.RunFailed) as failed:
+        carom.simulate(scene)
+    saved = failed.value.result.save(tmp_path / "failed")
+    assert saved.status == "failed"
+    assert (saved.path / FAILING).is_file()
