@@ -1,6 +1,6 @@
 //! All islands of a level, in their order: solved here, or handed over by the threads that solved them.
 
-use crate::parallel::Task;
+use crate::level::Task;
 use crate::report::StepReport;
 use crate::scratch::Scratch;
 

@@ -236,14 +236,14 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
     let threads = model.options.threads as usize;
     let pushed = |_, shift: &[[DVec3; 2]]| {
         let pushed = shift.iter().map(|s| s[0].length_squared());
-        pushed.fold(0.0f64, f64::max)
+        pushed.fold(0.0, team::larger)
     };
     let largest = team::reduce(
         threads,
         scratch.shift.len(),
         &scratch.shift[..],
         pushed,
-        f64::max,
+        team::larger,
     );
     if largest == 0.0 {
         return Ok(false);

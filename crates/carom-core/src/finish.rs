@@ -70,13 +70,14 @@ pub(crate) fn finish(
     state.warm_step = coefficients.h;
     report.energy_kinetic = sums.kinetic;
     report.energy_potential = potential;
+    type Two = (f64, f64);
+    let larger = |a: Two, b: Two| (team::larger(a.0, b.0), team::larger(a.1, b.1));
     let deepest = |_, contacts: &[Contact]| {
         contacts.iter().fold((0.0f64, 0.0f64), |most, c| {
-            (most.0.max(-c.gap), most.1.max(-c.gap / c.length))
+            larger(most, (-c.gap, -c.gap / c.length))
         })
     };
     let (threads, contacts) = (model.options.threads as usize, &scratch.contacts[..]);
-    let larger = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
     (report.penetration, report.penetration_relative) =
         team::reduce(threads, contacts.len(), contacts, deepest, larger);
     Ok(())

@@ -8,15 +8,14 @@ use crate::contact::Contact;
 use crate::impact::ImpactScratch;
 use crate::islands::{Island, Islands};
 use crate::level::coupling::Trial;
-use crate::level::{closed_form, position, velocity, Demand};
+use crate::level::{closed_form, position, velocity, Task};
 use crate::model::Model;
 use crate::outcome::{History, ImpactRecord, Level};
 use crate::pile::limits::{fits, threads};
 use crate::pile::memory::Pile;
 use crate::problem::{Keeper, KeptProblem};
 use crate::report::StepReport;
-use crate::state::{State, Warm};
-use crate::stepper::Span;
+use crate::state::Warm;
 use crate::workspace::{Corrections, IslandScratch, SolveScratch};
 use carom_solve::team::{self, lock};
 use glam::DVec3;
@@ -27,16 +26,6 @@ use std::sync::Mutex;
 /// Batches for each thread: enough that the last ones end at about the same time. Speed alone.
 const BATCHES_PER_THREAD: usize = 8;
 
-/// A level of a step, as every island of it is solved.
-#[derive(Clone, Copy)]
-pub struct Task<'a> {
-    pub model: &'a Model,
-    pub state: &'a State,
-    pub level: Level,
-    pub span: Span,
-    pub demand: Demand,
-}
-
 impl Task<'_> {
     #[inline]
     pub(crate) fn solve(
@@ -45,16 +34,9 @@ impl Task<'_> {
         island: Island,
         report: &mut StepReport,
     ) -> bool {
-        let (model, state, demand) = (self.model, self.state, self.demand);
-        let span = self.span;
         match self.level {
-            Level::Position => {
-                position::solve_island(model, state, scratch, island, span, report, demand)
-            }
-            _ => {
-                let accept = demand == Demand::Accepted;
-                velocity::solve_island(model, state, scratch, island, span, report, accept)
-            }
+            Level::Position => position::solve_island(self, scratch, island, report),
+            _ => velocity::solve_island(self, scratch, island, report),
         }
     }
 

@@ -227,11 +227,11 @@ impl Simulation {
             v.iter()
                 .zip(r)
                 .map(|(v, r)| v.length_squared() / (r * r))
-                .fold(0.0f64, f64::max)
+                .fold(0.0, team::larger)
         };
         let threads = self.model.options.threads as usize;
         let whole = (velocity, radius);
-        let travel = team::reduce(threads, velocity.len(), whole, fastest, f64::max).sqrt();
+        let travel = team::reduce(threads, velocity.len(), whole, fastest, team::larger).sqrt();
         self.monitors
             .add(&report, self.static_scale, travel * self.model.options.step);
         self.recorder.block.steps.push(report);

@@ -8,10 +8,9 @@ use crate::candidates::{complete, meet, relist, start_over};
 use crate::contact::CANDIDATE_MARGIN;
 use crate::finish::finish;
 use crate::force::total::{motion_of, power};
-use crate::level::{smooth, Demand};
+use crate::level::{smooth, Demand, Task};
 use crate::model::Model;
 use crate::outcome::{Failure, Level};
-use crate::parallel::Task;
 use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
@@ -162,20 +161,19 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Re
     let each = |first: usize, needs: &mut [f64]| {
         let mut fastest = 0.0f64;
         for (i, need) in (first..).zip(needs) {
-            let (x, r) = (state.position[i], model.radius[i]);
-            let way = linear[i].displacement.length();
-            fastest = fastest.max(way);
+            let (r, way) = (model.radius[i], linear[i].displacement.length());
+            fastest = team::larger(fastest, way);
             let mut reach = way + CANDIDATE_MARGIN * r;
             if moves {
                 // A fast wall may be past a sphere at the end of the step.
-                let swept = walls.speed_at(x) * h;
+                let swept = walls.speed_at(state.position[i]) * h;
                 reach += if swept > 0.5 * r { swept } else { 0.0 };
             }
             *need = state.need(model, i, reach);
         }
         fastest
     };
-    let fastest = team::reduce(threads, need.len(), &mut need[..], each, f64::max);
+    let fastest = team::reduce(threads, need.len(), &mut need[..], each, team::larger);
     scratch.neighbours.refresh(
         &state.position,
         &model.radius,

@@ -305,6 +305,17 @@ fn in_shares<S: Cut, R: Send + Default>(
     found.into_iter().reduce(join).unwrap_or_default()
 }
 
+/// The larger of the largest so far, which is a number, and of another: `f64::max` asks first whether the largest is one, and takes
+/// seven instructions instead of one.
+#[inline(always)]
+pub fn larger(largest: f64, x: f64) -> f64 {
+    if x > largest {
+        x
+    } else {
+        largest
+    }
+}
+
 /// `value(k)` for every place `k` of `out`.
 #[inline(always)]
 pub fn fill<T: Send>(threads: usize, out: &mut [T], value: impl Fn(usize) -> T + Sync) {

@@ -17,6 +17,9 @@ mod wedge;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::options::{Options, Solver};
+use crate::outcome::Level;
+use crate::state::State;
+use crate::stepper::Span;
 pub(crate) use carom_solve::ladder::LESS_FRICTION;
 use carom_solve::single::SingleContact;
 use carom_solve::{NewtonOptions, RowSystem};
@@ -24,6 +27,16 @@ use carom_solve::{NewtonOptions, RowSystem};
 /// Most contacts of an island whose gaps are asked for to `gap_tolerance` as well. Without a bound two steps of twelve falling heaps
 /// (`validation/drops`) were halved that are solved with it: gaps around closed chains contradict one another by what rounding left.
 const GAP_CHECK_CONTACTS: usize = 50;
+
+/// A level of a step, as every island of it is solved.
+#[derive(Clone, Copy)]
+pub struct Task<'a> {
+    pub model: &'a Model,
+    pub state: &'a State,
+    pub level: Level,
+    pub span: Span,
+    pub demand: Demand,
+}
 
 /// What is asked of a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

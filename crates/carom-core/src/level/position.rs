@@ -7,16 +7,13 @@
 use super::less_friction::with_less_friction;
 use super::position_newton::{self, Way};
 use super::rest::Resting;
-use super::{closed_form, single, Demand};
+use super::{closed_form, single, Demand, Task};
 use crate::contact::Contact;
 use crate::islands::Island;
-use crate::model::Model;
 use crate::outcome::Level;
 use crate::pile;
 use crate::pile::limits::{fits, may_fall_back};
 use crate::report::StepReport;
-use crate::state::State;
-use crate::stepper::Span;
 use crate::workspace::IslandScratch;
 use carom_solve::SolveReport;
 
@@ -29,23 +26,27 @@ pub(crate) fn is_separated(contacts: &[Contact], island: Island) -> bool {
 
 /// Solves one island; writes the corrections U of its bodies and `nu` of its contacts. False: not converged.
 pub fn solve_island(
-    model: &Model,
-    state: &State,
+    task: &Task,
     scratch: &mut IslandScratch,
     island: Island,
-    span: Span,
     report: &mut StepReport,
-    demand: Demand,
 ) -> bool {
     if is_separated(scratch.contacts, island) {
         return true;
     }
     if let ([m], true) = (island.contacts, island.is_free()) {
-        if closed_form(model, &scratch.contacts[*m as usize]) {
-            solve_single(model, state, scratch, *m, report);
+        if closed_form(task.model, &scratch.contacts[*m as usize]) {
+            solve_single(task, scratch, *m, report);
             return true;
         }
     }
+    let Task {
+        model,
+        state,
+        span,
+        demand,
+        ..
+    } = *task;
     let resting = Resting::find(model, state, scratch, island, span.h);
     if fits(model, island) {
         let others = may_fall_back(island);
@@ -96,13 +97,8 @@ pub fn solve_island(
 
 /// A lone contact of a sphere with a plane, in closed form.
 #[inline(always)]
-fn solve_single(
-    model: &Model,
-    state: &State,
-    scratch: &mut IslandScratch,
-    m: u32,
-    report: &mut StepReport,
-) {
+fn solve_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut StepReport) {
+    let Task { model, state, .. } = *task;
     // By reference: a contact is hundreds of bytes, and this is the whole of a rolling ball's step.
     let c = &scratch.contacts[m as usize];
     let i = c.a as usize;

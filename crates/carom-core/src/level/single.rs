@@ -22,7 +22,7 @@ pub struct ContactMeasures {
 }
 
 /// Decomposes a translation (or velocity) and a rotation (or angular velocity) at the contact.
-#[inline]
+#[inline(always)]
 pub fn motion(c: &Contact, radius: f64, linear: DVec3, angular: DVec3) -> ContactMeasures {
     let slip = linear + radius * c.n0.cross(angular);
     ContactMeasures {
@@ -97,7 +97,7 @@ pub fn problem(model: &Model, c: &Contact, z: &ContactMeasures) -> SingleContact
 }
 
 /// Packs a solution into the contact's rows.
-#[inline]
+#[inline(always)]
 pub fn pack(c: &Contact, s: &SingleSolution) -> [f64; 6] {
     let bounds = c.bounds;
     let mut out = [s.normal, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -120,7 +120,7 @@ pub fn pack(c: &Contact, s: &SingleSolution) -> [f64; 6] {
 }
 
 /// Correction of translation and rotation by a solution.
-#[inline]
+#[inline(always)]
 pub fn correction(model: &Model, c: &Contact, s: &SingleSolution) -> [DVec3; 2] {
     let i = c.a as usize;
     let r = model.radius[i];

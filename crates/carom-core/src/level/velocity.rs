@@ -1,7 +1,8 @@
 //! Velocity sub-problem (eqs. 1f-h): one island of closed contacts, by the impact law of the run.
 
 use super::less_friction::with_less_friction;
-use super::{closed_form, single};
+use super::single::ContactMeasures;
+use super::{closed_form, single, Demand, Task};
 use crate::contact::Contact;
 use crate::impact::bisect::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
 use crate::impact::law::Law;
@@ -12,22 +13,20 @@ use crate::options::Impact;
 use crate::outcome::{ImpactRecord, Level};
 use crate::pile::limits::{fits, may_fall_back};
 use crate::report::StepReport;
-use crate::state::State;
-use crate::stepper::Span;
 use crate::workspace::IslandScratch;
 use crate::{impact, pile};
+use carom_solve::single::SingleSolution;
 use carom_solve::{SolveReport, Status};
+use glam::DVec3;
 
 /// Solves one island of closed contacts; writes the corrections W of its bodies and `lambda` of its contacts.
 pub fn solve_island(
-    model: &Model,
-    state: &State,
+    task: &Task,
     scratch: &mut IslandScratch,
     island: Island,
-    span: Span,
     report: &mut StepReport,
-    accept_unconverged: bool,
 ) -> bool {
+    let Task { model, state, .. } = *task;
     if let ([m], true) = (island.contacts, island.is_free()) {
         let m = *m;
         let c = &scratch.contacts[m as usize];
@@ -39,13 +38,14 @@ pub fn solve_island(
         };
         if closed_form(model, c) && !(printed && separating()) {
             if scratch.walls.any_moves() {
-                solve_single::<true>(model, state, scratch, m, report);
+                solve_single::<true>(task, scratch, m, report);
             } else {
-                solve_single::<false>(model, state, scratch, m, report);
+                solve_single::<false>(task, scratch, m, report);
             }
             return true;
         }
     }
+    let (span, accept_unconverged) = (task.span, task.demand == Demand::Accepted);
     if fits(model, island) {
         let others = may_fall_back(island);
         let accept = accept_unconverged && !others;
@@ -74,20 +74,20 @@ pub fn solve_island(
 
 /// A lone sphere-plane contact: at most one impact problem, in closed form. `MOVING`: walls of this scene may move.
 fn solve_single<const MOVING: bool>(
-    model: &Model,
-    state: &State,
+    task: &Task,
     scratch: &mut IslandScratch,
     m: u32,
     report: &mut StepReport,
 ) {
+    let Task { model, state, .. } = *task;
     let c: &Contact = &scratch.contacts[m as usize];
     let i = c.a as usize;
     let options = &model.options;
     let radius = model.radius[i];
-    let (v_check, w_check) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
+    let motion = [scratch.linear[i].velocity, scratch.angular[i].velocity];
     let mut speeds = Speeds::default();
-    speeds.add(model, state, v_check, i);
-    let mut of_walls = [single::ContactMeasures::default(); 2];
+    speeds.add(model, state, motion[0], i);
+    let mut of_walls = [ContactMeasures::default(); 2];
     if MOVING {
         let walls = &scratch.walls;
         let twists = walls.start_twist(model, c, state.position[i]);
@@ -96,15 +96,9 @@ fn solve_single<const MOVING: bool>(
         }
         of_walls = single::wall_motion(model, state, scratch, c);
     }
-    let [wall_old, wall_new] = of_walls;
-    let against = |mut z: single::ContactMeasures, wall: &single::ContactMeasures| {
-        if MOVING {
-            z.subtract(wall);
-        }
-        z
-    };
+    let [wall_old, wall] = of_walls;
     let tol = speeds.closing_tolerance(options, 1);
-    let check = against(single::motion(c, radius, v_check, w_check), &wall_new);
+    let check = against::<MOVING>(single::motion(c, radius, motion[0], motion[1]), &wall);
     let gamma_n = c.n0.dot(state.velocity[i]) - wall_old.normal;
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
         report.missed_impacts += 1;
@@ -120,61 +114,33 @@ fn solve_single<const MOVING: bool>(
         (_, true) => Law::Printed,
         _ => Law::First,
     };
-    let material = c.law(model);
-    let e = [material.restitution, material.tangential_restitution];
-    let before = if material.tangential_restitution == 0.0 {
+    let slip = if c.law(model).tangential_restitution == 0.0 {
         [0.0; 2]
     } else {
         let old = single::motion(c, radius, state.velocity[i], state.angular_velocity[i]);
-        against(old, &wall_old).slip
+        against::<MOVING>(old, &wall_old).slip
     };
-    let measures = |scale: f64| {
-        let mut z = check;
-        let [along, across] = law.terms(e, scale, gamma_n, options, tol);
-        z.normal += along;
-        z.slip[0] += across * before[0];
-        z.slip[1] += across * before[1];
-        z
+    let lone = Lone::<MOVING> {
+        model,
+        c,
+        motion,
+        wall,
+        check,
+        law,
+        approach: gamma_n,
+        slip,
+        tol,
     };
-    let solve = |scale: f64| single::problem(model, c, &measures(scale)).solve();
-    let mut scale = 1.0;
-    let mut s = solve(scale);
-    // The velocity jump of a solution and its work: normal, sliding, rolling, spinning.
-    let effect = |s: &carom_solve::single::SingleSolution| {
-        let [dv, dw] = single::correction(model, c, s);
-        let after = against(
-            single::motion(c, radius, v_check + dv, w_check + dw),
-            &wall_new,
-        );
-        let work = [
-            0.5 * s.normal * (check.normal + after.normal),
-            0.5 * (s.sliding[0] * (check.slip[0] + after.slip[0])
-                + s.sliding[1] * (check.slip[1] + after.slip[1])),
-            0.5 * (s.rolling[0] * (check.turn[0] + after.turn[0])
-                + s.rolling[1] * (check.turn[1] + after.turn[1])),
-            0.5 * s.spinning * (check.spin + after.spin),
-        ];
-        ([dv, dw], work)
-    };
-    let (mut jump, mut done) = effect(&s);
-    if options.energy_safeguard && law == Law::First {
-        // The speed of a wall that moves belongs to the scale.
-        let of_wall = wall_new.normal.powi(2) + wall_new.slip[0].powi(2) + wall_new.slip[1].powi(2);
-        let kinetic = 0.5
-            * (model.mass[i] * (v_check.length_squared() + of_wall)
-                + model.inertia[i] * w_check.length_squared());
-        let gains = |w: &[f64; 4]| w.iter().sum::<f64>() > GAIN_TOLERANCE * kinetic;
-        if gains(&done) {
-            scale = bisect_scale(BISECTIONS, |trial| !gains(&effect(&solve(trial)).1));
-            s = solve(scale);
-            (jump, done) = effect(&s);
-            report.restitution_scale = report.restitution_scale.min(scale);
-        }
+    let (mut scale, mut impact) = (1.0, lone.impact(1.0));
+    if options.energy_safeguard && law == Law::First && lone.gains(&impact) {
+        (scale, impact) = lone.without_gain();
+        report.restitution_scale = report.restitution_scale.min(scale);
     }
+    let (s, jump, work) = impact;
     if s.normal == 0.0 {
         return;
     }
-    let kept = scratch.keeper.wants(1).then(|| measures(scale));
+    let kept = scratch.keeper.wants(1).then(|| lone.measures(scale));
     report.add_velocity(&SolveReport::CLOSED_FORM);
     report.impact_problems = report.impact_problems.max(1);
     scratch.corrections.set(c.a, jump);
@@ -191,16 +157,96 @@ fn solve_single<const MOVING: bool>(
             impulse: world.impulse,
             moment: world.moment,
             approach: check.normal,
-            separation: c.n1.dot(v_check + jump[0]) - wall_new.normal,
+            separation: c.n1.dot(motion[0] + jump[0]) - wall.normal,
             restitution_scale: scale,
         });
     }
     let target = &mut scratch.contacts[m as usize];
     target.lambda = packed;
     target.status = status;
-    target.work = done;
+    target.work = work;
     if let Some(z) = kept {
         let at = (Level::Velocity, u32::from(!resting));
-        single::keep(model, scratch, m, at, &z, packed, [v_check, w_check], jump);
+        single::keep(model, scratch, m, at, &z, packed, motion, jump);
+    }
+}
+
+/// Measures against those of a wall, where walls may move.
+#[inline(always)]
+fn against<const MOVING: bool>(mut z: ContactMeasures, wall: &ContactMeasures) -> ContactMeasures {
+    if MOVING {
+        z.subtract(wall);
+    }
+    z
+}
+
+/// A lone contact before its impact. All of it but [`Self::without_gain`] is written into its caller: as calls, what is passed on
+/// costs as much as the impact.
+#[derive(Clone, Copy)]
+struct Lone<'a, const MOVING: bool> {
+    model: &'a Model,
+    c: &'a Contact,
+    /// v-check and its angular velocity; the wall's measures at t_{n+1}, and those of the motion against it.
+    motion: [DVec3; 2],
+    wall: ContactMeasures,
+    check: ContactMeasures,
+    /// Restitution, and the measures of t_n on which it acts.
+    law: Law,
+    approach: f64,
+    slip: [f64; 2],
+    tol: f64,
+}
+
+/// Multipliers, the velocity jump that they make, and their work: normal, sliding, rolling, spinning.
+type LoneImpact = (SingleSolution, [DVec3; 2], [f64; 4]);
+
+impl<const MOVING: bool> Lone<'_, MOVING> {
+    /// Measures of the problem with restitution times `scale`.
+    #[inline(always)]
+    fn measures(&self, scale: f64) -> ContactMeasures {
+        let (mut z, material) = (self.check, self.c.law(self.model));
+        let e = [material.restitution, material.tangential_restitution];
+        let o = &self.model.options;
+        let [along, across] = self.law.terms(e, scale, self.approach, o, self.tol);
+        z.normal += along;
+        z.slip[0] += across * self.slip[0];
+        z.slip[1] += across * self.slip[1];
+        z
+    }
+
+    #[inline(always)]
+    fn impact(&self, scale: f64) -> LoneImpact {
+        let Lone { model, c, .. } = *self;
+        let s = single::problem(model, c, &self.measures(scale)).solve();
+        let [dv, dw] = single::correction(model, c, &s);
+        let ([v, w], check, radius) = (self.motion, &self.check, model.radius[c.a as usize]);
+        let after = against::<MOVING>(single::motion(c, radius, v + dv, w + dw), &self.wall);
+        let work = [
+            0.5 * s.normal * (check.normal + after.normal),
+            0.5 * (s.sliding[0] * (check.slip[0] + after.slip[0])
+                + s.sliding[1] * (check.slip[1] + after.slip[1])),
+            0.5 * (s.rolling[0] * (check.turn[0] + after.turn[0])
+                + s.rolling[1] * (check.turn[1] + after.turn[1])),
+            0.5 * s.spinning * (check.spin + after.spin),
+        ];
+        (s, [dv, dw], work)
+    }
+
+    /// Whether an impact gains energy; the speed of a wall that moves belongs to the scale.
+    #[inline(always)]
+    fn gains(&self, (_, _, work): &LoneImpact) -> bool {
+        let (i, [v, w], wall) = (self.c.a as usize, self.motion, &self.wall);
+        let of_wall = wall.normal.powi(2) + wall.slip[0].powi(2) + wall.slip[1].powi(2);
+        let kinetic = 0.5
+            * (self.model.mass[i] * (v.length_squared() + of_wall)
+                + self.model.inertia[i] * w.length_squared());
+        work.iter().sum::<f64>() > GAIN_TOLERANCE * kinetic
+    }
+
+    /// The largest scale of restitution at which the impact gains nothing (rule R4), and that impact.
+    #[cold]
+    fn without_gain(self) -> (f64, LoneImpact) {
+        let scale = bisect_scale(BISECTIONS, |trial| !self.gains(&self.impact(trial)));
+        (scale, self.impact(scale))
     }
 }

@@ -124,7 +124,7 @@ impl Walls {
     }
 
     /// How sphere `a` at `xa` meets wall `b`, where it stands now.
-    #[inline]
+    #[inline(always)]
     pub fn meet(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
         if self.is_gone(model, b) {
             return NOWHERE;
@@ -258,7 +258,7 @@ const NOWHERE: Proximity = Proximity {
 };
 
 /// A shape that is no wall meets nobody.
-#[inline]
+#[inline(always)]
 fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
     // As in `Shape::meet`: planes are in every scene.
     if let Shape::HalfSpace { point, normal } = *shape {

@@ -68,6 +68,7 @@ pub struct NeighbourList {
     pairs: Vec<(u32, u32)>,
     reference: Vec<Reference>,
     walls: Vec<Shape>,
+    fixed_walls: bool,
     periodic: Periodic,
     /// Which walls moved between the last two rebuilds: they are listed farther out.
     moving: Vec<bool>,
@@ -100,6 +101,7 @@ impl NeighbourList {
             pairs: Vec::new(),
             reference: Vec::new(),
             walls: Vec::new(),
+            fixed_walls: false,
             periodic: Periodic::default(),
             moving: Vec::new(),
             skin: SKIN,
@@ -121,6 +123,11 @@ impl NeighbourList {
     pub fn set_periodic(&mut self, periodic: Periodic) {
         self.periodic = periodic;
         self.valid = false;
+    }
+
+    /// Tells that walls never move (default: they may): no call compares them with those before.
+    pub fn set_fixed_walls(&mut self, fixed: bool) {
+        self.fixed_walls = fixed;
     }
 
     /// The need (m) of a body of this radius (m) that is not there: no pairs, and no rebuild as long as it stays away.
@@ -205,8 +212,9 @@ impl NeighbourList {
             let slack = reference.extent - need - r;
             good &= (slack >= 0.0) & ((*x - reference.x).length_squared() <= slack * slack);
         }
-        good && (walls.iter().zip(&self.walls).enumerate())
-            .all(|(w, (new, old))| new == old || self.covers(w, new, x, radius, need))
+        let mut walls = walls.iter().zip(&self.walls).enumerate();
+        good && (self.fixed_walls
+            || walls.all(|(w, (new, old))| new == old || self.covers(w, new, x, radius, need)))
     }
 
     /// Whether every sphere within its need of a wall that has moved is listed with it. A NaN is never covered.
