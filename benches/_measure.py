@@ -70,12 +70,12 @@ def extremes(values: Sequence[float]) -> tuple[float, float]:
     return min(values), statistics.median(values)
 
 
-def rust() -> tuple[dict[str, tuple[float, float, str]], str]:
+def rust(root: Path = ROOT, bench: str = "*") -> tuple[dict[str, tuple[float, float, str]], str]:
     """Minimum, median (s) and hash by name of the Rust bench, and what it printed besides; wall time of one thread."""
     if shutil.which("cargo") is None:
         return {}, "Rust bench skipped: no cargo"
-    command = ["cargo", "bench", "--quiet", "--workspace", "--bench", "*"]
-    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
+    command = ["cargo", "bench", "--quiet", "--workspace", "--bench", bench]
+    done = subprocess.run(command, cwd=root, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         return {}, "Rust bench skipped: cargo bench failed, see above"
     found, others = {}, []

@@ -8,7 +8,8 @@ scenario of `scenarios/paper` and of rest (grid, corner), as this copy has it, r
 in a process of its own. Times are the CPU time of the core for the whole scene: of each turn the least of some runs,
 of the turns minimum and median. The last state is held against the older one's, `difference` over the largest number
 of the same kind; so is every number of `carom reproduce --quick`, but for those that differ between two runs of one
-build (times). Without --old nothing is run.
+build (times). The Rust bench `break_shot` (the break, four rolling balls) runs in both too, where there is a cargo:
+wall time of its one thread. Without --old nothing is run.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _measure import BREAK, ROOT, child, extremes, state_hash
+from _measure import BREAK, ROOT, child, extremes, rust, state_hash
 from run import CORNER, GRID
 
 #: CPU time that a turn spends on one scene at least, s.
@@ -169,6 +170,24 @@ def compare(new: Path, old: Path, repetitions: int) -> list[dict[str, Any]]:
     return rows
 
 
+def steps_of_few(new: Path, old: Path, repetitions: int) -> None:
+    """The Rust bench of few balls, in both working copies turn by turn: least minimum, median of medians."""
+    turns = []
+    for k in range(repetitions):
+        turns.append({folder: rust(folder, "break_shot")[0] for folder in ((old, new), (new, old))[k % 2]})
+    print(
+        f"\n{'Rust bench, ms':<35}{'before':>11}{'median':>11}{'now':>11}{'median':>11}{'min':>8}{'med':>7}"
+    )
+    for name in sorted(turns[0][new].keys() & turns[0][old].keys()):
+        times = [[1e3 * t[folder][name][k] for t in turns] for folder in (old, new) for k in (0, 1)]
+        was, was_median, now, now_median = (extremes(t)[k % 2] for k, t in enumerate(times))
+        same = "same bits" if turns[0][new][name][2] == turns[0][old][name][2] else "other bits"
+        print(
+            f"{name:<35}{was:>11.3f}{was_median:>11.3f}{now:>11.3f}{now_median:>11.3f}"
+            f"{now / was:>8.3f}{now_median / was_median:>7.3f}  {same}"
+        )
+
+
 def main() -> None:
     """The command."""
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -192,7 +211,9 @@ def main() -> None:
     new, old = ROOT / "python", given.old.resolve() / "python"
     if not list((old / "carom").glob("_core*.so")):
         raise SystemExit(f"{given.old} has no built extension (python/carom/_core*.so): run make dev there")
-    rows = compare(new, old, 3 if given.quick else given.repetitions)
+    repetitions = 3 if given.quick else given.repetitions
+    rows = compare(new, old, repetitions)
+    steps_of_few(ROOT, given.old.resolve(), repetitions)
     if not given.quick:
         tables(new, old)
     if given.csv is not None:
