@@ -10,7 +10,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom import Result, Scene
+from carom import Result, Scene, drive
 from carom.cli.examples import find
 from carom.record.layout import EVENTS, TABLES
 from carom.record.problem import FAILING
@@ -99,3 +99,14 @@ def test_a_run_that_fails_in_memory_has_its_problem(tmp_path: Path) -> None:
     saved = failed.value.result.save(tmp_path / "failed")
     assert saved.status == "failed"
     assert (saved.path / FAILING).is_file()
+
+
+def test_what_would_fill_the_memory_is_refused_before_it_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = short("three_balls")
+    with pytest.raises(
+        carom.CaromError, match=r"in memory \(at most 8 GiB\); write it to a directory \(out=...\)"
+    ):
+        carom.simulate(scene, until=1e6)
+    monkeypatch.setattr(drive, "MOST_BYTES", 10**4)
+    with pytest.raises(carom.CaromError, match=r"keep fewer frames \(every=...\)"):
+        carom.simulate(scene)

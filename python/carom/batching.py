@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carom.batch import ENDED, KINEMATICS, Batch
 from carom.cases import Overrides
-from carom.drive import Plan, Sink, begin, drive
+from carom.drive import MOST_BYTES, Plan, Sink, begin, drive
 from carom.errors import CaromError
 from carom.scenario.wall_checks import touching
 
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from carom._core import Block, Simulation
     from carom.scene import Scene
     from carom.watching import Watch
-
-#: Bytes of frames above which a batch is refused rather than left to the system's killer.
-MOST_BYTES = 8 * 1024**3
 
 MONITORS = (
     *("steps", "unconverged", "fallbacks", "halvings", "substeps", "missed_impacts"),

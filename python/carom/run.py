@@ -344,6 +344,7 @@ class Run:
 
     def in_memory(self, stop: Interrupt, progress: OnProgress | None, watch: Watch | None) -> Result:
         """The run and its result, without files."""
+        self.plan.refuse_to_fill_memory(len(self.scene.names))
         memory = Memory(**self.described())
         segment = {"from_step": self.simulation.step, "started": now()}
         ending = self._drive(memory, [], stop, progress, watch)

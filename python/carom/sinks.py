@@ -39,10 +39,7 @@ class Recorder(Sink):
 
     def __init__(self, store: Writer | Memory, plan: Plan, bodies: int) -> None:
         self.store, self._plan = store, plan
-        per_frame = bodies * (
-            104 + (3 * 250 if plan.contacts else 0)
-        )  # state, and about three contacts a body
-        self._most = max(1, BLOCK_BYTES // max(1, per_frame)) * max(1, plan.every)
+        self._most = max(1, BLOCK_BYTES // max(1, plan.frame_bytes(bodies))) * max(1, plan.every)
 
     def start(self, simulation: Simulation) -> None:
         block = simulation.advance(0, self._plan.every, self._plan.contacts, 0.0)  # all columns and no rows
