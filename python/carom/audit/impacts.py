@@ -203,7 +203,9 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
         if wall.moves and mine.size:
             load = load + float(_wall_change(block, r.of(mine), wall).max())
     z = r.separation - r.scale * np.where(slow, 0.0, e) * np.maximum(0.0, -r.approach)
-    value = bounds.misfit(z, dot(r.impulse, r.normal), compliance(run, r.a, r.b)[0])
+    scaled = (r.scale > 0.0) & (r.scale < 1.0)
+    push = np.where(scaled, 0.0, dot(r.impulse, r.normal))
+    value = bounds.misfit(z, push, compliance(run, r.a, r.b)[0])
     size = norm(r.impulse)
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
     left = 8.0 * block.tolerance[r.k] * whole * compliance(run, r.a, r.b)[0]

@@ -5,9 +5,11 @@ recorded approach, after it the recorded separation must be those of `V`; and wh
 
     gamma_N^+ = -s e_N min(0, G_N V^-),   V^- = v_n + (W - W_0)       (eqs. 16, 24, 27; algorithm, section 5)
 
-with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` the recorded factor of the energy safeguard.
-Friction is held against `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together
-(rule R4). Problems beyond `max_problems` (0: `MOST_PROBLEMS`) end a sequence that was cut, without restitution.
+with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` the recorded share of restitution. Where
+0 < s < 1 this is the least that `gamma_N^+` may be, and friction is anywhere in its cone. Else friction is held against
+`z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together (rule R4), the first one
+counted from the motion that problem 0 has left. Problems beyond `max_problems` (0: `MOST_PROBLEMS`) end a sequence that
+was cut, without restitution.
 Bounds: `bounds`.
 """
 
@@ -111,6 +113,8 @@ class Replay:
         #: (B,) largest speed of a body, at the start or after any problem.
         self.top = (norm(reach[..., :3]) + run.radius * norm(reach[..., 3:])).max(axis=1, initial=0.0)
         self.speed = self.top.copy()
+        #: Motion that problem 0 has left.
+        self.loaded = self.now
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         ball = np.minimum(r.b, run.bodies - 1)
         self.at = r.k * run.bodies + r.a, r.k * run.bodies + ball
@@ -158,6 +162,8 @@ class Replay:
             where, own = self._moved(rows, self.wrench)
             self._problem(rows, where, own, solved, minus if problem > 1 else self.old)
             if problem == 0:
+                self.loaded = self.now.copy()
+                self.loaded[where] += own
                 where, own = at_kept, change
             else:
                 minus[where] += own
@@ -233,16 +239,18 @@ class Replay:
             clear = towards < -(weight + 1e-6 * scale)
             e_t = np.where(clear | (e_t == 0.0), e_t, np.where(towards >= 0.0, 0.0, np.nan))
             towards = np.minimum(towards, 0.0)
-        value = bounds.misfit(after.normal + r.scale * e_n * towards, push, own[0])
+        # Between the solutions without restitution and with it (rule R4) nothing closes, no more.
+        scaled = (r.scale > 0.0) & (r.scale < 1.0)
+        value = bounds.misfit(after.normal + r.scale * e_n * towards, np.where(scaled, 0.0, push), own[0])
         self._tell("impact", every, value, 2.0 * own[0] * left + noise)
         mu = self.mu[rows]
         z = after.slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
         most = mu * np.maximum(push, 0.0)
         defect = opposed(self.slide[rows], z, most, left, 2.0 * own[1] * left + noise)
-        sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0))
+        sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0) & ~scaled)
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
         self._tell("slip", every[sure], defect[sure], limit)
-        self._energy(rows, at, rho, before, after)
+        self._energy(rows, (at, change), rho, before, after)
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)
         np.maximum.at(self.top, k, norm(reach[:, :3]) + run.radius[body] * norm(reach[:, 3:]))
@@ -250,13 +258,14 @@ class Replay:
     def _tell(self, kind: str, rows: I64, value: F64, bound: F64) -> None:
         self.told.setdefault(kind, []).append(Told(rows, value, bound))
 
-    def _energy(self, rows: slice, at: I64, rho: F64, before: Rates, after: Rates) -> None:
+    def _energy(self, rows: slice, moved: tuple[I64, F64], rho: F64, before: Rates, after: Rates) -> None:
         """Rule R4 in each problem: works of impulses by the mean of the velocities before and after them.
 
         Bound: `bounds.gain` of the kinetic energy of the bodies that the problem moves; and what a residual `rho` (`bounds`)
         can do, which is at most `rho` times the velocities after the problem and those of `2 D_cc` times the impulses.
         """
         run, r, count = self.block.run, self.r.of(rows), self.block.count
+        at, change = moved
         if not run.options["energy_safeguard"] or run.options["impact"] == "sequence-paper":
             return
 
@@ -280,4 +289,19 @@ class Replay:
         largest = np.lexsort((norm(r.impulse), r.k))
         largest = np.sort(largest[np.flatnonzero(np.append(np.diff(r.k[largest]), 1))])
         k = r.k[largest]
-        self._tell("passivity", rows.start + largest, np.maximum(total(work), 0.0)[k], bound[k])
+        gained = total(work)
+        if r.problem[0] == 1 and not moving.any():
+            # Against the velocities that the loads have left, some of which the first impact takes back.
+            motion = self.now.copy()
+            motion[at] += change
+            each = 0.5 * np.sum(self.inertia * (motion**2 - self.loaded**2), axis=1)
+            since = np.add.reduceat(each, np.arange(count) * run.bodies)
+            rounding = (
+                64.0
+                * EPS
+                * np.add.reduceat(
+                    0.5 * np.sum(self.inertia * self.loaded**2, axis=1), np.arange(count) * run.bodies
+                )
+            )
+            gained = np.maximum(gained, since - rounding)
+        self._tell("passivity", rows.start + largest, np.maximum(gained, 0.0)[k], bound[k])

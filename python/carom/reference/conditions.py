@@ -97,6 +97,25 @@ def conditions(problem: ContactProblem, u: F64, multipliers: F64) -> Conditions:
     )
 
 
+def admissible(problem: ContactProblem, u: F64, multipliers: F64) -> Conditions:
+    """Judge an answer between those without restitution and with it (rule R4): within the cones, and nothing closes.
+
+    `problem` is the one without restitution.
+    """
+    lay, of_law = problem.layout, conditions(problem, u, multipliers)
+    z, _ = problem.kinematics(u)
+    known = multipliers.copy()
+    known[lay.joint_rows] = 0.0
+    outside = np.abs(problem.project(known)[0] - known) / problem.p / lay.weight_l
+    closing = np.maximum(0.0, -z[lay.start]) / lay.weight_l[lay.start]
+    return Conditions(
+        of_law.dynamics,
+        float(np.max(closing, initial=0.0)),
+        float(np.max(outside, initial=0.0)),
+        of_law.joints,
+    )
+
+
 def position_conditions(
     model: Model, state: State, x_new: F64, rot_incr_world: F64, impulses: Mapping[Key, Impulse]
 ) -> Conditions:
@@ -156,7 +175,7 @@ def judge_step(
 
     `problems`: the impulses [N s] of each impact problem by pair, with its stage as `ImpactProblem` names it; an
     entry may hold the problems of several islands, and contacts or problems without impulse may be left out.
-    `scales`: factor of the energy safeguard of each entry, where it acted. The law is replayed with the given
+    `scales`: s of rule R4 of each entry, where it acted. The law is replayed with the given
     impulses: its sets follow from them, not from a solution made here.
     """
     free = free_motion(model, state)
@@ -201,6 +220,7 @@ def _replay(
         island: Island,
         members: list[int],
         fixed: F64,
+        before: F64,
         u_minus: F64 | None,
         tolerance: float,
         stage: str,
@@ -216,11 +236,12 @@ def _replay(
         if foreign:
             verdict.objections.append(f"stage {stage}: impulses of {sorted(foreign)}, which are no members")
         offset = island.plastic
-        if u_minus is not None:
-            offset = island.offset(u_minus, np.full(len(island.elements), factor), tolerance, paper)
+        if u_minus is not None and factor == 1.0:
+            offset = island.offset(u_minus, tolerance, paper)
         problem, columns, rows = island.problem(members, offset, fixed)
         jump = island.jump(fixed + multipliers)
-        verdict.problems.append((stage, conditions(problem, jump[columns], multipliers[rows])))
+        judge = conditions if factor in {0.0, 1.0} else admissible
+        verdict.problems.append((stage, judge(problem, jump[columns], multipliers[rows])))
         record = ImpactProblem(tuple(lay.bodies), stage, names, given, 0, [], "", factor, 0.0)
         return multipliers, record
 

@@ -20,9 +20,6 @@ ENERGY_SLACK = 1e-10
 """A problem may produce this fraction of the kinetic energy of its bodies (rule R4)."""
 PROBLEMS_PER_CONTACT = 200
 """Contacts that the problems of a sequence may solve for each contact of the island, where `max_problems` is 0."""
-BISECTIONS = 12
-BISECTIONS_JOINTS = 30
-"""In islands with joints a gain of 1e-9 of the energy may be only the turn of a rod: it must not take 2e-4 off e."""
 
 
 @dataclass
@@ -38,9 +35,9 @@ class ImpactProblem:
     history: list[float]
     fallback: str
     scale: float
-    """Smallest factor the energy safeguard put on a restitution of this problem; 1 if it did nothing."""
+    """Smallest s of rule R4, from no restitution (0) to all of it (1)."""
     work: float
-    """Kinetic energy gained in this problem [J], 1/2 sum lambda.(gamma^- + gamma^+)."""
+    """Kinetic energy gained in this problem [J], 1/2 sum of impulses times (gamma^- + gamma^+), against those before it."""
 
 
 @dataclass
@@ -79,21 +76,22 @@ def _solve_members(island: Island, members: list[int], offset: F64, fixed: F64, 
     return _Solved(multipliers, jump, found.iterations, found.history, found.fallback)
 
 
-def _gain(island: Island, contacts: list[int], solved: _Solved, before: F64) -> float:
-    """w of rule R4 over some contacts [J]; `before` (d,) the jump of the fixed impulses.
+def _work(island: Island, contacts: list[int], before: F64, first: F64, second: F64) -> float:
+    """1/2 first.G (v + second) over the rows of some contacts [J], `v` (d,) twice the velocity that `before` gives.
 
-    Both velocities satisfy the joints: those that prescribe nothing do no work, and that of the others is no gain.
+    `first` (m,) impulses and `second` (d,) a jump, both counted from the impulses `before` (m,). Both velocities satisfy the
+    joints: those that prescribe nothing do no work, and that of the others is no gain.
     """
-    mean = 0.5 * (before + solved.jump) + island.u_check
-    work = solved.multipliers * (island.gradient @ mean)
+    work = first * (island.gradient @ (island.u_check + island.jump(before) + 0.5 * second))
     return float(sum(np.sum(work[island.layout.slices[i]]) for i in contacts))
 
 
 def _pushing_islands(
-    island: Island, members: list[int], solved: _Solved
+    island: Island, members: list[int], solutions: list[_Solved]
 ) -> list[tuple[list[int], list[int]]]:
-    """Contacts with impulse that hang together, also through joints; and the spheres of each group."""
-    pushing = [i for i in members if solved.multipliers[island.layout.start[i]] > 0.0]
+    """Contacts with impulse in any solution that hang together, also through joints; and the spheres of each group."""
+    start = island.layout.start
+    pushing = [i for i in members if any(of.multipliers[start[i]] > 0.0 for of in solutions)]
     links = [row.bodies for row in island.layout.joints]
     sets = [island.elements[i].pair.bodies for i in pushing] + links
     result = []
@@ -104,49 +102,71 @@ def _pushing_islands(
     return result
 
 
+def _limit(
+    island: Island, members: list[int], fixed: F64, before: F64, plastic: _Solved, full: _Solved
+) -> tuple[_Solved, F64]:
+    """Rule R4: `plastic` + s (`full` - `plastic`) with the largest s per group that gains nothing; s per contact (m,)."""
+    base = island.jump(before)
+    given = [fixed - before + of.multipliers for of in (plastic, full)]
+    change = [of.jump - base for of in (plastic, full)]
+    energy = 0.5 * island.layout.mass * (island.u_check + base) ** 2
+    scale = np.ones(len(island.elements))
+    multipliers = full.multipliers.copy()
+    for group, bodies in _pushing_islands(island, members, [plastic, full]):
+        own = np.isin(island.layout.dofs // 6, bodies)
+        if _work(island, group, before, given[1], change[1]) <= ENERGY_SLACK * float(np.sum(energy[own])):
+            continue
+        # the work of r0 + s d is c0 + c1 s + c2 s^2, with c0 <= 0: it is known at 0, at 1 and at 1/2
+        c0, half, one = (
+            _work(
+                island,
+                group,
+                before,
+                given[0] + s * (given[1] - given[0]),
+                change[0] + s * (change[1] - change[0]),
+            )
+            for s in (0.0, 0.5, 1.0)
+        )
+        c2 = 2.0 * (c0 + one - 2.0 * half)
+        roots = np.roots([c2, one - c0 - c2, c0])
+        s = 0.0 if c0 >= 0.0 else float(np.clip(np.max(roots.real), 0.0, 1.0))
+        scale[group] = s
+        for i in group:
+            rows = island.layout.slices[i]
+            multipliers[rows] = (1.0 - s) * plastic.multipliers[rows] + s * full.multipliers[rows]
+    mixed = _Solved(
+        multipliers,
+        island.jump(fixed + multipliers),
+        plastic.iterations + full.iterations,
+        full.history,
+        full.fallback or plastic.fallback,
+    )
+    return mixed, scale
+
+
 def impact_problem(
     island: Island,
     members: list[int],
     fixed: F64,
+    before: F64,
     u_minus: F64 | None,
     tolerance: float,
     stage: str,
     paper: bool = False,
 ) -> tuple[F64, ImpactProblem]:
-    """One problem with members C: its impulses (m,), and a record. `u_minus` (d,) is V^-, None for e = 0."""
+    """One problem with members C: its impulses (m,), and a record. `u_minus` (d,) is V^-, None for e = 0.
+
+    `before` (m,) are all impulses before the problem; of these it solves some anew, and leaves those that are `fixed` (m,).
+    """
     what = f"impact problem, stage {stage}, spheres {island.layout.bodies}"
     scale = np.ones(len(island.elements))
-
-    def at(factors: F64) -> _Solved:
-        offset = island.plastic if u_minus is None else island.offset(u_minus, factors, tolerance, paper)
-        return _solve_members(island, members, offset, fixed, what)
-
-    solved = at(scale)
-    before = island.jump(fixed)
+    offset = island.plastic if u_minus is None else island.offset(u_minus, tolerance, paper)
+    solved = _solve_members(island, members, offset, fixed, what)
     if u_minus is not None and not paper and island.model.options.energy_safeguard:
-        energy = 0.5 * island.layout.mass * (island.u_check + before) ** 2
-        # scaling one group may let a contact between two groups push: look again until no group gains
-        for _ in range(len(members)):
-            gaining = []
-            for group, bodies in _pushing_islands(island, members, solved):
-                own = np.isin(island.layout.dofs // 6, bodies)
-                bound = ENERGY_SLACK * float(np.sum(energy[own]))
-                if _gain(island, group, solved, before) > bound:
-                    gaining.append((group, bound))
-            if not gaining:
-                break
-            for group, bound in gaining:
-                low, high = 0.0, 1.0
-                joined = island.bonds is not None and bool(island.bonds.group.joints)
-                for _ in range(BISECTIONS_JOINTS if joined else BISECTIONS):
-                    trial = scale.copy()
-                    trial[group] *= 0.5 * (low + high)
-                    if _gain(island, group, at(trial), before) <= bound:
-                        low = 0.5 * (low + high)
-                    else:
-                        high = 0.5 * (low + high)
-                scale[group] *= low
-            solved = at(scale)
+        given, change = fixed - before + solved.multipliers, solved.jump - island.jump(before)
+        if any(_work(island, [i], before, given, change) > 0.0 for i in members):
+            plastic = _solve_members(island, members, island.plastic, fixed, what)
+            solved, scale = _limit(island, members, fixed, before, plastic, solved)
     record = ImpactProblem(
         island=tuple(island.layout.bodies),
         stage=stage,
@@ -161,7 +181,13 @@ def impact_problem(
         history=solved.history,
         fallback=solved.fallback,
         scale=float(np.min(scale)),
-        work=_gain(island, members, solved, before),
+        work=_work(
+            island,
+            members,
+            before,
+            fixed - before + solved.multipliers,
+            solved.jump - island.jump(before),
+        ),
     )
     return solved.multipliers, record
 
@@ -174,6 +200,7 @@ class ProblemSolver(Protocol):
         island: Island,
         members: list[int],
         fixed: F64,
+        before: F64,
         u_minus: F64 | None,
         tolerance: float,
         stage: str,
@@ -189,7 +216,9 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
     if tolerance is not None and island.elements:
         if island.model.options.impact == "one-shot":
             everything = list(range(len(island.elements)))
-            impulses, record = impact_problem(island, everything, impulses, island.u_n, tolerance, "one-shot")
+            impulses, record = impact_problem(
+                island, everything, impulses, impulses, island.u_n, tolerance, "one-shot"
+            )
             result.problems.append(record)
         else:
             impulses = _sequence(island, impact_problem, tolerance, result)
@@ -209,7 +238,7 @@ def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: float, r
         closing = island.normal_velocity(island.u_check + island.start) < -tolerance
         loaded = {i for i in resting if closing[i]}
         if loaded:
-            impulses, record = impact_problem(island, resting, impulses, None, tolerance, "0")
+            impulses, record = impact_problem(island, resting, impulses, impulses, None, tolerance, "0")
             result.problems.append(record)
             offset_jump = island.jump(impulses)
 
@@ -223,17 +252,20 @@ def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: float, r
         if (number > most) if most else (solved > PROBLEMS_PER_CONTACT * len(island.elements)):
             # the sequence does not end: one problem that leaves nothing approaching and cannot gain energy
             everything = list(range(len(island.elements)))
-            added, record = impact_problem(island, everything, impulses, None, tolerance, "truncated")
+            added, record = impact_problem(
+                island, everything, impulses, impulses, None, tolerance, "truncated"
+            )
             result.truncated = True
             result.problems.append(record)
             return impulses + added
+        before = impulses.copy()
         if number == 1:
             members |= loaded
             for i in members:
                 impulses[island.layout.slices[i]] = 0.0
         u_minus = island.u_n + jump - offset_jump if number > 1 else island.u_n
         added, record = impact_problem(
-            island, sorted(members), impulses, u_minus, tolerance, str(number), paper=paper
+            island, sorted(members), impulses, before, u_minus, tolerance, str(number), paper=paper
         )
         impulses = impulses + added
         result.problems.append(record)

@@ -180,8 +180,8 @@ class Island:
         """W (d,) under impulses of the contacts (m,): M^-1 G^T of them where nothing else acts."""
         return self.respond(multipliers)[0]
 
-    def offset(self, u_minus: F64, scale: F64, tolerance: float, paper: bool) -> F64:
-        """The part e gamma^- of eq. 24 for every row (m,); `scale` per contact multiplies its coefficients.
+    def offset(self, u_minus: F64, tolerance: float, paper: bool) -> F64:
+        """The part e gamma^- of eq. 24 for every row (m,).
 
         Default law: normal of t_{n+1}, clipped to approach, tangential restitution only where the contact
         approaches. `paper`: normal of t_n and neither clip.
@@ -193,10 +193,10 @@ class Island:
             threshold = self.model.options.restitution_threshold
             # zero means never: the unclipped law of the paper knows separating pre-impact velocities
             if threshold == 0.0 or -approach[i] >= threshold:
-                result[n] = scale[i] * law.restitution * (approach[i] if paper else min(0.0, approach[i]))
+                result[n] = law.restitution * (approach[i] if paper else min(0.0, approach[i]))
             if e.slides and (paper or approach[i] < -tolerance):
                 rows = slice(n + 1, n + 3)
-                result[rows] = scale[i] * law.tangential_restitution * (self.gradient[rows] @ u_minus)
+                result[rows] = law.tangential_restitution * (self.gradient[rows] @ u_minus)
         return result
 
 

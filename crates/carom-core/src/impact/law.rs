@@ -3,9 +3,10 @@
 use crate::options::Options;
 
 /// Which velocities `V_minus` restitution acts on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Law {
     /// On none: e_N = e_T = 0.
+    #[default]
     Plastic,
     /// On those of t_n: the first impact problem.
     First,
@@ -22,25 +23,17 @@ impl Law {
     }
 
     /// Of a contact with `[e_N, e_T]` that approaches by `approach` (m/s, negative: it closes): what is added to the normal
-    /// measure, and the factor of the slip of `V_minus` that is added to the tangential ones. Closing counts from `tol` on;
-    /// `scale` is that of the energy safeguard.
+    /// measure, and the factor of the slip of `V_minus` that is added to the tangential ones. Closing counts from `tol` on.
     #[inline]
-    pub fn terms(
-        self,
-        [e_n, e_t]: [f64; 2],
-        scale: f64,
-        approach: f64,
-        o: &Options,
-        tol: f64,
-    ) -> [f64; 2] {
+    pub fn terms(self, [e_n, e_t]: [f64; 2], approach: f64, o: &Options, tol: f64) -> [f64; 2] {
         match self {
             Law::Plastic => [0.0; 2],
-            Law::Printed => [scale * e_n * approach, scale * e_t],
+            Law::Printed => [e_n * approach, e_t],
             Law::First | Law::Later => {
                 let slow = -approach < o.restitution_threshold;
                 let e_n = if slow { 0.0 } else { e_n };
                 let e_t = if approach < -tol { e_t } else { 0.0 };
-                [scale * e_n * approach.min(0.0), scale * e_t]
+                [e_n * approach.min(0.0), e_t]
             }
         }
     }

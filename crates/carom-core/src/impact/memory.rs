@@ -1,5 +1,6 @@
 //! What an island's impact problems are solved with: its rows, velocities and accumulated impulses in local nodes.
 
+use super::law::Law;
 use super::table::ImpactTable;
 use crate::level::speeds::Speeds;
 use crate::stepper::Span;
@@ -29,6 +30,8 @@ pub struct ImpactScratch {
     pub jump: Vec<f64>,
     pub fixed: Vec<f64>,
     pub offset: Vec<f64>,
+    /// Impulses of the loads, per row of `full`.
+    pub(super) offset_impulse: Vec<f64>,
     pub v_minus: Vec<f64>,
     /// Accumulated impulses per row of `full`.
     pub impulse: Vec<f64>,
@@ -42,14 +45,20 @@ pub struct ImpactScratch {
     pub(super) wall_speeds: Speeds,
     pub problems: u32,
     pub(super) work: Vec<[f64; 4]>,
+    /// Work that the residuals explain, by contact, J.
+    pub(super) work_explained: Vec<f64>,
     pub(super) status: Vec<Status>,
     pub(super) sub: RowSystem,
     pub(super) lambda: Vec<f64>,
     pub(super) u: Vec<f64>,
+    /// Of the problem at hand: its law; what is left of restitution at its contacts, and the work that its residual explains at them.
+    pub(super) law: Law,
     pub(super) scale: Vec<f64>,
+    pub(super) explained: Vec<f64>,
+    /// Share of the tolerance that the solve at hand may leave.
+    pub(super) fineness: f64,
     pub(super) velocity: Vec<f64>,
     pub(super) force: Vec<f64>,
-    pub(super) group: Vec<u32>,
     pub(super) table: ImpactTable,
     pub(super) accept_unconverged: bool,
     /// What the last solve told.

@@ -1,10 +1,12 @@
 //! One impact problem: chosen contacts of an island, fixed impulses of earlier problems, Newton's law (eqs. 16, 24). `solve` states and
 //! solves it, `totals` adds what it gave.
 
-mod energy_gain;
+mod energy;
 mod rest;
 mod solve;
 mod totals;
+
+pub use energy::RowSolution;
 
 use crate::contact::Contact;
 use crate::impact::memory::ImpactScratch;
@@ -127,13 +129,17 @@ impl ImpactScratch {
             v.clear();
             v.resize(dofs, 0.0);
         }
-        self.impulse.clear();
-        self.impulse.resize(self.full.rows(), 0.0);
+        for v in [&mut self.impulse, &mut self.offset_impulse] {
+            v.clear();
+            v.resize(self.full.rows(), 0.0);
+        }
         self.work.clear();
         self.work.resize(contacts, [0.0; 4]);
+        self.work_explained.clear();
+        self.work_explained.resize(contacts, 0.0);
         self.status.clear();
         self.status.resize(contacts, Status::Gap);
-        self.problems = 0;
+        (self.problems, self.fineness) = (0, 1.0);
         self.table.begin(true);
     }
 

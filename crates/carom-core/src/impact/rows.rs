@@ -2,7 +2,8 @@
 
 use super::law::Law;
 use super::memory::ImpactScratch;
-use super::sequence::{as_printed, loads_first, one_shot, ImpactIsland, Start};
+use super::problem::RowSolution;
+use super::sequence::{as_printed, loads_first, one_shot, solve_problem, ImpactIsland, Start};
 use crate::contact::WorldImpulse;
 use crate::islands::Island;
 use crate::level::rest;
@@ -63,6 +64,8 @@ struct RowIsland<'r, 's> {
 }
 
 impl ImpactIsland for RowIsland<'_, '_> {
+    type Solution = RowSolution;
+
     fn slots(&self) -> usize {
         self.work.members.len()
     }
@@ -103,6 +106,44 @@ impl ImpactIsland for RowIsland<'_, '_> {
         (self.work).solve_chosen(model, scratch, law, problem, warm.as_deref(), self.report)
     }
 
+    fn solve_without_restitution(&mut self, problem: u32) -> bool {
+        (self.work).solve_without_restitution(self.model, self.scratch, problem, self.report)
+    }
+
+    fn add(&mut self, problem: u32) {
+        self.work.commit(self.scratch.contacts);
+        self.work.record(self.scratch.contacts, problem);
+    }
+
+    fn has_safeguard(&self) -> bool {
+        // What was given up cannot be scaled further.
+        self.model.options.energy_safeguard && self.work.scale.iter().any(|&s| s > 0.0)
+    }
+
+    fn gains(&mut self, problem: u32) -> bool {
+        let (work, model) = (&mut *self.work, self.model);
+        let gains = |work: &ImpactScratch| work.limits(model, &work.solution()).is_some();
+        let mut explained = std::mem::take(&mut work.explained);
+        let gains_anything = gains(work);
+        std::mem::swap(&mut work.explained, &mut explained);
+        gains_anything && {
+            work.solve_finely(model, self.scratch, problem, self.report);
+            gains(work)
+        }
+    }
+
+    fn take_solution(&mut self) -> RowSolution {
+        self.work.solution()
+    }
+
+    fn limit(&mut self, with: RowSolution) {
+        let scales = self.work.limits(self.model, &with);
+        let scales = scales.unwrap_or_else(|| vec![1.0; self.work.full.nodes()]);
+        self.work.mix(&with, &scales);
+        let least = self.work.scale.iter().copied().fold(1.0, f64::min);
+        self.report.restitution_scale = self.report.restitution_scale.min(least);
+    }
+
     fn drop_chosen(&mut self) {
         self.work.drop_chosen(self.scratch.contacts);
     }
@@ -115,6 +156,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     fn mark_loads(&mut self) {
         let work = &mut *self.work;
         work.offset.clone_from(&work.jump);
+        work.offset_impulse.clone_from(&work.impulse);
     }
 
     fn gains_energy(&self) -> bool {
@@ -133,7 +175,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
             if solved > bounds.work {
                 break;
             }
-            if !self.solve(law, problem, Start::Nothing) {
+            if !solve_problem(self, law, problem, Start::Nothing) {
                 return None;
             }
             if self.work.stands_still() {

@@ -19,6 +19,7 @@ pub enum Start {
 
 /// The closed contacts of an island in its impact problems. A slot is the place of a contact among them.
 pub trait ImpactIsland: Sync {
+    type Solution;
     fn slots(&self) -> usize;
     /// A contact closes below minus this normal velocity, m/s; 0: nothing moves and nothing pulls.
     fn closing_tolerance(&self) -> f64;
@@ -30,9 +31,23 @@ pub trait ImpactIsland: Sync {
     /// `test` of every slot.
     fn flags(&self, test: impl Fn(usize) -> bool + Sync) -> Vec<bool>;
     fn choose(&mut self, select: impl Fn(usize) -> bool);
-    /// Solves the chosen contacts with all present impulses fixed, and adds the new ones. Problem 0 is that of the loads.
+    /// Solves the chosen contacts with all present impulses fixed. Problem 0 is that of the loads.
     #[must_use]
     fn solve(&mut self, law: Law, problem: u32, start: Start) -> bool;
+    /// Solves them once more without restitution.
+    #[must_use]
+    fn solve_without_restitution(&mut self, problem: u32) -> bool;
+    /// Adds the solution at hand to the impulses.
+    fn add(&mut self, problem: u32);
+    /// Whether the energy safeguard of the options looks at the island.
+    fn has_safeguard(&self) -> bool;
+    /// Whether the solution at hand gives a group of contacts energy, from the velocities that the loads (in later problems: all problems before)
+    /// have left, beyond what its residual explains. It may be solved more finely to tell.
+    fn gains(&mut self, problem: u32) -> bool;
+    /// The solution at hand, for [`Self::limit`].
+    fn take_solution(&mut self) -> Self::Solution;
+    /// Takes from the solution `with` restitution what gives a group energy: the one at hand has none.
+    fn limit(&mut self, with: Self::Solution);
     /// Forgets the impulses of the chosen contacts, which the next problem solves anew.
     fn drop_chosen(&mut self);
     /// Forgets all impulses, and what `problem` told.
@@ -47,6 +62,23 @@ pub trait ImpactIsland: Sync {
     /// How far a sequence goes on.
     fn bounds(&self) -> Problems;
     fn report(&mut self) -> &mut StepReport;
+}
+
+/// Solves the chosen contacts by `law` with all present impulses fixed, takes restitution from groups that gain energy, and adds what is left.
+#[must_use]
+pub fn solve_problem(island: &mut impl ImpactIsland, law: Law, problem: u32, start: Start) -> bool {
+    if !island.solve(law, problem, start) {
+        return false;
+    }
+    if law.has_restitution() && island.has_safeguard() && island.gains(problem) {
+        let with = island.take_solution();
+        if !island.solve_without_restitution(problem) {
+            return false;
+        }
+        island.limit(with);
+    }
+    island.add(problem);
+    true
 }
 
 /// Rule R2: loads first, then impacts. `docs/theory/algorithm.md` section 5 has it stage by stage.
@@ -64,7 +96,7 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
     let chosen = |slot: usize| closing[slot] || loaded[slot];
     island.choose(chosen);
     island.drop_chosen();
-    if !island.solve(Law::First, 1, Start::Loads) {
+    if !solve_problem(island, Law::First, 1, Start::Loads) {
         return false;
     }
     let keeps = (0..closing.len()).any(|slot| !chosen(slot) && island.is_pressed(slot));
@@ -73,7 +105,7 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
         island.report().fallbacks += 1;
         island.forget_all(1);
         island.choose(|slot| closing[slot] || resting[slot]);
-        if !island.solve(Law::First, 1, Start::Loads) {
+        if !solve_problem(island, Law::First, 1, Start::Loads) {
             return false;
         }
     }
@@ -89,12 +121,12 @@ fn loads(island: &mut impl ImpactIsland) -> Option<[Vec<bool>; 2]> {
     let loaded = island.flags(|slot| resting[slot] && island.speed(slot) < -tol);
     if loaded.contains(&true) {
         island.choose(|slot| resting[slot]);
-        let mut solved = island.solve(Law::Plastic, 0, Start::LastLoads);
+        let mut solved = solve_problem(island, Law::Plastic, 0, Start::LastLoads);
         if solved && island.gains_energy() {
             // Forces that hold one another, beyond what the tolerance tells of the loads: from nothing, then.
             island.report().fallbacks += 1;
             island.forget_all(0);
-            solved = island.solve(Law::Plastic, 0, Start::Nothing);
+            solved = solve_problem(island, Law::Plastic, 0, Start::Nothing);
         }
         if !solved {
             return None;
@@ -115,7 +147,7 @@ pub fn as_printed(island: &mut impl ImpactIsland) -> bool {
 #[must_use]
 pub fn one_shot(island: &mut impl ImpactIsland) -> bool {
     island.choose(|_| true);
-    island.solve(Law::First, 1, Start::Nothing)
+    solve_problem(island, Law::First, 1, Start::Nothing)
 }
 
 /// What a sequence that does not die out leaves is solved at once without restitution: then nothing closes, and that is dissipative.
@@ -127,5 +159,5 @@ fn end(island: &mut impl ImpactIsland, later: Option<bool>) -> bool {
     island.report().truncated += 1;
     island.choose(|_| true);
     let number = island.bounds().most + 1;
-    island.solve(Law::Plastic, number, Start::Positions)
+    solve_problem(island, Law::Plastic, number, Start::Positions)
 }

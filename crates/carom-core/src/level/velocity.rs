@@ -4,7 +4,7 @@ use super::less_friction::with_less_friction;
 use super::single::ContactMeasures;
 use super::{closed_form, single, Demand, Task};
 use crate::contact::Contact;
-use crate::impact::bisect::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
+use crate::impact::energy::{scales, ContactWork};
 use crate::impact::law::Law;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
@@ -15,6 +15,7 @@ use crate::pile::limits::{fits, may_fall_back};
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
 use crate::{impact, pile};
+use carom_solve::rows::WORLD;
 use carom_solve::single::SingleSolution;
 use carom_solve::{SolveReport, Status};
 use glam::DVec3;
@@ -126,21 +127,21 @@ fn solve_single<const MOVING: bool>(
         motion,
         wall,
         check,
-        law,
         approach: gamma_n,
         slip,
         tol,
     };
-    let (mut scale, mut impact) = (1.0, lone.impact(1.0));
-    if options.energy_safeguard && law == Law::First && lone.gains(&impact) {
-        (scale, impact) = lone.without_gain();
+    let (mut scale, mut impact) = (1.0, lone.impact(law));
+    // Nearly always: none.
+    if options.energy_safeguard && law == Law::First && impact.2.iter().sum::<f64>() > 0.0 {
+        (scale, impact) = lone.without_gain(impact);
         report.restitution_scale = report.restitution_scale.min(scale);
     }
     let (s, jump, work) = impact;
     if s.normal == 0.0 {
         return;
     }
-    let kept = scratch.keeper.wants(1).then(|| lone.measures(scale));
+    let kept = scratch.keeper.wants(1).then(|| lone.measures(law));
     report.add_velocity(&SolveReport::CLOSED_FORM);
     report.impact_problems = report.impact_problems.max(1);
     scratch.corrections.set(c.a, jump);
@@ -190,8 +191,7 @@ struct Lone<'a, const MOVING: bool> {
     motion: [DVec3; 2],
     wall: ContactMeasures,
     check: ContactMeasures,
-    /// Restitution, and the measures of t_n on which it acts.
-    law: Law,
+    /// The measures of t_n on which restitution acts.
     approach: f64,
     slip: [f64; 2],
     tol: f64,
@@ -201,13 +201,13 @@ struct Lone<'a, const MOVING: bool> {
 type LoneImpact = (SingleSolution, [DVec3; 2], [f64; 4]);
 
 impl<const MOVING: bool> Lone<'_, MOVING> {
-    /// Measures of the problem with restitution times `scale`.
+    /// Measures of the problem by a law.
     #[inline(always)]
-    fn measures(&self, scale: f64) -> ContactMeasures {
+    fn measures(&self, law: Law) -> ContactMeasures {
         let (mut z, material) = (self.check, self.c.law(self.model));
         let e = [material.restitution, material.tangential_restitution];
         let o = &self.model.options;
-        let [along, across] = self.law.terms(e, scale, self.approach, o, self.tol);
+        let [along, across] = law.terms(e, self.approach, o, self.tol);
         z.normal += along;
         z.slip[0] += across * self.slip[0];
         z.slip[1] += across * self.slip[1];
@@ -215,9 +215,14 @@ impl<const MOVING: bool> Lone<'_, MOVING> {
     }
 
     #[inline(always)]
-    fn impact(&self, scale: f64) -> LoneImpact {
+    fn impact(&self, law: Law) -> LoneImpact {
+        self.given(single::problem(self.model, self.c, &self.measures(law)).solve())
+    }
+
+    /// What the multipliers `s` give.
+    #[inline(always)]
+    fn given(&self, s: SingleSolution) -> LoneImpact {
         let Lone { model, c, .. } = *self;
-        let s = single::problem(model, c, &self.measures(scale)).solve();
         let [dv, dw] = single::correction(model, c, &s);
         let ([v, w], check, radius) = (self.motion, &self.check, model.radius[c.a as usize]);
         let after = against::<MOVING>(single::motion(c, radius, v + dv, w + dw), &self.wall);
@@ -232,21 +237,49 @@ impl<const MOVING: bool> Lone<'_, MOVING> {
         (s, [dv, dw], work)
     }
 
-    /// Whether an impact gains energy; the speed of a wall that moves belongs to the scale.
-    #[inline(always)]
-    fn gains(&self, (_, _, work): &LoneImpact) -> bool {
-        let (i, [v, w], wall) = (self.c.a as usize, self.motion, &self.wall);
-        let of_wall = wall.normal.powi(2) + wall.slip[0].powi(2) + wall.slip[1].powi(2);
-        let kinetic = 0.5
-            * (self.model.mass[i] * (v.length_squared() + of_wall)
-                + self.model.inertia[i] * w.length_squared());
-        work.iter().sum::<f64>() > GAIN_TOLERANCE * kinetic
-    }
-
-    /// The largest scale of restitution at which the impact gains nothing (rule R4), and that impact.
+    /// What is left of restitution where it would give energy (rule R4), and the impact that belongs to it.
     #[cold]
-    fn without_gain(self) -> (f64, LoneImpact) {
-        let scale = bisect_scale(BISECTIONS, |trial| !self.gains(&self.impact(trial)));
-        (scale, self.impact(scale))
+    fn without_gain(self, with: LoneImpact) -> (f64, LoneImpact) {
+        let Lone { c, model, .. } = self;
+        let (i, [v, w], wall) = (c.a as usize, self.motion, &self.wall);
+        let plastic = self.impact(Law::Plastic);
+        let rows = |s: &SingleSolution| {
+            let ([x, y], [a, b]) = (s.sliding, s.rolling);
+            [s.normal, x, y, a, b, s.spinning]
+        };
+        let measures = |z: ContactMeasures| {
+            let ([x, y], [a, b]) = (z.slip, z.turn);
+            [z.normal, x, y, a, b, z.spin]
+        };
+        let [of_0, of_1] = [&plastic, &with].map(|(s, [dv, dw], _)| {
+            let change = single::motion(c, model.radius[i], *dv, *dw);
+            (rows(s), measures(change))
+        });
+        let mut work = ContactWork {
+            is_pressed: true,
+            ..ContactWork::between(0, WORLD)
+        };
+        for (k, before) in measures(self.check).into_iter().enumerate() {
+            work.add(before, [of_0.0[k], of_1.0[k]], [of_0.1[k], of_1.1[k]]);
+        }
+        // The speed of a wall that moves belongs to the scale.
+        let of_wall = wall.normal.powi(2) + wall.slip[0].powi(2) + wall.slip[1].powi(2);
+        let linear = model.mass[i] * (v.length_squared() + of_wall);
+        let kinetic = 0.5 * (linear + model.inertia[i] * w.length_squared());
+        let Some(scales) = scales(&[work], || vec![kinetic]) else {
+            return (1.0, with);
+        };
+        let s = scales[0];
+        let mix = |of_0: f64, of_1: f64| of_0 + s * (of_1 - of_0);
+        let both = |of_0: [f64; 2], of_1: [f64; 2]| [0, 1].map(|k| mix(of_0[k], of_1[k]));
+        let (r0, r1) = (plastic.0, with.0);
+        let mixed = SingleSolution {
+            normal: mix(r0.normal, r1.normal),
+            sliding: both(r0.sliding, r1.sliding),
+            rolling: both(r0.rolling, r1.rolling),
+            spinning: mix(r0.spinning, r1.spinning),
+            slip: r0.slip && r1.slip,
+        };
+        (s, self.given(mixed))
     }
 }

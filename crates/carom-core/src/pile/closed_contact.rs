@@ -32,6 +32,8 @@ pub(super) struct ClosedContact {
     pub approach: f64,
     pub hit: DVec3,
     pub scale: f64,
+    /// Work that the residuals of its problems explain, J.
+    pub explained: f64,
 }
 
 /// What one problem gave a contact.

@@ -1,46 +1,78 @@
-//! Loads of a pile, and its first impact problem, once more where the impulses so far give energy ([`crate::impact::gains_energy`]).
+//! Work of the contacts of a pile ([`crate::impact::energy`]).
 
-use crate::impact::bisect::GAIN_TOLERANCE;
-use crate::impact::{gains_energy, ContactWork};
+use super::chunks;
+use super::closed_contact::{change, ClosedContact, FIXED};
+use super::roll;
+use super::velocities::Velocities;
+use crate::impact::energy::{scales, ContactWork};
+use crate::impact::law::Law;
 use crate::model::Model;
-use crate::pile::limits::GAIN_SHARE;
 use crate::pile::memory::Pile;
+use crate::report::StepReport;
 use glam::DVec3;
+
+/// A solution of the problem at hand.
+pub(super) struct SphereSolution {
+    impulses: Vec<[f64; 3]>,
+    moments: Vec<[f64; 3]>,
+    corrections: Vec<[f64; 6]>,
+}
+
+/// The same where it stands.
+#[derive(Clone, Copy)]
+struct SolutionView<'a> {
+    impulses: &'a [[f64; 3]],
+    moments: &'a [[f64; 3]],
+    corrections: &'a [[f64; 6]],
+}
+
+impl SphereSolution {
+    fn found(&self) -> SolutionView<'_> {
+        SolutionView {
+            impulses: &self.impulses,
+            moments: &self.moments,
+            corrections: &self.corrections,
+        }
+    }
+}
+
+impl Velocities {
+    /// Kinetic energy of each node at `v_check` and the jump that `after` gives, with that of walls as fast as they move, J.
+    fn kinetic(&self, pile: &Pile, after: impl Fn(usize) -> [DVec3; 2]) -> Vec<f64> {
+        let mut kinetic: Vec<f64> = (self.check.iter().zip(&pile.bodies).enumerate())
+            .map(|(node, ([v, w], body))| {
+                let [jump_v, jump_w] = after(node);
+                let [v, w] = [*v + jump_v, *w + jump_w].map(DVec3::length_squared);
+                0.5 * (v / body.inv_mass + w / body.inv_inertia)
+            })
+            .collect();
+        for m in self.closed.iter().filter(|m| m.driven != FIXED) {
+            let wall = self.wall(m, 1).length_squared();
+            kinetic[m.a as usize] += 0.5 * wall / pile.bodies[m.a as usize].inv_mass;
+        }
+        kinetic
+    }
+}
 
 impl Pile {
     /// Whether all impulses so far have given a group of contacts energy.
     pub(super) fn gains_energy(&self, model: &Model) -> bool {
-        let (o, memory) = (&model.options, &self.velocity);
-        if !o.energy_safeguard {
+        let memory = &self.velocity;
+        if !model.options.energy_safeguard {
             return false;
         }
-        let mut kinetic: Vec<f64> = memory
-            .check
-            .iter()
-            .zip(&self.bodies)
-            .map(|([v, w], b)| {
-                0.5 * (v.length_squared() / b.inv_mass + w.length_squared() / b.inv_inertia)
-            })
-            .collect();
-        let mut contacts = Vec::new();
-        for (slot, m) in memory.closed.iter().enumerate() {
-            if m.impulse == DVec3::ZERO {
-                continue;
+        let works = memory.closed.iter().enumerate().map(|(slot, m)| {
+            let turning = memory.turning.get(slot);
+            let turning = turning.map_or(0.0, |t| t.work[0] + t.work[1]);
+            ContactWork {
+                is_pressed: m.impulse != DVec3::ZERO,
+                terms: [m.work[0] + m.work[1] + turning, 0.0, 0.0],
+                explained: m.explained,
+                ..ContactWork::between(m.a, m.b)
             }
-            let turning = memory
-                .turning
-                .get(slot)
-                .map_or(0.0, |t| t.work[0] + t.work[1]);
-            contacts.push(ContactWork {
-                a: m.a,
-                b: m.b,
-                work: m.work[0] + m.work[1] + turning,
-            });
-            let wall = memory.wall(m, 1).length_squared();
-            kinetic[m.a as usize] += 0.5 * wall / self.bodies[m.a as usize].inv_mass;
-        }
-        let share = GAIN_TOLERANCE.max(GAIN_SHARE * o.tolerance.max(o.pile_tolerance));
-        gains_energy(&contacts, &kinetic, share)
+        });
+        let works: Vec<ContactWork> = works.collect();
+        scales(&works, || memory.kinetic(self, |_| [DVec3::ZERO; 2])).is_some()
     }
 
     /// Forgets all impulses and impacts of the step; what the loads alone gave stays known.
@@ -48,7 +80,7 @@ impl Pile {
         let memory = &mut self.velocity;
         for m in &mut memory.closed {
             (m.impulse, m.hit, m.work) = (DVec3::ZERO, DVec3::ZERO, [0.0; 2]);
-            (m.problem, m.approach, m.scale) = (0, 0.0, 1.0);
+            (m.problem, m.approach, m.scale, m.explained) = (0, 0.0, 1.0, 0.0);
         }
         for t in &mut memory.turning {
             (t.moment, t.hit, t.work) = (DVec3::ZERO, DVec3::ZERO, [0.0; 2]);
@@ -56,5 +88,130 @@ impl Pile {
         memory.jump.fill([DVec3::ZERO; 2]);
         memory.terms = 0.0;
         memory.table.forget_problem(problem);
+    }
+
+    /// Notes the work that the residual of the solution at hand explains at each chosen contact.
+    pub(super) fn explain(&mut self, model: &Model, law: Law) {
+        let (memory, u, moments) = (&self.velocity, &self.corrections, &self.moments);
+        let impulses = &self.impulses;
+        chunks::refill(
+            self.sweeps.threads,
+            &mut self.explained,
+            impulses.len(),
+            |k| {
+                let slot = memory.chosen[k];
+                let (m, r) = (&memory.closed[slot as usize], DVec3::from(impulses[k]));
+                let z = memory.measures(model, m, law) + change(m, u);
+                let turned = moments.get(k).map_or(0.0, |&moment| {
+                    DVec3::from(moment).dot(memory.turn(slot) + roll::change(m, u))
+                });
+                let normal = [r.dot(m.normal), z.dot(m.normal)];
+                let mut work = ContactWork::default();
+                work.explain(normal, r.dot(z) - normal[0] * normal[1] + turned);
+                work.explained
+            },
+        );
+    }
+
+    fn found(&self) -> SolutionView<'_> {
+        SolutionView {
+            impulses: &self.impulses,
+            moments: &self.moments,
+            corrections: &self.corrections,
+        }
+    }
+
+    /// Whether the solution at hand gives a group energy. Where its residual may do so it is found more finely first.
+    pub(super) fn gains(&mut self, model: &Model, problem: u32, report: &mut StepReport) -> bool {
+        let mut explained = std::mem::take(&mut self.explained);
+        self.explained.resize(explained.len(), 0.0);
+        let gains_anything = self.limits(self.found()).is_some();
+        std::mem::swap(&mut self.explained, &mut explained);
+        gains_anything && {
+            // Only the first problem of a pile comes here: later ones are those of clusters.
+            self.solve_finely(model, Law::First, problem, report);
+            self.limits(self.found()).is_some()
+        }
+    }
+
+    /// The solution at hand.
+    pub(super) fn solution(&self) -> SphereSolution {
+        SphereSolution {
+            impulses: self.impulses.clone(),
+            moments: self.moments.clone(),
+            corrections: self.corrections.clone(),
+        }
+    }
+
+    /// Restitution scale of each node between the solution at hand and one `with` restitution, judged from the velocities that the loads have
+    /// left; nothing if none gains energy.
+    fn limits(&self, with: SolutionView) -> Option<Vec<f64>> {
+        let memory = &self.velocity;
+        let since = |m: &ClosedContact| {
+            let of = |jump| Velocities::relative(m, jump);
+            of(&memory.jump) - of(&memory.offset)
+        };
+        let works = memory.chosen.iter().enumerate().map(|(k, &slot)| {
+            let m = &memory.closed[slot as usize];
+            let mut work = ContactWork {
+                explained: self.explained[k],
+                ..ContactWork::between(m.a, m.b)
+            };
+            let impulses = [self.impulses[k], with.impulses[k]].map(DVec3::from);
+            work.is_pressed = impulses.iter().any(|r| *r != DVec3::ZERO);
+            let since = since(m);
+            let before = memory.now(m) - since;
+            let changes = [&self.corrections[..], with.corrections].map(|u| since + change(m, u));
+            let given = impulses.map(|r| r - m.load);
+            for axis in 0..3 {
+                let at = |v: DVec3| v[axis];
+                work.add(at(before), given.map(at), changes.map(at));
+            }
+            if let Some(turning) = memory.turning.get(slot as usize) {
+                let since = roll::relative(m, &memory.jump) - roll::relative(m, &memory.offset);
+                let before = memory.turn(slot) - since;
+                let changes = [&self.corrections[..], with.corrections];
+                let changes = changes.map(|u| since + roll::change(m, u));
+                let moments = [&self.moments[..], with.moments];
+                let given = moments.map(|of| DVec3::from(of[k]) - turning.load);
+                for axis in 0..3 {
+                    let at = |v: DVec3| v[axis];
+                    work.add(at(before), given.map(at), changes.map(at));
+                }
+            }
+            work
+        });
+        let works: Vec<ContactWork> = works.collect();
+        scales(&works, || memory.kinetic(self, |node| memory.offset[node]))
+    }
+
+    /// Goes from the solution at hand towards `with` as far as [`Self::limits`] says.
+    pub(super) fn limit(&mut self, with: SphereSolution) {
+        let Some(scales) = self.limits(with.found()) else {
+            (self.impulses, self.moments, self.corrections) =
+                (with.impulses, with.moments, with.corrections);
+            return;
+        };
+        fn mix<const N: usize>(from: &mut [f64; N], to: &[f64; N], s: f64) {
+            for (from, to) in from.iter_mut().zip(to) {
+                *from = if s == 1.0 {
+                    *to
+                } else {
+                    *from + s * (to - *from)
+                };
+            }
+        }
+        let of = |&slot: &u32| scales[self.velocity.closed[slot as usize].a as usize];
+        let of_chosen: Vec<f64> = self.velocity.chosen.iter().map(of).collect();
+        for (k, &s) in of_chosen.iter().enumerate() {
+            mix(&mut self.impulses[k], &with.impulses[k], s);
+            if let Some(moment) = self.moments.get_mut(k) {
+                mix(moment, &with.moments[k], s);
+            }
+        }
+        for ((u, to), &s) in (self.corrections.iter_mut().zip(&with.corrections)).zip(&scales) {
+            mix(u, to, s);
+        }
+        self.scales = scales;
     }
 }

@@ -134,8 +134,3 @@ pub(super) fn told(progress: &Progress, rounds: u32) -> carom_solve::SolveReport
         ..Default::default()
     }
 }
-
-/// An impact problem gains energy if its work exceeds this share (1) of the solver's tolerance, of the kinetic energy: an inexact
-/// solution does a little work. Too small: piles lose restitution to residuals, and fallbacks grow. Too large: at 1e2 the energy of falling heaps
-/// rises three times as much in a step.
-pub(super) const GAIN_SHARE: f64 = 1e-2;

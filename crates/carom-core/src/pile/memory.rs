@@ -34,9 +34,14 @@ pub struct Pile {
     pub(super) start: Vec<[f64; 3]>,
     /// Moments, where something rolls.
     pub(super) start_moments: Vec<[f64; 3]>,
-    /// What a solve gave: impulses on the bodies A, and corrections of all nodes.
+    /// What a solve gave: impulses on the bodies A, moments where something rolls (velocity level), and corrections of all nodes.
     pub(super) impulses: Vec<[f64; 3]>,
+    pub(super) moments: Vec<[f64; 3]>,
     pub(super) corrections: Vec<[f64; 6]>,
+    /// Work that the residual explains at each chosen contact, J.
+    pub(super) explained: Vec<f64>,
+    /// What is left of restitution at the contacts of each node; empty: all.
+    pub(super) scales: Vec<f64>,
     pub(super) velocity: Velocities,
     pub(super) cascade: CascadeMemory,
     pub(super) problem_nodes: problem_nodes::ProblemNodes,
@@ -63,7 +68,10 @@ impl Pile {
             start: Vec::new(),
             start_moments: Vec::new(),
             impulses: Vec::new(),
+            moments: Vec::new(),
             corrections: Vec::new(),
+            explained: Vec::new(),
+            scales: Vec::new(),
             velocity: Velocities::default(),
             cascade: CascadeMemory::default(),
             problem_nodes: problem_nodes::ProblemNodes::default(),
@@ -137,12 +145,19 @@ impl Pile {
         let Self {
             sweeps,
             impulses,
+            moments,
             corrections,
+            velocity,
             problem_nodes: part,
             bodies,
             ..
         } = self;
         sweeps.impulses_into(impulses);
+        if velocity.turning.is_empty() {
+            moments.clear();
+        } else {
+            sweeps.moments_into(moments);
+        }
         part.spread(sweeps, corrections, bodies.len());
     }
 

@@ -129,7 +129,7 @@ impl Pile {
         &mut self,
         model: &Model,
         contacts: &[Contact],
-        (law, scale): (Law, &[f64]),
+        law: Law,
         index: u32,
         progress: &Progress,
     ) {
@@ -138,10 +138,9 @@ impl Pile {
             return;
         }
         if self.contacts.is_empty() {
-            self.write(model, law, scale);
+            self.write(model, law);
         }
-        let moments = self.moments();
-        let stated = self.stated(&self.impulses, &moments);
+        let stated = self.stated(&self.impulses, &self.moments);
         let memory = &self.velocity;
         let at = ProblemPlace {
             model,

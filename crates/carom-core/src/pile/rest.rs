@@ -85,9 +85,9 @@ impl Pile {
         }
         if self.contacts.is_empty() {
             // Given back since the scene is huge; this island is not.
-            self.write(model, law, &vec![1.0; self.velocity.chosen.len()]);
+            self.write(model, law);
         }
-        let solved = (self.impulses.clone(), self.moments());
+        let solved = (self.impulses.clone(), self.moments.clone());
         if !self.start_held(model, contacts) {
             return None;
         }
@@ -113,7 +113,7 @@ impl Pile {
             self.start.clone_from(&self.impulses);
         }
         if self.start_moments.is_empty() {
-            self.start_moments = self.moments();
+            self.start_moments.clone_from(&self.moments);
         }
         let stated = self.stated(&self.start, &self.start_moments);
         let (system, turned, mut lambda) =

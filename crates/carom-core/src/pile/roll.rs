@@ -12,7 +12,7 @@ use carom_solve::spheres::Body;
 use glam::DVec3;
 
 /// Relative angular velocity of a contact's bodies, of A against B.
-fn relative(m: &ClosedContact, v: &[[DVec3; 2]]) -> DVec3 {
+pub(super) fn relative(m: &ClosedContact, v: &[[DVec3; 2]]) -> DVec3 {
     let of_a = v[m.a as usize][1];
     if m.b == WORLD {
         of_a

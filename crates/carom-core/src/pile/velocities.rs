@@ -39,8 +39,6 @@ pub(super) struct Velocities {
     pub terms: f64,
     /// Rows of the table of impacts, where every problem has its own.
     pub table: ImpactTable,
-    /// Group of energy of each chosen contact.
-    pub group: Vec<u32>,
 }
 
 impl Velocities {
@@ -86,8 +84,8 @@ impl Velocities {
         d.dot(m.normal)
     }
 
-    /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27), restitution scaled.
-    pub fn measures(&self, model: &Model, m: &ClosedContact, law: Law, scale: f64) -> DVec3 {
+    /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27).
+    pub fn measures(&self, model: &Model, m: &ClosedContact, law: Law) -> DVec3 {
         let z = self.now(m);
         if law == Law::Plastic {
             return z;
@@ -97,22 +95,14 @@ impl Velocities {
             minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
         }
         let e = [m.restitution, m.tangential];
-        self.newton(&model.options, m.normal, e, scale, z, minus)
+        self.newton(&model.options, m.normal, e, z, minus)
     }
 
     /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.
     #[inline]
-    pub fn newton(
-        &self,
-        o: &Options,
-        normal: DVec3,
-        e: [f64; 2],
-        scale: f64,
-        z: DVec3,
-        minus: DVec3,
-    ) -> DVec3 {
+    pub fn newton(&self, o: &Options, normal: DVec3, e: [f64; 2], z: DVec3, minus: DVec3) -> DVec3 {
         let approach = minus.dot(normal);
-        let [along, across] = Law::Later.terms(e, scale, approach, o, self.tol);
+        let [along, across] = Law::Later.terms(e, approach, o, self.tol);
         let z = z + along * normal;
         if across == 0.0 {
             return z;

@@ -1,6 +1,7 @@
 //! Velocity sub-problem of a pile (eqs. 1f-h): the spheres that [`crate::impact::sequence`] works on.
 
 use super::closed_contact::{work, ClosedContact, FIXED};
+use super::energy_gain::SphereSolution;
 use super::{chunks, record};
 use crate::contact::Contact;
 use crate::impact::law::Law;
@@ -272,6 +273,8 @@ struct SphereIsland<'p> {
 }
 
 impl ImpactIsland for SphereIsland<'_> {
+    type Solution = SphereSolution;
+
     fn slots(&self) -> usize {
         self.pile.velocity.closed.len()
     }
@@ -325,6 +328,32 @@ impl ImpactIsland for SphereIsland<'_> {
         (self.pile)
             .solve_chosen(model, self.contacts, law, problem, self.report)
             .is_some()
+    }
+
+    fn solve_without_restitution(&mut self, problem: u32) -> bool {
+        (self.pile)
+            .solve_without_restitution(self.model, problem, self.report)
+            .is_some()
+    }
+
+    fn add(&mut self, problem: u32) {
+        self.pile.commit(problem);
+    }
+
+    fn has_safeguard(&self) -> bool {
+        self.model.options.energy_safeguard
+    }
+
+    fn gains(&mut self, problem: u32) -> bool {
+        self.pile.gains(self.model, problem, self.report)
+    }
+
+    fn take_solution(&mut self) -> SphereSolution {
+        self.pile.solution()
+    }
+
+    fn limit(&mut self, with: SphereSolution) {
+        self.pile.limit(with);
     }
 
     fn drop_chosen(&mut self) {

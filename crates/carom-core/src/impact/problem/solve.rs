@@ -19,9 +19,12 @@ use carom_solve::NewtonOptions;
 /// solved; too large, and slow impacts at joints end with a residual.
 const AT_REST: f64 = 1e-3;
 
+/// How much finer (1) a problem is solved whose residual may give energy. Larger: six balls in a tree gain 1e-9 of their energy. Smaller: below the
+/// rounding of large islands, and the step takes iterations for nothing.
+const FINER: f64 = 1e-4;
+
 impl ImpactScratch {
-    /// Solves the chosen contacts by `law` with all present impulses fixed, adds the new ones. Problem 0 is that of the loads.
-    /// `warm` starts from given impulses.
+    /// Solves the chosen contacts by `law` with all present impulses fixed. Problem 0 is that of the loads. `warm` starts from given impulses.
     pub fn solve_chosen(
         &mut self,
         model: &Model,
@@ -32,21 +35,14 @@ impl ImpactScratch {
         report: &mut StepReport,
     ) -> bool {
         self.problems += 1;
+        self.law = law;
         self.set_velocities(law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
         self.build(model, scratch.contacts, law);
         let failed_before = scratch.keeper.failed.take();
-        if !self.solve_stated(model, scratch, law, problem, warm, report) {
+        if !self.solve_stated(model, scratch, problem, warm, report) {
             return false;
-        }
-        // What was given up cannot be scaled further.
-        let scaled = law.has_restitution() && model.options.energy_safeguard;
-        if scaled && self.scale.iter().any(|&s| s > 0.0) {
-            let fine = self.safeguard(model, scratch, law, problem, report);
-            if !fine {
-                return false;
-            }
         }
         if self.last.converged {
             // What was tried on the way, with more restitution, is no failure.
@@ -55,9 +51,45 @@ impl ImpactScratch {
         if scratch.keeper.wants(self.last.iterations) {
             self.keep(model, scratch, problem);
         }
-        self.commit(scratch.contacts);
-        self.record(scratch.contacts, problem);
+        self.explain();
         true
+    }
+
+    /// Solves the problem at hand once more from its solution, which stays if it cannot be found more finely.
+    pub fn solve_finely(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        problem: u32,
+        report: &mut StepReport,
+    ) {
+        let (before, last) = (self.solution(), self.last);
+        let (failed, accept) = (scratch.keeper.failed.take(), self.accept_unconverged);
+        let mut own = StepReport::default();
+        (self.fineness, self.accept_unconverged) = (FINER, false);
+        if self.solve_built(model, scratch, problem, Some(&before.lambda), &mut own) {
+            report.iterations_velocity += own.iterations_velocity;
+            self.explain();
+        } else {
+            self.restore(before);
+            self.last = last;
+        }
+        (self.fineness, self.accept_unconverged) = (1.0, accept);
+        scratch.keeper.failed = failed;
+    }
+
+    /// Solves the problem at hand once more, without restitution.
+    pub fn solve_without_restitution(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        problem: u32,
+        report: &mut StepReport,
+    ) -> bool {
+        self.build(model, scratch.contacts, Law::Plastic);
+        self.solve_built(model, scratch, problem, None, report)
+            || self.is_fine_enough(model, report)
+            || self.solve_with_less_friction(model, scratch, problem, report)
     }
 
     /// Solves the problem as it is stated; at rest where it was so, and by what is left where nothing solves the smallest part of a step.
@@ -65,7 +97,6 @@ impl ImpactScratch {
         &mut self,
         model: &Model,
         scratch: &mut IslandScratch,
-        law: Law,
         problem: u32,
         warm: Option<&[f64]>,
         report: &mut StepReport,
@@ -73,6 +104,7 @@ impl ImpactScratch {
         // Contacts that can jam (a ball in a corner with mu > 1/sqrt 2) may have no velocities that Newton's law asks for. Smaller
         // parts of the step may take them one by one; where there are none, restitution goes: without it the measures are
         // those of a motion, and the problem has a solution.
+        let law = self.law;
         let scaled = law.has_restitution() && model.options.energy_safeguard;
         let without = scaled && self.span.smallest;
         let accept = self.accept_unconverged;
@@ -102,7 +134,7 @@ impl ImpactScratch {
             // What is given up is no part of the step.
             report.residual_velocity = residual_before;
             self.scale.fill(0.0);
-            self.build(model, scratch.contacts, law);
+            self.build(model, scratch.contacts, Law::Plastic);
             solved = self.solve_built(model, scratch, problem, warm, report);
             report.restitution_scale = 0.0;
             report.fallbacks += 1;
@@ -188,7 +220,7 @@ impl ImpactScratch {
         sub.inv_mass.extend_from_slice(&self.full.inv_mass);
         sub.inv_inertia.extend_from_slice(&self.full.inv_inertia);
         sub.node_length.extend_from_slice(&self.full.node_length);
-        for (position, &slot) in self.chosen.iter().enumerate() {
+        for &slot in &self.chosen {
             let c = self.full.contacts[slot];
             let contact = &contacts[self.members[slot] as usize];
             let row = sub.jac.len();
@@ -210,8 +242,7 @@ impl ImpactScratch {
                 _ => self.relative::<0>(&c, c.row as usize, &self.v_minus),
             };
             let e = [material.restitution, material.tangential_restitution];
-            let (o, scale) = (&model.options, self.scale[position]);
-            let [normal, across] = law.terms(e, scale, approach, o, self.tol);
+            let [normal, across] = law.terms(e, approach, &model.options, self.tol);
             sub.z0[row] += normal;
             if across != 0.0 && contact.bounds.sliding > 0.0 {
                 for r in 1..3 {
@@ -259,6 +290,8 @@ impl ImpactScratch {
         if self.speeds.speed > 0.0 && !self.chosen.is_empty() {
             options.tolerance = options.tolerance.min(self.tol / (10.0 * self.speeds.speed));
         }
+        options.tolerance *= self.fineness;
+        options.floor *= self.fineness;
         options
     }
 

@@ -11,7 +11,7 @@ use carom_solve::Status;
 
 impl ImpactScratch {
     /// Adds the new impulses and their work to the totals.
-    pub(super) fn commit(&mut self, contacts: &[Contact]) {
+    pub(in crate::impact) fn commit(&mut self, contacts: &[Contact]) {
         for (position, &slot) in self.chosen.iter().enumerate() {
             let (c, s) = (self.full.contacts[slot], self.sub.contacts[position]);
             for r in 0..c.dim as usize {
@@ -23,6 +23,7 @@ impl ImpactScratch {
                 let kind = contacts[self.members[slot] as usize].row_kind(r);
                 self.work[slot][kind] += 0.5 * value * (before + after);
             }
+            self.work_explained[slot] += self.explained[position];
             if self.lambda[s.row as usize] > 0.0 {
                 let xi_slip = self.is_slipping(position);
                 self.status[slot] = if xi_slip { Status::Slip } else { Status::Stick };
@@ -52,7 +53,7 @@ impl ImpactScratch {
     }
 
     /// Keeps the problem for the table of impacts.
-    pub(super) fn record(&mut self, contacts: &[Contact], problem: u32) {
+    pub(in crate::impact) fn record(&mut self, contacts: &[Contact], problem: u32) {
         let mut table = std::mem::take(&mut self.table);
         for (position, &slot) in self.chosen.iter().enumerate() {
             let s = &self.sub.contacts[position];

@@ -5,11 +5,11 @@ use super::cluster_copies::{ClusterCopies, ClusterRange};
 use super::cluster_solver::ClusterSolver;
 use super::clusters::Clusters;
 use super::contact_graph::{ContactGraph, Node};
-use crate::impact::bisect::{bisect_scale, BISECTIONS, GAIN_TOLERANCE};
+use crate::impact::energy::{scales, ContactWork};
 use crate::model::Model;
 use crate::pile::closed_contact::{self, ProblemImpulse};
-use crate::pile::limits::GAIN_SHARE;
 use crate::pile::roll;
+use crate::pile::solve::finer;
 use crate::pile::velocities::Velocities;
 use carom_solve::spheres::{Body, Goal};
 use glam::DVec3;
@@ -109,27 +109,43 @@ impl Batch {
             calm: 1.0,
         };
         self.state(view, cluster);
-        let (residual, solved) = self.solver.solve(&goal);
+        let (mut residual, solved) = self.solver.solve(&goal);
         if !solved {
             return None;
         }
         let from = [self.given.len(), self.turned.len()];
-        let mut scale = 1.0;
-        let done = self.list(cluster);
+        let mut scales = None;
         // Most lose energy, and need no measure of it.
-        if o.energy_safeguard && done > 0.0 {
-            let kinetic: f64 = self.copies.nodes(cluster).iter().map(Node::kinetic).sum();
-            let most = GAIN_TOLERANCE.max(GAIN_SHARE * goal.tolerance) * kinetic;
-            if done > most {
-                scale = bisect_scale(BISECTIONS, |s| {
-                    self.again(view, cluster, s, &goal, from)
-                        .is_some_and(|done| done <= most)
-                });
-                self.again(view, cluster, scale, &goal, from)?;
+        if self.list(cluster) > 0.0 && o.energy_safeguard {
+            let (finer, solved) = self.solver.solve(&finer(&goal));
+            if solved {
+                residual = finer;
+            }
+            let with = self.solver.clone();
+            if self.limits(view, cluster, &with).is_some() {
+                for (k, &[now, _]) in self.before.iter().enumerate() {
+                    self.solver.set_slip(k, now);
+                }
+                self.solver.begin_again();
+                let (residual_without, solved) = self.solver.solve(&goal);
+                if !solved {
+                    return None;
+                }
+                residual = residual.max(residual_without);
+                scales = self.limits(view, cluster, &with);
+                self.solver.mix(&with, scales.as_deref());
+            }
+            self.given.truncate(from[0]);
+            self.turned.truncate(from[1]);
+            self.list(cluster);
+        }
+        let sides = &view.clusters.sides[cluster.contacts.clone()];
+        if let Some(scales) = scales {
+            for (given, sides) in self.given[from[0]..].iter_mut().zip(sides) {
+                given.scale = scales[sides[0] as usize];
             }
         }
-        for given in &mut self.given[from[0]..] {
-            given.scale = scale;
+        for given in &self.given[from[0]..] {
             self.pushed |= given.impulse != DVec3::ZERO;
         }
         let moved = self.solver.corrections().iter();
@@ -167,7 +183,6 @@ impl Batch {
                 &view.model.options,
                 edge.normal,
                 edge.restitution,
-                1.0,
                 now,
                 minus,
             );
@@ -181,27 +196,51 @@ impl Batch {
         }
     }
 
-    /// Solves again with scaled restitution, from the impulses at hand, and lists what that gives instead of what is listed
-    /// `from` there on: its work, if it was solved.
-    fn again(
-        &mut self,
+    /// Restitution scale of each sphere between the solution at hand and one `with` restitution; nothing if none gains energy.
+    fn limits(
+        &self,
         view: &View,
         cluster: &ClusterRange,
-        scale: f64,
-        goal: &Goal,
-        from: [usize; 2],
-    ) -> Option<f64> {
-        self.given.truncate(from[0]);
-        self.turned.truncate(from[1]);
-        let all = self.copies.edges(cluster).iter().zip(&self.before);
-        for (k, (edge, &[now, minus])) in all.enumerate() {
-            let law = edge.restitution;
-            let slip =
-                (view.velocity).newton(&view.model.options, edge.normal, law, scale, now, minus);
-            self.solver.set_slip(k, slip);
-        }
-        let (_, solved) = self.solver.solve(goal);
-        solved.then(|| self.list(cluster))
+        with: &ClusterSolver,
+    ) -> Option<Vec<f64>> {
+        let both = [&self.solver, with];
+        let sides = &view.clusters.sides[cluster.contacts.clone()];
+        let edges = self.copies.edges(cluster);
+        let works = sides
+            .iter()
+            .zip(edges)
+            .enumerate()
+            .map(|(k, (&[a, b], edge))| {
+                let impulses = both.map(|of| of.impulse(k));
+                let mut work = ContactWork {
+                    is_pressed: impulses.iter().any(|r| *r != DVec3::ZERO),
+                    ..ContactWork::between(a, b)
+                };
+                let (before, changes) = (self.before[k][0], both.map(|of| of.change(k)));
+                for axis in 0..3 {
+                    let at = |v: DVec3| v[axis];
+                    work.add(at(before), impulses.map(at), changes.map(at));
+                }
+                let (r, z) = (impulses[1], with.measure(k));
+                let normal = [r.dot(edge.normal), z.dot(edge.normal)];
+                let mut across = r.dot(z) - normal[0] * normal[1];
+                if with.rolls() {
+                    let (before, changes) = (self.turn[k], both.map(|of| of.turn_change(k)));
+                    let moments = both.map(|of| of.moment(k));
+                    for axis in 0..3 {
+                        let at = |v: DVec3| v[axis];
+                        work.add(at(before), moments.map(at), changes.map(at));
+                    }
+                    across += moments[1].dot(before + changes[1]);
+                }
+                work.explain(normal, across);
+                work
+            });
+        let works: Vec<ContactWork> = works.collect();
+        scales(&works, || {
+            let nodes = self.copies.nodes(cluster).iter();
+            nodes.map(Node::kinetic).collect()
+        })
     }
 
     /// Lists what the solution at hand gives; its work.

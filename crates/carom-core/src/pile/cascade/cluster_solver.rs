@@ -36,7 +36,7 @@ struct LocalRoll {
 }
 
 /// Memory of the cluster at hand.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct ClusterSolver {
     contacts: Vec<Local>,
     /// As many as contacts, or none.
@@ -132,12 +132,39 @@ impl ClusterSolver {
     /// Change of a contact's relative velocity.
     pub fn change(&self, contact: usize) -> DVec3 {
         let c = &self.contacts[contact];
-        self.measure(c) - c.slip
+        self.measure(contact) - c.slip
     }
 
+    /// Measure of a contact with what is solved.
     #[inline]
-    fn measure(&self, c: &Local) -> DVec3 {
-        c.measure(&self.u)
+    pub fn measure(&self, contact: usize) -> DVec3 {
+        self.contacts[contact].measure(&self.u)
+    }
+
+    /// Takes all impulses away.
+    pub fn begin_again(&mut self) {
+        self.contacts.iter_mut().for_each(|c| c.r = DVec3::ZERO);
+        self.rolls.iter_mut().for_each(|r| r.m = DVec3::ZERO);
+        for u in &mut self.u {
+            (u.linear, u.surface) = (DVec3::ZERO, DVec3::ZERO);
+        }
+    }
+
+    /// Goes from the solution at hand towards `with` as far as the scales of the nodes say; all the way if there are none.
+    pub fn mix(&mut self, with: &ClusterSolver, scales: Option<&[f64]>) {
+        let scale = |node: u32| scales.map_or(1.0, |s| s[node as usize]);
+        for (k, c) in self.contacts.iter_mut().enumerate() {
+            let s = scale(c.a);
+            c.r = c.r.lerp(with.contacts[k].r, s);
+            if let Some(own) = self.rolls.get_mut(k) {
+                own.m = own.m.lerp(with.rolls[k].m, s);
+            }
+        }
+        for (node, u) in self.u.iter_mut().enumerate() {
+            let (s, to) = (scale(node as u32), &with.u[node]);
+            u.linear = u.linear.lerp(to.linear, s);
+            u.surface = u.surface.lerp(to.surface, s);
+        }
     }
 
     /// Solves to the goal; the relative residual and whether it was reached.
@@ -189,7 +216,7 @@ impl ClusterSolver {
     fn closes(&self, most: f64) -> bool {
         self.contacts
             .iter()
-            .any(|c| -self.measure(c).dot(c.normal) > most)
+            .any(|c| -c.measure(&self.u).dot(c.normal) > most)
     }
 
     /// Moments of a contact at its present normal impulse.
@@ -211,7 +238,7 @@ impl ClusterSolver {
     fn norms(&self, penalty_scale: f64) -> Norms {
         let (mut rr, mut pp, mut ll, mut closing) = (0.0, 0.0, 0.0, 0.0f64);
         for c in &self.contacts {
-            let z = self.measure(c);
+            let z = c.measure(&self.u);
             let phi = projected(c, z, penalty_scale);
             rr += (phi - c.r).length_squared();
             pp += phi.length_squared();
@@ -219,7 +246,7 @@ impl ClusterSolver {
             closing = closing.max(-z.dot(c.normal));
         }
         for (k, (c, own)) in self.contacts.iter().zip(&self.rolls).enumerate() {
-            let normal = augmented(c, self.measure(c), penalty_scale);
+            let normal = augmented(c, c.measure(&self.u), penalty_scale);
             let z = own.turn + self.turn_change(k);
             let phi = projected_moment(own, z, c.normal, normal, penalty_scale);
             let squared = 1.0 / (own.length * own.length);

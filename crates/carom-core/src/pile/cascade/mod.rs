@@ -297,7 +297,7 @@ impl Velocities {
             jump: self.jump.clone(),
             impulse: contacts().map(|m| m.impulse).collect(),
             slip: contacts()
-                .map(|m| self.measures(model, m, Law::Later, 1.0))
+                .map(|m| self.measures(model, m, Law::Later))
                 .collect(),
             turn: chosen
                 .iter()

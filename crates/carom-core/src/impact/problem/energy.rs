@@ -1,0 +1,189 @@
+//! Work of an island's contacts and joints ([`crate::impact::energy`]).
+
+use crate::impact::energy::{scales, ContactWork};
+use crate::impact::law::Law;
+use crate::impact::memory::ImpactScratch;
+use crate::model::Model;
+use carom_solve::rows::{RowContact, NODE_DOF};
+use carom_solve::Status;
+
+/// A solution of the problem at hand: multipliers, corrections of the velocities, impulses of the loads that answer them.
+pub struct RowSolution {
+    pub(super) lambda: Vec<f64>,
+    u: Vec<f64>,
+    load: Vec<f64>,
+}
+
+impl ImpactScratch {
+    pub fn is_pressed(&self, slot: usize) -> bool {
+        self.impulse[self.full.contacts[slot].row as usize] > 0.0
+    }
+
+    /// What its moving wall adds to the measures of a contact at t_{n+1}.
+    fn wall_measures(&self, c: &RowContact) -> &[f64] {
+        let rows = c.row as usize..(c.row + c.dim) as usize;
+        self.driven[1].get(rows).unwrap_or_default()
+    }
+
+    /// Kinetic energy of each node at `v_check + jump`, with that of walls as fast as they move, J.
+    fn kinetic(&self, jump: &[f64]) -> Vec<f64> {
+        let full = &self.full;
+        let mut kinetic: Vec<f64> = (self.v_check.chunks_exact(NODE_DOF))
+            .zip(jump.chunks_exact(NODE_DOF))
+            .zip(full.inv_mass.iter().zip(&full.inv_inertia))
+            .map(|((v, j), (im, ii))| {
+                let square = |k: usize| (v[k] + j[k]).powi(2);
+                let (linear, angular) = ((0..3).map(square), (3..6).map(square));
+                0.5 * (linear.sum::<f64>() / im + angular.sum::<f64>() / ii)
+            })
+            .collect();
+        for c in &full.contacts[..self.members.len()] {
+            let wall = self.wall_measures(c).iter().take(c.translational as usize);
+            let node = c.node_a as usize;
+            kinetic[node] += 0.5 / full.inv_mass[node] * wall.map(|v| v * v).sum::<f64>();
+        }
+        kinetic
+    }
+
+    /// Whether all impulses so far have given a group of contacts energy. Joints and loads that depend on the motion do work of their own:
+    /// islands with such are not looked at.
+    pub fn gains_energy(&self, model: &Model) -> bool {
+        if !(model.options.energy_safeguard && self.joints.is_empty() && self.loads.is_empty()) {
+            return false;
+        }
+        let works = (0..self.members.len()).map(|slot| {
+            let c = &self.full.contacts[slot];
+            ContactWork {
+                is_pressed: self.is_pressed(slot),
+                terms: [self.work[slot].iter().sum(), 0.0, 0.0],
+                explained: self.work_explained[slot],
+                ..ContactWork::between(c.node_a, c.node_b)
+            }
+        });
+        let works: Vec<ContactWork> = works.collect();
+        scales(&works, || self.kinetic(&vec![0.0; self.jump.len()])).is_some()
+    }
+
+    /// Forgets all impulses of the step, and the rows of `problem`.
+    pub fn forget_all(&mut self, problem: u32) {
+        self.impulse.fill(0.0);
+        self.work.fill([0.0; 4]);
+        self.work_explained.fill(0.0);
+        self.status.fill(Status::Gap);
+        self.update_jump();
+        self.table.forget_problem(problem);
+    }
+
+    /// Notes the work that the residual of the solution at hand explains at each contact.
+    pub(in crate::impact) fn explain(&mut self) {
+        self.explained.clear();
+        for c in &self.sub.contacts[..self.chosen.len()] {
+            let row = c.row as usize;
+            let z = |r: usize| self.sub.z0[r] + self.sub.row_velocity(c, r, &self.u);
+            let across = (row + 1..row + c.dim as usize).map(|r| self.lambda[r] * z(r));
+            let mut work = ContactWork::default();
+            work.explain([self.lambda[row], z(row)], across.sum());
+            self.explained.push(work.explained);
+        }
+    }
+
+    /// Jump of the velocities from which the problem at hand is judged, and whether it solves contacts of the loads anew.
+    fn judged_from(&self) -> (&[f64], bool) {
+        if self.law == Law::First {
+            (&self.offset, true)
+        } else {
+            (&self.fixed, false)
+        }
+    }
+
+    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy.
+    pub(in crate::impact) fn limits(&self, model: &Model, with: &RowSolution) -> Option<Vec<f64>> {
+        let (from, anew) = self.judged_from();
+        let velocity: Vec<f64> = self.v_check.iter().zip(from).map(|(v, j)| v + j).collect();
+        let change = |u: &[f64]| -> Vec<f64> {
+            let rest = self.fixed.iter().zip(from);
+            rest.zip(u)
+                .map(|((fixed, from), u)| fixed - from + u)
+                .collect()
+        };
+        let changes = [change(&self.u), change(&with.u)];
+        let joints = self.members.len()..self.full.contacts.len();
+        let slots = self.chosen.iter().copied().chain(joints);
+        let works: Vec<ContactWork> = (slots.zip(&self.sub.contacts).enumerate())
+            .map(|(position, (slot, c))| {
+                let full = &self.full.contacts[slot];
+                let pressed = |lambda: &[f64]| lambda[c.row as usize] > 0.0;
+                let mut work = ContactWork {
+                    is_pressed: c.bilateral || pressed(&self.lambda) || pressed(&with.lambda),
+                    explained: self.explained.get(position).copied().unwrap_or(0.0),
+                    ..ContactWork::between(c.node_a, c.node_b)
+                };
+                let wall = self.wall_measures(full);
+                let joint = slot.checked_sub(self.members.len());
+                let joint = joint.map(|k| &model.joints[self.joints[k] as usize]);
+                for r in 0..c.dim as usize {
+                    // What prescribes a motion does work of its own.
+                    if joint.is_some_and(|joint| joint.prescribes(r)) {
+                        continue;
+                    }
+                    let (row, full_row) = (c.row as usize + r, full.row as usize + r);
+                    let measure = |v: &[f64]| self.sub.row_velocity(c, row, v);
+                    let before = measure(&velocity) + wall.get(r).copied().unwrap_or(0.0);
+                    let had = if anew {
+                        self.offset_impulse[full_row]
+                    } else {
+                        0.0
+                    };
+                    let impulse = [&self.lambda, &with.lambda].map(|l| l[row] - had);
+                    work.add(before, impulse, [0, 1].map(|k| measure(&changes[k])));
+                }
+                work
+            })
+            .collect();
+        scales(&works, || self.kinetic(from))
+    }
+
+    /// The solution at hand.
+    pub(in crate::impact) fn solution(&self) -> RowSolution {
+        RowSolution {
+            lambda: self.lambda.clone(),
+            u: self.u.clone(),
+            load: self.sub.load.clone(),
+        }
+    }
+
+    /// Takes a solution back.
+    pub(in crate::impact) fn restore(&mut self, solution: RowSolution) {
+        (self.lambda, self.u, self.sub.load) = (solution.lambda, solution.u, solution.load);
+    }
+
+    /// Goes from the solution at hand towards `with` as far as `scales` of the nodes say.
+    pub(in crate::impact) fn mix(&mut self, with: &RowSolution, scales: &[f64]) {
+        let mix = |from: &mut [f64], to: &[f64], s: f64| {
+            for (from, to) in from.iter_mut().zip(to) {
+                *from = if s == 1.0 {
+                    *to
+                } else {
+                    *from + s * (to - *from)
+                };
+            }
+        };
+        for (position, c) in self.sub.contacts.iter().enumerate() {
+            let (rows, s) = (
+                c.row as usize..(c.row + c.dim) as usize,
+                scales[c.node_a as usize],
+            );
+            mix(&mut self.lambda[rows.clone()], &with.lambda[rows], s);
+            if let Some(scale) = self.scale.get_mut(position) {
+                *scale = s;
+            }
+        }
+        for (node, &s) in scales.iter().enumerate() {
+            let at = NODE_DOF * node..NODE_DOF * (node + 1);
+            mix(&mut self.u[at.clone()], &with.u[at.clone()], s);
+            if let Some(load) = self.sub.load.get_mut(at.clone()) {
+                mix(load, &with.load[at], s);
+            }
+        }
+    }
+}
