@@ -210,7 +210,7 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
                 "impact sum",
             ),
             ("approach misstated", lambda row: fault.scale("impacts/approach", row, 1.1), 2, "impact speeds"),
-            ("factor misstated", lambda row: fault.write("impacts/restitution_scale", row, 0.5), 1, "impact"),
+            ("factor misstated", lambda row: fault.write("impacts/restitution_scale", row, 0.5), 1, "counts"),
             ("the loads misstated", lambda row: fault.scale("impacts/impulse", row, 1.1), 0, "impact"),
             (
                 "taken for the end of a cut sequence",

@@ -27,9 +27,10 @@ def test_balls_that_wedge_one_another_go_on_with_less_friction(level: str) -> No
     # Balls that are held by friction at one level alone: first order in the step, here one of 2 ms (decision record 020).
     below(1e-3, "energy rise", s["energy"]["max_rise_relative"])
     assert carom.audit.check(result).ok
-    # With all of the friction it is not solved, in parts as small.
-    as_it_is = carom.simulate(tower.with_options(on_nonconvergence="warn"))
-    assert as_it_is.summary["unconverged"] > 0
+    if level == "position":
+        # With all of the friction it is not solved, in parts as small.
+        as_it_is = carom.simulate(tower.with_options(on_nonconvergence="warn"))
+        assert as_it_is.summary["unconverged"] > 0
 
 
 @pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")

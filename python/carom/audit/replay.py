@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from carom.audit import bounds, forces
 from carom.audit.block import Block
 from carom.audit.cones import opposed
-from carom.audit.hits import Hits, pairs, place
+from carom.audit.hits import Hits, groups, pairs, place
 from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
@@ -241,6 +241,13 @@ class Replay:
             towards = np.minimum(towards, 0.0)
         # Between the solutions without restitution and with it (rule R4) nothing closes, no more.
         scaled = (r.scale > 0.0) & (r.scale < 1.0)
+        if scaled.any():
+            # What balls join has one share.
+            joined = groups(self.block, r)
+            low, high = (np.full(joined.max() + 1, start) for start in (1.0, 0.0))
+            np.minimum.at(low, joined, r.scale)
+            np.maximum.at(high, joined, r.scale)
+            self._tell("counts", every, high[joined] - low[joined], np.zeros(len(every)))
         value = bounds.misfit(after.normal + r.scale * e_n * towards, np.where(scaled, 0.0, push), own[0])
         self._tell("impact", every, value, 2.0 * own[0] * left + noise)
         mu = self.mu[rows]
@@ -288,20 +295,23 @@ class Replay:
         # Told of the row with the largest impulse.
         largest = np.lexsort((norm(r.impulse), r.k))
         largest = np.sort(largest[np.flatnonzero(np.append(np.diff(r.k[largest]), 1))])
-        k = r.k[largest]
+        k, first = np.unique(r.k, return_index=True)
         gained = total(work)
         if r.problem[0] == 1 and not moving.any():
             # Against the velocities that the loads have left, some of which the first impact takes back.
             motion = self.now.copy()
             motion[at] += change
-            each = 0.5 * np.sum(self.inertia * (motion**2 - self.loaded**2), axis=1)
-            since = np.add.reduceat(each, np.arange(count) * run.bodies)
-            rounding = (
-                64.0
-                * EPS
-                * np.add.reduceat(
-                    0.5 * np.sum(self.inertia * self.loaded**2, axis=1), np.arange(count) * run.bodies
-                )
-            )
-            gained = np.maximum(gained, since - rounding)
-        self._tell("passivity", rows.start + largest, np.maximum(gained, 0.0)[k], bound[k])
+            energies = [
+                0.5 * np.sum((self.inertia * of**2).reshape(count, -1), axis=1)
+                for of in (motion, self.loaded)
+            ]
+            since = energies[0] - energies[1]
+            bound = bound + 64.0 * EPS * energies[1]
+            gained = np.maximum(gained, since)
+        else:
+            since = total(work)
+        value = np.maximum(gained, 0.0)
+        # Restitution is taken back as far as there is no gain, and no further.
+        taken = (np.minimum.reduceat(r.scale, first) > 0.0) & (np.maximum.reduceat(r.scale, first) < 1.0)
+        value[k[taken]] = np.maximum(value, np.abs(since))[k[taken]]
+        self._tell("passivity", rows.start + largest, value[k], bound[k])

@@ -122,14 +122,15 @@ impl ImpactIsland for RowIsland<'_, '_> {
 
     fn gains(&mut self, problem: u32) -> bool {
         let (work, model) = (&mut *self.work, self.model);
-        let gains = |work: &ImpactScratch| work.limits(model, &work.solution()).is_some();
-        let mut explained = std::mem::take(&mut work.explained);
-        let gains_anything = gains(work);
-        std::mem::swap(&mut work.explained, &mut explained);
-        gains_anything && {
-            work.solve_finely(model, self.scratch, problem, self.report);
-            gains(work)
+        let gains = |work: &ImpactScratch, explained: f64| {
+            let with = work.solution();
+            work.limits(model, &with, explained).is_some()
+        };
+        if !gains(work, 0.0) || gains(work, 1.0) {
+            return gains(work, 1.0);
         }
+        work.solve_finely(model, self.scratch, problem);
+        gains(work, 1.0)
     }
 
     fn take_solution(&mut self) -> RowSolution {
@@ -137,7 +138,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn limit(&mut self, with: RowSolution) {
-        let scales = self.work.limits(self.model, &with);
+        let scales = self.work.limits(self.model, &with, 1.0);
         let scales = scales.unwrap_or_else(|| vec![1.0; self.work.full.nodes()]);
         self.work.mix(&with, &scales);
         let least = self.work.scale.iter().copied().fold(1.0, f64::min);

@@ -123,15 +123,13 @@ impl Pile {
 
     /// Whether the solution at hand gives a group energy. Where its residual may do so it is found more finely first.
     pub(super) fn gains(&mut self, model: &Model, problem: u32, report: &mut StepReport) -> bool {
-        let mut explained = std::mem::take(&mut self.explained);
-        self.explained.resize(explained.len(), 0.0);
-        let gains_anything = self.limits(self.found()).is_some();
-        std::mem::swap(&mut self.explained, &mut explained);
-        gains_anything && {
-            // Only the first problem of a pile comes here: later ones are those of clusters.
-            self.solve_finely(model, Law::First, problem, report);
-            self.limits(self.found()).is_some()
+        let gains = |pile: &Self, explained| pile.limits(pile.found(), explained).is_some();
+        if !gains(self, 0.0) || gains(self, 1.0) {
+            return gains(self, 1.0);
         }
+        // Only the first problem of a pile comes here: later ones are those of clusters.
+        self.solve_finely(model, Law::First, problem, report);
+        gains(self, 1.0)
     }
 
     /// The solution at hand.
@@ -144,8 +142,8 @@ impl Pile {
     }
 
     /// Restitution scale of each node between the solution at hand and one `with` restitution, judged from the velocities that the loads have
-    /// left; nothing if none gains energy.
-    fn limits(&self, with: SolutionView) -> Option<Vec<f64>> {
+    /// left; nothing if none gains energy beyond so many times what the residual explains.
+    fn limits(&self, with: SolutionView, explained: f64) -> Option<Vec<f64>> {
         let memory = &self.velocity;
         let since = |m: &ClosedContact| {
             let of = |jump| Velocities::relative(m, jump);
@@ -154,11 +152,12 @@ impl Pile {
         let works = memory.chosen.iter().enumerate().map(|(k, &slot)| {
             let m = &memory.closed[slot as usize];
             let mut work = ContactWork {
-                explained: self.explained[k],
+                explained: explained * self.explained[k],
                 ..ContactWork::between(m.a, m.b)
             };
             let impulses = [self.impulses[k], with.impulses[k]].map(DVec3::from);
-            work.is_pressed = impulses.iter().any(|r| *r != DVec3::ZERO);
+            let loaded = m.load != DVec3::ZERO;
+            work.is_pressed = loaded || impulses.iter().any(|r| *r != DVec3::ZERO);
             let since = since(m);
             let before = memory.now(m) - since;
             let changes = [&self.corrections[..], with.corrections].map(|u| since + change(m, u));
@@ -187,7 +186,7 @@ impl Pile {
 
     /// Goes from the solution at hand towards `with` as far as [`Self::limits`] says.
     pub(super) fn limit(&mut self, with: SphereSolution) {
-        let Some(scales) = self.limits(with.found()) else {
+        let Some(scales) = self.limits(with.found(), 1.0) else {
             (self.impulses, self.moments, self.corrections) =
                 (with.impulses, with.moments, with.corrections);
             return;

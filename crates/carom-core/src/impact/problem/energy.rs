@@ -96,8 +96,14 @@ impl ImpactScratch {
         }
     }
 
-    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy.
-    pub(in crate::impact) fn limits(&self, model: &Model, with: &RowSolution) -> Option<Vec<f64>> {
+    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy beyond so many times
+    /// what the residual explains.
+    pub(in crate::impact) fn limits(
+        &self,
+        model: &Model,
+        with: &RowSolution,
+        explained: f64,
+    ) -> Option<Vec<f64>> {
         let (from, anew) = self.judged_from();
         let velocity: Vec<f64> = self.v_check.iter().zip(from).map(|(v, j)| v + j).collect();
         let change = |u: &[f64]| -> Vec<f64> {
@@ -112,10 +118,16 @@ impl ImpactScratch {
         let works: Vec<ContactWork> = (slots.zip(&self.sub.contacts).enumerate())
             .map(|(position, (slot, c))| {
                 let full = &self.full.contacts[slot];
+                let had = |r: usize| match anew {
+                    true => self.offset_impulse[full.row as usize + r],
+                    false => 0.0,
+                };
                 let pressed = |lambda: &[f64]| lambda[c.row as usize] > 0.0;
+                let any = pressed(&self.lambda) || pressed(&with.lambda) || had(0) > 0.0;
+                let of_residual = self.explained.get(position).copied().unwrap_or(0.0);
                 let mut work = ContactWork {
-                    is_pressed: c.bilateral || pressed(&self.lambda) || pressed(&with.lambda),
-                    explained: self.explained.get(position).copied().unwrap_or(0.0),
+                    is_pressed: c.bilateral || any,
+                    explained: explained * of_residual,
                     ..ContactWork::between(c.node_a, c.node_b)
                 };
                 let wall = self.wall_measures(full);
@@ -126,15 +138,10 @@ impl ImpactScratch {
                     if joint.is_some_and(|joint| joint.prescribes(r)) {
                         continue;
                     }
-                    let (row, full_row) = (c.row as usize + r, full.row as usize + r);
+                    let row = c.row as usize + r;
                     let measure = |v: &[f64]| self.sub.row_velocity(c, row, v);
                     let before = measure(&velocity) + wall.get(r).copied().unwrap_or(0.0);
-                    let had = if anew {
-                        self.offset_impulse[full_row]
-                    } else {
-                        0.0
-                    };
-                    let impulse = [&self.lambda, &with.lambda].map(|l| l[row] - had);
+                    let impulse = [&self.lambda, &with.lambda].map(|l| l[row] - had(r));
                     work.add(before, impulse, [0, 1].map(|k| measure(&changes[k])));
                 }
                 work

@@ -117,12 +117,17 @@ impl Batch {
         let mut scales = None;
         // Most lose energy, and need no measure of it.
         if self.list(cluster) > 0.0 && o.energy_safeguard {
-            let (finer, solved) = self.solver.solve(&finer(&goal));
-            if solved {
-                residual = finer;
+            let gains = |this: &Self, explained| {
+                (this.limits(view, cluster, &this.solver, explained)).is_some()
+            };
+            if gains(self, 0.0) && !gains(self, 1.0) {
+                let (finer, solved) = self.solver.solve(&finer(&goal));
+                if solved {
+                    residual = finer;
+                }
             }
-            let with = self.solver.clone();
-            if self.limits(view, cluster, &with).is_some() {
+            if gains(self, 1.0) {
+                let with = self.solver.clone();
                 for (k, &[now, _]) in self.before.iter().enumerate() {
                     self.solver.set_slip(k, now);
                 }
@@ -132,7 +137,7 @@ impl Batch {
                     return None;
                 }
                 residual = residual.max(residual_without);
-                scales = self.limits(view, cluster, &with);
+                scales = self.limits(view, cluster, &with, 1.0);
                 self.solver.mix(&with, scales.as_deref());
             }
             self.given.truncate(from[0]);
@@ -196,12 +201,14 @@ impl Batch {
         }
     }
 
-    /// Restitution scale of each sphere between the solution at hand and one `with` restitution; nothing if none gains energy.
+    /// Restitution scale of each sphere between the solution at hand and one `with` restitution; nothing if none gains energy beyond so many
+    /// times what the residual explains.
     fn limits(
         &self,
         view: &View,
         cluster: &ClusterRange,
         with: &ClusterSolver,
+        explained: f64,
     ) -> Option<Vec<f64>> {
         let both = [&self.solver, with];
         let sides = &view.clusters.sides[cluster.contacts.clone()];
@@ -234,6 +241,7 @@ impl Batch {
                     across += moments[1].dot(before + changes[1]);
                 }
                 work.explain(normal, across);
+                work.explained *= explained;
                 work
             });
         let works: Vec<ContactWork> = works.collect();
