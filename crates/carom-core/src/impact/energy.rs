@@ -54,10 +54,15 @@ impl ContactWork {
 }
 
 /// Restitution scale of each node by its group (contacts with impulse joined by nodes); nothing if no group gains. `kinetic`: energy of each
-/// node before, with that of walls as fast as they move, J; asked for only where a contact gains.
-pub fn scales(works: &[ContactWork], kinetic: impl FnOnce() -> Vec<f64>) -> Option<Vec<f64>> {
+/// node before, with that of walls as fast as they move, J; asked for only where a contact gains. A residual explains at most the share `tolerance`
+/// of it: balls that friction wedges hold one another with any force, and the residual of that explains anything.
+pub fn scales(
+    works: &[ContactWork],
+    tolerance: f64,
+    kinetic: impl FnOnce() -> Vec<f64>,
+) -> Option<Vec<f64>> {
     let pressed = || works.iter().filter(|w| w.is_pressed);
-    if pressed().all(|w| w.done() <= w.explained) {
+    if pressed().all(|w| w.done() <= 0.0) {
         return None;
     }
     let kinetic = kinetic();
@@ -66,24 +71,25 @@ pub fn scales(works: &[ContactWork], kinetic: impl FnOnce() -> Vec<f64>) -> Opti
         joined.join(w.a, w.b);
     }
     let mut terms = vec![[0.0; 3]; kinetic.len()];
-    let mut admitted = vec![0.0; kinetic.len()];
+    let (mut explained, mut energy) = (vec![0.0; kinetic.len()], vec![0.0; kinetic.len()]);
     for w in pressed() {
         let group = joined.root(w.a) as usize;
         for (sum, term) in terms[group].iter_mut().zip(w.terms) {
             *sum += term;
         }
-        admitted[group] += w.explained;
+        explained[group] += w.explained;
     }
     for (node, kinetic) in (0..).zip(&kinetic) {
-        admitted[joined.root(node) as usize] += ROUNDING * kinetic;
+        energy[joined.root(node) as usize] += kinetic;
     }
-    let of_group: Vec<f64> = (terms.iter().zip(&admitted))
-        .map(
-            |(terms, &admitted)| match terms.iter().sum::<f64>() > admitted {
+    let of_group: Vec<f64> = (terms.iter().zip(explained.iter().zip(&energy)))
+        .map(|(terms, (explained, energy))| {
+            let admitted = ROUNDING * energy + explained.min(tolerance * energy);
+            match terms.iter().sum::<f64>() > admitted {
                 true => largest_without_gain(*terms),
                 false => 1.0,
-            },
-        )
+            }
+        })
         .collect();
     let nodes = 0..kinetic.len() as u32;
     let any = of_group.iter().any(|&s| s < 1.0);
@@ -125,16 +131,18 @@ mod tests {
             at(2, 3, [-0.1, 0.0, 0.2]),
             at(2, WORLD, [0.0, 0.0, 0.05]),
         ];
-        let found = scales(&works, kinetic).unwrap();
+        let found = scales(&works, 1.0, kinetic).unwrap();
         assert_eq!(found[..2], [1.0, 1.0]);
         assert!((found[2] - 0.4_f64.sqrt()).abs() < 1e-15 && found[3] == found[2]);
         // Joined by a contact they are one group.
         let joined = [works[0], works[1], works[2], at(1, 2, [0.0; 3])];
-        assert!(scales(&joined, kinetic).is_none());
+        assert!(scales(&joined, 1.0, kinetic).is_none());
         // What the residual explains is no gain.
         let mut explained = works;
         explained[1].explained = 0.2;
-        assert!(scales(&explained, kinetic).is_none());
+        assert!(scales(&explained, 1.0, kinetic).is_none());
+        // But only as far as the tolerance goes.
+        assert!(scales(&explained, 0.05, kinetic).is_some());
     }
 
     #[test]

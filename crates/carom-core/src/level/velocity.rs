@@ -266,7 +266,7 @@ impl<const MOVING: bool> Lone<'_, MOVING> {
         let of_wall = wall.normal.powi(2) + wall.slip[0].powi(2) + wall.slip[1].powi(2);
         let linear = model.mass[i] * (v.length_squared() + of_wall);
         let kinetic = 0.5 * (linear + model.inertia[i] * w.length_squared());
-        let Some(scales) = scales(&[work], || vec![kinetic]) else {
+        let Some(scales) = scales(&[work], 0.0, || vec![kinetic]) else {
             return (1.0, with);
         };
         let s = scales[0];

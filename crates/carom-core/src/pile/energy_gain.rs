@@ -36,6 +36,11 @@ impl SphereSolution {
     }
 }
 
+/// Tolerance of what is solved as spheres.
+pub(super) fn admitted(model: &Model) -> f64 {
+    model.options.tolerance.max(model.options.pile_tolerance)
+}
+
 impl Velocities {
     /// Kinetic energy of each node at `v_check` and the jump that `after` gives, with that of walls as fast as they move, J.
     fn kinetic(&self, pile: &Pile, after: impl Fn(usize) -> [DVec3; 2]) -> Vec<f64> {
@@ -72,7 +77,10 @@ impl Pile {
             }
         });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, || memory.kinetic(self, |_| [DVec3::ZERO; 2])).is_some()
+        scales(&works, admitted(model), || {
+            memory.kinetic(self, |_| [DVec3::ZERO; 2])
+        })
+        .is_some()
     }
 
     /// Forgets all impulses and impacts of the step; what the loads alone gave stays known.
@@ -123,7 +131,7 @@ impl Pile {
 
     /// Whether the solution at hand gives a group energy. Where its residual may do so it is found more finely first.
     pub(super) fn gains(&mut self, model: &Model, problem: u32, report: &mut StepReport) -> bool {
-        let gains = |pile: &Self, explained| pile.limits(pile.found(), explained).is_some();
+        let gains = |pile: &Self, explained| pile.limits(model, pile.found(), explained).is_some();
         if !gains(self, 0.0) || gains(self, 1.0) {
             return gains(self, 1.0);
         }
@@ -143,7 +151,7 @@ impl Pile {
 
     /// Restitution scale of each node between the solution at hand and one `with` restitution, judged from the velocities that the loads have
     /// left; nothing if none gains energy beyond so many times what the residual explains.
-    fn limits(&self, with: SolutionView, explained: f64) -> Option<Vec<f64>> {
+    fn limits(&self, model: &Model, with: SolutionView, explained: f64) -> Option<Vec<f64>> {
         let memory = &self.velocity;
         let since = |m: &ClosedContact| {
             let of = |jump| Velocities::relative(m, jump);
@@ -181,12 +189,14 @@ impl Pile {
             work
         });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, || memory.kinetic(self, |node| memory.offset[node]))
+        scales(&works, admitted(model), || {
+            memory.kinetic(self, |node| memory.offset[node])
+        })
     }
 
     /// Goes from the solution at hand towards `with` as far as [`Self::limits`] says.
-    pub(super) fn limit(&mut self, with: SphereSolution) {
-        let Some(scales) = self.limits(with.found(), 1.0) else {
+    pub(super) fn limit(&mut self, model: &Model, with: SphereSolution) {
+        let Some(scales) = self.limits(model, with.found(), 1.0) else {
             (self.impulses, self.moments, self.corrections) =
                 (with.impulses, with.moments, with.corrections);
             return;

@@ -1,6 +1,7 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts.
 
 use super::closed_contact::ClosedContact;
+use super::energy_gain::admitted;
 use super::{chunks, roll};
 use crate::contact::Contact;
 use crate::impact::law::Law;
@@ -113,7 +114,7 @@ impl Pile {
             _ => worst(self.velocity.chosen.len()),
         };
         Goal {
-            tolerance: o.tolerance.max(o.pile_tolerance),
+            tolerance: admitted(model),
             floor: self.velocity.floor,
             scale: self.velocity.terms,
             closing: end * self.velocity.left(o),

@@ -353,7 +353,7 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn limit(&mut self, with: SphereSolution) {
-        self.pile.limit(with);
+        self.pile.limit(self.model, with);
     }
 
     fn drop_chosen(&mut self) {

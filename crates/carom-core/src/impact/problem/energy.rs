@@ -61,7 +61,10 @@ impl ImpactScratch {
             }
         });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, || self.kinetic(&vec![0.0; self.jump.len()])).is_some()
+        scales(&works, model.options.tolerance, || {
+            self.kinetic(&vec![0.0; self.jump.len()])
+        })
+        .is_some()
     }
 
     /// Forgets all impulses of the step, and the rows of `problem`.
@@ -147,7 +150,7 @@ impl ImpactScratch {
                 work
             })
             .collect();
-        scales(&works, || self.kinetic(from))
+        scales(&works, model.options.tolerance, || self.kinetic(from))
     }
 
     /// The solution at hand.

@@ -8,6 +8,7 @@ use super::contact_graph::{ContactGraph, Node};
 use crate::impact::energy::{scales, ContactWork};
 use crate::model::Model;
 use crate::pile::closed_contact::{self, ProblemImpulse};
+use crate::pile::energy_gain::admitted;
 use crate::pile::roll;
 use crate::pile::solve::finer;
 use crate::pile::velocities::Velocities;
@@ -94,7 +95,7 @@ impl Batch {
         } = *view;
         let o = &model.options;
         let goal = Goal {
-            tolerance: o.tolerance.max(o.pile_tolerance),
+            tolerance: admitted(model),
             floor: velocity.floor,
             // Its share of what the whole pile is judged by.
             scale: velocity.terms
@@ -245,7 +246,8 @@ impl Batch {
                 work
             });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, || {
+        let tolerance = admitted(view.model);
+        scales(&works, tolerance, || {
             let nodes = self.copies.nodes(cluster).iter();
             nodes.map(Node::kinetic).collect()
         })
