@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import carom
 import numpy as np
@@ -15,8 +16,7 @@ def heap() -> carom.Scene:
 
 
 def test_a_step_that_is_not_solved_is_halved() -> None:
-    jam = carom.example("heap", set={"rolling": 0.6, "seed": 3})
-    result = carom.simulate(jam, until=0.1)
+    result = carom.simulate(Path(__file__).parent / "data" / "wedged" / "position.toml")
     assert result.outcome.kind == "done"
     halved = np.asarray(result.steps["halvings"])
     assert halved.max() >= 1

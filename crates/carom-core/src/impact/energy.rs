@@ -10,6 +10,10 @@ use carom_solve::rows::WORLD;
 /// small: rounding counts as a gain, and costs a solve. Too large: at 1e-6 the energy of falling heaps rises fifty times as much in a step.
 const ROUNDING: f64 = 1e-10;
 
+/// Share (1) of the solver's tolerance that a residual may explain, of a group's energy. Too small: coarse solves cost another one. Too large: at 1
+/// columns of grains that run out come to rest four times as slowly.
+const SHARE: f64 = 1e-2;
+
 /// What a problem does at a contact or joint.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ContactWork {
@@ -53,12 +57,23 @@ impl ContactWork {
     }
 }
 
+/// What is no gain of energy.
+#[derive(Clone, Copy, Debug)]
+pub enum Admit {
+    /// Rounding alone.
+    Rounding,
+    /// And what the residual explains.
+    Explained,
+    /// And what the residual explains, up to [`SHARE`] of this tolerance of the solver, of the energy: balls that friction wedges hold one another
+    /// with any force, and the residual of that explains anything.
+    Tolerance(f64),
+}
+
 /// Restitution scale of each node by its group (contacts with impulse joined by nodes); nothing if no group gains. `kinetic`: energy of each
-/// node before, with that of walls as fast as they move, J; asked for only where a contact gains. A residual explains at most the share `tolerance`
-/// of it: balls that friction wedges hold one another with any force, and the residual of that explains anything.
+/// node before, with that of walls as fast as they move, J; asked for only where a contact gains.
 pub fn scales(
     works: &[ContactWork],
-    tolerance: f64,
+    admit: Admit,
     kinetic: impl FnOnce() -> Vec<f64>,
 ) -> Option<Vec<f64>> {
     let pressed = || works.iter().filter(|w| w.is_pressed);
@@ -84,7 +99,12 @@ pub fn scales(
     }
     let of_group: Vec<f64> = (terms.iter().zip(explained.iter().zip(&energy)))
         .map(|(terms, (explained, energy))| {
-            let admitted = ROUNDING * energy + explained.min(tolerance * energy);
+            let of_residual = match admit {
+                Admit::Rounding => 0.0,
+                Admit::Explained => *explained,
+                Admit::Tolerance(tolerance) => explained.min(SHARE * tolerance * energy),
+            };
+            let admitted = ROUNDING * energy + of_residual;
             match terms.iter().sum::<f64>() > admitted {
                 true => largest_without_gain(*terms),
                 false => 1.0,
@@ -131,18 +151,18 @@ mod tests {
             at(2, 3, [-0.1, 0.0, 0.2]),
             at(2, WORLD, [0.0, 0.0, 0.05]),
         ];
-        let found = scales(&works, 1.0, kinetic).unwrap();
+        let found = scales(&works, Admit::Explained, kinetic).unwrap();
         assert_eq!(found[..2], [1.0, 1.0]);
         assert!((found[2] - 0.4_f64.sqrt()).abs() < 1e-15 && found[3] == found[2]);
         // Joined by a contact they are one group.
         let joined = [works[0], works[1], works[2], at(1, 2, [0.0; 3])];
-        assert!(scales(&joined, 1.0, kinetic).is_none());
+        assert!(scales(&joined, Admit::Explained, kinetic).is_none());
         // What the residual explains is no gain.
         let mut explained = works;
         explained[1].explained = 0.2;
-        assert!(scales(&explained, 1.0, kinetic).is_none());
+        assert!(scales(&explained, Admit::Explained, kinetic).is_none());
         // But only as far as the tolerance goes.
-        assert!(scales(&explained, 0.05, kinetic).is_some());
+        assert!(scales(&explained, Admit::Tolerance(0.05 / SHARE), kinetic).is_some());
     }
 
     #[test]

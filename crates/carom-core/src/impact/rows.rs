@@ -1,5 +1,6 @@
 //! An island whose contacts are rows in its impact problems, and the law of the run on it.
 
+use super::energy::Admit;
 use super::law::Law;
 use super::memory::ImpactScratch;
 use super::problem::RowSolution;
@@ -107,7 +108,10 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn solve_without_restitution(&mut self, problem: u32) -> bool {
-        (self.work).solve_without_restitution(self.model, self.scratch, problem, self.report)
+        let solved =
+            (self.work).solve_without_restitution(self.model, self.scratch, problem, self.report);
+        self.work.balance();
+        solved
     }
 
     fn add(&mut self, problem: u32) {
@@ -122,15 +126,19 @@ impl ImpactIsland for RowIsland<'_, '_> {
 
     fn gains(&mut self, problem: u32) -> bool {
         let (work, model) = (&mut *self.work, self.model);
-        let gains = |work: &ImpactScratch, explained: f64| {
+        let most = Admit::Tolerance(model.options.tolerance);
+        let gains = |work: &ImpactScratch, admit| {
             let with = work.solution();
-            work.limits(model, &with, explained).is_some()
+            work.limits(model, &with, admit).is_some()
         };
-        if !gains(work, 0.0) || gains(work, 1.0) {
-            return gains(work, 1.0);
+        if !gains(work, Admit::Rounding) {
+            return false;
         }
-        work.solve_finely(model, self.scratch, problem);
-        gains(work, 1.0)
+        if !gains(work, Admit::Explained) {
+            work.solve_finely(model, self.scratch, problem);
+        }
+        work.balance();
+        gains(work, most)
     }
 
     fn take_solution(&mut self) -> RowSolution {
@@ -138,7 +146,11 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn limit(&mut self, with: RowSolution) {
-        let scales = self.work.limits(self.model, &with, 1.0);
+        let scales = (self.work).limits(
+            self.model,
+            &with,
+            Admit::Tolerance(self.model.options.tolerance),
+        );
         let scales = scales.unwrap_or_else(|| vec![1.0; self.work.full.nodes()]);
         self.work.mix(&with, &scales);
         let least = self.work.scale.iter().copied().fold(1.0, f64::min);

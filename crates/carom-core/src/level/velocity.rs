@@ -4,7 +4,7 @@ use super::less_friction::with_less_friction;
 use super::single::ContactMeasures;
 use super::{closed_form, single, Demand, Task};
 use crate::contact::Contact;
-use crate::impact::energy::{scales, ContactWork};
+use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
@@ -266,7 +266,7 @@ impl<const MOVING: bool> Lone<'_, MOVING> {
         let of_wall = wall.normal.powi(2) + wall.slip[0].powi(2) + wall.slip[1].powi(2);
         let linear = model.mass[i] * (v.length_squared() + of_wall);
         let kinetic = 0.5 * (linear + model.inertia[i] * w.length_squared());
-        let Some(scales) = scales(&[work], 0.0, || vec![kinetic]) else {
+        let Some(scales) = scales(&[work], Admit::Rounding, || vec![kinetic]) else {
             return (1.0, with);
         };
         let s = scales[0];

@@ -4,7 +4,7 @@ use super::chunks;
 use super::closed_contact::{change, ClosedContact, FIXED};
 use super::roll;
 use super::velocities::Velocities;
-use crate::impact::energy::{scales, ContactWork};
+use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::model::Model;
 use crate::pile::memory::Pile;
@@ -37,7 +37,7 @@ impl SphereSolution {
 }
 
 /// Tolerance of what is solved as spheres.
-pub(super) fn admitted(model: &Model) -> f64 {
+pub(super) fn tolerance(model: &Model) -> f64 {
     model.options.tolerance.max(model.options.pile_tolerance)
 }
 
@@ -77,7 +77,7 @@ impl Pile {
             }
         });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, admitted(model), || {
+        scales(&works, Admit::Tolerance(tolerance(model)), || {
             memory.kinetic(self, |_| [DVec3::ZERO; 2])
         })
         .is_some()
@@ -131,13 +131,12 @@ impl Pile {
 
     /// Whether the solution at hand gives a group energy. Where its residual may do so it is found more finely first.
     pub(super) fn gains(&mut self, model: &Model, problem: u32, report: &mut StepReport) -> bool {
-        let gains = |pile: &Self, explained| pile.limits(model, pile.found(), explained).is_some();
-        if !gains(self, 0.0) || gains(self, 1.0) {
-            return gains(self, 1.0);
+        let gains = |pile: &Self, admit| pile.limits(pile.found(), admit).is_some();
+        if gains(self, Admit::Rounding) && !gains(self, Admit::Explained) {
+            // Only the first problem of a pile comes here: later ones are those of clusters.
+            self.solve_finely(model, Law::First, problem, report);
         }
-        // Only the first problem of a pile comes here: later ones are those of clusters.
-        self.solve_finely(model, Law::First, problem, report);
-        gains(self, 1.0)
+        gains(self, Admit::Tolerance(tolerance(model)))
     }
 
     /// The solution at hand.
@@ -150,8 +149,8 @@ impl Pile {
     }
 
     /// Restitution scale of each node between the solution at hand and one `with` restitution, judged from the velocities that the loads have
-    /// left; nothing if none gains energy beyond so many times what the residual explains.
-    fn limits(&self, model: &Model, with: SolutionView, explained: f64) -> Option<Vec<f64>> {
+    /// left; nothing if none gains energy beyond what is admitted.
+    fn limits(&self, with: SolutionView, admit: Admit) -> Option<Vec<f64>> {
         let memory = &self.velocity;
         let since = |m: &ClosedContact| {
             let of = |jump| Velocities::relative(m, jump);
@@ -160,7 +159,7 @@ impl Pile {
         let works = memory.chosen.iter().enumerate().map(|(k, &slot)| {
             let m = &memory.closed[slot as usize];
             let mut work = ContactWork {
-                explained: explained * self.explained[k],
+                explained: self.explained[k],
                 ..ContactWork::between(m.a, m.b)
             };
             let impulses = [self.impulses[k], with.impulses[k]].map(DVec3::from);
@@ -189,14 +188,14 @@ impl Pile {
             work
         });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, admitted(model), || {
+        scales(&works, admit, || {
             memory.kinetic(self, |node| memory.offset[node])
         })
     }
 
     /// Goes from the solution at hand towards `with` as far as [`Self::limits`] says.
     pub(super) fn limit(&mut self, model: &Model, with: SphereSolution) {
-        let Some(scales) = self.limits(model, with.found(), 1.0) else {
+        let Some(scales) = self.limits(with.found(), Admit::Tolerance(tolerance(model))) else {
             (self.impulses, self.moments, self.corrections) =
                 (with.impulses, with.moments, with.corrections);
             return;

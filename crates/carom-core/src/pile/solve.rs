@@ -1,7 +1,7 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts.
 
 use super::closed_contact::ClosedContact;
-use super::energy_gain::admitted;
+use super::energy_gain::tolerance;
 use super::{chunks, roll};
 use crate::contact::Contact;
 use crate::impact::law::Law;
@@ -114,7 +114,7 @@ impl Pile {
             _ => worst(self.velocity.chosen.len()),
         };
         Goal {
-            tolerance: admitted(model),
+            tolerance: tolerance(model),
             floor: self.velocity.floor,
             scale: self.velocity.terms,
             closing: end * self.velocity.left(o),

@@ -1,6 +1,6 @@
 //! Work of an island's contacts and joints ([`crate::impact::energy`]).
 
-use crate::impact::energy::{scales, ContactWork};
+use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
@@ -61,7 +61,7 @@ impl ImpactScratch {
             }
         });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, model.options.tolerance, || {
+        scales(&works, Admit::Tolerance(model.options.tolerance), || {
             self.kinetic(&vec![0.0; self.jump.len()])
         })
         .is_some()
@@ -99,13 +99,13 @@ impl ImpactScratch {
         }
     }
 
-    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy beyond so many times
-    /// what the residual explains.
+    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy beyond what is
+    /// admitted.
     pub(in crate::impact) fn limits(
         &self,
         model: &Model,
         with: &RowSolution,
-        explained: f64,
+        admit: Admit,
     ) -> Option<Vec<f64>> {
         let (from, anew) = self.judged_from();
         let velocity: Vec<f64> = self.v_check.iter().zip(from).map(|(v, j)| v + j).collect();
@@ -130,7 +130,7 @@ impl ImpactScratch {
                 let of_residual = self.explained.get(position).copied().unwrap_or(0.0);
                 let mut work = ContactWork {
                     is_pressed: c.bilateral || any,
-                    explained: explained * of_residual,
+                    explained: of_residual,
                     ..ContactWork::between(c.node_a, c.node_b)
                 };
                 let wall = self.wall_measures(full);
@@ -150,7 +150,7 @@ impl ImpactScratch {
                 work
             })
             .collect();
-        scales(&works, model.options.tolerance, || self.kinetic(from))
+        scales(&works, admit, || self.kinetic(from))
     }
 
     /// The solution at hand.
@@ -160,6 +160,15 @@ impl ImpactScratch {
             u: self.u.clone(),
             load: self.sub.load.clone(),
         }
+    }
+
+    /// Corrections of the velocities as the impulses have them: what a solver leaves of the balance of momentum would be energy.
+    pub(in crate::impact) fn balance(&mut self) {
+        self.sub.impulses(&self.lambda, &mut self.force);
+        for (f, b) in self.force.iter_mut().zip(&self.sub.load) {
+            *f += b;
+        }
+        self.sub.apply_inverse_mass(&self.force, &mut self.u);
     }
 
     /// Takes a solution back.

@@ -5,10 +5,10 @@ use super::cluster_copies::{ClusterCopies, ClusterRange};
 use super::cluster_solver::ClusterSolver;
 use super::clusters::Clusters;
 use super::contact_graph::{ContactGraph, Node};
-use crate::impact::energy::{scales, ContactWork};
+use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::model::Model;
 use crate::pile::closed_contact::{self, ProblemImpulse};
-use crate::pile::energy_gain::admitted;
+use crate::pile::energy_gain::tolerance;
 use crate::pile::roll;
 use crate::pile::solve::finer;
 use crate::pile::velocities::Velocities;
@@ -95,7 +95,7 @@ impl Batch {
         } = *view;
         let o = &model.options;
         let goal = Goal {
-            tolerance: admitted(model),
+            tolerance: tolerance(model),
             floor: velocity.floor,
             // Its share of what the whole pile is judged by.
             scale: velocity.terms
@@ -118,16 +118,16 @@ impl Batch {
         let mut scales = None;
         // Most lose energy, and need no measure of it.
         if self.list(cluster) > 0.0 && o.energy_safeguard {
-            let gains = |this: &Self, explained| {
-                (this.limits(view, cluster, &this.solver, explained)).is_some()
-            };
-            if gains(self, 0.0) && !gains(self, 1.0) {
+            let most = Admit::Tolerance(goal.tolerance);
+            let gains =
+                |this: &Self, admit| (this.limits(view, cluster, &this.solver, admit)).is_some();
+            if gains(self, Admit::Rounding) && !gains(self, Admit::Explained) {
                 let (finer, solved) = self.solver.solve(&finer(&goal));
                 if solved {
                     residual = finer;
                 }
             }
-            if gains(self, 1.0) {
+            if gains(self, most) {
                 let with = self.solver.clone();
                 for (k, &[now, _]) in self.before.iter().enumerate() {
                     self.solver.set_slip(k, now);
@@ -138,7 +138,7 @@ impl Batch {
                     return None;
                 }
                 residual = residual.max(residual_without);
-                scales = self.limits(view, cluster, &with, 1.0);
+                scales = self.limits(view, cluster, &with, most);
                 self.solver.mix(&with, scales.as_deref());
             }
             self.given.truncate(from[0]);
@@ -202,14 +202,14 @@ impl Batch {
         }
     }
 
-    /// Restitution scale of each sphere between the solution at hand and one `with` restitution; nothing if none gains energy beyond so many
-    /// times what the residual explains.
+    /// Restitution scale of each sphere between the solution at hand and one `with` restitution; nothing if none gains energy beyond what is
+    /// admitted.
     fn limits(
         &self,
         view: &View,
         cluster: &ClusterRange,
         with: &ClusterSolver,
-        explained: f64,
+        admit: Admit,
     ) -> Option<Vec<f64>> {
         let both = [&self.solver, with];
         let sides = &view.clusters.sides[cluster.contacts.clone()];
@@ -242,12 +242,10 @@ impl Batch {
                     across += moments[1].dot(before + changes[1]);
                 }
                 work.explain(normal, across);
-                work.explained *= explained;
                 work
             });
         let works: Vec<ContactWork> = works.collect();
-        let tolerance = admitted(view.model);
-        scales(&works, tolerance, || {
+        scales(&works, admit, || {
             let nodes = self.copies.nodes(cluster).iter();
             nodes.map(Node::kinetic).collect()
         })
