@@ -7,6 +7,7 @@ use super::velocities::Velocities;
 use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::model::Model;
+use crate::pile::limits::tolerance;
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
 use glam::DVec3;
@@ -34,11 +35,6 @@ impl SphereSolution {
             corrections: &self.corrections,
         }
     }
-}
-
-/// Tolerance of what is solved as spheres.
-pub(super) fn tolerance(model: &Model) -> f64 {
-    model.options.tolerance.max(model.options.pile_tolerance)
 }
 
 impl Velocities {

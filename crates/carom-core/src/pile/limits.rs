@@ -5,7 +5,7 @@ use crate::islands::Island;
 use crate::model::Model;
 use crate::options::{Impact, Options, Solver};
 use carom_solve::rows::WORLD;
-use carom_solve::spheres::Progress;
+use carom_solve::spheres::{Goal, Progress};
 use glam::DVec3;
 
 /// Sweeps that one solve may take (up to 16 times as many where [`LEAST_UPDATES`] are more). Too few: tall piles end unconverged, and steps are
@@ -132,5 +132,23 @@ pub(super) fn told(progress: &Progress, rounds: u32) -> carom_solve::SolveReport
         residual: progress.residual,
         rung: carom_solve::ladder::SPHERES,
         ..Default::default()
+    }
+}
+
+/// Tolerance of what is solved as spheres.
+pub(super) fn tolerance(model: &Model) -> f64 {
+    model.options.tolerance.max(model.options.pile_tolerance)
+}
+
+/// How much finer (1) a problem is solved whose residual may give energy. Larger: a hundred elastic balls gain 5e-7 of their energy in a hit.
+/// Smaller: sweeps, which converge linearly, take twice the time in dense gases.
+const FINER: f64 = 1e-2;
+
+pub(super) fn finer(goal: &Goal) -> Goal {
+    Goal {
+        tolerance: FINER * goal.tolerance,
+        floor: FINER * goal.floor,
+        closing: FINER * goal.closing,
+        ..*goal
     }
 }

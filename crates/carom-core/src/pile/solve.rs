@@ -1,12 +1,11 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts.
 
 use super::closed_contact::ClosedContact;
-use super::energy_gain::tolerance;
 use super::{chunks, roll};
 use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::model::Model;
-use crate::pile::limits::{budget, worst, CLOSING_LEFT, PATIENCE};
+use crate::pile::limits::{budget, finer, tolerance, worst, CLOSING_LEFT, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
 use carom_solve::spheres::{self, Goal, Progress};
@@ -16,19 +15,6 @@ use glam::DVec3;
 /// Sweeps after which impulses are scaled chunk by chunk: what takes fewer has little to tell from one end of the pile to the other. Without
 /// it impulses of 64 000 grains were up to 70 % too large throughout, and lifted the pile by 2.9e-5 of its energy in a step.
 const RESCALE_SWEEPS: usize = 30;
-
-/// How much finer (1) a problem is solved whose residual may give energy. Larger: a hundred elastic balls gain 5e-7 of their energy in a hit.
-/// Smaller: sweeps, which converge linearly, take twice the time in dense gases.
-const FINER: f64 = 1e-2;
-
-pub(super) fn finer(goal: &Goal) -> Goal {
-    Goal {
-        tolerance: FINER * goal.tolerance,
-        floor: FINER * goal.floor,
-        closing: FINER * goal.closing,
-        ..*goal
-    }
-}
 
 impl Pile {
     /// Solves the chosen contacts from `start` with all present impulses fixed.
