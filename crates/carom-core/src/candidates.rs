@@ -349,8 +349,10 @@ fn merge(
 pub(crate) fn start_over(model: &Model, state: &State, scratch: &mut Scratch) {
     let threads = model.options.threads as usize;
     let (linear, shift) = (&scratch.linear, &mut scratch.shift);
+    let by_loads = &scratch.load_shift;
     team::fill(threads, shift, |_| [DVec3::ZERO; 2]);
     team::fill(threads, &mut scratch.position, |i| {
-        state.position[i] + linear[i].displacement
+        let smooth = state.position[i] + linear[i].displacement;
+        by_loads.get(i).map_or(smooth, |by| smooth + by[0])
     });
 }

@@ -39,10 +39,17 @@ pub struct Contact {
     pub nu: [f64; 6],
     /// Velocity multipliers accumulated over the step's impact problems, N s.
     pub lambda: [f64; 6],
+    /// The part of `lambda` that the loads gave and impacts have not solved anew, where loads are solved once; its rows are those of the
+    /// mean frame of both ends of the step ([`Contact::middle`]).
+    pub load: [f64; 6],
+    /// The normal with which the loads were solved.
+    pub load_normal: DVec3,
+    /// Whether the loads are solved with this contact ([`crate::level::loads`]).
+    pub resting: bool,
     /// Work of the step's impulses: normal, sliding, rolling, spinning, J.
     pub work: [f64; 4],
     pub closed: bool,
-    /// Whether `t1`, `t2` and the axis of spinning belong to `n1` (piles), not to `n0`.
+    /// Whether `t1`, `t2` and the axis of spinning belong to `n1` (piles, and loads that are solved once), not to `n0`.
     pub end_frame: bool,
     /// Whether `nu` left at rest what was so (`level::rest`) where another solution moves it.
     pub held: bool,
@@ -81,6 +88,48 @@ impl Contact {
             (self.t1, self.t2) = carom_geom::tangent_frame(self.n0);
             self.end_frame = false;
         }
+    }
+
+    /// The frame of the normal `n` at the end of the step, turned from that of `t_n` the shortest way.
+    pub fn turn_to(&mut self, n: DVec3) {
+        self.set_start_frame();
+        let to = |t: DVec3| t - n.dot(t) / (1.0 + self.n0.dot(n)) * (self.n0 + n);
+        if n != self.n0 {
+            (self.t1, self.t2) = (to(self.t1), to(self.t2));
+        }
+        (self.n1, self.end_frame) = (n, true);
+    }
+
+    /// The contact with the mean of its frames at both ends of the step: impulses along it move bodies over curved surfaces to second order.
+    pub fn middle(&self) -> Contact {
+        if self.n0 == self.n1 {
+            return *self;
+        }
+        let mut start = *self;
+        start.set_start_frame();
+        Contact {
+            n1: 0.5 * (self.n0 + self.n1),
+            t1: 0.5 * (start.t1 + self.t1),
+            t2: 0.5 * (start.t2 + self.t2),
+            ..*self
+        }
+    }
+
+    /// World vectors of all impulses of the step, and the part along the normal.
+    pub fn impulse(&self) -> (WorldImpulse, DVec3) {
+        let whole = self.to_world(self.n1, &self.lambda);
+        let normal = self.lambda[0] * self.n1;
+        if self.n0 == self.n1 || self.load == [0.0; 6] {
+            return (whole, normal);
+        }
+        // What the loads gave acts along the mean frame.
+        let middle = self.middle();
+        let of_loads = [self, &middle].map(|c| c.to_world(c.n1, &self.load));
+        let total = WorldImpulse {
+            impulse: whole.impulse + (of_loads[1].impulse - of_loads[0].impulse),
+            moment: whole.moment + (of_loads[1].moment - of_loads[0].moment),
+        };
+        (total, normal + self.load[0] * (middle.n1 - self.n1))
     }
 
     /// Axis of the spinning row.

@@ -16,6 +16,7 @@ pub mod impact;
 pub mod islands;
 pub mod joint;
 pub mod level;
+mod loads_once;
 pub mod model;
 pub mod options;
 pub mod outcome;

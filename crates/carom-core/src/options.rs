@@ -117,6 +117,16 @@ impl Impact {
 }
 
 named_choice! {
+    /// Where friction of the loads acts on positions (law `sequence` of method `nsga`; others have it as printed).
+    PositionFriction {
+        /// As printed: a position sub-problem with friction of its own (eq. 37), beside the velocity sub-problem of the loads.
+        Paper = "paper",
+        /// The loads are solved once, with friction; positions follow their velocities and are corrected along normals.
+        Once = "once",
+    }
+}
+
+named_choice! {
     /// How contact problems are solved.
     Solver {
         /// Closed form, dense Newton or sparse Newton by island size.
@@ -237,6 +247,8 @@ options! {
     touching_tolerance: f64 = 1e-9,
     /// Impact law.
     impact: Impact = Impact::Sequence,
+    /// Whether positions have a sub-problem with friction of their own.
+    position_friction: PositionFriction = PositionFriction::Paper,
     /// Impact problems per island and step before one simultaneous problem with e = 0; 0: by the size of the island
     /// ([`Options::problems`]).
     max_problems: u32 = 0,
@@ -302,6 +314,13 @@ options! {
 }
 
 impl Options {
+    /// Whether the loads of a step are solved once, for velocities and positions.
+    pub fn loads_once(&self) -> bool {
+        self.position_friction == PositionFriction::Once
+            && self.method == Method::Nsga
+            && self.impact.has_loads_first()
+    }
+
     /// What the impact sequence of an island of so many contacts may take.
     pub fn problems(&self, contacts: usize) -> Problems {
         match self.max_problems {

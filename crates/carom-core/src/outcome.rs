@@ -119,19 +119,25 @@ pub enum Level {
     Smooth,
     Position,
     Velocity,
+    /// The velocity sub-problem of the loads, where it comes before positions ([`crate::level::loads`]).
+    Loads,
 }
 
 impl Level {
     /// Place among the histories of a step.
     pub(crate) fn index(self) -> usize {
-        self as usize
+        match self {
+            Level::Smooth => 0,
+            Level::Position => 1,
+            Level::Velocity | Level::Loads => 2,
+        }
     }
 
     pub fn name(self) -> &'static str {
         match self {
             Level::Smooth => "smooth",
             Level::Position => "position",
-            Level::Velocity => "velocity",
+            Level::Velocity | Level::Loads => "velocity",
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::contact::Contact;
 use crate::impact::ImpactScratch;
 use crate::islands::{Island, Islands};
 use crate::level::coupling::Trial;
-use crate::level::{closed_form, position, velocity, Task};
+use crate::level::{closed_form, loads, position, velocity, Task};
 use crate::model::Model;
 use crate::outcome::{History, ImpactRecord, Level};
 use crate::pile::limits::{fits, threads};
@@ -36,13 +36,14 @@ impl Task<'_> {
     ) -> bool {
         match self.level {
             Level::Position => position::solve_island(self, scratch, island, report),
+            Level::Loads => loads::solve_island(self, scratch, island, report),
             _ => velocity::solve_island(self, scratch, island, report),
         }
     }
 
     /// Whether another thread may solve an island.
     fn may_share(&self, contacts: &[Contact], island: Island) -> bool {
-        if self.level == Level::Position && position::is_separated(contacts, island) {
+        if self.level == Level::Position && position::is_separated(self.model, contacts, island) {
             return false;
         }
         match island.contacts {

@@ -121,7 +121,11 @@ impl Solve<'_> {
                 sliding,
                 rolling,
                 spinning,
-            } = c.bounds;
+            } = match group.dim {
+                // Positions that are corrected along normals alone.
+                1 => Bounds::default(),
+                _ => c.bounds,
+            };
             kept.bodies.push((c.a, c.b));
             kept.bounds.push([sliding, rolling, spinning]);
             let all = Contact {

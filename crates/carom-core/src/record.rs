@@ -243,7 +243,7 @@ impl Recorder {
 }
 
 fn add(c: &Contact, record: &mut ContactRecord) {
-    let velocity = c.to_world(c.n1, &c.lambda);
+    let (velocity, _) = c.impulse();
     let position = c.to_world(c.n1, &c.nu);
     record.status = c.status as u8;
     record.gap = c.gap;

@@ -27,6 +27,8 @@ pub struct Scratch {
     pub shift: Vec<[DVec3; 2]>,
     pub jump: Vec<[DVec3; 2]>,
     pub position: Vec<DVec3>,
+    /// Where loads are solved once: the jumps of velocity that they make, then the ways and turns that follow from these. Empty elsewhere.
+    pub load_shift: Vec<[DVec3; 2]>,
     pub need: Vec<f64>,
     /// Smallest radius, m.
     pub smallest: f64,
@@ -74,6 +76,10 @@ impl Scratch {
             shift: vec![[DVec3::ZERO; 2]; n],
             jump: vec![[DVec3::ZERO; 2]; n],
             position: vec![DVec3::ZERO; n],
+            load_shift: match model.options.loads_once() {
+                true => vec![[DVec3::ZERO; 2]; n],
+                false => Vec::new(),
+            },
             need: vec![0.0; n],
             smallest: model.radius.iter().copied().fold(f64::INFINITY, f64::min),
             neighbours,
@@ -124,7 +130,8 @@ impl Scratch {
     /// The islands of a level, and what they are solved with in the step itself.
     pub fn of_level(&mut self, level: Level) -> (&Islands, IslandScratch<'_>) {
         let (shift, corrections): (&[_], _) = match level {
-            Level::Position => (&[], &mut self.shift),
+            Level::Position => (&self.load_shift, &mut self.shift),
+            Level::Loads => (&self.shift, &mut self.load_shift),
             _ => (&self.shift, &mut self.jump),
         };
         let scratch = IslandScratch {

@@ -9,6 +9,7 @@ use crate::contact::CANDIDATE_MARGIN;
 use crate::finish::finish;
 use crate::force::total::{motion_of, power};
 use crate::level::{smooth, Demand, Task};
+use crate::loads_once;
 use crate::model::Model;
 use crate::outcome::{Failure, Level};
 use crate::report::StepReport;
@@ -194,9 +195,16 @@ fn correct_positions(
     accept: bool,
 ) -> Result<(), Failure> {
     let strict = Demand::or_accepted(accept);
+    let once = model.options.loads_once();
+    if once {
+        solve_loads(model, state, scratch, span, report, strict)?;
+    }
     let mut demand = if accept { strict } else { Demand::Rough };
     for round in 0..=MAX_RELIST {
         let earlier = std::mem::take(&mut report.sweeps_position);
+        if once {
+            loads_once::meet(model, scratch);
+        }
         solve_positions(model, state, scratch, span, report, demand)?;
         report.sweeps_position += earlier;
         place(model, state, scratch);
@@ -217,6 +225,35 @@ fn correct_positions(
     }
     report.candidates = scratch.contacts.len() as u32;
     scratch.end_level();
+    Ok(())
+}
+
+/// The loads of the step where they are solved once, before positions.
+fn solve_loads(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    span: Span,
+    report: &mut StepReport,
+    demand: Demand,
+) -> Result<(), Failure> {
+    loads_once::begin(model, state, scratch);
+    let (spheres, links) = (model.spheres(), &model.links);
+    scratch
+        .islands
+        .build(spheres, &scratch.contacts, links, |c| c.resting);
+    scratch.load_shift.fill([DVec3::ZERO; 2]);
+    let task = Task {
+        model,
+        state,
+        level: Level::Loads,
+        span,
+        demand,
+    };
+    if !all_islands::solve(&task, scratch, report) {
+        return Err(Failure::NotConverged(Level::Velocity));
+    }
+    loads_once::advance(model, state, scratch, span.h);
     Ok(())
 }
 
@@ -253,12 +290,20 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
     let Scratch {
         position,
         shift,
+        load_shift,
         linear,
         contacts,
         walls,
         ..
     } = scratch;
     let threads = model.options.threads as usize;
+    let once = !load_shift.is_empty();
+    if once {
+        let by_loads = &*load_shift;
+        let corrected = &*shift;
+        let total = |i: usize| [0, 1].map(|k| corrected[i][k] + by_loads[i][k]);
+        *shift = (0..corrected.len()).map(total).collect();
+    }
     team::fill(threads, position, |i| {
         state.position[i] + linear[i].displacement + shift[i][0]
     });
@@ -268,6 +313,10 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
         c.gap = p.gap;
         c.n1 = p.normal;
         c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
+        if once {
+            c.closed |= c.load[0] > 0.0;
+            c.turn_to(p.normal);
+        }
     });
 }
 

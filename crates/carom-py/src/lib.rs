@@ -33,7 +33,7 @@ fn defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 #[pyfunction]
 fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     use carom_core::options::{
-        Impact, Method, OnNonconvergence, PenaltyFriction, PenaltyLaw, Solver,
+        Impact, Method, OnNonconvergence, PenaltyFriction, PenaltyLaw, PositionFriction, Solver,
     };
     let out = PyDict::new(py);
     out.set_item("method", Method::NAMES)?;
@@ -41,6 +41,7 @@ fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("solver", Solver::NAMES)?;
     out.set_item("on_nonconvergence", OnNonconvergence::NAMES)?;
     out.set_item("penalty_law", PenaltyLaw::NAMES)?;
+    out.set_item("position_friction", PositionFriction::NAMES)?;
     out.set_item("penalty_friction", PenaltyFriction::NAMES)?;
     Ok(out)
 }

@@ -47,6 +47,16 @@ impl RowContact {
             bilateral: self.bilateral,
         }
     }
+
+    /// A row over its nodes, on `u`.
+    #[inline]
+    pub fn along(&self, row: &[[f64; NODE_DOF]; 2], u: &[f64]) -> f64 {
+        let mut sum = dot6(&row[0], &u[NODE_DOF * self.node_a as usize..]);
+        if self.node_b != WORLD {
+            sum += dot6(&row[1], &u[NODE_DOF * self.node_b as usize..]);
+        }
+        sum
+    }
 }
 
 /// Nodes, contacts and rows. `M u = G^T lambda + b(u)`, measures `z(u)` (gaps, or relative velocities with restitution).
@@ -85,6 +95,30 @@ impl Subproblem for Linear {
     #[inline]
     fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
         system.linear_measures(u, z);
+    }
+}
+
+/// Measures that are linear in `u`, along rows of their own; none: those of the impulses.
+pub struct Measured<'a>(pub &'a [[[f64; NODE_DOF]; 2]]);
+
+impl Measured<'_> {
+    /// Writes the measures at `u`.
+    pub fn write(&self, system: &RowSystem, u: &[f64], z: &mut [f64]) {
+        if self.0.is_empty() {
+            return system.linear_measures(u, z);
+        }
+        for c in &system.contacts {
+            for row in c.row as usize..(c.row + c.dim) as usize {
+                z[row] = system.z0[row] + c.along(&self.0[row], u);
+            }
+        }
+    }
+}
+
+impl Subproblem for Measured<'_> {
+    #[inline]
+    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
+        self.write(system, u, z);
     }
 }
 
@@ -219,11 +253,7 @@ impl RowSystem {
     /// `G u` of one row.
     #[inline]
     pub fn row_velocity(&self, contact: &RowContact, row: usize, u: &[f64]) -> f64 {
-        let mut sum = dot6(&self.jac[row][0], &u[NODE_DOF * contact.node_a as usize..]);
-        if contact.node_b != WORLD {
-            sum += dot6(&self.jac[row][1], &u[NODE_DOF * contact.node_b as usize..]);
-        }
-        sum
+        contact.along(&self.jac[row], u)
     }
 
     /// `z = z0 + G u` for all rows.

@@ -64,6 +64,10 @@ OPTIONS: dict[str, Option] = {
         _FRACTION,
     ),
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
+    "position_friction": Option(
+        "law sequence of nsga only: once solves the loads of a step once, with friction, and corrects positions along"
+        " normals; paper has friction in a position sub-problem of its own, as printed"
+    ),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
     "contacts_per_thread": Option(

@@ -4,7 +4,7 @@
 use super::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::islands::Island;
-use crate::joint::add_reaction;
+use crate::joint::{add_reaction, Joint, Pose};
 use crate::level::coupling::Trial;
 use crate::model::Model;
 use crate::report::StepReport;
@@ -13,7 +13,7 @@ use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::Span;
 use crate::workspace::IslandScratch;
-use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
+use carom_solve::rows::{Measured, RowSystem, Subproblem, NODE_DOF, WORLD};
 use glam::DVec3;
 
 /// Velocity measures, linear in `u`, beside loads that are not.
@@ -30,11 +30,13 @@ pub struct CoupledVelocities<'a> {
     /// Wrench that the change is counted from, and the part of its impulse that is known already.
     pub base: &'a [f64],
     pub known: &'a [f64],
+    /// Rows along which it measures; none: those of the impulses.
+    pub measured: &'a [[[f64; NODE_DOF]; 2]],
 }
 
 impl Subproblem for CoupledVelocities<'_> {
     fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
-        system.linear_measures(u, z);
+        Measured(self.measured).write(system, u, z);
         let h = self.span.h;
         for (node, &body) in self.bodies.iter().enumerate() {
             let at = |k: usize| self.before[NODE_DOF * node + k] + u[NODE_DOF * node + k];
@@ -126,6 +128,14 @@ impl ImpactScratch {
                 &rows[..dim],
                 &zeros[..dim],
             );
+            if model.options.loads_once() {
+                let mut start = Rows::default();
+                joint.gradient_at(&poses_at_start(state, joint), &mut start);
+                let mean = |(old, new): (&[[f64; NODE_DOF]; 2], &[[f64; NODE_DOF]; 2])| {
+                    [0, 1].map(|k| std::array::from_fn(|j| 0.5 * (old[k][j] + new[k][j])))
+                };
+                self.middle.extend(start.iter().zip(&rows[..dim]).map(mean));
+            }
         }
     }
 
@@ -135,7 +145,7 @@ impl ImpactScratch {
         for c in &self.full.contacts[self.members.len()..] {
             let rows = c.row as usize..(c.row + c.dim) as usize;
             let row = sub.jac.len() as u32;
-            sub.jac.extend_from_slice(&self.full.jac[rows.clone()]);
+            sub.jac.extend_from_slice(&self.acting()[rows.clone()]);
             sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
             sub.z0.extend(
                 rows.map(|r| self.full.row_velocity(c, r, &self.velocity) - self.rates[r - first]),
@@ -159,6 +169,7 @@ impl ImpactScratch {
         self.chosen.clear();
         self.scale.clear();
         self.velocity.clone_from(&self.v_check);
+        self.along_middle = false;
         self.build(model, scratch.contacts, Law::Plastic);
         if !self.solve_built(model, scratch, 0, None, report) {
             return false;
@@ -200,16 +211,27 @@ impl ImpactScratch {
             let (index, joint) = (index as usize, &model.joints[index as usize]);
             for r in 0..joint.rows.len() {
                 let lambda = self.settled_joint[row] + self.impulse[first + row];
-                let gradient = &self.full.jac[first + row];
-                add_reaction(
-                    joint,
-                    r,
-                    gradient,
-                    lambda,
-                    &mut scratch.joint_reaction[index],
-                );
+                let total = &mut scratch.joint_reaction[index];
+                add_reaction(joint, r, &self.full.jac[first + row], lambda, total);
+                if let Some(&load) = self.load.get(first + row) {
+                    add_reaction(joint, r, &self.middle[first + row], load, total);
+                }
                 row += 1;
             }
         }
     }
+}
+
+/// Placements of a joint's bodies at t_n.
+fn poses_at_start(state: &State, joint: &Joint) -> [Pose; 2] {
+    let pose = |i: usize| Pose {
+        position: state.position[i],
+        orientation: state.orientation[i],
+    };
+    let b = if joint.grounded() {
+        Pose::GROUND
+    } else {
+        pose(joint.b as usize)
+    };
+    [pose(joint.a as usize), b]
 }

@@ -4,7 +4,7 @@ use super::law::Law;
 use super::table::ImpactTable;
 use crate::level::speeds::Speeds;
 use crate::stepper::Span;
-use carom_solve::rows::RowSystem;
+use carom_solve::rows::{RowSystem, NODE_DOF};
 use carom_solve::{SolveReport, Status};
 
 /// An island at velocity level, in local nodes and rows.
@@ -35,6 +35,12 @@ pub struct ImpactScratch {
     pub v_minus: Vec<f64>,
     /// Accumulated impulses per row of `full`.
     pub impulse: Vec<f64>,
+    /// Where loads are solved once: rows of the mean frame of both ends of the step, along which they act, and their impulses. Empty elsewhere.
+    pub(super) middle: Vec<[[f64; NODE_DOF]; 2]>,
+    pub(super) load: Vec<f64>,
+    /// Whether the problem at hand is that of the loads along `middle`; the rows of `full` along which it measures.
+    pub(super) along_middle: bool,
+    pub(super) measured: Vec<[[f64; NODE_DOF]; 2]>,
     /// What moving walls add to the measures of contact rows at t_n and t_{n+1}; empty: none moves.
     pub(super) driven: [Vec<f64>; 2],
     /// Slots (into `members`) of the contacts of the problem at hand.

@@ -17,7 +17,7 @@ use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::Span;
 use crate::workspace::IslandScratch;
-use carom_solve::rows::RowContact;
+use carom_solve::rows::{RowContact, NODE_DOF};
 use carom_solve::Status;
 
 impl ImpactScratch {
@@ -51,6 +51,8 @@ impl ImpactScratch {
         self.members.extend_from_slice(members);
         self.driven.iter_mut().for_each(Vec::clear);
         self.wall_speeds = Speeds::default();
+        self.middle.clear();
+        let once = model.options.loads_once();
         let mut rows: Rows = Default::default();
         for &m in members {
             let c = &contacts[m as usize];
@@ -66,6 +68,11 @@ impl ImpactScratch {
                 &rows[..dim],
                 &[0.0; 6][..dim],
             );
+            if once {
+                let (mut middle, mean) = (Rows::default(), c.middle());
+                mean.rows(model, mean.n1, &mut middle);
+                self.middle.extend_from_slice(&middle[..dim]);
+            }
             if walls.any_moves() {
                 let i = c.a as usize;
                 let old = walls.start_twist(model, c, state.position[i]);
@@ -133,6 +140,8 @@ impl ImpactScratch {
             v.clear();
             v.resize(self.full.rows(), 0.0);
         }
+        self.load.clear();
+        self.load.resize(self.middle.len(), 0.0);
         self.work.clear();
         self.work.resize(contacts, [0.0; 4]);
         self.work_explained.clear();
@@ -158,11 +167,30 @@ impl ImpactScratch {
         self.relative::<1>(c, row, &self.v_check) + self.full.row_velocity(c, row, jump)
     }
 
-    /// Normal relative velocity of a contact at `v_n`.
+    /// Normal relative velocity of a contact at `v_n`; along the normal of then where loads are solved once, for what rolls over a curved
+    /// surface does not approach it.
     #[inline]
     pub fn old_normal_velocity(&self, slot: usize) -> f64 {
         let c = &self.full.contacts[slot];
-        self.relative::<0>(c, c.row as usize, &self.v_old)
+        let old = self.relative::<0>(c, c.row as usize, &self.v_old);
+        match self.middle.get(c.row as usize) {
+            Some(middle) => {
+                let turned = c.along(middle, &self.v_old)
+                    - self.full.row_velocity(c, c.row as usize, &self.v_old);
+                old + 2.0 * turned
+            }
+            None => old,
+        }
+    }
+
+    /// The impulse of the problem at hand in a row acts along this.
+    #[inline]
+    pub(super) fn acts_along(&self, row: usize) -> &[[f64; NODE_DOF]; 2] {
+        if self.along_middle {
+            &self.middle[row]
+        } else {
+            &self.full.jac[row]
+        }
     }
 
     /// Chooses every contact that closes by more than the tolerance at `v_check + jump`.
@@ -178,6 +206,13 @@ impl ImpactScratch {
     /// Recomputes the jump from all impulses: momentum balance to rounding, whatever path led here.
     fn update_jump(&mut self) {
         self.full.impulses(&self.impulse, &mut self.force);
+        if !self.load.is_empty() {
+            std::mem::swap(&mut self.full.jac, &mut self.middle);
+            for c in &self.full.contacts {
+                self.full.add_impulse(c, &self.load, &mut self.force);
+            }
+            std::mem::swap(&mut self.full.jac, &mut self.middle);
+        }
         for (f, b) in self.force.iter_mut().zip(&self.load_impulse) {
             *f += b;
         }
@@ -189,10 +224,17 @@ impl ImpactScratch {
     pub fn drop_chosen(&mut self, contacts: &[Contact]) {
         for &slot in &self.chosen {
             let c = &self.full.contacts[slot];
-            self.impulse[c.row as usize..(c.row + c.dim) as usize].fill(0.0);
+            let rows = c.row as usize..(c.row + c.dim) as usize;
+            self.impulse[rows.clone()].fill(0.0);
+            if let Some(load) = self.load.get_mut(rows) {
+                load.fill(0.0);
+            }
         }
         let joint_rows = self.first_joint_row();
         self.impulse[joint_rows..].fill(0.0);
+        if let Some(load) = self.load.get_mut(joint_rows..) {
+            load.fill(0.0);
+        }
         self.load_impulse.fill(0.0);
         self.update_jump();
         for slot in 0..self.members.len() {
@@ -204,6 +246,13 @@ impl ImpactScratch {
                 let after = before + self.full.row_velocity(&c, row, &self.jump);
                 let kind = contacts[self.members[slot] as usize].row_kind(r);
                 self.work[slot][kind] += 0.5 * self.impulse[row] * (before + after);
+                let Some(load) = self.load.get(row) else {
+                    continue;
+                };
+                let mean = |v: &[f64]| c.along(&self.middle[row], v);
+                let wall = before - self.full.row_velocity(&c, row, &self.v_check);
+                let of_load = wall + mean(&self.v_check) + 0.5 * mean(&self.jump);
+                self.work[slot][kind] += load * of_load;
             }
         }
     }

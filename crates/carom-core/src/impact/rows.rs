@@ -4,16 +4,22 @@ use super::energy::Admit;
 use super::law::Law;
 use super::memory::ImpactScratch;
 use super::problem::RowSolution;
-use super::sequence::{as_printed, loads_first, one_shot, solve_problem, ImpactIsland, Start};
-use crate::contact::WorldImpulse;
+use super::sequence::{
+    as_printed, loads, loads_first, one_shot, solve_problem, ImpactIsland, Start,
+};
+use crate::contact::{Contact, WorldImpulse};
 use crate::islands::Island;
-use crate::level::rest;
+use crate::level::{rest, Demand, Task};
 use crate::model::Model;
 use crate::options::{Impact, Problems};
 use crate::report::StepReport;
 use crate::state::{State, Warm};
 use crate::stepper::Span;
 use crate::workspace::IslandScratch;
+
+/// Share (1) of the closing tolerance by which normals may turn between the positions at which loads are solved and those at the end of the
+/// step. At 1 what rolls over a curved surface closes in every step; at 0 the same loads are solved twice.
+const TURN_SHARE: f64 = 0.1;
 
 /// Solves one island by the law of the run.
 pub fn solve_island(
@@ -35,6 +41,7 @@ pub fn solve_island(
         scratch,
         report,
         impacts: false,
+        again: model.options.loads_once(),
     };
     let solved = settled
         && (rows.work.tol == 0.0
@@ -45,10 +52,51 @@ pub fn solve_island(
                 Impact::OneShot => one_shot(&mut rows),
             });
     if solved {
-        if model.options.impact.has_loads_first() && !rows.impacts {
+        if model.options.impact.has_loads_first() && !rows.again && !rows.impacts {
             rows.keep_warm();
         }
         work.finish(model, scratch, report);
+    }
+    *scratch.impact = work;
+    solved
+}
+
+/// Solves the loads of one island at the positions after the smooth step, with the contacts that do not approach: their impulses, and the jumps
+/// of velocity W0 that these make.
+pub fn solve_loads(
+    task: &Task,
+    scratch: &mut IslandScratch,
+    island: Island,
+    report: &mut StepReport,
+) -> bool {
+    let Task {
+        model, state, span, ..
+    } = *task;
+    let mut work = std::mem::take(scratch.impact);
+    let accept = task.demand == Demand::Accepted;
+    work.begin(model, state, scratch, island, span, accept);
+    let settled = island.is_free() || work.settle(model, state, scratch, report);
+    let mut rows = RowIsland {
+        work: &mut work,
+        model,
+        state,
+        scratch,
+        report,
+        impacts: false,
+        again: false,
+    };
+    let still = rows.work.tol == 0.0;
+    let solved = settled
+        && (still
+            || loads(&mut rows).is_some_and(|[resting, _]| {
+                for (&m, resting) in rows.work.members.iter().zip(resting) {
+                    rows.scratch.contacts[m as usize].resting = resting;
+                }
+                true
+            }));
+    if solved {
+        rows.keep_warm();
+        work.give_loads(scratch);
     }
     *scratch.impact = work;
     solved
@@ -62,6 +110,8 @@ struct RowIsland<'r, 's> {
     report: &'r mut StepReport,
     /// A problem other than that of the loads was solved.
     impacts: bool,
+    /// The loads have been solved before positions were.
+    again: bool,
 }
 
 impl ImpactIsland for RowIsland<'_, '_> {
@@ -81,6 +131,18 @@ impl ImpactIsland for RowIsland<'_, '_> {
 
     fn speed(&self, slot: usize) -> f64 {
         self.work.normal_velocity(slot, &self.work.jump)
+    }
+
+    fn is_resting(&self, slot: usize) -> bool {
+        if self.again {
+            self.contact(slot).resting
+        } else {
+            self.speed_before(slot) >= -self.work.tol
+        }
+    }
+
+    fn has_loads(&self) -> bool {
+        self.again && (0..self.slots()).any(|slot| self.contact(slot).load[0] > 0.0)
     }
 
     fn is_pressed(&self, slot: usize) -> bool {
@@ -103,6 +165,11 @@ impl ImpactIsland for RowIsland<'_, '_> {
         let (tol, mut chosen) = (self.work.tol, self.work.chosen.iter());
         let closed = chosen.any(|&slot| self.speed_before(slot) < -tol);
         self.work.table.begin_problem(problem, closed);
+        if self.again && start == Start::LastLoads && self.still_hold() {
+            self.work
+                .take_loads(self.model, self.scratch.contacts, &warm.unwrap_or_default());
+            return true;
+        }
         let (model, scratch) = (self.model, &mut *self.scratch);
         (self.work).solve_chosen(model, scratch, law, problem, warm.as_deref(), self.report)
     }
@@ -170,6 +237,9 @@ impl ImpactIsland for RowIsland<'_, '_> {
         let work = &mut *self.work;
         work.offset.clone_from(&work.jump);
         work.offset_impulse.clone_from(&work.impulse);
+        for (sum, load) in work.offset_impulse.iter_mut().zip(&work.load) {
+            *sum += load;
+        }
     }
 
     fn gains_energy(&self) -> bool {
@@ -209,7 +279,22 @@ impl ImpactIsland for RowIsland<'_, '_> {
 }
 
 impl RowIsland<'_, '_> {
-    /// Impulses of the last step for the chosen contacts, scaled to this step's size (rule R8).
+    fn contact(&self, slot: usize) -> &Contact {
+        &self.scratch.contacts[self.work.members[slot] as usize]
+    }
+
+    /// Whether the loads that were solved before positions satisfy their conditions at these: no normal has turned by what would make a contact
+    /// close.
+    fn still_hold(&self) -> bool {
+        let turned = TURN_SHARE * self.work.tol / self.work.speeds.largest();
+        self.work.has_contacts_alone()
+            && self.work.chosen.iter().all(|&slot| {
+                let c = self.contact(slot);
+                (c.n1 - c.load_normal).length() <= turned
+            })
+    }
+
+    /// Impulses of the last step for the chosen contacts, scaled to this step's size (rule R8); those of this one where they are known.
     fn last_loads(&self) -> Vec<f64> {
         let work = &self.work;
         let mut start = Vec::with_capacity(work.full.rows());
@@ -218,7 +303,9 @@ impl RowIsland<'_, '_> {
             let contact = &self.scratch.contacts[work.members[slot] as usize];
             let dim = work.full.contacts[slot].dim as usize;
             let mut packed = [0.0; 6];
-            if let Some(warm) = rest::of_last_step(self.state, contact) {
+            if self.again {
+                packed = contact.load;
+            } else if let Some(warm) = rest::of_last_step(self.state, contact) {
                 let world = WorldImpulse {
                     impulse: scale * warm.impulse,
                     moment: scale * warm.moment,
@@ -230,17 +317,14 @@ impl RowIsland<'_, '_> {
         start
     }
 
-    /// Keeps the impulses of an island that had no impact in this step.
+    /// Keeps the impulses of the loads, of an island that had no impact in this step.
     fn keep_warm(&mut self) {
         let work = &self.work;
         for (slot, &m) in work.members.iter().enumerate() {
             if !work.is_pressed(slot) {
                 continue;
             }
-            let c = &work.full.contacts[slot];
-            let row = c.row as usize;
-            let mut packed = [0.0; 6];
-            packed[..c.dim as usize].copy_from_slice(&work.impulse[row..row + c.dim as usize]);
+            let packed = work.packed(slot);
             let contact = &self.scratch.contacts[m as usize];
             let world = contact.to_world(contact.n1, &packed);
             let position = if contact.held {

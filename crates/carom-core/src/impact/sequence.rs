@@ -26,6 +26,14 @@ pub trait ImpactIsland: Sync {
     /// Normal velocity of a contact at t_n, and after the problems so far, m/s.
     fn speed_before(&self, slot: usize) -> f64;
     fn speed(&self, slot: usize) -> f64;
+    /// Whether a contact does not approach at t_n: the loads are solved with it.
+    fn is_resting(&self, slot: usize) -> bool {
+        self.speed_before(slot) >= -self.closing_tolerance()
+    }
+    /// Whether the loads of this step are known already.
+    fn has_loads(&self) -> bool {
+        false
+    }
     /// Whether a contact has an impulse.
     fn is_pressed(&self, slot: usize) -> bool;
     /// `test` of every slot.
@@ -115,11 +123,11 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
 
 /// Stage 0: the load of this step on contacts that were not approaching, without restitution. Which contacts these are, and which of
 /// them the loads close; nothing if they were not solved.
-fn loads(island: &mut impl ImpactIsland) -> Option<[Vec<bool>; 2]> {
+pub fn loads(island: &mut impl ImpactIsland) -> Option<[Vec<bool>; 2]> {
     let tol = island.closing_tolerance();
-    let resting = island.flags(|slot| island.speed_before(slot) >= -tol);
+    let resting = island.flags(|slot| island.is_resting(slot));
     let loaded = island.flags(|slot| resting[slot] && island.speed(slot) < -tol);
-    if loaded.contains(&true) {
+    if loaded.contains(&true) || island.has_loads() {
         island.choose(|slot| resting[slot]);
         let mut solved = solve_problem(island, Law::Plastic, 0, Start::LastLoads);
         if solved && island.gains_energy() {

@@ -2,6 +2,7 @@
 
 pub mod coupling;
 mod less_friction;
+pub(crate) mod loads;
 pub mod position;
 mod position_measures;
 mod position_newton;

@@ -7,19 +7,24 @@
 use super::less_friction::with_less_friction;
 use super::position_newton::{self, Way};
 use super::rest::Resting;
-use super::{closed_form, single, Demand, Task};
+use super::{closed_form, loads, single, Demand, Task};
 use crate::contact::Contact;
 use crate::islands::Island;
+use crate::model::Model;
 use crate::outcome::Level;
 use crate::pile;
 use crate::pile::limits::{fits, may_fall_back};
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
 use carom_solve::SolveReport;
+use glam::DVec3;
 
 /// Nothing overlaps and nothing is held: U = 0 satisfies every condition.
 #[inline]
-pub(crate) fn is_separated(contacts: &[Contact], island: Island) -> bool {
+pub(crate) fn is_separated(model: &Model, contacts: &[Contact], island: Island) -> bool {
+    if model.options.loads_once() {
+        return loads::are_enough(model, contacts, island);
+    }
     let apart = |&m: &u32| contacts[m as usize].gap_check >= 0.0;
     island.joints.is_empty() && island.contacts.iter().all(apart)
 }
@@ -31,12 +36,21 @@ pub fn solve_island(
     island: Island,
     report: &mut StepReport,
 ) -> bool {
-    if is_separated(scratch.contacts, island) {
+    let once = task.model.options.loads_once();
+    if is_separated(task.model, scratch.contacts, island) {
+        for &m in island.contacts.iter().filter(|_| once) {
+            let c = &mut scratch.contacts[m as usize];
+            c.nu[0] = loads::of_load(c, task.span.h);
+        }
         return true;
     }
     if let ([m], true) = (island.contacts, island.is_free()) {
         if closed_form(task.model, &scratch.contacts[*m as usize]) {
-            solve_single(task, scratch, *m, report);
+            if once {
+                correct_single(task, scratch, *m, report);
+            } else {
+                solve_single(task, scratch, *m, report);
+            }
             return true;
         }
     }
@@ -47,6 +61,11 @@ pub fn solve_island(
         demand,
         ..
     } = *task;
+    if once {
+        let accept = demand == Demand::Accepted;
+        let way = Way::Normals { accept };
+        return position_newton::solve(model, state, scratch, island, span, report, way);
+    }
     let resting = Resting::find(model, state, scratch, island, span.h);
     if fits(model, island) {
         let others = may_fall_back(island);
@@ -93,6 +112,32 @@ pub fn solve_island(
         accept: demand == Demand::Accepted,
     };
     position_newton::solve(model, state, scratch, island, span, report, way)
+}
+
+/// A lone contact of a sphere with a plane along its normal, from where its load has brought it.
+fn correct_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut StepReport) {
+    let Task { model, span, .. } = *task;
+    let c = &mut scratch.contacts[m as usize];
+    let i = c.a as usize;
+    let of_load = loads::of_load(c, span.h);
+    c.nu[0] = (of_load - model.mass[i] * c.gap).max(0.0);
+    let way = model.inv_mass[i] * (c.nu[0] - of_load) * c.n1;
+    let nu = c.nu;
+    scratch.corrections.set(c.a, [way, DVec3::ZERO]);
+    report.add_position(&SolveReport::CLOSED_FORM);
+    if scratch.keeper.wants(1) {
+        let z = single::ContactMeasures {
+            normal: c.gap + model.inv_mass[i] * -of_load,
+            ..single::ContactMeasures::default()
+        };
+        let motion = [
+            scratch.linear[i].displacement,
+            scratch.angular[i].displacement,
+        ];
+        let at = (Level::Position, 0);
+        let shift = [model.inv_mass[i] * nu[0] * c.n1, DVec3::ZERO];
+        single::keep(model, scratch, m, at, &z, nu, motion, shift);
+    }
 }
 
 /// A lone contact of a sphere with a plane, in closed form.

@@ -22,6 +22,55 @@ pub(super) struct Positions<'a> {
     /// Centres after the smooth step, per node.
     pub centres: &'a [DVec3],
     pub coupled: Option<CoupledPositions<'a>>,
+    /// What multipliers count from, where the loads have moved the spheres already ([`super::loads`]); empty: from 0.
+    pub of_loads: Vec<f64>,
+}
+
+impl Positions<'_> {
+    /// Takes back what the loads have moved along normals, as these are now: `-G_N^T of_loads` beside the multipliers.
+    fn take_back(&self, system: &mut RowSystem) {
+        if self.coupled.is_none() {
+            system.load.fill(0.0);
+            system.load_tangent.clear();
+        }
+        for (c, &of_load) in system.contacts.iter().zip(&self.of_loads) {
+            if of_load == 0.0 {
+                continue;
+            }
+            let row = [
+                &system.jac[c.row as usize][0],
+                &system.jac[c.row as usize][1],
+            ];
+            for (node, row) in [c.node_a, c.node_b].into_iter().zip(row) {
+                if node != WORLD {
+                    let own = &mut system.load[NODE_DOF * node as usize..][..NODE_DOF];
+                    own.iter_mut().zip(row).for_each(|(b, g)| *b -= of_load * g);
+                }
+            }
+            let weight = of_load * c.curvature;
+            let sides = [(c.node_a, weight), (c.node_b, -weight)];
+            for (node_r, weight) in sides.into_iter().filter(|side| side.0 != WORLD) {
+                for (node_s, sign) in [(c.node_a, 1.0), (c.node_b, -1.0)] {
+                    if node_s == WORLD || weight == 0.0 {
+                        continue;
+                    }
+                    for i in 0..3 {
+                        for j in 0..3 {
+                            let k = f64::from(u8::from(i == j))
+                                - c.normal[i] * c.normal[j]
+                                - c.flat[i] * c.flat[j];
+                            let at = |node: u32, k: usize| NODE_DOF as u32 * node + k as u32;
+                            system.load_tangent.push((
+                                at(node_r, i),
+                                at(node_s, j),
+                                sign * weight * k,
+                            ));
+                        }
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Joints and loads of an island.
@@ -30,6 +79,8 @@ pub(super) struct CoupledPositions<'a> {
     pub state: &'a State,
     /// Rotation increments after the smooth step, per sphere.
     pub angular: &'a [Prediction],
+    /// What the loads have moved them by since, where these come first ([`super::loads`]).
+    pub load_shift: &'a [[DVec3; 2]],
     pub bodies: &'a [u32],
     pub node_of: &'a [u32],
     pub trial: &'a mut Trial,
@@ -39,6 +90,10 @@ pub(super) struct CoupledPositions<'a> {
     pub base: Vec<f64>,
 }
 
+/// Of translation and rotation; positions of the level, and what the loads have moved spheres by to get there.
+type Predictions<'a> = (&'a [Prediction], &'a [Prediction]);
+type Places<'a> = (&'a [DVec3], &'a [[DVec3; 2]]);
+
 impl<'a> CoupledPositions<'a> {
     /// Puts the island where the smooth step ends, and pushes the rows of its joints.
     pub fn open(
@@ -46,7 +101,7 @@ impl<'a> CoupledPositions<'a> {
         state: &'a State,
         island: Island<'a>,
         span: Span,
-        (linear, angular, position): (&[Prediction], &'a [Prediction], &[DVec3]),
+        ((linear, angular), (position, load_shift)): (Predictions<'a>, Places<'a>),
         system: &mut RowSystem,
         (bodies, node_of, trial): (&'a [u32], &'a [u32], &'a mut Trial),
     ) -> Self {
@@ -55,7 +110,8 @@ impl<'a> CoupledPositions<'a> {
             // Velocities stay those of the smooth step at this level (eq. 3).
             trial.velocity[i] = linear[i].velocity;
             trial.angular_velocity[i] = angular[i].velocity;
-            trial.position[i] = position[i];
+            let [way, _] = load_shift.get(i).copied().unwrap_or_default();
+            trial.position[i] = position[i] - way;
             trial.orientation[i] = rotation::advance(angular[i].displacement, state.orientation[i]);
         }
         let mut rows: Rows = Default::default();
@@ -77,6 +133,7 @@ impl<'a> CoupledPositions<'a> {
             island,
             state,
             angular,
+            load_shift,
             bodies,
             node_of,
             trial,
@@ -101,7 +158,12 @@ impl<'a> CoupledPositions<'a> {
             return DVec3::ZERO;
         };
         let k = NODE_DOF * self.node_of[body as usize] as usize;
-        prediction.displacement + DVec3::new(u[k + 3], u[k + 4], u[k + 5])
+        let [_, turn] = self
+            .load_shift
+            .get(body as usize)
+            .copied()
+            .unwrap_or_default();
+        prediction.displacement + turn + DVec3::new(u[k + 3], u[k + 4], u[k + 5])
     }
 
     fn evaluate(
@@ -182,6 +244,9 @@ impl Subproblem for Positions<'_> {
         if let Some(coupled) = &mut self.coupled {
             coupled.move_to(self.centres, u);
             coupled.evaluate(self.model, self.members.len(), system, u, z);
+        }
+        if !self.of_loads.is_empty() {
+            self.take_back(system);
         }
     }
 }

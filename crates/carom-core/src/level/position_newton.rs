@@ -3,7 +3,8 @@
 
 use super::position_measures::{CoupledPositions, Positions};
 use super::rest::{self, Resting};
-use super::{newton_options, position_floor, wedge, worst_group, LESS_FRICTION};
+use super::{loads, newton_options, position_floor, wedge, worst_group, LESS_FRICTION};
+use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
 use crate::outcome::Level;
@@ -15,7 +16,7 @@ use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
 use crate::workspace::{IslandScratch, SolveScratch};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
-use carom_solve::{Newton, NewtonOptions, SolveReport, Status};
+use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport, Status};
 use glam::DVec3;
 
 /// Gaps that what rests may keep where nothing closes them, over the length of the contact and the tolerance of the island (1). At 0 a wedged
@@ -32,6 +33,8 @@ pub(super) enum Way<'a> {
     },
     /// The solution at rest or none.
     Hold(&'a Resting),
+    /// The solution along normals alone, from where the loads have brought the spheres ([`super::loads`]).
+    Normals { accept: bool },
 }
 
 /// A solution.
@@ -60,9 +63,13 @@ pub(super) fn solve(
             .map(|&m| &scratch.contacts[m as usize])
             .map(|c| (c.t1, c.t2, c.end_frame))
             .collect(),
-        Way::Solve { .. } => Vec::new(),
+        _ => Vec::new(),
     };
-    push_contacts(model, state, scratch, island);
+    if matches!(way, Way::Normals { .. }) {
+        push_normals(model, scratch, island);
+    } else {
+        push_contacts(model, state, scratch, island);
+    }
     let found = find(model, state, scratch, island, span, report, way);
     let Some(found) = found else {
         for (&m, frame) in members.iter().zip(frames) {
@@ -71,7 +78,10 @@ pub(super) fn solve(
         }
         return false;
     };
-    let accept = matches!(way, Way::Solve { accept: true, .. });
+    let accept = matches!(
+        way,
+        Way::Solve { accept: true, .. } | Way::Normals { accept: true }
+    );
     if !found.report.converged {
         if !accept {
             return false;
@@ -80,6 +90,26 @@ pub(super) fn solve(
     }
     write(scratch, members, &found);
     true
+}
+
+/// States the normals of an island as rows of the solver.
+fn push_normals(model: &Model, scratch: &mut IslandScratch, island: Island) {
+    let IslandScratch {
+        contacts, solve, ..
+    } = scratch;
+    solve.begin(model, contacts, island);
+    let mut rows: Rows = Default::default();
+    for &m in island.contacts {
+        let c = Contact {
+            bounds: Bounds::default(),
+            ..contacts[m as usize]
+        };
+        c.rows(model, c.n1, &mut rows);
+        let (a, b) = (solve.node(model, c.a), solve.node(model, c.b));
+        let normal = c.n1.to_array();
+        let z = [c.gap];
+        (solve.system).push_contact(a, b, c.bounds, c.length, normal, &rows[..1], &z);
+    }
 }
 
 /// States the contacts of an island as rows of the solver.
@@ -157,6 +187,7 @@ fn find(
         keeper,
         trial,
         walls,
+        shift,
         ..
     } = scratch;
     let SolveScratch {
@@ -169,13 +200,12 @@ fn find(
     } = &mut **solve;
     newton.attempts.clear();
     let coupled = (!island.is_free()).then(|| {
-        let motion = (*linear, *angular, *position);
         CoupledPositions::open(
             model,
             state,
             island,
             span,
-            motion,
+            ((*linear, *angular), (*position, *shift)),
             system,
             (bodies, node_of, trial),
         )
@@ -185,6 +215,17 @@ fn find(
     u.clear();
     u.resize(NODE_DOF * bodies.len(), 0.0);
     let centres: Vec<DVec3> = bodies.iter().map(|&b| position[b as usize]).collect();
+    let mut of_loads = Vec::new();
+    if let Way::Normals { .. } = way {
+        let of_load = |&m: &u32| loads::of_load(&contacts[m as usize], span.h);
+        of_loads.extend(island.contacts.iter().map(of_load));
+        lambda[..of_loads.len()].copy_from_slice(&of_loads);
+        if of_loads.iter().all(|&l| l == 0.0) {
+            of_loads.clear();
+        } else if !system.has_load() {
+            system.open_load();
+        }
+    }
     let groups = island.contacts.len() + island.joints.len();
     let mut problem = Problem {
         options: options(model, bodies, &centres, groups),
@@ -195,6 +236,7 @@ fn find(
             members: island.contacts,
             centres: &centres,
             coupled,
+            of_loads,
         },
         state,
         span,
@@ -205,7 +247,10 @@ fn find(
         lambda,
         u,
     };
-    let found = problem.solve(way, report)?;
+    let found = match way {
+        Way::Normals { .. } => problem.solve_normals(),
+        _ => problem.solve(way, report)?,
+    };
     let result = found.report;
     report.add_position(&result);
     history[1].keep_longest(&problem.newton.history, 0, island.contacts.len());
@@ -250,6 +295,7 @@ impl Problem<'_, '_> {
         let (resting, accept) = match way {
             Way::Solve { resting, accept } => (resting, accept),
             Way::Hold(resting) => (Some(resting), false),
+            Way::Normals { accept } => (None, accept),
         };
         let only = matches!(way, Way::Hold(_));
         let before = resting.map(|resting| {
@@ -312,6 +358,16 @@ impl Problem<'_, '_> {
             held: false,
             rests,
         })
+    }
+
+    /// The solution along normals.
+    fn solve_normals(&mut self) -> PositionSolution {
+        let (measures, options) = (&mut self.measures, &self.options);
+        PositionSolution {
+            report: (self.newton).solve(self.system, measures, options, self.lambda, self.u),
+            held: false,
+            rests: false,
+        }
     }
 
     /// The solution that moves nothing, near the multipliers `nu` or wherever it is.
@@ -404,7 +460,9 @@ fn write(scratch: &mut IslandScratch, members: &[u32], found: &PositionSolution)
     for (slot, &m) in members.iter().enumerate() {
         let rc = &solve.system.contacts[slot];
         let c = &mut scratch.contacts[m as usize];
-        (c.held, c.rested) = (found.held, found.rests);
+        c.held = found.held;
+        // Where the loads come first they tell what rested.
+        c.rested = found.rests || (c.resting && c.rested);
         c.nu = [0.0; 6];
         if solve.newton.statuses()[slot] != Status::Gap {
             c.nu[..rc.dim as usize]

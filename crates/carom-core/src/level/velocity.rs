@@ -108,7 +108,10 @@ fn solve_single<const MOVING: bool>(
     if tol == 0.0 || (!one_shot && check.normal >= -tol) {
         return;
     }
-    let resting = options.impact.has_loads_first() && gamma_n >= -tol;
+    let resting = match options.loads_once() {
+        true => c.resting,
+        false => options.impact.has_loads_first() && gamma_n >= -tol,
+    };
     let printed = options.impact == Impact::SequencePaper;
     let law = match (resting, printed) {
         (true, _) => Law::Plastic,

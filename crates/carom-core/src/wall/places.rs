@@ -230,7 +230,7 @@ impl Walls {
             .filter(|c| c.is_wall(model) && c.lambda[0] != 0.0)
         {
             let i = c.a as usize;
-            let on_ball = c.to_world(c.n1, &c.lambda);
+            let (on_ball, normal) = c.impulse();
             let x = position[i];
             let wall = c.b as usize - model.spheres();
             let lever = model.periodic.nearest(x - self.now[wall].place()) - model.radius[i] * c.n1;
@@ -239,7 +239,6 @@ impl Walls {
             let start = self.start_twist(model, c, state.position[i]);
             if let (Some(start), Some(end)) = (start, self.end_twist(model, c, x)) {
                 let mean = start.mean(&end);
-                let normal = c.lambda[0] * c.n1;
                 work += normal.dot(mean.shape)
                     + (on_ball.impulse - normal).dot(mean.material)
                     + on_ball.moment.dot(mean.spin);

@@ -16,7 +16,8 @@ pub struct RowSolution {
 
 impl ImpactScratch {
     pub fn is_pressed(&self, slot: usize) -> bool {
-        self.impulse[self.full.contacts[slot].row as usize] > 0.0
+        let row = self.full.contacts[slot].row as usize;
+        self.impulse[row] > 0.0 || self.load.get(row).is_some_and(|&load| load > 0.0)
     }
 
     /// What its moving wall adds to the measures of a contact at t_{n+1}.
@@ -70,6 +71,7 @@ impl ImpactScratch {
     /// Forgets all impulses of the step, and the rows of `problem`.
     pub fn forget_all(&mut self, problem: u32) {
         self.impulse.fill(0.0);
+        self.load.fill(0.0);
         self.work.fill([0.0; 4]);
         self.work_explained.fill(0.0);
         self.status.fill(Status::Gap);
@@ -82,7 +84,12 @@ impl ImpactScratch {
         self.explained.clear();
         for c in &self.sub.contacts[..self.chosen.len()] {
             let row = c.row as usize;
-            let z = |r: usize| self.sub.z0[r] + self.sub.row_velocity(c, r, &self.u);
+            let measured = if self.along_middle {
+                &self.measured
+            } else {
+                &self.sub.jac
+            };
+            let z = |r: usize| self.sub.z0[r] + c.along(&measured[r], &self.u);
             let across = (row + 1..row + c.dim as usize).map(|r| self.lambda[r] * z(r));
             let mut work = ContactWork::default();
             work.explain([self.lambda[row], z(row)], across.sum());
@@ -144,8 +151,17 @@ impl ImpactScratch {
                     let row = c.row as usize + r;
                     let measure = |v: &[f64]| self.sub.row_velocity(c, row, v);
                     let before = measure(&velocity) + wall.get(r).copied().unwrap_or(0.0);
-                    let impulse = [&self.lambda, &with.lambda].map(|l| l[row] - had(r));
-                    work.add(before, impulse, [0, 1].map(|k| measure(&changes[k])));
+                    let solved = [&self.lambda, &with.lambda].map(|l| l[row]);
+                    let change = [0, 1].map(|k| measure(&changes[k]));
+                    let Some(middle) = self.middle.get(full.row as usize + r) else {
+                        work.add(before, solved.map(|l| l - had(r)), change);
+                        continue;
+                    };
+                    // The loads that are solved anew acted along the mean of the normals.
+                    work.add(before, solved, change);
+                    let turned = |v: &[f64]| full.along(middle, v) - measure(v);
+                    let along = [0, 1].map(|k| change[k] + turned(&changes[k]));
+                    work.add(before + turned(&velocity), [-had(r); 2], along);
                 }
                 work
             })

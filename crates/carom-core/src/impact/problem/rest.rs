@@ -7,7 +7,7 @@ use crate::model::Model;
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
 use carom_solve::ladder::{Attempt, HELD};
-use carom_solve::rows::{Linear, RowContact};
+use carom_solve::rows::{Measured, RowContact};
 
 impl ImpactScratch {
     /// Speed up to which the problem at hand is at rest, where all of it was so at t_n, and the position level left it so.
@@ -78,7 +78,13 @@ impl ImpactScratch {
         // Residual rows and measures are those of the solution again.
         let options = self.newton_options(model);
         let newton = &mut scratch.solve.newton;
-        newton.judge(&mut self.sub, &mut Linear, &options, &self.lambda, &self.u);
+        newton.judge(
+            &mut self.sub,
+            &mut Measured(&self.measured),
+            &options,
+            &self.lambda,
+            &self.u,
+        );
         newton.history = history;
         false
     }

@@ -12,7 +12,7 @@ use crate::problem::Solve;
 use crate::report::StepReport;
 use crate::rows::along;
 use crate::workspace::{IslandScratch, SolveScratch};
-use carom_solve::rows::{Linear, RowContact, Subproblem, NODE_DOF};
+use carom_solve::rows::{Measured, RowContact, Subproblem, NODE_DOF};
 use carom_solve::NewtonOptions;
 
 /// Speed over r/h (1) below which the multipliers of joints at rest are rounding. At 0 a ball that is held without gravity never counts as
@@ -39,6 +39,7 @@ impl ImpactScratch {
     ) -> bool {
         self.problems += 1;
         self.law = law;
+        self.along_middle = problem == 0 && !self.middle.is_empty();
         self.set_velocities(law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
@@ -145,7 +146,7 @@ impl ImpactScratch {
     }
 
     /// The velocities before the problem, and those that restitution acts on.
-    fn set_velocities(&mut self, law: Law) {
+    pub(in crate::impact) fn set_velocities(&mut self, law: Law) {
         self.fixed.clone_from(&self.jump);
         let before = self.v_check.iter().zip(&self.fixed);
         for (v, (check, jump)) in self.velocity.iter_mut().zip(before) {
@@ -219,7 +220,7 @@ impl ImpactScratch {
             let contact = &contacts[self.members[slot] as usize];
             let row = sub.jac.len();
             let rows = c.row as usize..(c.row + c.dim) as usize;
-            sub.jac.extend_from_slice(&self.full.jac[rows.clone()]);
+            sub.jac.extend_from_slice(&self.acting()[rows.clone()]);
             sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
             sub.z0.extend(
                 rows.clone()
@@ -246,7 +247,25 @@ impl ImpactScratch {
             }
         }
         self.add_joints(&mut sub);
+        self.measured.clear();
+        if self.along_middle {
+            let joints = self.members.len()..self.full.contacts.len();
+            for slot in self.chosen.iter().copied().chain(joints) {
+                let c = &self.full.contacts[slot];
+                let rows = c.row as usize..(c.row + c.dim) as usize;
+                self.measured.extend_from_slice(&self.full.jac[rows]);
+            }
+        }
         self.sub = sub;
+    }
+
+    /// Rows along which the impulses of the problem at hand act.
+    pub(in crate::impact) fn acting(&self) -> &[[[f64; NODE_DOF]; 2]] {
+        if self.along_middle {
+            &self.middle
+        } else {
+            &self.full.jac
+        }
     }
 
     /// `G_N(n) V_minus`: the normal of t_n, as eqs. 16, 24 and 43 print it.
@@ -318,7 +337,8 @@ impl ImpactScratch {
             ..
         } = &mut scratch.solve;
         let result = if self.loads.is_empty() {
-            newton.solve(&mut sub, &mut Linear, &options, &mut lambda, &mut u)
+            let mut problem = Measured(&self.measured);
+            newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         } else {
             let mut problem = self.velocities(model, bodies, node_of, scratch.trial);
             newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
@@ -350,7 +370,7 @@ impl ImpactScratch {
         let mut system = self.sub.clone();
         let mut measures = vec![0.0; system.rows()];
         if self.loads.is_empty() {
-            system.linear_measures(&correction, &mut measures);
+            Measured(&self.measured).write(&system, &correction, &mut measures);
         } else {
             let SolveScratch {
                 bodies, node_of, ..
@@ -393,6 +413,7 @@ impl ImpactScratch {
             span: self.span,
             before: &self.velocity,
             base: &self.load_base,
+            measured: &self.measured,
             known: &self.load_impulse,
         }
     }

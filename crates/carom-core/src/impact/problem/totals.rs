@@ -1,6 +1,7 @@
 //! What impact problems gave: totals of the island, the table of impacts, the results of the step.
 
 use crate::contact::Contact;
+use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::impact::table::ImpactRow;
 use crate::model::Model;
@@ -17,9 +18,20 @@ impl ImpactScratch {
             for r in 0..c.dim as usize {
                 let (row, sub_row) = (c.row as usize + r, s.row as usize + r);
                 let value = self.lambda[sub_row];
-                self.impulse[row] += value;
-                let before = self.relative::<1>(&c, row, &self.velocity);
-                let after = before + self.full.row_velocity(&c, row, &self.u);
+                let mut before = self.relative::<1>(&c, row, &self.velocity);
+                let along = self.acts_along(row);
+                let after = c.along(along, &self.u);
+                if self.along_middle {
+                    before += c.along(along, &self.velocity)
+                        - self.full.row_velocity(&c, row, &self.velocity);
+                }
+                let after = before + after;
+                let given = if self.along_middle {
+                    &mut self.load
+                } else {
+                    &mut self.impulse
+                };
+                given[row] += value;
                 let kind = contacts[self.members[slot] as usize].row_kind(r);
                 self.work[slot][kind] += 0.5 * value * (before + after);
             }
@@ -31,14 +43,92 @@ impl ImpactScratch {
         }
         let joints = self.full.contacts[self.members.len()..].iter();
         for (c, s) in joints.zip(&self.sub.contacts[self.chosen.len()..]) {
+            let given = if self.along_middle {
+                &mut self.load
+            } else {
+                &mut self.impulse
+            };
             for r in 0..c.dim as usize {
-                self.impulse[c.row as usize + r] += self.lambda[s.row as usize + r];
+                given[c.row as usize + r] += self.lambda[s.row as usize + r];
             }
         }
         for (sum, b) in self.load_impulse.iter_mut().zip(&self.sub.load) {
             *sum += b;
         }
         self.update_jump();
+    }
+
+    /// All that a contact was given, packed.
+    pub(in crate::impact) fn packed(&self, slot: usize) -> [f64; 6] {
+        let c = &self.full.contacts[slot];
+        let rows = c.row as usize..(c.row + c.dim) as usize;
+        let mut packed = [0.0; 6];
+        packed[..c.dim as usize].copy_from_slice(&self.impulse[rows.clone()]);
+        for (sum, load) in packed
+            .iter_mut()
+            .zip(self.load.get(rows).unwrap_or_default())
+        {
+            *sum += load;
+        }
+        packed
+    }
+
+    /// What the loads gave a contact, packed.
+    pub(in crate::impact) fn packed_load(&self, slot: usize) -> [f64; 6] {
+        let c = &self.full.contacts[slot];
+        let rows = c.row as usize..(c.row + c.dim) as usize;
+        let mut packed = [0.0; 6];
+        if let Some(load) = self.load.get(rows) {
+            packed[..c.dim as usize].copy_from_slice(load);
+        }
+        packed
+    }
+
+    /// Takes the loads of the chosen contacts as they are.
+    pub(in crate::impact) fn take_loads(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        loads: &[f64],
+    ) {
+        self.problems += 1;
+        (self.law, self.along_middle) = (Law::Plastic, true);
+        self.set_velocities(Law::Plastic);
+        self.scale.clear();
+        self.scale.resize(self.chosen.len(), 1.0);
+        self.build(model, contacts, Law::Plastic);
+        self.lambda.clear();
+        self.lambda.extend_from_slice(loads);
+        self.sub.impulses(&self.lambda, &mut self.force);
+        self.sub.apply_inverse_mass(&self.force, &mut self.u);
+        self.explain();
+    }
+
+    /// Writes the loads of the island, and the jumps that they make.
+    pub(in crate::impact) fn give_loads(&self, scratch: &mut IslandScratch) {
+        for (slot, &m) in self.members.iter().enumerate() {
+            let c = &mut scratch.contacts[m as usize];
+            c.load = self.packed_load(slot);
+        }
+        self.give_jumps(scratch);
+    }
+
+    fn give_jumps(&self, scratch: &mut IslandScratch) {
+        for (node, &body) in scratch.solve.bodies.iter().enumerate() {
+            let at = NODE_DOF * node..NODE_DOF * (node + 1);
+            let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
+            let jump = [
+                glam::DVec3::new(j[0] + s[0], j[1] + s[1], j[2] + s[2]),
+                glam::DVec3::new(j[3] + s[3], j[4] + s[4], j[5] + s[5]),
+            ];
+            scratch.corrections.set(body, jump);
+        }
+    }
+
+    /// Whether no joint, load or moving wall belongs to the island.
+    pub(in crate::impact) fn has_contacts_alone(&self) -> bool {
+        let moves = self.driven.iter().flatten().any(|&v| v != 0.0);
+        self.joints.is_empty() && self.loads.is_empty() && !moves
     }
 
     /// Whether the sliding disc of a chosen contact is saturated.
@@ -64,7 +154,12 @@ impl ImpactScratch {
             let contact = &contacts[self.members[slot] as usize];
             let mut packed = [0.0; 6];
             packed[..s.dim as usize].copy_from_slice(&self.lambda[row..row + s.dim as usize]);
-            let world = contact.to_world(contact.n1, &packed);
+            let world = if self.along_middle {
+                let middle = contact.middle();
+                middle.to_world(middle.n1, &packed)
+            } else {
+                contact.to_world(contact.n1, &packed)
+            };
             let full = &self.full.contacts[slot];
             let approach = self.relative::<1>(full, full.row as usize, &self.velocity);
             table.push(|| ImpactRow {
@@ -72,7 +167,10 @@ impl ImpactScratch {
                 problem,
                 status: self.status[slot],
                 given: [world.impulse, world.moment],
-                speed: [approach, approach + self.sub.row_velocity(s, row, &self.u)],
+                speed: [
+                    approach,
+                    approach + self.full.row_velocity(full, full.row as usize, &self.u),
+                ],
                 scale: self.scale[position],
             });
         }
@@ -82,15 +180,7 @@ impl ImpactScratch {
     /// Writes the island's result into the step's scratch.
     pub fn finish(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
         report.impact_problems = report.impact_problems.max(self.problems);
-        for (node, &body) in scratch.solve.bodies.iter().enumerate() {
-            let at = NODE_DOF * node..NODE_DOF * (node + 1);
-            let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
-            let jump = [
-                glam::DVec3::new(j[0] + s[0], j[1] + s[1], j[2] + s[2]),
-                glam::DVec3::new(j[3] + s[3], j[4] + s[4], j[5] + s[5]),
-            ];
-            scratch.corrections.set(body, jump);
-        }
+        self.give_jumps(scratch);
         self.finish_joints(model, scratch);
         let of = |slot: usize| {
             let c = &scratch.contacts[self.members[slot] as usize];
@@ -100,9 +190,8 @@ impl ImpactScratch {
         for (slot, &m) in self.members.iter().enumerate() {
             let c = &self.full.contacts[slot];
             let contact = &mut scratch.contacts[m as usize];
-            contact.lambda = [0.0; 6];
-            contact.lambda[..c.dim as usize]
-                .copy_from_slice(&self.impulse[c.row as usize..(c.row + c.dim) as usize]);
+            contact.lambda = self.packed(slot);
+            contact.load = self.packed_load(slot);
             contact.work = self.work[slot];
             contact.status = self.status[slot];
             let free = self.relative::<1>(c, c.row as usize, &self.v_check);

@@ -1,0 +1,75 @@
+//! The loads of a step, solved once (`position_friction = "once"`; `docs/theory/algorithm.md` section 12): contacts that do not approach, with friction and
+//! without restitution, where the smooth step ends. Positions follow the velocities that they give, `(h/2) W0`, and are corrected along normals alone.
+
+use super::single;
+use super::{closed_form, Task};
+use crate::contact::Contact;
+use crate::impact;
+use crate::islands::Island;
+use crate::level::speeds::Speeds;
+use crate::model::Model;
+use crate::report::StepReport;
+use crate::workspace::IslandScratch;
+
+/// The multiplier of a contact's normal at the position level that its load stands for, kg m.
+pub(crate) fn of_load(c: &Contact, h: f64) -> f64 {
+    0.5 * h * c.load[0]
+}
+
+/// Whether the loads leave the gaps of an island as they should be: what they press closed, nothing overlapping.
+#[inline]
+pub(crate) fn are_enough(model: &Model, contacts: &[Contact], island: Island) -> bool {
+    let tolerance = model.options.gap_tolerance;
+    island.joints.is_empty()
+        && island.contacts.iter().all(|&m| {
+            let c = &contacts[m as usize];
+            let gap = c.gap / c.length;
+            gap >= -tolerance && (c.load[0] == 0.0 || gap <= tolerance)
+        })
+}
+
+/// Solves the loads of one island; writes those of its contacts, and the jumps W0 of its bodies.
+pub fn solve_island(
+    task: &Task,
+    scratch: &mut IslandScratch,
+    island: Island,
+    report: &mut StepReport,
+) -> bool {
+    if let ([m], true) = (island.contacts, island.is_free()) {
+        if closed_form(task.model, &scratch.contacts[*m as usize]) {
+            solve_single(task, scratch, *m);
+            return true;
+        }
+    }
+    island.contacts.is_empty() || impact::rows::solve_loads(task, scratch, island, report)
+}
+
+/// A lone contact of a sphere with a plane, in closed form.
+fn solve_single(task: &Task, scratch: &mut IslandScratch, m: u32) {
+    let Task { model, state, .. } = *task;
+    let c = &scratch.contacts[m as usize];
+    let i = c.a as usize;
+    let [old, new] = single::wall_motion(model, state, scratch, c);
+    let mut speeds = Speeds::default();
+    speeds.add(model, state, scratch.linear[i].velocity, i);
+    let twists = scratch.walls.start_twist(model, c, state.position[i]);
+    let twists = twists.zip(scratch.walls.end_twist(model, c, scratch.position[i]));
+    if let Some((old, new)) = twists {
+        speeds.add_wall(&old, &new);
+    }
+    let tol = speeds.closing_tolerance(&model.options, 1);
+    let (v, w) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
+    let mut z = single::motion(c, model.radius[i], v, w);
+    z.subtract(&new);
+    let resting = c.n0.dot(state.velocity[i]) - old.normal >= -tol;
+    let mut given = ([0.0; 6], None);
+    if resting && tol > 0.0 && z.normal < -tol {
+        let s = single::problem(model, c, &z).solve();
+        given = (single::pack(c, &s), Some(single::correction(model, c, &s)));
+    }
+    let target = &mut scratch.contacts[m as usize];
+    (target.resting, target.load) = (resting, given.0);
+    if let Some(jump) = given.1 {
+        scratch.corrections.set(target.a, jump);
+    }
+}

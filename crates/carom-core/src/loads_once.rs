@@ -1,0 +1,106 @@
+//! Loads that are solved once, around their level ([`crate::level::loads`]): which contacts take part, where the loads bring the spheres, and
+//! how contacts meet there.
+
+use crate::contact::Contact;
+use crate::level::rest;
+use crate::level::speeds::Speeds;
+use crate::model::Model;
+use crate::scratch::Scratch;
+use crate::state::State;
+use crate::wall::places::{proximity, Walls};
+use carom_solve::team;
+use glam::DVec3;
+
+/// Finds the contacts whose loads are solved, with their normals where the smooth step ends: those that touch at t_n and do not separate by more
+/// than the loads may bring back, or touch there.
+pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch) {
+    let Scratch {
+        linear,
+        position,
+        contacts,
+        walls,
+        ..
+    } = scratch;
+    let touching = model.options.touching_tolerance;
+    let threads = model.options.threads as usize;
+    team::each(threads, contacts, |c| {
+        let gap_allowed = touching * c.length;
+        let meets = c.gap_check <= gap_allowed;
+        let touched = c.gap_start <= gap_allowed;
+        if !(meets || touched) {
+            return;
+        }
+        let mut speeds = Speeds::default();
+        for i in [c.a as usize, c.b as usize] {
+            if i < model.spheres() {
+                speeds.add(model, state, linear[i].velocity, i);
+            }
+        }
+        c.rested = touched;
+        c.resting = meets || opening(model, state, walls, c) <= speeds.load;
+        if c.resting {
+            let p = place(model, walls, c, position);
+            c.turn_to(p.normal);
+            c.load_normal = p.normal;
+        }
+    });
+    // What carried something and has come apart since: not all of its bodies were at rest.
+    let apart = |c: &&Contact| !c.rested && rest::of_last_step(state, c).is_some();
+    let mut moved: Vec<u32> = contacts
+        .iter()
+        .filter(apart)
+        .flat_map(|c| [c.a, c.b])
+        .collect();
+    moved.retain(|&body| (body as usize) < model.spheres());
+    moved.sort_unstable();
+    if !moved.is_empty() {
+        let has = |body: u32| moved.binary_search(&body).is_ok();
+        for c in contacts.iter_mut().filter(|c| has(c.a) || has(c.b)) {
+            c.rested = false;
+        }
+    }
+}
+
+/// Speed at which a contact opens at t_n, m/s.
+fn opening(model: &Model, state: &State, walls: &Walls, c: &Contact) -> f64 {
+    let (i, j) = (c.a as usize, c.b as usize);
+    let other = match walls.start_twist(model, c, state.position[i]) {
+        Some(wall) => wall.shape,
+        None => state.velocity.get(j).copied().unwrap_or(DVec3::ZERO),
+    };
+    c.n0.dot(state.velocity[i] - other)
+}
+
+fn place(model: &Model, walls: &Walls, c: &Contact, position: &[DVec3]) -> carom_geom::Proximity {
+    let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
+    proximity(model, walls, c, position[c.a as usize], xb)
+}
+
+/// Where the loads bring the spheres: `(h/2) W0` in place of the jumps W0, and the positions that follow.
+pub(crate) fn advance(model: &Model, state: &State, scratch: &mut Scratch, h: f64) {
+    let Scratch {
+        linear,
+        position,
+        load_shift,
+        ..
+    } = scratch;
+    let threads = model.options.threads as usize;
+    team::each(threads, load_shift, |way| *way = way.map(|w0| 0.5 * h * w0));
+    team::fill(threads, position, |i| {
+        state.position[i] + linear[i].displacement + load_shift[i][0]
+    });
+}
+
+/// Gaps and normals at the positions from which they are corrected.
+pub(crate) fn meet(model: &Model, scratch: &mut Scratch) {
+    let Scratch {
+        position,
+        contacts,
+        walls,
+        ..
+    } = scratch;
+    team::each(model.options.threads as usize, contacts, |c| {
+        let p = place(model, walls, c, position);
+        (c.gap, c.n1) = (p.gap, p.normal);
+    });
+}

@@ -1,0 +1,105 @@
+"""`position_friction = "once"`: the loads of a step are solved once (docs/theory/algorithm.md, section 12)."""
+
+import math
+from collections.abc import Callable
+
+import carom
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+G = 9.81
+BALL = {"radius": 0.02, "mass": 0.1, "material": "ball"}
+
+
+def scene(step: float, until: float, friction: float, **run: object) -> carom.Scene:
+    found = carom.Scene(
+        gravity=(0, 0, -G), run={"step": step, "until": until, "position_friction": "once", **run}
+    )
+    for other in ("ball", "wall"):
+        found.contact("ball", other, friction=friction, restitution=0.3)
+    return found
+
+
+def energy(steps: dict[str, np.ndarray]) -> np.ndarray:
+    return np.asarray(steps["energy_kinetic"]) + np.asarray(steps["energy_potential"])
+
+
+def ball_on_ball(step: float, friction: float) -> tuple[float, int]:
+    """Angle after 0.24 s of a ball that leaves a fixed one at 0.2 rad without speed, and how many steps had an impact."""
+    found = scene(step, 0.24, friction)
+    found.ball_wall("dome", point=(0, 0, 0), radius=0.1, inside=False, material="wall")
+    found.sphere("ball", **BALL, position=(0.12 * math.sin(0.2), 0, 0.12 * math.cos(0.2)))
+    result = carom.simulate(found)
+    x = result.position[-1, 0]
+    return math.atan2(x[0], x[2]), len(result.impacts["step"])
+
+
+@pytest.mark.parametrize(("friction", "share"), [(0.0, 1.0), (2.0, 5 / 7)])
+def test_a_ball_on_a_fixed_ball_is_of_second_order(friction: float, share: float) -> None:
+    """Sliding, or rolling without slip: against the differential equation, and without impacts."""
+    exact = solve_ivp(
+        lambda _, y: [y[1], share * G / 0.12 * math.sin(y[0])],
+        (0, 0.24),
+        [0.2, 0.0],
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    errors = []
+    for step in (2e-3, 1e-3, 5e-4):
+        angle, impacts = ball_on_ball(step, friction)
+        assert impacts == 0
+        errors.append(abs(angle - exact.y[0, -1]))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    print(f"friction {friction}: errors {errors}, orders {orders}")
+    assert orders == pytest.approx(2.0, abs=0.05)
+    assert errors[1] < 1.2e-5
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_ball_in_a_bowl_keeps_its_amplitude(friction: float) -> None:
+    """Where the printed scheme loses 1 % of it in 2 s (algorithm.md, section 10)."""
+    found = scene(1e-3, 2.0, friction)
+    found.ball_wall("bowl", point=(0, 0, 0), radius=0.5, inside=True, material="wall")
+    found.sphere("ball", **BALL, position=(0.48 * math.sin(0.1), 0, -0.48 * math.cos(0.1)))
+    result = carom.simulate(found)
+    height = energy(result.steps)[-1] / (0.1 * G) + 0.48
+    lost = 1 - math.acos(1 - height / 0.48) / 0.1
+    print(f"friction {friction}: {lost:.1e} of the amplitude lost")
+    assert abs(lost) < 2e-7
+    assert len(result.impacts["step"]) == 0
+
+
+def column(found: carom.Scene) -> None:
+    found.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    for k in range(6):
+        found.sphere(f"b{k}", **BALL, position=(0, 0, 0.02 + 0.04 * k))
+
+
+def corner(found: carom.Scene) -> None:
+    """Three balls on a floor between walls and a fourth on them, all of them touching."""
+    found.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    side = 0.02 * math.sqrt(3) / 3 * 2
+    for k in range(3):
+        x, y = side * math.cos(2 * math.pi * k / 3), side * math.sin(2 * math.pi * k / 3)
+        found.sphere(f"b{k}", **BALL, position=(x, y, 0.02))
+    found.sphere("top", **BALL, position=(0, 0, 0.02 + 0.04 * math.sqrt(2 / 3)))
+
+
+@pytest.mark.parametrize(("build", "friction"), [(column, 0.3), (corner, 0.319)])
+def test_what_is_at_rest_does_not_creep(build: Callable[[carom.Scene], None], friction: float) -> None:
+    found = scene(1e-3, 1.0, friction)
+    build(found)
+    result = carom.simulate(found)
+    drift = np.abs(result.position[-1] - result.position[0]).max()
+    print(f"{build.__name__}: {drift:.1e} m in 1000 steps")
+    assert drift < 5e-12
+    assert np.asarray(result.steps["fallbacks"]).sum() == 0
+
+
+@pytest.mark.parametrize(("friction", "falls"), [(0.3178, True), (0.319, False)])
+def test_a_pyramid_of_three_and_one_falls_below_its_friction(friction: float, falls: bool) -> None:
+    found = scene(1e-3, 1.0, friction)
+    corner(found)
+    top = carom.simulate(found).position[-1, 3, 2]
+    assert (top < 0.95 * (0.02 + 0.04 * math.sqrt(2 / 3))) == falls
