@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.files import reason, write_whole
+from carom.files import reason, regular, write_whole
 from carom.record.layout import Rows
 
 #: 2: with the version and the build that wrote it.
@@ -84,7 +84,7 @@ def found(directory: Path) -> list[Path]:
 def load(path: Path) -> Checkpoint:
     """Read one checkpoint; a torn or altered file is a `CaromError`."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(regular(path), allow_pickle=False) as archive:
             text, digest = archive["head"], archive["sha256"].tobytes()
             arrays = [archive[str(i)] for i in range(len(archive.files) - 2)]
         if _digest(text, arrays) != digest:

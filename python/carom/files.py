@@ -1,17 +1,75 @@
-"""Files written whole or not at all, and what went wrong in words with a cure."""
+"""Files of Carom: written whole or not at all, never through a link, and what went wrong in words with a cure.
+
+A directory may come from others, with links and FIFOs where files of Carom are expected. All that is written or removed
+in one goes through `inside` (folders of it) and `opened` (files of it), so nothing outside of it changes and nothing hangs.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
+import stat
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from carom.errors import CaromError
 
 
 class RecordError(CaromError):
     """Results could not be written: no space, no permission, a file system that went away."""
+
+
+def inside(root: Path, *parts: str) -> Path:
+    """A path below the directory `root`; one that leads through a link is refused, for it may lead out of the directory."""
+    path = root.joinpath(*parts)
+    link = first_link(root, path)
+    if link is not None:
+        raise RecordError(f"{link} is a link, and nothing is written or removed through one; remove it")
+    return path
+
+
+def first_link(root: Path, path: Path) -> Path | None:
+    """The first link on the way from the directory `root` down to `path`; `root` itself may be one."""
+    way = [folder for folder in (path, *path.parents) if folder.is_relative_to(root) and folder != root]
+    return next((folder for folder in reversed(way) if folder.is_symlink()), None)
+
+
+def regular(path: Path) -> Path:
+    """`path`, if it is a file, a link to one, or not there: opening anything else may hang for ever."""
+    if path.exists() and not path.is_file():
+        what = "a directory" if path.is_dir() else "a pipe or a device"
+        raise CaromError(f"{path} is {what} where a file is expected; remove it")
+    return path
+
+
+def opened(path: Path, flags: int, mode: str) -> IO[bytes]:
+    """Open a file to write, itself and no other: no link, nothing that hangs, no second name of another file (hard link).
+
+    Raises `OSError` where the system does, `RecordError` where the file is another's.
+    """
+    guards = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    try:
+        handle = os.open(path, flags | guards, 0o666)
+    except OSError:
+        inside(path.parent, path.name)
+        raise
+    found = os.fstat(handle)
+    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+        os.close(handle)
+        what = "has another name, a hard link" if stat.S_ISREG(found.st_mode) else "is no regular file"
+        raise RecordError(f"{path} {what}, and is not written to; take a copy of the directory (cp -r)")
+    return os.fdopen(handle, mode)
+
+
+def write_new(path: Path, data: bytes | memoryview, *, durable: bool = False) -> None:
+    """Write a file that nobody else has: what lies there under its name is removed first, be it a link."""
+    path.unlink(missing_ok=True)
+    with opened(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, "wb") as file:
+        file.write(data)
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents: bool = False) -> None:
@@ -23,11 +81,7 @@ def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents:
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
-        with open(temporary, "wb") as file:
-            file.write(data)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
+        write_new(temporary, data, durable=durable)
         os.replace(temporary, path)
         if durable:
             _sync_directory(path.parent)

@@ -12,7 +12,9 @@ log.jsonl          one JSON object per line: what happened when
 from __future__ import annotations
 
 import errno
+import io
 import json
+import os
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
@@ -22,7 +24,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from carom.errors import CaromError
-from carom.files import RecordError, reason, unwritable, write_whole
+from carom.files import RecordError, first_link, opened, reason, regular, unwritable, write_whole
 
 #: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted. Wherever a removal is
 #: stopped the rest is in order: checkpoints go before the results that they continue, the scenario after both, and last
@@ -46,6 +48,9 @@ _OWN = (
     "scenario.toml",
     "log.jsonl",
 )
+
+#: What is read of a run.
+_READ = ("run.json", "scenario.toml", "log.jsonl", "results*.h5", "checkpoint-*.npz")
 
 #: Attempts to become the writer, and the pause after each, s.
 LOCK_ATTEMPTS = 10
@@ -77,6 +82,9 @@ class RunDir:
             path = path.parent  # a file inside the directory, as completion in a shell offers it
         if not path.exists():
             raise CaromError(f"{path}: no such run directory")
+        for pattern in _READ:
+            for file in path.glob(pattern):
+                regular(file)
         if not (path / "run.json").is_file():
             if path.is_dir() and not any(path.iterdir()):
                 raise CaromError(
@@ -186,7 +194,7 @@ class RunDir:
     def write_in_place(self, about: Mapping[str, Any]) -> None:
         """Overwrite `run.json` where it lies: the last resort on a full disk, which has no room for a second file."""
         text = json.dumps(about, ensure_ascii=False) + "\n"
-        with suppress(OSError), open(self.about, "r+b") as file:
+        with suppress(OSError, RecordError), opened(self.about, os.O_RDWR, "r+b") as file:
             file.write(text.encode())
             file.truncate()
 
@@ -202,7 +210,8 @@ class RunDir:
     def writing(self) -> Iterator[None]:
         """Be the one writer of this run. A lock on the log tells a living writer from one that was killed."""
         try:
-            self._log = open(self.log_file, "a", encoding="utf-8")  # noqa: SIM115  # closed below, also by the kernel
+            log = opened(self.log_file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, "ab")
+            self._log = io.TextIOWrapper(log, encoding="utf-8")  # closed below, also by the kernel
         except OSError as error:
             told = f"cannot write {self.log_file}: {reason(error)}"
             if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
@@ -226,22 +235,25 @@ class RunDir:
     def is_being_written(self) -> bool:
         """Whether the process that writes this run still lives (on this machine)."""
         try:
-            with open(self.log_file, encoding="utf-8") as log:
+            with open(regular(self.log_file), encoding="utf-8") as log:
                 return not _lock(log, shared=True)
         except OSError:
             return False
 
+    def _own(self) -> list[Path]:
+        """What a run has written here. A folder that is a link may lead anywhere: what is in it is not the run's."""
+        found = (file for pattern in _OWN for file in self.path.glob(pattern))
+        return [file for file in found if first_link(self.path, file.parent) is None]
+
     def _remove_own(self) -> None:
-        for pattern in _OWN:
-            for file in self.path.glob(pattern):
-                if not file.is_dir():
-                    file.unlink()
+        for file in self._own():
+            if file.is_symlink() or not file.is_dir():
+                file.unlink()
 
     def _is_own(self) -> bool:
         """Whether it is what a run leaves that was killed before it wrote `run.json`: the log, and nothing foreign."""
-        own = {file for pattern in _OWN for file in self.path.glob(pattern)}
         there = set(self.path.iterdir())
-        return self.log_file in there and there <= own
+        return self.log_file in there and there <= set(self._own())
 
     def remove(self) -> None:
         """Delete what a run writes, and the directory if nothing else is in it."""

@@ -66,10 +66,12 @@ def demo(
 def _plots(result: Any, wanted: bool) -> list[Path]:
     from importlib.util import find_spec
 
+    from carom.files import inside
+
     if not wanted:
         return []
     if find_spec("matplotlib") is None:
         note("no figures: matplotlib is missing (pip install 'carom[plot]')")
         return []
-    files: list[Path] = result.plot.save(result.path / "plots")
+    files: list[Path] = result.plot.save(inside(result.path, "plots"))
     return files

@@ -51,6 +51,7 @@ def plot(
 
     Example: carom plot runs/break-1 --what velocities --format pdf
     """
+    from carom.files import inside
     from carom.result import load
 
     with warnings.catch_warnings(record=True) as caught:
@@ -61,7 +62,7 @@ def plot(
     named = [kind.strip() for kinds in what or ["all"] for kind in kinds.split(",")]
     kinds = result.plot.available(step) if "all" in named else named
     files = result.plot.save(
-        out or result.path / "plots",
+        out or inside(result.path, "plots"),
         kinds,
         formats=[name.strip() for name in format_.split(",")],
         bodies=[name.strip() for name in bodies.split(",")] if bodies else None,

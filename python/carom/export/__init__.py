@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from carom.errors import CaromError, did_you_mean
 from carom.export.whole import writing_into
+from carom.files import inside
 
 if TYPE_CHECKING:
     from carom.result import Result
@@ -88,7 +89,7 @@ def export(
 
     selection = Selection.of(result, every=every, start=start, stop=stop, contacts=contacts)
     write: Callable[..., list[Path]] = import_module(FORMATS[format][0]).write
-    path = Path(directory) if directory is not None else result.path / "export"
+    path = Path(directory) if directory is not None else inside(result.path, "export")
     if format not in FILMS:
         if look:
             raise CaromError(f"{next(iter(look))} is an option of films; {format} has none of that name")

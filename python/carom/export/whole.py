@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from carom.errors import CaromError
-from carom.files import RecordError, unwritable
+from carom.files import RecordError, inside, unwritable
 
 
 @contextmanager
@@ -35,6 +35,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     """A temporary path beside `path`, which takes its place if the block ends well and goes if it does not."""
     temporary = _beside(path)
     try:
+        temporary.unlink(missing_ok=True)  # a link there would be written through
         yield temporary
         os.replace(temporary, path)
     finally:
@@ -45,7 +46,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 @contextmanager
 def whole_folder(path: Path, own: str) -> Iterator[Path]:
     """The same for a folder. An old one is replaced if all its files match `own`, and refused otherwise."""
-    if path.exists():
+    if inside(path.parent, path.name).exists():
         foreign = sorted(set(path.iterdir()) - set(path.glob(own))) if path.is_dir() else [path]
         if foreign:
             raise CaromError(f"{foreign[0]} is no file of an export; choose another directory with -o")
@@ -67,7 +68,7 @@ def without(directory: Path, names: Iterable[str], own: str | None = None) -> No
     """
     for name in names:
         (directory / name).unlink(missing_ok=True)
-        folder = directory / Path(name).stem
+        folder = inside(directory, Path(name).stem) if own else directory
         for file in folder.glob(own) if own else ():
             file.unlink()
         if own:
@@ -79,7 +80,8 @@ def _beside(path: Path) -> Path:
     for scrap in path.parent.glob(f".{path.name}.*.tmp"):  # of a process that was killed
         number = scrap.name.removesuffix(".tmp").rpartition(".")[2]
         if number.isdecimal() and not _lives(int(number)):
-            shutil.rmtree(scrap) if scrap.is_dir() else scrap.unlink(missing_ok=True)
+            is_folder = scrap.is_dir() and not scrap.is_symlink()
+            shutil.rmtree(scrap) if is_folder else scrap.unlink(missing_ok=True)
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")
 
 

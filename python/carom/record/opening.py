@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.files import regular
 from carom.hdf5 import Untrusted, child, dataset, first_line
 from carom.record.layout import FORMAT, MEANINGS, TABLES, VALUES, Rows, tables
 
@@ -39,7 +40,7 @@ PATIENCE = 0.5
 def open_results(path: Path) -> h5py.File:
     cut = None
     try:
-        cut = _cut(path)
+        cut = _cut(regular(path))
         file = _open_swmr(path)
     except OSError as error:
         if not path.exists():

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from carom.drive import Sink
 from carom.errors import CaromError, counted
+from carom.files import inside
 from carom.problem.errors import ContactProblemError, refuse
 from carom.problem.fclib import write_fclib
 from carom.problem.kept import FORMS, frames, multipliers, state
@@ -113,7 +114,7 @@ class Problems(Sink):
 
     def _write(self, kept: Iterable[Mapping[str, Any]]) -> None:
         for problem in kept:
-            path = self.directory.path / FOLDER / file_name(problem)
+            path = inside(self.directory.path, FOLDER) / file_name(problem)
             try:
                 write_kept(path, problem, self.choice.form)
             except ContactProblemError as error:  # a run does not stop because a problem has no form as data

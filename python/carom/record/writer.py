@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.files import RecordError, unwritable
+from carom.files import RecordError, unwritable, write_new
 from carom.record import blank
 from carom.record.layout import ENDS, FORMAT, Rows, count, tables
 
@@ -262,7 +262,7 @@ class Writer:
             leave_out=self._leave_out,
         )
         try:
-            unborn.write_bytes(image)
+            write_new(unborn, image)
         except OSError:
             unborn.unlink(missing_ok=True)
             raise

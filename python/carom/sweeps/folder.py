@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.export.parquet import require_pyarrow
-from carom.files import RecordError, unwritable, write_whole
+from carom.files import RecordError, inside, opened, regular, unwritable, write_whole
 from carom.sweeps import origin
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Folder:
 
     def run(self, name: str) -> Path:
         """The run directory of a case."""
-        return self.path / "runs" / name
+        return inside(self.path, "runs", name)
 
     @contextmanager
     def driving(self) -> Iterator[None]:
@@ -58,8 +58,8 @@ class Folder:
         try:
             if self.path.exists() and not self.parts.exists() and any(self.path.iterdir()):
                 raise CaromError(f"{self.path} holds other files and no study; choose another with -o")
-            self.parts.mkdir(parents=True, exist_ok=True)
-            lock = open(self.parts / ".lock", "a")  # noqa: SIM115  # closed below
+            inside(self.path, "parts").mkdir(parents=True, exist_ok=True)
+            lock = opened(self.parts / ".lock", os.O_WRONLY | os.O_APPEND | os.O_CREAT, "ab")
         except OSError as error:
             raise RecordError(f"cannot write {self.path}: {unwritable(error)}") from error
         with lock:
@@ -135,11 +135,11 @@ class Folder:
         )
         for path in files:
             try:
-                with parquet.ParquetFile(path) as file:
+                with parquet.ParquetFile(regular(path)) as file:
                     there = file.schema_arrow.names
                     table = file.read([name for name in columns or there if name in there])
                 yield path, table
-            except (arrow.ArrowInvalid, OSError):
+            except (arrow.ArrowInvalid, OSError, CaromError):
                 continue
 
     def gather(self, study: Study) -> Any:

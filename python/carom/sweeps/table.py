@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import carom
 from carom.errors import CaromError, counted, did_you_mean
-from carom.files import write_whole
+from carom.files import inside, write_whole
 from carom.sweeps.origin import COLUMNS, Origin, tally
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class Sweep:
         from carom.plot.style import save
         from carom.plot.sweep import histograms, places, responses
 
-        where = Path(directory) if directory is not None else self.path / "plots"
+        where = Path(directory) if directory is not None else inside(self.path, "plots")
         files = save(histograms(self, columns), where, "histograms", formats)
         files += save(responses(self, columns), where, "responses", formats)
         if not columns and any(name.endswith(".position.x") for name in self.columns):
