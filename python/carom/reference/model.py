@@ -48,6 +48,7 @@ class Options:
     step: float
     spectral_radius: float = 0.8
     impact: str = "sequence"
+    position_friction: str = "paper"
     restitution_threshold: float = 0.0
     energy_safeguard: bool = True
     max_problems: int = 0
@@ -198,7 +199,14 @@ def _array(values: Any) -> F64:
 def _options(given: Mapping[str, Any]) -> Options:
     known = {
         name: given[name]
-        for name in ("spectral_radius", "impact", "restitution_threshold", "energy_safeguard", "max_problems")
+        for name in (
+            "spectral_radius",
+            "impact",
+            "position_friction",
+            "restitution_threshold",
+            "energy_safeguard",
+            "max_problems",
+        )
         if name in given
     }
     options = Options(

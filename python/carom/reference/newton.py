@@ -197,7 +197,8 @@ def gauss_seidel(problem: ContactProblem, u: F64, multipliers: F64, sweeps: int)
                 change = new - multipliers[rows]
                 largest = max(largest, float(np.max(np.abs(change))))
                 multipliers[rows] = new
-                u += gradient[rows].T @ change / lay.mass
+                acting = gradient if problem.along is None else problem.along
+                u += acting[rows].T @ change / lay.mass
         for row in range(lay.contact_rows, lay.rows):
             z, gradient = problem.kinematics(u)
             change = -z[row] * 2.0 * lay.p[row]

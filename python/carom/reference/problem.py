@@ -54,6 +54,8 @@ class ContactProblem:
         self.floor = floor
         """Absolute size [N s or N s^2] below which a residual is rounding."""
         self.p = layout.p
+        self.along: F64 | None = None
+        """Gradient (m, d) along which multipliers act where it is not that of z."""
 
     def kinematics(self, u: F64) -> tuple[F64, F64]:
         """z (m,) and its gradient G (m, d) at u (d,)."""
@@ -102,7 +104,8 @@ class ContactProblem:
         lay = self.layout
         z, gradient = self.kinematics(u)
         phi, tangent = self.project(multipliers - self.p * z)
-        inertia, contact = lay.mass * u, gradient.T @ phi
+        acting = gradient if self.along is None else self.along
+        inertia, contact = lay.mass * u, acting.T @ phi
         forces, stiffening = self.forces(u)
         r_u, r_l = inertia - forces - contact, phi - multipliers
         terms = (inertia, forces, contact)
@@ -116,7 +119,7 @@ class ContactProblem:
         lay, c, g = self.layout, at.tangent, at.gradient
         d, m = len(lay.dofs), lay.rows
         result = np.zeros((d + m, d + m))
-        forward = g.T @ c
+        forward = (g if self.along is None else self.along).T @ c
         result[:d, :d] = np.diag(lay.mass) + (forward * self.p) @ g
         result[:d, d:] = -forward
         result[d:, :d] = -(c * self.p) @ g

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from . import once
 from .contact import Element, Impulse, element, gap_and_normal, to_world
 from .impact import ImpactProblem, IslandResult, solve_island
 from .island import Bonds, Island, islands
@@ -148,8 +149,12 @@ def advance(model: Model, state: State) -> tuple[State, StepReport]:
     h = model.options.step
     free = free_motion(model, state)
     report.smooth_iterations = free.iterations
-    corrected = position(model, state, free, report)
-    u = velocity(model, corrected, state.u, free, report)
+    if model.options.position_friction == "once" and model.options.impact == "sequence":
+        x, displacement, u = once.step(model, state, free)
+        corrected = Corrected(x, displacement, [])
+    else:
+        corrected = position(model, state, free, report)
+        u = velocity(model, corrected, state.u, free, report)
     for row, reaction in zip(model.joints, free.reactions, strict=True):
         report.reactions[row.number] += h * reaction
     c = model.coefficients
