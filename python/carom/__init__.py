@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from carom.run import resume as resume
     from carom.run import simulate as simulate
     from carom.scene import Scene as Scene
+    from carom.stepping import Simulation as Simulation
     from carom.study import Convergence as Convergence
     from carom.study import converge as converge
     from carom.sweeps import Study as Study
@@ -48,6 +49,7 @@ _HOMES = {
     "load": "carom.result",
     "Scene": "carom.scene",
     "RunFailed": "carom.run",
+    "Simulation": "carom.stepping",
     "Study": "carom.sweeps",
     "Sweep": "carom.sweeps",
     "sweep": "carom.sweeps",
@@ -67,6 +69,7 @@ __all__ = [
     "RunFailed",
     "ScenarioError",
     "Scene",
+    "Simulation",
     "Study",
     "Sweep",
     "__version__",

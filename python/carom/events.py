@@ -20,7 +20,7 @@ from carom.touching import TOUCHING
 
 if TYPE_CHECKING:
     from carom.result import Result
-    from carom.watching import View
+    from carom.watching import State
 
 F64 = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ class AtRest:
         self._since: float | None = None
         self.__name__ = "AtRest"
 
-    def __call__(self, view: View) -> bool:
+    def __call__(self, view: State) -> bool:
         """Whether all are still, and were for long enough."""
         chosen = slice(None) if self.bodies is None else [_index(n, view.names) for n in self.bodies]
         v = np.linalg.norm(view.velocity[chosen], axis=1)

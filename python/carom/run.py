@@ -348,7 +348,7 @@ class Run:
         memory = Memory(**self.described())
         segment = {"from_step": self.simulation.step, "started": now()}
         ending = self._drive(memory, [], stop, progress, watch)
-        problem = self._conclude(ending, segment)
+        problem = self.conclude(ending, segment)
         return Result(self.about, memory, scene=self.scene, problem=problem)
 
     def in_directory(
@@ -382,7 +382,7 @@ class Run:
             writer.close()
             if len(writer.paths) > 1:
                 segment["files"] = [path.name for path in writer.paths]
-            problem = self._conclude(ending, segment)
+            problem = self.conclude(ending, segment)
             if problem is not None:
                 from carom.record.problem import keep_failing
 
@@ -445,7 +445,7 @@ class Run:
             further=directory.next_segment,
         )
 
-    def _conclude(self, ending: Ending, segment: dict[str, Any]) -> dict[str, Any] | None:
+    def conclude(self, ending: Ending, segment: dict[str, Any]) -> dict[str, Any] | None:
         """Say in `about` how the run ended; returns the contact problem that could not be solved, if there is one."""
         simulation, about, scene = self.simulation, self.about, self.scene
         failed = ending.kind not in ("done", "stopped", "interrupted")

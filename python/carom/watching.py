@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -20,32 +19,33 @@ from carom.errors import CaromError, did_you_mean
 from carom.tables import UnknownName
 
 if TYPE_CHECKING:
-    from carom._core import Block, Simulation
+    from carom._core import Block
+    from carom._core import Simulation as Core
     from carom.result import Result
 
 F64 = NDArray[np.float64]
 
 
-class View:
-    """The state after a step: `view.time`, `view.position` (N, 3), `view["cue"].velocity` (3,).
+class State:
+    """The state of a simulation between two steps: `position` (N, 3), `["cue"].velocity` (3,). Arrays are read-only copies.
 
-    Only what is asked for is fetched from the core. After the call a view is closed, and asking it raises `CaromError`;
-    arrays that were fetched before keep their values.
+    Only what is asked for is fetched from the core.
     """
 
     def __init__(
-        self, simulation: Simulation, names: Sequence[str], model: Any, block: Block | None = None
+        self, simulation: Core, names: Sequence[str], model: Any, block: Block | None = None
     ) -> None:
-        self._simulation: Simulation | None = simulation
+        self._simulation: Core | None = simulation
         self._model = model
         self._block = block
         self._frame: dict[str, F64] | None = None
         self.names = names
         """Names of the balls."""
-        self.step = int(simulation.step)
-        """Number of steps made."""
-        self.time = float(simulation.time)
+
+    @property
+    def time(self) -> float:
         """s."""
+        return float(self._fetch_allowed().time)
 
     @property
     def position(self) -> F64:
@@ -109,28 +109,8 @@ class View:
             raise UnknownName(f"no body is called {name!r}; {did_you_mean(str(name), names[:20])}")
         return BodyView(self, names.index(name))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the view."""
-        self._simulation = self._block = self._frame = None
-
-    def __repr__(self) -> str:
-        state = "" if self._simulation is not None else ", closed"
-        return f"<view of step {self.step}, t = {self.time:g} s, {len(self.names)} balls{state}>"
-
-    def _fetch_allowed(self) -> Simulation:
-        if self._simulation is None:
-            raise CaromError(
-                f"the view of step {self.step} is over: it holds during the call only; keep what you need in it, as"
-                " kept.append(view.position)"
-            )
+    def _fetch_allowed(self) -> Core:
+        assert self._simulation is not None
         return self._simulation
 
     def _fetch(self) -> dict[str, F64]:
@@ -151,10 +131,46 @@ class View:
         return values
 
 
-class BodyView:
-    """One ball of a view: `view["cue"].position` is (3,)."""
+class View(State):
+    """The state after a step, as callbacks and stop conditions see it: `view.time`, `view["cue"].velocity` (3,).
 
-    def __init__(self, view: View, index: int) -> None:
+    After the call a view is closed, and asking it raises `CaromError`; arrays that were fetched before keep their values.
+    """
+
+    def __init__(
+        self, simulation: Core, names: Sequence[str], model: Any, block: Block | None = None
+    ) -> None:
+        super().__init__(simulation, names, model, block)
+        self.step = int(simulation.step)
+        """Number of steps made."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the view."""
+        self._simulation = self._block = self._frame = None
+
+    def __repr__(self) -> str:
+        state = "closed" if self._simulation is None else f"t = {self.time:g} s"
+        return f"<view of step {self.step}, {state}, {len(self.names)} balls>"
+
+    def _fetch_allowed(self) -> Core:
+        if self._simulation is None:
+            raise CaromError(
+                f"the view of step {self.step} is over: it holds during the call only; keep what you need in it, as"
+                " kept.append(view.position)"
+            )
+        return self._simulation
+
+
+class BodyView:
+    """One ball of a state: `view["cue"].position` is (3,)."""
+
+    def __init__(self, view: State, index: int) -> None:
         self._view, self.index, self.name = view, index, view.names[index]
 
     @property
@@ -259,7 +275,7 @@ class Watch(Sink):
         every = self.every or 1
         return (step // every + 1) * every
 
-    def take(self, simulation: Simulation, block: Block) -> dict[str, Any] | None:
+    def take(self, simulation: Core, block: Block) -> dict[str, Any] | None:
         """The outcome if the run ends here: by the stop condition, or because a function raised (then `error` is set).
 
         After the last step there is nothing to stop.

@@ -1,0 +1,114 @@
+"""`carom.Simulation`: what is stepped from Python is what `carom.simulate` computes, and it can go back."""
+
+from __future__ import annotations
+
+import carom
+import numpy as np
+import pytest
+from carom.cli.examples import find
+from test_memory_result import NAMES, assert_same, columns, short
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_steps_give_the_result_of_a_run(name: str) -> None:
+    """In uneven portions, beyond the end that the scene states; frames are on a grid of 7 steps."""
+    scene = short(name)
+    sim = carom.Simulation(scene)
+    seen = []
+    for n in (1, 30, 0, 32):
+        sim.step(n)
+        seen.append((sim.time, sim.position, sim.contacts))
+    assert sim.steps == 63
+    found = sim.result()
+    assert_same(columns(found), columns(carom.simulate(scene, until=found.scene.run.until)))
+    assert_same(columns(found), columns(carom.simulate(found.scene)))
+    assert found.status == "done"
+    assert seen[-1][0] == np.asarray(found.time)[-1]
+    np.testing.assert_array_equal(seen[-1][1], np.asarray(found.position)[-1])
+    sim.step(2)
+    later, whole = sim.result(), carom.simulate(scene, until=65 * sim.result().scene.run.step)
+    for quantity in ("step", "position", "velocity", "orientation", "angular_velocity"):
+        np.testing.assert_array_equal(getattr(later, quantity), getattr(whole, quantity))
+    assert len(found.steps) == 63  # what was given stays as it was
+    np.testing.assert_array_equal(seen[-1][1], np.asarray(found.position)[-1])
+
+
+def test_a_state_is_restored_bit_for_bit() -> None:
+    sim = carom.Simulation(find("three_balls"), every=5)
+    sim.step(40)
+    state = sim.state()
+    sim.step(60)
+    there = sim.time, sim.position, sim.velocity
+    sim.restore(state)
+    assert sim.steps == 40
+    sim.step(60)
+    for a, b in zip(there, (sim.time, sim.position, sim.velocity), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert np.asarray(sim.result().step).tolist() == list(range(40, 101, 5))
+
+
+def test_a_struck_ball_moves_and_nothing_else_reaches_the_core() -> None:
+    """A ball that is struck rolls away by v t where nothing brakes it; arrays that were read cannot be written."""
+    scene = carom.Scene("free", gravity=(0, 0, 0), run={"step": 1e-3})
+    scene.sphere("ball", radius=0.03, mass=0.2, at=(0, 0, 0), material="m")
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    sim = carom.Simulation(scene, keep=False)
+    state = sim.state()
+    state["velocity"][0] = (2.0, 0, 0)
+    assert sim["ball"].speed == 0.0
+    sim.restore(state)
+    sim.step(500)
+    np.testing.assert_allclose(sim["ball"].position, (1.0, 0, 0), rtol=1e-12)
+    assert sim.kinetic_energy == pytest.approx(0.5 * 0.2 * 4.0, rel=1e-12)
+    with pytest.raises(ValueError, match="read-only"):
+        sim.position[0] = 0.0
+    last = sim.result()
+    assert np.asarray(last.time).tolist() == [sim.time]
+
+
+def test_a_controller_acts_through_a_load_function() -> None:
+    """A spring law with damping, as Python code, brings the ball to its goal."""
+    goal = np.array([0.5, 0.0, 0.0])
+
+    def pull(time: float, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> np.ndarray:
+        loads = np.zeros((len(position), 6))
+        loads[:, :3] = 20.0 * (goal - position) - 4.0 * velocity
+        return loads
+
+    scene = carom.Scene("controlled", gravity=(0, 0, 0), run={"step": 1e-3})
+    scene.sphere("ball", radius=0.03, mass=0.2, at=(0, 0, 0), material="m")
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    scene.load_function(pull)
+    sim = carom.Simulation(scene)
+    sim.step(2000)
+    np.testing.assert_allclose(sim["ball"].position, goal, atol=1e-4)
+    assert sim.result()["ball"].position.shape == (2001, 3)
+
+
+def test_what_is_wrong_is_said() -> None:
+    sim = carom.Simulation(find("three_balls"))
+    with pytest.raises(carom.CaromError, match="from 0 on"):
+        sim.step(-1)
+    other = carom.Simulation(find("newtons_cradle")).state()
+    with pytest.raises(carom.CaromError, match=r"restore: .*what state\(\)"):
+        sim.restore(other)
+    with pytest.raises(carom.CaromError, match="no body is called 'ceu'"):
+        sim["ceu"]
+
+
+def test_a_step_that_cannot_be_solved_raises_with_the_result() -> None:
+    sim = carom.Simulation(
+        find("pile"),
+        until=1.0,
+        max_iterations=1,
+        max_halvings=0,
+        pile_contacts=10_000,
+        gauss_seidel_sweeps=0,
+        solver="newton",
+    )
+    with pytest.raises(carom.RunFailed) as failed:
+        sim.step(10_000)
+    assert failed.value.result.status == "failed"
+    assert failed.value.result.outcome.time == pytest.approx(
+        sim.time, abs=2 * failed.value.result.scene.run.step
+    )
