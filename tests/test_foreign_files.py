@@ -4,6 +4,7 @@ hangs.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -11,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import carom
+import h5py
+import numpy as np
 import pytest
 from carom.cli.app import app
 from carom.errors import CaromError
@@ -140,3 +143,102 @@ def test_a_study_stays_in_its_folder(folder: str, tmp_path: Path, victim: Path) 
     with pytest.raises(CaromError, match="is a link"), Folder(study).driving():
         Folder(study).run("case")
     assert untouched(victim)
+
+
+MOVING = """
+[[material]]
+name = "floor"
+[[contact]]
+between = ["ivory", "floor"]
+friction = 0.3
+restitution = 0.0
+[[plane]]
+name = "floor"
+material = "floor"
+point = [0.0, 0.0, -0.2]
+normal = [0.0, 0.0, 1.0]
+motion = { translation = [0.0, 0.0, { expression = "0.01*(1 - cos(12*t))" }] }
+"""
+
+
+@pytest.fixture(scope="module")
+def floored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hostile")
+    (folder / "moving.toml").write_text(SCENARIO.read_text() + MOVING)
+    carom.simulate(str(folder / "moving.toml"), out=folder / "run", until=0.02)
+    return folder / "run"
+
+
+def in_results(change: Callable[[h5py.File], object]) -> Callable[[Path], None]:
+    def alter(run: Path) -> None:
+        with h5py.File(run / "results.h5", "r+") as file:
+            change(file)
+
+    return alter
+
+
+def last_commit(rows: int) -> Callable[[Path], None]:
+    return in_results(lambda file: file["commit"].__setitem__(-1, np.full(7, rows, dtype=np.uint64)))
+
+
+def constant(key: str, value: object) -> Callable[[Path], None]:
+    return in_results(lambda file: file[key].__setitem__(0, value))
+
+
+def junk(run: Path) -> None:
+    data = bytearray((run / "results.h5").read_bytes())
+    third = len(data) // 3
+    data[third : third + len(data) // 50] = b"\xa5" * (len(data) // 50)
+    (run / "results.h5").write_bytes(bytes(data))
+
+
+#: What is altered, and what the message must name.
+HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
+    "2^63 rows": (last_commit(2**63), "/commit"),
+    "2^62 rows": (last_commit(2**62), "/commit"),
+    "one row more": (last_commit(10**6), "rows that count"),
+    "gravity is text": (in_results(lambda f: f.attrs.__setitem__("gravity", "down")), "gravity"),
+    "gravity has 5 numbers": (in_results(lambda f: f.attrs.__setitem__("gravity", np.zeros(5))), "gravity"),
+    "step is 0": (in_results(lambda f: f.attrs.__setitem__("step", 0.0)), "step"),
+    "motion is no JSON": (constant("planes/motion", "{bad"), "/planes/motion"),
+    "motion is a list": (constant("planes/motion", "[1, 2]"), "/planes/motion"),
+    "motion is nested": (constant("planes/motion", "[" * 60000), "/planes/motion"),
+    "motion has no law": (constant("planes/motion", '{"translation": [["x", 1]]}'), "/planes/motion"),
+    "a radius is NaN": (constant("bodies/radius", np.nan), "/bodies/radius"),
+    "no masses": (in_results(lambda f: f.__delitem__("bodies/mass")), "/bodies"),
+    "no places": (in_results(lambda f: f.__delitem__("frames/position")), "/frames/position"),
+    "brackets": (lambda run: (run / "run.json").write_text("[" * 200_000), "run.json"),
+    "junk": (junk, "results.h5"),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_what_others_made_of_a_run_is_refused_with_its_place(
+    floored: Path, tmp_path: Path, what: str
+) -> None:
+    run = Path(shutil.copytree(floored, tmp_path / "run"))
+    alter, named = HOSTILE[what]
+    alter(run)
+    told = {}
+    for command in (("view",), ("check",), ("info",), ("resume", "--until", "0.03")):
+        done = CliRunner().invoke(app, [command[0], str(run), *command[1:]])
+        told[command[0]] = done.stderr
+        assert done.exit_code in (0, 2), done.output  # info reads less
+        assert done.exit_code == 0 or not done.stdout, "half of the output before an error"
+    assert named in told["view"]
+    if not told["resume"]:  # damage behind the checkpoint: computed again, and gone
+        assert carom_says("check", run)[0] == 0, "it went on with damaged results"
+    else:
+        assert "results.h5" in told["resume"] or "run.json" in told["resume"]
+
+
+def test_names_are_shown_and_not_obeyed_by_a_terminal(floored: Path, tmp_path: Path) -> None:
+    run = Path(shutil.copytree(floored, tmp_path / "run"))
+    constant("bodies/name", "\x1b]0;evil\x07\x9b2J\u202ea")(run)
+    about = json.loads((run / "run.json").read_text())
+    about["scenario"]["title"] = "\x1b[31mred"
+    (run / "run.json").write_text(json.dumps(about))
+    for command in (("info",), ("info", "--json"), ("check",), ("plot", "--what", "energies")):
+        code, told = carom_says(command[0], run, *command[1:])
+        assert code in (0, 3), told
+        assert not set("\x1b\x07\x9b\u202e\r") & set(told)

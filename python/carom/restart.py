@@ -155,6 +155,7 @@ def _missing(directory: RunDir, rows: Rows) -> str | None:
         return None
     try:
         segments = Segments(paths, upto=rows)
+        segments.verify()
         segments.close()
     except CaromError as error:
         return str(error)

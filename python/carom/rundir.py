@@ -170,7 +170,7 @@ class RunDir:
         """The content of `run.json`."""
         try:
             content = json.loads(self.about.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise CaromError(f"{self.about} cannot be read: {reason(error)}") from error
         if not isinstance(content, dict):
             raise CaromError(f"{self.about} does not describe a run")

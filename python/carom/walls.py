@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean, quoted
+from carom.hdf5 import first_line
+from carom.record.opening import DAMAGED
 from carom.record.walls import PARAMETERS
 from carom.rotations import rotated, rotated_back
 from carom.tables import UnknownName
@@ -94,7 +96,13 @@ class Wall:
         """ "plane", "rectangle", "disc", "cylinder", "sphere" or "cone"."""
         self.facts = dict(facts)
         """The row of `result.planes` or of `/walls` of the file: point, axis, radius ..."""
-        self.motion = Poses(str(facts.get("motion", "")))
+        try:
+            self.motion = Poses(str(facts.get("motion", "")))
+            self.motion.position(np.zeros(3), np.zeros(1)).reshape(1, 3)
+        except (AttributeError, *DAMAGED) as error:
+            table = "planes" if self.shape == "plane" else "walls"
+            why = f"{quoted(self.name)}: {first_line(error)}"
+            raise result._segments.damage(f"/{table}/motion", why) from error
 
     @property
     def time(self) -> Any:

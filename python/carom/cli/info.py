@@ -62,7 +62,7 @@ def info(run: Run, as_json: Json = False) -> None:
     facts["versions"] = ", ".join(f"{k} {v}" for k, v in facts["versions"].items())
     del facts["being_written"]
     rows = [[key.replace("_", " "), "-" if value is None else str(value)] for key, value in facts.items()]
-    print(table(rows, left=(0, 1)))
+    blocks = [table(rows, left=(0, 1))]
     if len(result.names) <= 20:
         body = result.bodies
         rows = [["body", "radius (m)", "mass (kg)", "inertia (kg m^2)"]]
@@ -70,4 +70,5 @@ def info(run: Run, as_json: Json = False) -> None:
             [n, f"{r:g}", f"{m:g}", f"{i:g}"]
             for n, r, m, i in zip(body["name"], body["radius"], body["mass"], body["inertia"], strict=True)
         ]
-        print("\n" + table(rows))
+        blocks.append(table(rows))
+    print("\n\n".join(blocks))

@@ -6,8 +6,9 @@ import functools
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
-from typing import Any, ParamSpec
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, ParamSpec, TextIO
 
 import typer
 
@@ -16,6 +17,13 @@ from carom.sheets import seconds as seconds
 P = ParamSpec("P")
 
 DONE, CRASH, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
+
+#: What a terminal would obey instead of showing it: control characters, and those that turn the direction of the text.
+CONTROLS = {*range(32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A)} - {
+    ord("\n"),
+    ord("\t"),
+}
+SHOWN = dict.fromkeys(CONTROLS, "\ufffd")
 
 #: Set to see where an error of Carom itself comes from.
 TRACEBACK = "CAROM_TRACEBACK"
@@ -26,31 +34,67 @@ def guarded(command: Callable[P, int | None]) -> Callable[P, None]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> None:
-        as_json = bool(kwargs.get("as_json"))
-        try:
-            code = command(*args, **kwargs) or DONE
-            sys.stdout.flush()
-        except KeyboardInterrupt:
-            code = fail("interrupted", INTERRUPTED, as_json)
-        except BrokenPipeError:
-            # The reader of our output has left (`carom info RUN | head`); nobody wants to hear of it.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            code = DONE
-        except (ValueError, OSError, MemoryError) as error:
-            from carom.errors import CaromError
-
-            if not isinstance(error, (CaromError, OSError, MemoryError)):
-                code = _crashed(error, as_json)
-            else:
-                code = _refused(error, as_json)
-        except Exception as error:
-            if isinstance(error, typer.Exit) or type(error).__module__.split(".")[0] in ("typer", "click"):
-                raise  # usage errors, which typer explains itself
-            code = _crashed(error, as_json)
+        with _printable():
+            code = _run(command, *args, **kwargs)
         _leave_at_once_if_broken(code)
         raise typer.Exit(code)
 
     return wrapped
+
+
+def _run(command: Callable[P, int | None], *args: P.args, **kwargs: P.kwargs) -> int:
+    as_json = bool(kwargs.get("as_json"))
+    try:
+        code = command(*args, **kwargs) or DONE
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = fail("interrupted", INTERRUPTED, as_json)
+    except BrokenPipeError:
+        # The reader of our output has left (`carom info RUN | head`); nobody wants to hear of it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = DONE
+    except (ValueError, OSError, MemoryError) as error:
+        from carom.errors import CaromError
+
+        if not isinstance(error, (CaromError, OSError, MemoryError)):
+            code = _crashed(error, as_json)
+        else:
+            code = _refused(error, as_json)
+    except Exception as error:
+        if isinstance(error, typer.Exit) or type(error).__module__.split(".")[0] in ("typer", "click"):
+            raise  # usage errors, which typer explains itself
+        code = _crashed(error, as_json)
+    return code
+
+
+class Printable:
+    """A stream that shows text and obeys nothing in it: names in files of others may hold escape sequences."""
+
+    def __init__(self, raw: TextIO) -> None:
+        self.raw = raw
+
+    def write(self, text: str) -> int:
+        """Write `text` with a mark for each character that a terminal would obey."""
+        self.raw.write(text.translate(SHOWN))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.raw, name)
+
+
+def bare(stream: TextIO) -> TextIO:
+    """The stream below a `Printable` one, for a bar that moves on the terminal."""
+    return getattr(stream, "raw", stream) if isinstance(stream, Printable) else stream
+
+
+@contextmanager
+def _printable() -> Iterator[None]:
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (Printable(bare(stream)) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
 
 
 def fail(message: str, code: int, as_json: bool = False, **facts: Any) -> int:

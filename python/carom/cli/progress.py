@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from carom.cli.output import bare
+
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
@@ -41,7 +43,7 @@ class ProgressBar:
 
         columns = (BarColumn(bar_width=20), TaskProgressColumn(), TextColumn("{task.fields[facts]}"))
         # No thread of its own: the run says when there is something new.
-        self._bar = Bar(*columns, console=Console(stderr=True), auto_refresh=False, transient=True)
+        self._bar = Bar(*columns, console=Console(file=bare(sys.stderr)), auto_refresh=False, transient=True)
         self._task = self._bar.add_task("", total=now.steps, facts="")
         self._bar.start()
 
@@ -89,6 +91,6 @@ def counting_bar(wanted: bool, what: str) -> Iterator[Callable[[int, int], None]
     from rich.progress import Progress as Bar
 
     columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn(what), TimeRemainingColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(file=bare(sys.stderr)), transient=True) as bar:
         task = bar.add_task("", total=None)
         yield lambda done, known: bar.update(task, completed=done, total=known)

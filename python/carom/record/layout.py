@@ -24,6 +24,9 @@ ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
 #: The one column whose rows are not the rows of its table: histories of several contact problems, end to end.
 VALUES = ("residuals", "value")
 
+#: Groups of what does not change in a run; `walls` are there if there are others than planes.
+STATIC = ("bodies", "planes", "walls")
+
 #: Columns of static tables that hold text.
 TEXTS = ("name", "shape", "motion")
 
@@ -57,6 +60,23 @@ def count(block: Mapping[str, Any]) -> Rows:
     counts = {table: len(block[table]["gap" if table == "contacts" else "step"]) for table in tables(block)}
     return Rows(**counts, values=len(block["residuals"]["value"]))
 
+
+#: Attributes of a file that are numbers, with their shapes: finite, and the first three are there.
+ATTRIBUTES: dict[str, tuple[int, ...]] = {
+    "step": (),
+    "every": (),
+    "gravity": (3,),
+    "start_step": (),
+    "periodic": (3,),
+    "periodic_origin": (3,),
+}
+NEEDED = ("step", "every", "gravity")
+
+#: Columns of bodies that are above 0.
+POSITIVE = ("radius", "mass", "inertia")
+
+#: Columns of static tables that a file may be without.
+OPTIONAL = {"motion"}
 
 #: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.
 AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2}

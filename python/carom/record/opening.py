@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.files import regular
 from carom.hdf5 import Untrusted, child, dataset, first_line
-from carom.record.layout import FORMAT, MEANINGS, TABLES, VALUES, Rows, tables
+from carom.record.layout import ATTRIBUTES, FORMAT, MEANINGS, NEEDED, TABLES, VALUES, Rows, tables
 
 #: What h5py raises over damaged files.
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError)
@@ -31,6 +31,8 @@ HEAD, SIGNATURE = 48, b"\x89HDF\r\n\x1a\n"
 #: Bytes that may be missing at the end of a file whose writer was killed: announced and never used. The library
 #: writes the announcement last.
 MISSING_END = 4096
+#: Rows of a table: no file has more, and sums of so many fit an index.
+MOST_ROWS = 2**53
 #: Times that metadata are read in the hope that a living writer completes them; the pauses add up to half a second.
 READ_ATTEMPTS = 29
 #: Seconds that a living writer is given to write what it has announced.
@@ -159,6 +161,16 @@ def _holds_what_counts(file: h5py.File, size: int) -> bool:
     return _reaches(file["commit"], len(file["commit"]), size)
 
 
+def reaches(column: h5py.Dataset, rows: int) -> None:
+    """Raise if the first `rows` rows of a column do not all lie in its file."""
+    try:
+        if _reaches(column, rows, os.path.getsize(column.file.filename)):
+            return
+    except DAMAGED as error:
+        raise damaged(column.file, column.name, error) from error
+    raise damaged(column.file, column.name, f"not all of the {rows} rows that count are there")
+
+
 def _reaches(column: h5py.Dataset, rows: int, size: int) -> bool:
     """Whether the first `rows` rows of a column lie in the first `size` bytes of its file."""
     if rows == 0:
@@ -230,6 +242,27 @@ def static_of(file: h5py.File, key: str, text: bool) -> NDArray[Any]:
         raise damaged(file, f"/{key}", error) from error
 
 
+def attributes_of(file: h5py.File) -> dict[str, Any]:
+    """The attributes of a file; those that are numbers as the layout says."""
+    try:
+        found = dict(file.attrs)
+        for name in (*NEEDED, *(name for name in ATTRIBUTES if name in found)):
+            value = np.asarray(found[name])
+            if (
+                value.dtype.kind not in "iuf"
+                or value.shape != ATTRIBUTES[name]
+                or not np.isfinite(value).all()
+            ):
+                raise ValueError(
+                    f"{name} is not {'3 finite numbers' if ATTRIBUTES[name] else 'a finite number'}"
+                )
+        if not (found["step"] > 0 and found["every"] >= 1):
+            raise ValueError("step and every are above 0")
+    except DAMAGED as error:
+        raise damaged(file, "its attributes", error) from error
+    return found
+
+
 def first_rows(file: h5py.File) -> Rows:
     """How many rows earlier segments have."""
     try:
@@ -249,6 +282,6 @@ def written(file: h5py.File) -> Rows:
 
 def _rows(numbers: Any) -> Rows:
     found = Rows(*(int(n) for n in numbers))
-    if min(found) < 0:
-        raise ValueError(f"{min(found)} rows")
+    if min(found) < 0 or max(found) > MOST_ROWS:
+        raise ValueError(f"{min(found) if min(found) < 0 else max(found)} rows")
     return found

@@ -11,13 +11,15 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.record.layout import TEXTS, VALUES, Rows
+from carom.record.layout import MEANINGS, OPTIONAL, POSITIVE, STATIC, TEXTS, VALUES, Rows, tables
 from carom.record.opening import (
     DAMAGED,
+    attributes_of,
     column_of,
     damaged,
     first_rows,
     open_results,
+    reaches,
     read_rows,
     static_of,
     table_of,
@@ -167,10 +169,7 @@ class Segments:
     @property
     def attributes(self) -> Mapping[str, Any]:
         """Attributes of the first segment: gravity, step, versions."""
-        try:
-            return dict(self._files[0].attrs)
-        except DAMAGED as error:
-            raise damaged(self._files[0], "its attributes", error) from error
+        return attributes_of(self._files[0])
 
     def columns(self, table: str) -> list[str]:
         """Names of the columns of a table; none of one that the run has not."""
@@ -206,9 +205,23 @@ class Segments:
         if group is None:
             return {"name": np.zeros(0, dtype=object)}
         columns = {name: static_of(self._files[0], f"{table}/{name}", name in TEXTS) for name in group}
-        if "name" not in columns or len({len(values) for values in columns.values()}) > 1:
-            raise damaged(self._files[0], f"/{table}", "its columns differ in length, or name is missing")
+        needed = {key.removeprefix(f"{table}/") for key in MEANINGS if key.startswith(f"{table}/")} - OPTIONAL
+        if needed - columns.keys() or len({len(values) for values in columns.values()}) > 1:
+            raise damaged(self._files[0], f"/{table}", "its columns differ in length, or one is missing")
+        for name in POSITIVE:
+            if table == "bodies" and not np.all(np.isfinite(columns[name]) & (columns[name] > 0)):
+                raise damaged(self._files[0], f"/{table}/{name}", "not all are above 0")
         return columns
+
+    def verify(self) -> None:
+        """Raise if a part that counts cannot be read; where the values lie is looked at, the values are not."""
+        _ = self.attributes
+        for table in STATIC:
+            self.static(table)
+        for table in tables(self._files[0]):
+            for name in self.columns(table):
+                for part, rows in self.column(table, name)._parts:
+                    reaches(part, rows)
 
     def damage(self, place: str, cause: str) -> CaromError:
         """What is said of a table that contradicts itself."""
