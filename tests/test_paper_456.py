@@ -249,7 +249,7 @@ def test_a_trace_keeps_states_and_reports() -> None:
 
 def test_residual_histories_go_on_over_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = trace(s54_study.scene("frictional"), until=0.34)
-    monkeypatch.setattr("carom.paper.memory.BLOCK", 7)
+    monkeypatch.setattr("carom.drive.BLOCK_STEPS", 7)
     pieces = trace(s54_study.scene("frictional"), until=0.34)
     for step in (1, 284, 329):
         for a, b in zip(whole.histories(step, "position"), pieces.histories(step, "position"), strict=True):

@@ -16,7 +16,9 @@ from typing import Any
 
 import carom
 import numpy as np
-from carom import _core
+from carom.drive import Plan, advance, begin
+from carom.record import Memory
+from carom.sinks import Instants, Recorder
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
@@ -24,8 +26,6 @@ Model = Mapping[str, Any]
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = ROOT / "scenarios" / "paper"
-#: Steps in one call of the core: what it reports of every step is dropped before it fills memory.
-BLOCK = 5000
 
 
 def model_of(scenario: str, **options: Any) -> dict[str, Any]:
@@ -68,29 +68,31 @@ def run(
     `steps` are further step numbers whose states are kept, in `states`.
     """
     model = model_of(scenario, step=h, **options)
-    simulation = _core.Simulation(model)
     wanted = [round(t / h) for t in times]
     off = [t for t, n in zip(times, wanted, strict=True) if abs(n * h - t) > 1e-9 * t]
     if off:
         raise ValueError(f"h = {h:g} s does not reach t = {off} s in whole steps")
-    at: dict[int, dict[str, F64]] = {}
-    impacts: dict[str, list[NDArray[Any]]] = {}
-    height = np.full(len(model["radius"]), -math.inf if heights_until else math.nan)
-    outcome = None
-    for target in sorted({*wanted, *steps}):
-        while simulation.step < target and outcome is None:
-            every = int(simulation.time < heights_until)
-            block = simulation.advance(min(BLOCK, target - simulation.step), every, False, math.inf)
-            outcome = block["outcome"]
-            for key, column in block["impacts"].items():
-                impacts.setdefault(key, []).append(np.asarray(column))
-            kept = np.asarray(block["frames"]["time"]) <= heights_until
-            if every and kept.any():
-                height = np.maximum(height, np.max(block["frames"]["position"][kept, :, 2], axis=0))
-        at[target] = simulation.frame()
-    joined = {key: np.concatenate(columns) for key, columns in impacts.items()}
-    states = {n: at[n] for n in steps}
-    return Run(h, [at[n] for n in wanted], simulation.monitors(), joined, height, outcome, states)
+    simulation, kept, memory = begin(model), Instants([*wanted, *steps]), Memory(keep=("impacts",))
+    plan = Plan(int(kept.steps[-1]), kept.every, h, False)
+    flight = Instants(range(1, math.floor(heights_until / h * (1 + 1e-12)) + 1))
+    sinks = [kept, flight, Recorder(memory, plan, len(model["radius"]))]
+    for sink in sinks:
+        sink.start(simulation)
+    ending = advance(simulation, len(flight.steps), 1, sinks)
+    if ending.kind == "done":
+        ending = advance(simulation, plan.steps, plan.every, sinks)
+    memory.commit()
+    height = np.max(flight.frames["position"][:, :, 2], axis=0, initial=-math.inf)
+    at = {n: {key: values[row] for key, values in kept.frames.items()} for row, n in enumerate(kept.steps)}
+    return Run(
+        h,
+        [at[n] for n in wanted],
+        simulation.monitors(),
+        memory.table("impacts"),
+        height if heights_until else np.full_like(height, math.nan),
+        None if ending.kind == "done" else ending.outcome,
+        {n: at[n] for n in steps},
+    )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
@@ -79,6 +79,35 @@ def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) ->
         else:
             columns[name] = np.asarray(frame[name])[np.newaxis].astype(values.dtype)
     return {**block, "frames": columns}
+
+
+#: The quantities of a state.
+STATE = ("time", "position", "orientation", "velocity", "angular_velocity")
+
+
+class Instants(Sink):
+    """Keeps the states after chosen `steps`, in `frames["position"]` (T, N, 3) and others: NaN where one is not reached.
+
+    Frames are to be taken after each `every` steps.
+    """
+
+    def __init__(self, steps: Iterable[int]) -> None:
+        self.steps = np.unique(np.fromiter(steps, np.int64))
+        self.every = int(np.gcd.reduce(self.steps))
+        self.frames: dict[str, Any] = {}
+
+    def start(self, simulation: Simulation) -> None:
+        first = simulation.frame()
+        for key in STATE:
+            self.frames[key] = np.full((len(self.steps), *np.shape(first[key])), np.nan)
+            self.frames[key][self.steps == simulation.step] = first[key]
+
+    def take(self, simulation: Simulation, block: Block) -> None:
+        reached = np.asarray(block["frames"]["step"], dtype=np.int64)
+        kept = np.isin(reached, self.steps)
+        rows = np.searchsorted(self.steps, reached[kept])
+        for key, values in self.frames.items():
+            values[rows] = np.asarray(block["frames"][key])[kept]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import os
 import threading
-import time as clock
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,9 +20,11 @@ from numpy.typing import NDArray
 
 from carom import summary
 from carom.convergence import FINER, Order, clear_order, doubts, error_of
+from carom.drive import Plan, begin, drive
 from carom.errors import CaromError
 from carom.quantity import QUANTITIES, Quantity
 from carom.sheets import of_convergence, titled
+from carom.sinks import Instants
 from carom.truth import Formulas, Frames, Function, Truth
 
 if TYPE_CHECKING:
@@ -39,8 +40,6 @@ I64 = NDArray[np.int64]
 DEFAULT = ("position", "velocity", "angular_velocity")
 #: Instants of one run that enter eq. 45, and numbers of their states, at most.
 MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000
-#: Steps in one call of the core, and seconds after which it returns: reports are dropped before they fill memory.
-BLOCK, BLOCK_SECONDS = 10_000, 0.2
 
 
 @dataclass(frozen=True)
@@ -290,29 +289,15 @@ def _run(
     model: Mapping[str, Any], h: float, numbers: I64, stop: threading.Event
 ) -> tuple[dict[str, F64], StepRun]:
     """States after the steps `numbers`, each (T, N, components); NaN for those that were not reached."""
-    from carom import _core
-
-    simulation = _core.Simulation(dict(model))
-    every = int(np.gcd.reduce(numbers))
-    first = simulation.frame()
-    states = {key: np.full((len(numbers), *np.shape(first[key])), np.nan) for key in QUANTITIES}
-    if numbers[0] == 0:
-        for key in QUANTITIES:
-            states[key][0] = first[key]
-    outcome, core_s = "done", 0.0
-    while outcome == "done" and simulation.step < numbers[-1] and not stop.is_set():
-        count = min(BLOCK, int(numbers[-1]) - simulation.step)
-        start = clock.perf_counter()
-        block = simulation.advance(count, every, False, BLOCK_SECONDS)
-        core_s += clock.perf_counter() - start
-        reached = np.asarray(block["frames"]["step"], dtype=np.int64)
-        kept = np.isin(reached, numbers)
-        rows = np.searchsorted(numbers, reached[kept])
-        for key in QUANTITIES:
-            states[key][rows] = np.asarray(block["frames"][key])[kept]
-        if block["outcome"] is not None:
-            outcome = str(block["outcome"]["kind"])
+    simulation, kept = begin(model), Instants(numbers)
+    ending = drive(simulation, Plan(int(numbers[-1]), kept.every, h, False), [kept], stop.is_set)
     totals = simulation.monitors()
-    return states, StepRun(
-        h, simulation.step, outcome, int(totals["unconverged"]), float(totals["penetration_max"]), core_s
+    run = StepRun(
+        h,
+        simulation.step,
+        ending.kind,
+        int(totals["unconverged"]),
+        float(totals["penetration_max"]),
+        ending.core_s,
     )
+    return {key: kept.frames[key] for key in QUANTITIES}, run

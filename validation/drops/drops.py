@@ -32,7 +32,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
-from carom import _core
+from carom.drive import advance, begin
 from common import table
 
 RADIUS = 5e-3
@@ -98,22 +98,22 @@ def scene(balls: int, seed: int, kind: Kind = WIDE, **options: Any) -> carom.Sce
 
 def drop(balls: int, seed: int, kind: Kind = WIDE, **options: Any) -> dict[str, Any]:
     """One drop to its last step, or as far as it comes."""
-    simulation = _core.Simulation(scene(balls, seed, kind, **options).to_model())
-    begin = time.process_time()
-    outcome = simulation.advance(kind.steps, 0, False, 1e9)["outcome"]
+    simulation = begin(scene(balls, seed, kind, **options).to_model())
+    start = time.process_time()
+    ending = advance(simulation, kind.steps, 0, [])
     m = simulation.monitors()
     return {
         "balls": balls,
         "seed": seed,
         "steps": int(simulation.step),
-        "outcome": None if outcome is None else str(outcome),
+        "outcome": None if ending.kind == "done" else str(ending.outcome),
         "unconverged": int(m["unconverged"]),
         "fallbacks": int(m["fallbacks"]),
         "truncated": int(m["truncated_sequences"]),
         "halvings": int(m["halvings"]),
         "overlap": float(m["penetration_max_relative"]),
         "rise": float(m["energy"]["max_rise_relative"]),
-        "cpu_s": time.process_time() - begin,
+        "cpu_s": time.process_time() - start,
     }
 
 

@@ -6,8 +6,6 @@ the core as arrays.
 
 from __future__ import annotations
 
-import math
-import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,9 +14,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from carom import _core
+from carom.drive import Plan, advance, begin, drive
 from carom.errors import CaromError
 from carom.paper.document import NotConverged
+from carom.record import Memory
+from carom.sinks import Instants, Recorder
 
 if TYPE_CHECKING:
     from carom.paper.document import Iterations
@@ -26,10 +26,7 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 Table = dict[str, NDArray[Any]]
-#: Steps in one call of the core: its reports of every step are dropped or joined before they fill memory.
-BLOCK = 10_000
 LEVELS = {"position": 1, "velocity": 2}
-STATE = ("time", "position", "orientation", "velocity", "angular_velocity")
 
 
 @dataclass(frozen=True)
@@ -107,40 +104,22 @@ def trace(
     end = max(at) if at else (until if until is not None else scene.run.until)
     if end is None:
         raise CaromError("how long to run? give until, or let the scenario say it")
-    chosen = sorted({_step(t, h) for t in at}) if at is not None else None
-    simulation = _core.Simulation(scene.to_model())
-    kept: list[dict[str, NDArray[Any]]] = [_row(simulation)]
-    tables: dict[str, list[Table]] = {"steps": [], "impacts": [], "residuals": []}
-    core_s = 0.0
-    for target in chosen if chosen is not None else [_step(end, h)]:
-        while simulation.step < target:
-            count = min(BLOCK, target - simulation.step)
-            start = clock.perf_counter()
-            block = simulation.advance(count, int(chosen is None), False, math.inf)
-            core_s += clock.perf_counter() - start
-            if block["outcome"] is not None:
-                raise NotConverged(f"{scene.title}, h = {h:g} s: the run stopped, {block['outcome']}")
-            tables["impacts"].append(block["impacts"])
-            if chosen is None:
-                kept.append({key: np.asarray(block["frames"][key]) for key in STATE})
-                tables["steps"].append(block["steps"])
-                tables["residuals"].append(_from(block["residuals"], tables["residuals"]))
-        if chosen is not None and target > 0:
-            kept.append(_row(simulation))
-    state: dict[str, F64] = {key: np.concatenate([row[key] for row in kept]) for key in STATE}
+    simulation, steps = begin(scene.to_model()), _step(end, h)
+    chosen = Instants(range(steps + 1) if at is None else [0, *(_step(t, h) for t in at)])
+    memory = Memory(keep=("steps", "impacts", "residuals") if at is None else ("impacts",))
+    plan = Plan(steps, chosen.every, h, False)
+    ending = drive(simulation, plan, [chosen, Recorder(memory, plan, len(scene.names))])
+    if ending.kind != "done":
+        raise NotConverged(f"{scene.title}, h = {h:g} s: the run stopped, {ending.outcome}")
     return Trace(
         h=h,
-        time=state["time"],
-        position=state["position"],
-        orientation=state["orientation"],
-        velocity=state["velocity"],
-        angular_velocity=state["angular_velocity"],
-        steps=_joined(tables["steps"]),
-        impacts=_joined(tables["impacts"]),
-        residuals=_joined(tables["residuals"]),
+        **chosen.frames,
+        steps=memory.table("steps"),
+        impacts=memory.table("impacts"),
+        residuals=memory.table("residuals"),
         monitors=simulation.monitors(),
         names=tuple(scene.names),
-        core_s=core_s,
+        core_s=ending.core_s,
     )
 
 
@@ -151,13 +130,10 @@ def timed(scene: Scene, runs: int, **run: Any) -> float:
     steps, model = _step(scene.run.until, scene.run.step), scene.to_model()
 
     def once() -> float:
-        simulation = _core.Simulation(model)
-        start = clock.perf_counter()
-        while simulation.step < steps:
-            block = simulation.advance(min(BLOCK, steps - simulation.step), 0, False, math.inf)
-            if block["outcome"] is not None:
-                raise NotConverged(f"{scene.title}: the run stopped, {block['outcome']}")
-        return clock.perf_counter() - start
+        ending = advance(begin(model), steps, 0, [])
+        if ending.kind != "done":
+            raise NotConverged(f"{scene.title}: the run stopped, {ending.outcome}")
+        return ending.core_s
 
     return min(once() for _ in range(runs))
 
@@ -167,18 +143,3 @@ def _step(t: float, h: float) -> int:
     if abs(n * h - t) > 1e-9 * max(t, h):
         raise CaromError(f"h = {h:g} s does not reach t = {t:g} s in whole steps")
     return n
-
-
-def _row(simulation: _core.Simulation) -> dict[str, NDArray[Any]]:
-    return {key: np.asarray(value)[np.newaxis] for key, value in simulation.frame().items()}
-
-
-def _from(residuals: dict[str, Any], earlier: list[Table]) -> Table:
-    """The residuals of a block with `end` counted from the start of the run."""
-    return {**residuals, "end": residuals["end"] + np.uint64(sum(len(t["value"]) for t in earlier))}
-
-
-def _joined(parts: list[Table]) -> Table:
-    if not parts:
-        return {}
-    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}

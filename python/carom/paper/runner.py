@@ -22,6 +22,7 @@ from typing import Any
 from carom.errors import CaromError, one_line
 from carom.paper import examples
 from carom.paper.document import Context, Example, Figure, NotConverged, Row
+from carom.run import RunFailed
 
 #: Section or appendix -> module with `reproduce`, and `PARTS` if it has heavy ones.
 MODULES = {name: f"{examples.__name__}.{module}" for name, module in examples.NAMES.items()}
@@ -44,7 +45,7 @@ class Failure:
         place = f"{Path(own[-1].filename).name}, line {own[-1].lineno}" if own else ""
         # What a person is to mend needs no name of a class.
         kind = "" if isinstance(error, CaromError) else f"{type(error).__name__}: "
-        return cls(example, one_line(f"{kind}{error}"), place, isinstance(error, NotConverged))
+        return cls(example, one_line(f"{kind}{error}"), place, isinstance(error, NotConverged | RunFailed))
 
 
 @dataclass(frozen=True)

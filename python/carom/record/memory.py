@@ -14,7 +14,8 @@ from carom.errors import CaromError
 from carom.record.layout import ENDS, EVENTS, MEANINGS, TABLES, TEXTS, Meaning, Rows, count, tables
 from carom.record.reader import Column
 
-#: Blocks that wait before their columns are joined: a run of single steps would otherwise hold millions of small arrays.
+#: Blocks that wait before their columns are joined, and steps of a block that does not wait: a run of single steps would
+#: otherwise hold millions of small arrays, and a long one tables that are not kept.
 BLOCKS = 1000
 
 
@@ -34,7 +35,7 @@ class Memory:
         self._pending.append(block)
         if len(steps := block["frames"]["step"]):
             self.last_frame = int(steps[-1])
-        if len(self._pending) >= BLOCKS:
+        if max(len(self._pending), len(block["steps"]["step"])) >= BLOCKS:
             self.commit()
 
     def commit(self) -> Rows:
@@ -68,12 +69,13 @@ class Memory:
         }
         return found
 
+    def table(self, table: str) -> dict[str, NDArray[Any]]:
+        """All columns of a table."""
+        return {name: np.asarray(self.column(table, name)) for name in self.columns(table)}
+
     def blocks(self) -> dict[str, dict[str, NDArray[Any]]]:
         """All of it as one block."""
-        return {
-            table: {name: np.asarray(self.column(table, name)) for name in columns}
-            for table, columns in self._parts.items()
-        }
+        return {table: self.table(table) for table in self._parts}
 
     @property
     def attributes(self) -> Mapping[str, Any]:

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carom import _core
 from carom.convergence import Order, error_of, order_of
+from carom.drive import Plan, advance, begin, drive
 from carom.paper import study
 from carom.paper.analytic.approach import Approach
 from carom.paper.analytic.generalized_alpha import GeneralizedAlpha, radius_of, scaled
 from carom.paper.document import Context, Curve, Example, Figure, NotConverged, Row
 from carom.paper.memory import trace
+from carom.record import Memory
 from carom.scene import Scene
+from carom.sinks import Recorder
+
+if TYPE_CHECKING:
+    from carom._core import Simulation
 
 F64 = NDArray[np.float64]
 
@@ -69,7 +74,7 @@ def _omega(model: dict[str, Any]) -> float:
 def _start() -> list[Row]:
     """Lines 2 and 3: v'_0 from the loads, a_0 = v'_0."""
     model = scene(OSCILLATOR).to_model()
-    state = _core.Simulation(model).state()
+    state = begin(model).state()
     exact = -(_omega(model) ** 2) * float(model["position"][0][0])
     what = {"lines 1-2: v'_0 of the oscillator": "acceleration", "line 3: a_0 of the oscillator": "pseudo"}
     return [
@@ -82,13 +87,13 @@ def _recursion(rho: float) -> Row:
     """Lines 5 to 20 and 41: q, v and a of a period against the same recursion as a matrix."""
     balls = scene(OSCILLATOR).with_options(spectral_radius=rho)
     model, h = balls.to_model(), balls.run.step
-    simulation, omega = _core.Simulation(model), _omega(balls.to_model())
+    simulation, omega = begin(model), _omega(model)
     matrix = GeneralizedAlpha(rho).step(h, omega)
     q = float(model["position"][0][0])
     state, worst = np.array([q, 0.0, -(omega**2) * q]), 0.0
     units = q * np.array([1.0, omega, omega**2])
-    for _ in range(round(1 / h)):
-        simulation.advance(1, 0, False, np.inf)
+    for step in range(round(1 / h)):
+        advance(simulation, step + 1, 0, [])
         state = matrix @ state
         worst = max(worst, float(np.max(np.abs(_read(simulation) - state) / units)))
     name = f"lines 5-20, 41: q, v, a over a period of the oscillator, rho_inf = {rho:g}"
@@ -102,7 +107,7 @@ def _recursion(rho: float) -> Row:
     )
 
 
-def _read(simulation: _core.Simulation) -> F64:
+def _read(simulation: Simulation) -> F64:
     """(q, v, a) of the ball along x."""
     state = simulation.state()
     return np.array([state["position"][0, 0], state["velocity"][0, 0], state["pseudo"][0, 0]])
@@ -137,7 +142,7 @@ def amplification(rho: float, h_omega: float) -> F64:
     model = balls.with_options(spectral_radius=rho, step=h, until=h, max_halvings=0).to_model()
     columns = []
     for unit in np.eye(3):
-        simulation = _core.Simulation(model)
+        simulation = begin(model)
         state = simulation.state()
         q, v, a = size * unit / np.array([1.0, h, h * h])
         for key, value in (
@@ -148,9 +153,9 @@ def amplification(rho: float, h_omega: float) -> F64:
         ):
             state[key][0, 0] = value
         simulation.restore(state)
-        block = simulation.advance(1, 0, False, np.inf)
-        if block["outcome"] is not None:
-            raise NotConverged(f"a step of the oscillator with h omega = {h_omega:g}: {block['outcome']}")
+        ending = advance(simulation, 1, 0, [])
+        if ending.kind != "done":
+            raise NotConverged(f"a step of the oscillator with h omega = {h_omega:g}: {ending.outcome}")
         columns.append(_read(simulation) * np.array([1.0, h, h * h]) / size)
     return np.array(columns).T
 
@@ -208,9 +213,10 @@ def _corrections() -> list[Row]:
     """The first step of section 5.4: ball 1 slides, ball 2 rests. Both corrections have closed forms."""
     balls = scene(BALLS, "frictional").with_options(tolerance=1e-12)
     model, h = balls.to_model(), balls.run.step
-    simulation = _core.Simulation(model)
-    block = simulation.advance(1, 1, True, np.inf)
-    contacts, frame = block["contacts"], simulation.frame()
+    simulation, memory = begin(model), Memory()
+    plan = Plan(1, 1, h, contacts=True)
+    drive(simulation, plan, [Recorder(memory, plan, len(model["mass"]))])
+    contacts, frame = memory.table("contacts"), simulation.frame()
     mass, g, v0 = float(model["mass"][1]), -float(model["gravity"][2]), float(model["velocity"][0][0])
     spheres = len(model["mass"])
     [resting] = np.flatnonzero((contacts["body"] == [1, spheres]).all(axis=1))

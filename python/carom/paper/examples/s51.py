@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carom import _core
 from carom.convergence import error_of, order_of
 from carom.paper import study
 from carom.paper.analytic.sphere_pair import SpherePair
-from carom.paper.document import Context, Curve, Example, Figure, NotConverged, Row
+from carom.paper.document import Context, Curve, Example, Figure, Row
 from carom.paper.memory import Trace, trace
+from carom.run import simulate
 from carom.scene import Scene
 
 F64 = NDArray[np.float64]
@@ -102,17 +100,12 @@ def angle(run: Trace, body: str) -> F64:
 
 def contact_forces(tolerance: float) -> F64:
     """Middle of every step (s), normal and friction force in it (N), (steps, 3): impulses over h, at the paper's h."""
-    spheres = scene().with_options(tolerance=tolerance, step=H)
-    simulation = _core.Simulation(spheres.to_model())
-    block: dict[str, Any] = dict(simulation.advance(round(UNTIL / H), 1, True, math.inf))
-    if block["outcome"] is not None:
-        raise NotConverged(f"{spheres.title}: the run stopped, {block['outcome']}")
-    contacts, frames = block["contacts"], block["frames"]
-    owner = np.searchsorted(frames["contact_end"], np.arange(len(contacts["impulse"])), side="right")
+    run = simulate(scene(), tolerance=tolerance, step=H, until=UNTIL, every=1, contacts=True)
+    contacts = run.contacts
     impulse, normal = contacts["impulse"], contacts["normal"]
     along = np.einsum("ci,ci->c", impulse, normal)
     across = np.linalg.norm(impulse - along[:, np.newaxis] * normal, axis=1)
-    return np.column_stack([frames["time"][owner] - H / 2, along / H, across / H])
+    return np.column_stack([contacts["time"] - H / 2, along / H, across / H])
 
 
 def _point(h: float, tolerance: float) -> Point:
