@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError
+from carom.view.live import HOST
 from carom.view.live_shapes import ball_halves
 
 
@@ -91,3 +93,47 @@ def _frames(run: Path) -> int:
                 return len(result.time)
     except (CaromError, OSError):
         return 0
+
+
+def test_who_does_not_know_the_address_gets_no_answer(tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="needs viser (extra live)")
+    import viser
+    from carom.view.live import Live
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    scene = Path(carom.__file__).parent / "scenarios" / "three_balls.toml"
+    carom.simulate(str(scene), out=tmp_path / "run")
+    with Live(tmp_path / "run", port=0) as live:
+        bare, token = live.url.rstrip("/").rsplit("/", 1)
+        host = bare.removeprefix("http://")
+        port = host.rpartition(":")[2]
+
+        def page(url: str, **headers: str) -> int:
+            try:
+                with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
+                    assert b"<html" in answer.read()
+                    return int(answer.status)
+            except urllib.error.HTTPError as error:
+                return error.code
+
+        def socket(path: str, **headers: str) -> int:
+            try:
+                with connect(
+                    f"ws://{host}{path}",
+                    subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+                    additional_headers=headers,
+                ) as opened:
+                    return 101 if opened.recv(timeout=5) else 0
+            except InvalidStatus as error:
+                return error.response.status_code
+
+        assert (page(live.url), socket(f"/{token}")) == (200, 101)
+        assert (page(f"http://localhost:{port}/{token}/"), socket(f"/{token}", Origin=bare)) == (200, 101)
+        assert [page(bare + path) for path in ("", "/", "/index.html", f"/{token}x/", f"/x?{token}")] == [
+            403
+        ] * 5
+        assert [page(live.url, Host=name) for name in ("evil.example", f"evil.example:{port}")] == [403] * 2
+        assert [socket(path) for path in ("", "/", "/x", f"/?{token}")] == [403] * 4
+        for origin in ("http://evil.example", f"http://{HOST}:1", "null", f"https://{host}.evil.example"):
+            assert socket(f"/{token}", Origin=origin) == 403

@@ -1,11 +1,12 @@
 """A run while it is being computed, in a browser on this machine: `carom view RUN --live`, and in notebooks.
 
-The server is viser's (extra `live`), bound to the loopback address: nobody else can reach it. It looks at the run directory
-from time to time, as any other reader of a run does; the simulation knows nothing of it.
+The server is viser's (extra `live`), bound to the loopback address, and answers who knows its address (`gate`). It looks at
+the run directory from time to time, as any other reader of a run does; the simulation knows nothing of it.
 """
 
 from __future__ import annotations
 
+import secrets
 import threading
 import warnings
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from carom.errors import CaromError
 from carom.packing.neighbours import folded
 from carom.rotations import upward
 from carom.surfaces import surfaces
+from carom.view.gate import gated
 from carom.view.live_shapes import ball_halves
 from carom.view.scenery import bounds, held, period
 
@@ -62,8 +64,10 @@ class Live:
         if len(self._result.time) == 0:
             raise CaromError(f"{self._path} has no frame yet; wait until the run has begun")
         self.notes: tuple[str, ...] = ()
+        self._token = secrets.token_urlsafe(16)
         try:
-            self._server: Any = viser.ViserServer(host=HOST, port=port, verbose=False, label=self._title)
+            with gated(self._token):
+                self._server: Any = viser.ViserServer(host=HOST, port=port, verbose=False, label=self._title)
         except OSError as error:
             raise CaromError(
                 f"port {port} cannot be used ({error}); give another with --port (port=)"
@@ -77,8 +81,8 @@ class Live:
 
     @property
     def url(self) -> str:
-        """Where to look."""
-        return f"http://{HOST}:{self._server.get_port()}"
+        """Where to look. Who does not know it gets no answer."""
+        return f"http://{HOST}:{self._server.get_port()}/{self._token}/"
 
     @property
     def frames(self) -> int:

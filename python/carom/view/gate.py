@@ -1,0 +1,51 @@
+"""Who may talk to the live view: whoever knows its address.
+
+A server on the loopback address is open to every page that the browser shows. A foreign page can open a WebSocket to it,
+and, by a name that it lets point here (DNS rebinding), read its pages. Thus each request must name this machine as host,
+come from a page of this server if it says where it comes from, and have the token of the address as first part of its path.
+"""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from carom.errors import CaromError
+
+NAMES = ("127.0.0.1", "localhost")
+
+
+@contextmanager
+def gated(token: str) -> Iterator[None]:
+    """Within it a server of viser is made that answers by these rules: viser has no place for rules of others."""
+    from websockets.asyncio import server
+
+    original, used = server.serve, []
+
+    def serve(*args: Any, process_request: Any = None, **options: Any) -> Any:
+        used.append(True)
+        return original(*args, process_request=partial(_judged, token, process_request), **options)
+
+    server.serve = serve  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        server.serve = original  # type: ignore[misc]
+    if not used:
+        raise CaromError("this version of viser serves in a way that Carom cannot guard; install viser 1.1")
+
+
+def _judged(token: str, answer: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
+    """What is answered to a request: None to open a WebSocket."""
+    here = [f"{name}:{connection.local_address[1]}" for name in NAMES]
+    hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+    known = len(hosts) == 1 and hosts[0] in here
+    own = all(origin.removeprefix("http://") in here for origin in origins)
+    given, _, rest = request.path.lstrip("/").partition("?")[0].partition("/")
+    if not (known and own and hmac.compare_digest(given.encode(), token.encode())):
+        return connection.respond(403, "Forbidden: open the address that `carom view --live` printed.\n")
+    return answer(connection, replace(request, path=f"/{rest}"))
