@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.about import checked
+from carom.drive import identify
 from carom.errors import CaromError, counted
 from carom.frames import Frames, Selection, chosen_bodies, chosen_frames
 from carom.record import Column, Memory, Record, Segments, Writer
@@ -362,6 +363,7 @@ class Result(Frames):
         """Write a result in memory to a new directory."""
         assert isinstance(self._segments, Memory)
         about = copy.deepcopy(self._about)
+        about["scenario"]["identity"] = identify(self.scene.to_model())
         with directory.writing():
             directory.write_scenario(self.scenario)
             writer = Writer(

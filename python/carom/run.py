@@ -219,6 +219,7 @@ def launch(
     with directory.writing():
         try:
             directory.write_scenario(run.scene.to_toml(resolved=True))
+            run.about["scenario"]["identity"] = identify(run.model)
             directory.write(run.about)
             writer = run.writer(directory)
         except BaseException:
@@ -334,10 +335,9 @@ class Run:
                 "title": scene.title,
                 "file": source and Path(source).name,
                 **variant,
-                "identity": identify(self.model),
             },
             "seed": getattr(scene, "seed", None),
-            "versions": summary.versions(),
+            "versions": dict(summary.versions()),
             "created": now(),
             "segments": [],
         }

@@ -7,7 +7,6 @@ mm"`.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from carom.scenario.arrays import resolved_tree, to_arrays, walls, with_packings
 from carom.scenario.attaching import Attacher
 from carom.scenario.balls import Generator, Sphere
 from carom.scenario.billiard import BilliardTable
-from carom.scenario.building import Number, Vector, make
+from carom.scenario.building import Number, Vector, make, own
 from carom.scenario.checks import Parts, check, steps
 from carom.scenario.dump import to_text
 from carom.scenario.flow import Inflow
@@ -124,9 +123,7 @@ class Scene(Waller, Attacher, Taker):
 
     def resolved(self) -> Scene:
         """A copy that nothing done to this scene changes, with nothing left to defaults or to chance: `Result.scene`."""
-        tree = resolved_tree(self._tree)
-        functions = {id(place.function): place.function for place in tree.load_function}
-        return Scene._of(copy.deepcopy(tree, functions))
+        return Scene._of(own(resolved_tree(self._tree)))
 
     # --- settings -------------------------------------------------------------------------------------------
 

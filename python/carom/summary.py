@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 LISTED_BODIES = 100
 
 
+@cache
 def versions() -> dict[str, Any]:
     """What computed the run, without naming the machine: versions, build of the core if it is known, kind of processor."""
     import h5py

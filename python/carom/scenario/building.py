@@ -21,6 +21,7 @@ Number = float | str
 """A number in SI or a string with a unit."""
 Vector = Sequence[Number] | NDArray[np.float64]
 _T = TypeVar("_T", bound=Table)
+_V = TypeVar("_V")
 
 
 def make(table: type[_T], label: str, **given: Any) -> _T:
@@ -30,6 +31,19 @@ def make(table: type[_T], label: str, **given: Any) -> _T:
         return table.model_validate(given)
     except ValidationError as e:
         raise from_python(e, table, label, given) from None
+
+
+def own(value: _V) -> _V:
+    """A copy that shares with `value` what cannot be changed, and functions: tables, lists and laws are new."""
+    if isinstance(value, Table):
+        tables = {name: own(part) for name, part in value.__dict__.items()}
+        value = value.model_copy()
+        value.__dict__.update(tables)
+    elif isinstance(value, list | tuple):
+        return type(value)(map(own, value))
+    elif isinstance(value, dict):
+        return type(value)((key, own(part)) for key, part in value.items())
+    return value
 
 
 class Builder:

@@ -159,6 +159,10 @@ def kind(name: str, default: float | int | bool | str) -> Checked:
     return Choice(tuple(admitted)) if admitted else Text(1)
 
 
+#: Names of the options of the core.
+NAMES = tuple(_core.defaults())
+
+
 class RunBase(Table):
     """The part of `[run]` that is not the core's."""
 
@@ -176,7 +180,7 @@ class RunBase(Table):
 
     def options(self) -> dict[str, Any]:
         """The options of the core, every one with its value."""
-        return {name: getattr(self, name) for name in _core.defaults()}
+        return {name: getattr(self, name) for name in NAMES}
 
 
 def _fields() -> dict[str, Any]:
