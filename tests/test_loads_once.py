@@ -136,3 +136,19 @@ def test_random_scenes_equal_the_oracle(first: int) -> None:
         moved += np.abs(frame["position"] - printed.frame()["position"]).max() > 1e-9
     print(f"{moved} of 20 scenes move otherwise than by the printed law")
     assert moved >= 5
+
+
+def test_a_ball_stays_in_a_turning_drum() -> None:
+    """Where the slope's tangent is rolling radius over radius; of a wall that turns, too, the loads follow the surface."""
+    tilt, moved = math.atan(0.1), []
+    for step in (1e-3, 5e-4):
+        found = carom.Scene(gravity=(0, 0, -G), run={"step": step, "until": 0.3, "position_friction": "once"})
+        found.contact("ball", "wall", friction=0.8, restitution=0.3, rolling_radius=0.002)
+        at = np.array([-0.08 * math.sin(tilt), 0, -0.08 * math.cos(tilt)])
+        found.sphere("ball", **BALL, position=tuple(at), angular_velocity=(0, 10, 0))
+        turn = {"rotation": {"axis": (0, 1, 0), "rate": 2.0}}
+        found.cylinder("drum", point=(0, 0, 0), axis=(0, 1, 0), radius=0.1, material="wall", motion=turn)
+        moved.append(np.abs(carom.simulate(found).position[-1, 0] - at).max())
+    print(f"moved by {moved} m")
+    assert moved[0] < 1e-8
+    assert moved[1] < moved[0] / 4

@@ -3,7 +3,7 @@
 
 use crate::contact::Contact;
 use crate::level::rest;
-use crate::level::speeds::Speeds;
+use crate::level::speeds::{opening, Speeds};
 use crate::model::Model;
 use crate::scratch::Scratch;
 use crate::state::State;
@@ -41,7 +41,7 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch) {
         if c.resting {
             let p = place(model, walls, c, position);
             c.turn_to(p.normal);
-            c.load_normal = p.normal;
+            (c.gap, c.load_normal) = (p.gap, p.normal);
         }
     });
     // What carried something and has come apart since: not all of its bodies were at rest.
@@ -59,16 +59,6 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch) {
             c.rested = false;
         }
     }
-}
-
-/// Speed at which a contact opens at t_n, m/s.
-fn opening(model: &Model, state: &State, walls: &Walls, c: &Contact) -> f64 {
-    let (i, j) = (c.a as usize, c.b as usize);
-    let other = match walls.start_twist(model, c, state.position[i]) {
-        Some(wall) => wall.shape,
-        None => state.velocity.get(j).copied().unwrap_or(DVec3::ZERO),
-    };
-    c.n0.dot(state.velocity[i] - other)
 }
 
 fn place(model: &Model, walls: &Walls, c: &Contact, position: &[DVec3]) -> carom_geom::Proximity {

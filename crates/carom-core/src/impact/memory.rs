@@ -38,6 +38,8 @@ pub struct ImpactScratch {
     /// Where loads are solved once: rows of the mean frame of both ends of the step, along which they act, and their impulses. Empty elsewhere.
     pub(super) middle: Vec<[[f64; NODE_DOF]; 2]>,
     pub(super) load: Vec<f64>,
+    /// There too: speeds at which contacts open at t_n, along the normals of then.
+    pub(super) opening: Vec<f64>,
     /// Whether the problem at hand is that of the loads along `middle`; the rows of `full` along which it measures.
     pub(super) along_middle: bool,
     pub(super) measured: Vec<[[f64; NODE_DOF]; 2]>,

@@ -11,7 +11,7 @@ pub use energy::RowSolution;
 use crate::contact::Contact;
 use crate::impact::memory::ImpactScratch;
 use crate::islands::Island;
-use crate::level::speeds::Speeds;
+use crate::level::speeds::{opening, Speeds};
 use crate::model::Model;
 use crate::rows::Rows;
 use crate::state::State;
@@ -19,6 +19,7 @@ use crate::stepper::Span;
 use crate::workspace::IslandScratch;
 use carom_solve::rows::{RowContact, NODE_DOF};
 use carom_solve::Status;
+use glam::DVec3;
 
 impl ImpactScratch {
     /// First row of the joints in `full`.
@@ -52,6 +53,7 @@ impl ImpactScratch {
         self.driven.iter_mut().for_each(Vec::clear);
         self.wall_speeds = Speeds::default();
         self.middle.clear();
+        self.opening.clear();
         let once = model.options.loads_once();
         let mut rows: Rows = Default::default();
         for &m in members {
@@ -72,11 +74,14 @@ impl ImpactScratch {
                 let (mut middle, mean) = (Rows::default(), c.middle());
                 mean.rows(model, mean.n1, &mut middle);
                 self.middle.extend_from_slice(&middle[..dim]);
+                self.opening.push(opening(model, state, walls, c));
             }
             if walls.any_moves() {
                 let i = c.a as usize;
                 let old = walls.start_twist(model, c, state.position[i]);
-                let new = walls.end_twist(model, c, position[i]);
+                // Where loads are solved once the smooth step may have left the surface: it is the surface that moves.
+                let left = if once { c.gap * c.n1 } else { DVec3::ZERO };
+                let new = walls.end_twist(model, c, position[i] - left);
                 let mut measures = [[0.0; 6]; 2];
                 if let (Some(old), Some(new)) = (old, new) {
                     old.measures(&rows, dim, &mut measures[0]);
@@ -172,15 +177,8 @@ impl ImpactScratch {
     #[inline]
     pub fn old_normal_velocity(&self, slot: usize) -> f64 {
         let c = &self.full.contacts[slot];
-        let old = self.relative::<0>(c, c.row as usize, &self.v_old);
-        match self.middle.get(c.row as usize) {
-            Some(middle) => {
-                let turned = c.along(middle, &self.v_old)
-                    - self.full.row_velocity(c, c.row as usize, &self.v_old);
-                old + 2.0 * turned
-            }
-            None => old,
-        }
+        let of_start = self.opening.get(slot).copied();
+        of_start.unwrap_or_else(|| self.relative::<0>(c, c.row as usize, &self.v_old))
     }
 
     /// The impulse of the problem at hand in a row acts along this.

@@ -1,8 +1,10 @@
 //! Which contacts close: the closing tolerance of an island by its speeds and loads (rule R3).
 
+use crate::contact::Contact;
 use crate::model::Model;
 use crate::options::Options;
 use crate::state::State;
+use crate::wall::places::Walls;
 use crate::wall::WallTwist;
 
 /// Closing speeds below this share (1) of the island's speed are rounding. Too small: touching balls that fly together have impacts in every
@@ -77,4 +79,14 @@ impl Speeds {
         };
         tolerance.max(ROUNDING * self.speed)
     }
+}
+
+/// Speed at which a contact opens at t_n, along its normal of then, m/s.
+pub fn opening(model: &Model, state: &State, walls: &Walls, c: &Contact) -> f64 {
+    let (i, j) = (c.a as usize, c.b as usize);
+    let other = match walls.start_twist(model, c, state.position[i]) {
+        Some(wall) => wall.shape,
+        None => state.velocity.get(j).copied().unwrap_or_default(),
+    };
+    c.n0.dot(state.velocity[i] - other)
 }
