@@ -30,14 +30,12 @@ def main() -> None:
         work()
         return (time.process_time() - start) / count * 1e3
 
-    for name, frames, every in (("a frame a step", 1, 1), ("first and last frame", 1000, 1000)):
-        pairs = [
-            (
-                cost(lambda: [carom.simulate(s, every=every).outcome for s in scenes]),
-                cost(lambda: carom.simulate_batch(scenes, threads=1, frames=frames)),
-            )
-            for _ in range(3)
+    for name, every in (("a frame a step", 1), ("first and last frame", 1000)):
+        runs: list[Callable[[], object]] = [
+            lambda every=every: [carom.simulate(s, every=every).outcome for s in scenes],
+            lambda every=every: carom.simulate_batch(scenes, threads=1, frames=every),
         ]
+        pairs = [[cost(work) for work in runs] for _ in range(3)]
         one, many = (min(column) for column in zip(*pairs, strict=True))
         print(f"{name}: simulate {one:.2f} ms, batch {many:.2f} ms a scene, ratio {one / many:.2f}")
 
