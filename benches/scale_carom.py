@@ -30,7 +30,7 @@ def model(grains: int, seed: int, options: Mapping[str, Any]) -> tuple[dict[str,
     """The core's model of the scene, and the side of its box (m)."""
     import carom
 
-    scene = carom.Scene.from_toml(SCENE, set={"N": grains, "seed": seed}).with_options(**options)
+    scene = carom.Scene.from_toml(SCENE, parameters={"N": grains, "seed": seed}).with_options(**options)
     return scene.to_model(), scene.parameters["side"]
 
 

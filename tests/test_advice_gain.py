@@ -84,7 +84,7 @@ def test_nothing_gains_where_theory_says_so() -> None:
 
 
 def bernoulli(**changed: Any) -> carom.Scene:
-    scene = carom.example("paper/5.5_bernoulli", set={"mu": 0.06})
+    scene = carom.example("paper/5.5_bernoulli", parameters={"mu": 0.06})
     return scene.with_options(step=1e-4, until=0.01, **changed)
 
 
@@ -117,9 +117,9 @@ def test_the_default_law_scales_and_says_so(tmp_path: Any) -> None:
 
 
 def test_what_is_advised_does_not_gain() -> None:
-    scene = carom.example("paper/5.5_bernoulli", set={"mu": 0.06, "e": 0.95})
+    scene = carom.example("paper/5.5_bernoulli", parameters={"mu": 0.06, "e": 0.95})
     assert [a for a in scene.validate() if "Kane" in a.cause] == []
-    safe = carom.example("paper/5.5_bernoulli", set={"mu": 0.06, "e": 0.94})
+    safe = carom.example("paper/5.5_bernoulli", parameters={"mu": 0.06, "e": 0.94})
     result = carom.simulate(safe, step=1e-4, until=0.01, impact="sequence-paper")
     assert gained(result) is None
 

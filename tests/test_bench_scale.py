@@ -44,7 +44,7 @@ def row(grains: int = 1000, threads: int = 1, law: str = "sequence", **more: Any
 
 @pytest.mark.parametrize("grains", [3, 4, 15, 16, 100, 1000, 8000])
 def test_the_scene_has_the_grains_that_were_ordered_and_none_overlap(grains: int) -> None:
-    scene = carom.Scene.from_toml(PILE, set={"N": grains})
+    scene = carom.Scene.from_toml(PILE, parameters={"N": grains})
     assert scene.validate() == []
     assert len(set(scene.names)) == len(scene.names) == grains
     assert scene.names[-1] == f"grain{grains}"
@@ -54,14 +54,14 @@ def test_the_scene_has_the_grains_that_were_ordered_and_none_overlap(grains: int
 
 @pytest.mark.parametrize(("grains", "side"), [(1000, 0.0956), (8000, 0.191), (64_000, 0.382)])
 def test_the_side_of_the_box(grains: int, side: float) -> None:
-    scene = carom.Scene.from_toml(PILE, set={"N": grains})
+    scene = carom.Scene.from_toml(PILE, parameters={"N": grains})
     assert scene.parameters["side"] == pytest.approx(side, rel=2e-3)
     far = [plane.point for plane in scene.planes if max(plane.point) > 0]
     assert far == [(scene.parameters["side"], 0.0, 0.0), (0.0, scene.parameters["side"], 0.0)]
 
 
 def test_seeds_are_other_jitters_of_the_same_lattice() -> None:
-    one, two = (carom.Scene.from_toml(PILE, set={"seed": seed}) for seed in (1, 2))
+    one, two = (carom.Scene.from_toml(PILE, parameters={"seed": seed}) for seed in (1, 2))
     difference = one.to_model()["position"] - two.to_model()["position"]
     assert (np.abs(difference) < 2 * one.parameters["jitter"]).all()
     assert (difference != 0).all()
@@ -69,7 +69,7 @@ def test_seeds_are_other_jitters_of_the_same_lattice() -> None:
 
 def test_a_broken_number_of_grains_is_refused() -> None:
     with pytest.raises(carom.ScenarioError, match="whole number"):
-        carom.Scene.from_toml(PILE, set={"N": 1000.5})
+        carom.Scene.from_toml(PILE, parameters={"N": 1000.5})
 
 
 # --- the judge ------------------------------------------------------------------------------------------------

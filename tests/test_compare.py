@@ -111,7 +111,7 @@ def test_a_run_that_stops_is_an_outcome() -> None:
         ({"at": [1.0]}, "not among the steps"),
         ({"at": 1.0}, "not among the steps"),
         ({"case": "absent"}, "absent"),
-        ({"set": {"absent": 1.0}}, "absent"),
+        ({"parameters": {"absent": 1.0}}, "absent"),
         ({"every": 2}, "every is set by the comparison"),
         ({"method": "nsga"}, "method is set by the comparison"),
     ],
@@ -206,8 +206,8 @@ def test_one_time_and_one_method_need_no_list() -> None:
 
 def test_a_variant_of_a_file_is_compared_by_its_path() -> None:
     path = SCENARIOS / "paper" / "5.2_free_balls.toml"
-    by_path = carom.compare(path, ("nsga", "moreau"), case="slips", set={"mu_b": 0.05})
-    scene = carom.Scene.from_toml(path, case="slips", set={"mu_b": 0.05})
+    by_path = carom.compare(path, ("nsga", "moreau"), case="slips", parameters={"mu_b": 0.05})
+    scene = carom.Scene.from_toml(path, case="slips", parameters={"mu_b": 0.05})
     by_scene = carom.compare(scene, ("nsga", "moreau"))
     assert by_path["moreau"].differences == by_scene["moreau"].differences
     assert by_path.case == "slips"

@@ -76,6 +76,6 @@ def test_the_doctor_names_what_an_extra_would_bring() -> None:
 
 def test_examples_by_name() -> None:
     assert carom.example("5.6_break") == carom.example("paper/5.6_break.toml")
-    assert carom.example("5.6_break", set={"v": 5.0}).parameters["v"] == 5.0
+    assert carom.example("5.6_break", parameters={"v": 5.0}).parameters["v"] == 5.0
     with pytest.raises(carom.CaromError, match=r"did you mean newtons_cradle"):
         carom.example("newton_cradle")

@@ -28,7 +28,7 @@ FILES = {
     "is not UTF-8 text (byte ...)": lambda folder: Scene.from_toml(written(folder, b"\xff")),
     "is larger than ... MiB": lambda folder: Scene.from_toml(written(folder, b"#" * 101)),
     "may not be read": lambda folder: Scene.from_toml(written(folder, b"x = 1", mode=0)),
-    "is no parameter of this file": lambda folder: Scene.from_toml(GOOD, set={"x": 1.0}),
+    "is no parameter of this file": lambda folder: Scene.from_toml(GOOD, parameters={"x": 1.0}),
     "there is no case ...": lambda folder: Scene.from_toml(GOOD, case="x"),
     "the scene has no spheres": lambda folder: Scene.from_toml(GOOD[: GOOD.index("[[sphere]]")]).validate(),
 }

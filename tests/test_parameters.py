@@ -128,7 +128,7 @@ class TestValues:
         assert thin.parameters["mu"] == 0.0
 
     def test_given_values_go_before_those_of_the_case(self) -> None:
-        scene = Scene.from_toml(CUT, case="f=0.25", set={"f": np.float64(0.9), "mu": "= 0.06 + f/10"})
+        scene = Scene.from_toml(CUT, case="f=0.25", parameters={"f": np.float64(0.9), "mu": "= 0.06 + f/10"})
         assert scene.parameters["phi"] == math.asin(1 - 0.9)
         assert scene.parameters["mu"] == 0.06 + 0.9 / 10
 
@@ -325,7 +325,7 @@ class TestCommandLine:
         assert "[parameters]" not in result.scenario
         np.testing.assert_array_equal(
             result.position[0][0],
-            position(Scene.from_toml(file, case="thin cut", set={"phi": math.asin(0.9)})),
+            position(Scene.from_toml(file, case="thin cut", parameters={"phi": math.asin(0.9)})),
         )
         assert self.carom("info", str(directory)) == 0
         assert "thin cut" in capsys.readouterr().out
@@ -399,3 +399,9 @@ class TestExpression:
             assert math.isfinite(_core.Expression(f"{name}({arguments})").evaluate({}))
             with pytest.raises(_core.ExpressionError, match=f"{name} takes {'two' if two else 'one'}"):
                 _core.Expression(f"{name}({wrong})")
+
+
+def test_the_old_name_of_the_parameters_warns() -> None:
+    with pytest.warns(DeprecationWarning, match=r"Scene\.from_toml: set= is called parameters= now"):
+        old = Scene.from_toml(CUT, set={"f": 0.3})  # type: ignore[call-arg]
+    assert old == Scene.from_toml(CUT, parameters={"f": 0.3})

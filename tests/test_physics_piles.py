@@ -135,7 +135,7 @@ def test_a_ball_thrown_into_a_corner(friction: float) -> None:
 def test_a_pile_of_8000_that_was_hit_comes_to_rest() -> None:
     """While such a pile is being hit its loads may leave closing speeds for the impacts to take. Where it might do so
     after that, it never lay still: 3e-3 of the energy that lifts each grain by a radius, and energy rose by 2e-4."""
-    result = run(carom.Scene.from_toml(find("pile"), set={"N": 8000, "residual": 1e-3}))
+    result = run(carom.Scene.from_toml(find("pile"), parameters={"N": 8000, "residual": 1e-3}))
     assert result.outcome.ok
     assert result.summary["unconverged"] == result.summary["halvings"] == 0
     mass, radius = result.bodies["mass"].sum(), 5e-3
@@ -149,7 +149,7 @@ def test_a_wedged_ball_of_a_tower_gains_no_energy() -> None:
     """Twenty-eight balls in a box three wide: one is wedged between a ball and two walls. The position level alone held
     it, from its own impulses of the step before, and the velocity level let it fall: 5e-3 of the energy in a step."""
     path = find("pile")
-    scene = carom.Scene.from_toml(path, set={"N": 28, "seed": 3})
+    scene = carom.Scene.from_toml(path, parameters={"N": 28, "seed": 3})
     result = run(scene, steps=500)
     assert result.outcome.ok
     assert result.summary["unconverged"] == 0

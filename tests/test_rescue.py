@@ -12,7 +12,7 @@ from carom.errors import CaromError
 
 
 def heap() -> carom.Scene:
-    return carom.example("heap", set={"rolling": 0.4, "seed": 2})
+    return carom.example("heap", parameters={"rolling": 0.4, "seed": 2})
 
 
 def test_a_step_that_is_not_solved_is_halved() -> None:

@@ -16,10 +16,11 @@ import fake_sim
 import h5py
 import numpy as np
 import pytest
-from carom import checkpoint
+from carom import checkpoint, drive, sinks
 from carom.drive import Plan, thinned
 from carom.errors import CaromError
 from carom.record import Rows, Segments, Writer
+from carom.run import CaromWarning
 from carom.rundir import RunDir
 from carom.sinks import Progress
 from fake_runs import everything
@@ -334,3 +335,17 @@ def test_two_checkpoints_are_kept_and_no_scraps(tmp_path: Path) -> None:
         (tmp_path / "checkpoint-000000000012.npz").write_bytes(content)
         with pytest.raises(CaromError, match="cannot be used"):
             checkpoint.load(tmp_path / "checkpoint-000000000012.npz")
+
+
+def test_names_that_moved_warn_where_they_are_asked_for() -> None:
+    with pytest.warns(DeprecationWarning, match=r"carom\.sinks\.Interrupt now") as told:
+        found = drive.Interrupt
+    assert found is sinks.Interrupt
+    assert told[0].filename == __file__
+
+
+def test_advice_names_the_line_that_simulates() -> None:
+    scene = carom.example("5.4_three_balls", case="frictional").with_options(until=2e-3)
+    with pytest.warns(CaromWarning) as told:
+        carom.simulate(scene)
+    assert {warning.filename for warning in told} == {__file__}

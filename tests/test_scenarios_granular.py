@@ -321,7 +321,7 @@ def test_a_gate_that_is_drawn_away_at_once_leaves_the_column_its_weight(tmp_path
     """Its speed is that of a hundred steps of falling: no measure of what the grains left behind may be allowed to fall."""
     path = tmp_path / "column.toml"
     path.write_text(find("column_collapse").read_text("utf-8").replace("every = 10", "every = 1"), "utf-8")
-    result = carom.simulate(carom.Scene.from_toml(path, set={"a": 0.5}), until=0.152)
+    result = carom.simulate(carom.Scene.from_toml(path, parameters={"a": 0.5}), until=0.152)
     floor = sum(
         np.asarray(w.impulse)[-10:, 2] for name, w in result.walls.items() if name not in ("wall", "gate")
     )

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
+from carom.scenario.arguments import renamed
 from carom.sheets import of_comparison, titled
 from carom.summary import plain
 
@@ -190,6 +191,7 @@ def method_options(name: str) -> dict[str, Any]:
     return options
 
 
+@renamed
 def compare(
     scene: Scene | str | Path,
     methods: str | Sequence[str] | None = None,
@@ -199,13 +201,13 @@ def compare(
     force: bool = False,
     progress: OnProgress | None = None,
     case: str | None = None,
-    set: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
     `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at`
-    are times (s, on the grid of the steps) that are compared besides the end. `case` and `set` choose a variant of
+    are times (s, on the grid of the steps) that are compared besides the end. `case` and `parameters` choose a variant of
     a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
     `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end is
     no error here: its `outcome` says so.
@@ -214,7 +216,7 @@ def compare(
     from carom.drive import Plan
     from carom.run import CaromWarning, RunFailed, scene_of
 
-    scene = scene_of(scene, "compare", case=case, set=set)
+    scene = scene_of(scene, "compare", case=case, parameters=parameters)
     at = listed(at)
     names, remarks = (
         _able(scene) if methods is None else ([methods] if isinstance(methods, str) else list(methods), ())
@@ -235,7 +237,7 @@ def compare(
     wanted = sorted({*(_grid(t, h, plan.steps) for t in at), plan.steps})
     every = _spacing(math.gcd(*wanted), plan.steps)
     for advice in scene.validate():
-        warnings.warn(str(advice), CaromWarning, stacklevel=2)
+        warnings.warn(str(advice), CaromWarning, stacklevel=3)
     floors = _floors(scene)
     sizes: Mapping[str, float] = {}
     runs: list[MethodRun] = []

@@ -9,8 +9,10 @@ from __future__ import annotations
 import hashlib
 import math
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -185,3 +187,11 @@ def identify(model: Mapping[str, Any]) -> str:
 
     feed("", model)
     return digest.hexdigest()
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("Progress", "Cadence", "Interrupt"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
+    told = f"carom.drive.{name} is carom.sinks.{name} now; the old name goes in the next minor version"
+    warnings.warn(told, DeprecationWarning, stacklevel=2)
+    return getattr(import_module("carom.sinks"), name)

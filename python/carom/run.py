@@ -26,6 +26,7 @@ from carom.record.walls import tables
 from carom.remarks import remarks
 from carom.result import Result, load
 from carom.rundir import RunDir, now, temporary
+from carom.scenario.arguments import renamed
 from carom.sinks import Cadence, Checkpoints, Interrupt, Progress, Recorder, Shown
 from carom.watching import Callback, Stop, Watch
 
@@ -53,6 +54,7 @@ class RunFailed(CaromError):
         self.result = result
 
 
+@renamed
 def simulate(
     scene: Scene | str | Path,
     *,
@@ -60,7 +62,7 @@ def simulate(
     force: bool = False,
     progress: OnProgress | None = None,
     case: str | None = None,
-    set: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     save_problems: Given | None = None,
     problem_form: str = "local",
     callback: Callback | None = None,
@@ -70,7 +72,7 @@ def simulate(
 ) -> Result:
     """Simulate a scene, or the scenario file of that path, and return its result.
 
-    Of a file with `[parameters]`, `case` and `set` choose a variant, as in `Scene.from_toml`.
+    Of a file with `[parameters]`, `case` and `parameters` choose a variant, as in `Scene.from_toml`.
     `options` are the keys of `[run]` and `[record]` of a scenario and override those of the scene, which is
     not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The result is kept in memory, and `Result.save`
     writes it; with `out` it is written to that run directory while the run goes on (an existing one is refused without
@@ -90,10 +92,10 @@ def simulate(
     Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
     so far).
     """
-    scene = scene_of(scene, case=case, set=set)
+    scene = scene_of(scene, case=case, parameters=parameters)
     scene = scene.with_options(**options) if options else scene
     for advice in scene.validate():
-        warnings.warn(str(advice), CaromWarning, stacklevel=2)
+        warnings.warn(str(advice), CaromWarning, stacklevel=3)
     choice = chosen(scene, save_problems, problem_form)
     watch = Watch.of(callback, stop, callback_every)
     create: Callable[[], RunDir] | None = None if choice is None else temporary
@@ -106,7 +108,7 @@ def simulate(
         )
     if watch is not None:
         watch.raise_with(result)
-    return _judged(result, halt, kept=out is not None)
+    return _judged(result, halt, 4, kept=out is not None)
 
 
 def chosen(scene: Scene, problems: Given | None, form: str, label: str = "save_problems") -> Choice | None:
@@ -125,21 +127,21 @@ def scene_of(
     caller: str = "simulate",
     *,
     case: str | None = None,
-    set: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
 ) -> Scene:
-    """The scene, or that of the scenario file whose path is given, in the variant of `case` and `set`.
+    """The scene, or that of the scenario file whose path is given, in the variant of `case` and `parameters`.
 
     `caller` is what a message calls the function.
     """
     from carom.scene import Scene
 
-    variant = {key: value for key, value in (("case", case), ("set", set)) if value is not None}
+    variant = {key: value for key, value in (("case", case), ("parameters", parameters)) if value is not None}
     if isinstance(given, (str, Path)):
         return Scene.from_toml(given, **variant)  # type: ignore[arg-type]
     if variant and isinstance(given, Scene):
         raise CaromError(
             f"{caller}: {' and '.join(variant)} choose a variant of a file, and a scene is one already;"
-            " give the path of the file, or Scene.from_toml(path, case=..., set=...)"
+            " give the path of the file, or Scene.from_toml(path, case=..., parameters=...)"
         )
     if not isinstance(given, Scene):
         found = "nothing" if given is None else f"{type(given).__name__}"
@@ -190,7 +192,7 @@ def resume(
         )
     if watch is not None:
         watch.raise_with(result)
-    return _judged(result, halt)
+    return _judged(result, halt, 3)
 
 
 def launch(
@@ -481,12 +483,12 @@ def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], erro
         directory.write_in_place(about)
 
 
-def _judged(result: Result, stop: Interrupt, *, kept: bool = True) -> Result:
+def _judged(result: Result, stop: Interrupt, level: int, *, kept: bool = True) -> Result:
     outcome = result.outcome
     told = remarks(result)
     if not outcome.failed:
         for remark in told:
-            warnings.warn(remark, CaromWarning, stacklevel=3)
+            warnings.warn(remark, CaromWarning, stacklevel=level)
     if outcome.ok:
         return result
     if stop and outcome.kind == "interrupted":

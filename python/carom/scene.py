@@ -15,7 +15,7 @@ from typing import Any
 from carom.errors import Problem, ScenarioError, counted, quoted
 from carom.scenario import load
 from carom.scenario.advice import advise
-from carom.scenario.arguments import explained, wording
+from carom.scenario.arguments import explained, renamed, wording
 from carom.scenario.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scenario.attaching import Attacher
 from carom.scenario.balls import Generator, Sphere
@@ -72,21 +72,22 @@ class Scene(Waller, Attacher, Taker):
     # --- reading and writing --------------------------------------------------------------------------------
 
     @classmethod
+    @renamed
     def from_toml(
-        cls, source: str | Path, *, case: str | None = None, set: Mapping[str, Any] | None = None
+        cls, source: str | Path, *, case: str | None = None, parameters: Mapping[str, Any] | None = None
     ) -> Scene:
         """The scene of a scenario file, or of TOML text (a `str` that is empty or has a line break).
 
-        Of a file with `[parameters]`, `case` names one of its variants and `set` gives other values of parameters,
+        Of a file with `[parameters]`, `case` names one of its variants and `parameters` gives other values,
         numbers in SI or expressions (`{"f": 0.3, "phi": "= asin(1 - f)"}`), which go before those of the case.
 
         All mistakes in the keys and values are reported at once, with file and line. A scene that can be read
         may still be impossible to simulate (spheres that overlap, a missing contact law): `validate` tells.
         """
         if isinstance(source, str) and (not source or "\n" in source):
-            tree, origin = load.parse(source, case=case, given=set)
+            tree, origin = load.parse(source, case=case, given=parameters)
         else:
-            tree, origin = load.read(source, case, set)
+            tree, origin = load.read(source, case, parameters)
         scene = cls._of(tree)
         scene._source = origin
         return scene

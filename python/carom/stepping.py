@@ -37,9 +37,10 @@ class _Last(Sink):
 class Simulation(State):
     """A scene in the core: `sim.step(10)`, `sim.time`, `sim["cue"].position`, `sim.result()`.
 
-    Of a file with `[parameters]`, `case` and `set` choose a variant; `options` are keys of `[run]` and `[record]`, as in
-    `carom.simulate`. Without `until` the simulation has no end; with it, it may still be stepped further. What is recorded
-    stays in memory: a frame after every `every` steps (by default 1000 up to `until`, without `until` one after each step).
+    Of a file with `[parameters]`, `case` and `parameters` choose a variant; `options` are keys of `[run]` and `[record]`, as
+    in `carom.simulate`. Without `until` the simulation has no end; with it, it may still be stepped further. What is
+    recorded stays in memory: a frame after every `every` steps; by default 1000 up to `until`, and without
+    `until` one after each step.
     With `keep=False` nothing is recorded, which is faster, and `result()` holds the state as it stands alone.
 
     Arrays are read-only copies. They keep their values when the simulation goes on.
@@ -50,11 +51,11 @@ class Simulation(State):
         scene: Scene | str | Path,
         *,
         case: str | None = None,
-        set: Mapping[str, Any] | None = None,
+        parameters: Mapping[str, Any] | None = None,
         keep: bool = True,
         **options: Any,
     ) -> None:
-        scene = scene_of(scene, "Simulation", case=case, set=set)
+        scene = scene_of(scene, "Simulation", case=case, parameters=parameters)
         scene = scene.with_options(**options) if options else scene
         if scene.run.until is None:
             scene = scene.with_options(until=scene.run.step, every=scene.record.every or 1)

@@ -23,6 +23,7 @@ from carom.convergence import FINER, Order, clear_order, doubts, error_of
 from carom.drive import Plan, begin, drive
 from carom.errors import CaromError
 from carom.quantity import QUANTITIES, Quantity
+from carom.scenario.arguments import renamed
 from carom.sheets import of_convergence, titled
 from carom.sinks import Instants
 from carom.truth import Formulas, Frames, Function, Truth
@@ -120,6 +121,7 @@ class Convergence:
         return convergence(self).figure
 
 
+@renamed
 def converge(
     scene: Scene | str | Path,
     steps: Sequence[float],
@@ -130,7 +132,7 @@ def converge(
     at: float | Sequence[float] = (),
     threads: int | None = None,
     case: str | None = None,
-    set: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Convergence:
     """Simulate a scene, or a scenario file, with several steps (s) and fit the order of the error in h.
@@ -140,12 +142,12 @@ def converge(
     `{"velocity:cue": (vx, vy, vz)}`. `quantities` are `position`, `velocity`, `angular_velocity` or `orientation`
     of all spheres, or of one (`velocity:cue`), or one component (`velocity:cue:x`); by default the first three, or
     what the formulas give. Errors are those of eq. 45 over the instants of each run up to `until` (s), or at the
-    times `at` (s) alone. `case` and `set` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of
+    times `at` (s) alone. `case` and `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of
     `[run]`, for all runs. What makes an order doubtful is in `remarks` of the result.
     """
     from carom.run import scene_of
 
-    scene = scene_of(scene, "converge", case=case, set=set)
+    scene = scene_of(scene, "converge", case=case, parameters=parameters)
     at = [float(at)] if isinstance(at, (int, float)) else [float(t) for t in at]
     scene = scene.with_options(**options) if options else scene
     chosen = sorted(dict.fromkeys(_positive(h) for h in steps), reverse=True)

@@ -68,7 +68,9 @@ class Heap:
 def heap(seed: int, threads: int, grains: int) -> Heap:
     """Pour, and look at the last second. Small parts of the pile go to threads, so that threads do take part."""
     begin = time.process_time()
-    result = carom.simulate(SCENE, set={"seed": seed, "N": grains}, threads=threads, contacts_per_thread=1000)
+    result = carom.simulate(
+        SCENE, parameters={"seed": seed, "N": grains}, threads=threads, contacts_per_thread=1000
+    )
     seconds = time.process_time() - begin
     times, position = np.asarray(result.time), np.asarray(result.position)
     frames = np.flatnonzero(times >= times[-1] - LAST - 1e-9)

@@ -78,7 +78,7 @@ def scene(scenario: Path, case: str | None, set_: list[str] | None, until: str |
     rest = [pair for pair in set_ or [] if pair.partition("=")[0].strip() not in parameters]
     options, places = overrides(rest, until)
     given = {key.removeprefix(_PARAMETERS): value for key, value in parameters.items()}
-    found = Scene.from_toml(scenario, case=case, set=given)
+    found = Scene.from_toml(scenario, case=case, parameters=given)
     return found.overridden(options, places) if options else found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import warnings
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
@@ -17,6 +18,22 @@ def wording(name: str, known: list[str]) -> str:
     """The cure for an unknown keyword: `write step=`, or what there is."""
     best = nearest(name, known)
     return f"write {best}=" if best else did_you_mean(name, known)
+
+
+def renamed(function: Callable[P, R]) -> Callable[P, R]:
+    """A function whose keyword `set` is called `parameters` now; the old name warns, for one minor version."""
+
+    @functools.wraps(function)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        if "set" in kwargs:
+            told = (
+                f"{function.__qualname__}: set= is called parameters= now, and goes in the next minor version"
+            )
+            warnings.warn(told, DeprecationWarning, stacklevel=2)
+            kwargs.setdefault("parameters", kwargs.pop("set"))
+        return function(*args, **kwargs)
+
+    return wrapped
 
 
 def explained(method: Callable[P, R]) -> Callable[P, R]:

@@ -126,7 +126,7 @@ class Targets:
         scene = self.base
         if not self.fast:
             parameters = {key: float(values[0]) for key, values in self.values(self.of_file, one).items()}
-            scene = Scene.from_toml(_as_text(self.text), case=self.case, set=parameters)
+            scene = Scene.from_toml(_as_text(self.text), case=self.case, parameters=parameters)
             options = {key: _whole(float(v[0])) for key, v in self.values(self.of_run, one).items()}
             scene = scene.with_options(**{**self.run, **options}) if {**self.run, **options} else scene
         if self.of_arrays:

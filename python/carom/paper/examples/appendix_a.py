@@ -36,7 +36,7 @@ QUICK = (0.1, 0.05, 0.02, 0.01)
 
 def scene(name: str, case: str | None = None, **parameters: float) -> Scene:
     """A scenario with some of its parameters replaced."""
-    return Scene.from_toml(Context.scenario(name), case=case, set=parameters)
+    return Scene.from_toml(Context.scenario(name), case=case, parameters=parameters)
 
 
 def reproduce(context: Context) -> Example:

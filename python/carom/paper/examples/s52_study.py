@@ -101,7 +101,7 @@ class Rise:
 
 def scene(file: str, case: str, **parameters: float) -> Scene:
     """The scene of a case, some of its parameters replaced."""
-    return Scene.from_toml(Context.scenario(file), case=case, set=parameters)
+    return Scene.from_toml(Context.scenario(file), case=case, parameters=parameters)
 
 
 def cloth_of(balls: Scene) -> Cloth:

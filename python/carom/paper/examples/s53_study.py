@@ -73,7 +73,7 @@ def name_of(phi: int, roll: float, ratio: float) -> str:
 
 def scene(case: str, **parameters: float) -> Scene:
     """The scene of a case, some of its parameters replaced."""
-    return Scene.from_toml(Context.scenario(SCENARIO), case=case, set=parameters)
+    return Scene.from_toml(Context.scenario(SCENARIO), case=case, parameters=parameters)
 
 
 def at_paper_tolerance(context: Context) -> list[Trace]:
