@@ -13,7 +13,7 @@ import numpy as np
 from carom.scene import Scene
 
 SPHERE = 'material = "ball"\nradius = 0.01\nmass = 1.0\n'
-LATTICE = f'[[lattice]]\nname = "{{0}}"\n{SPHERE}counts = [1000, 1000, 9]\norigin = [3,3,3]\n'
+LATTICE = f'[[lattice]]\nname = "{{0}}"\n{SPHERE}counts = [1000, 600, 1]\norigin = [3,3,3]\n'
 ROD = '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\n'
 MOTION = '[[joint]]\ntype = "motion"\nbody = "cue"\ndirection = [1,0,0]\n'
 WALL = '[[{0}]]\nname = "w"\nmaterial = "cloth"\n'
@@ -194,6 +194,15 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1000, 1000, 1000]\norigin = [3,3,3]\n')
     ],
     "with this table there are more than ... balls": [("lattice", LATTICE.format("l") + LATTICE.format("k"))],
+    "... steps write about ... GB: each has a row in the table of steps": [
+        ("run.until", "until = 1.0 -> until = 1e6")
+    ],
+    "frames with contacts and motion of every ball take up to about ... GB": [
+        (
+            "record.every",
+            f'[record]\nevery = 1\n[[lattice]]\nname = "l"\n{SPHERE}counts = [20, 20, 20]\norigin = [3,3,3]\n',
+        )
+    ],
     "expected a list of ... whole numbers, found ...": [
         ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [2, 2]\norigin = [3,3,3]\n')
     ],

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -351,3 +353,22 @@ def test_a_run_json_that_was_altered_is_refused_in_words(
     with pytest.raises(CaromError, match=rf"run\.json: {place}.*found .*altered or damaged"):
         carom.resume(run, until=0.1)
     assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+
+
+def test_a_part_of_a_run_that_was_killed_stays_listed(tmp_path: Path) -> None:
+    """`run.json` names the results files of all parts; one without `to_step` was killed."""
+    run = tmp_path / "run"
+    program = (
+        "import os, signal, sys, carom\n"
+        "kill = lambda view: view.step > 60 and os.kill(os.getpid(), signal.SIGKILL)\n"
+        "carom.simulate(sys.argv[1], out=sys.argv[2], checkpoint_steps=20, callback=kill, callback_every=1)\n"
+    )
+    scenario = Path(carom.__file__).parent / "scenarios" / "three_balls.toml"
+    subprocess.run([sys.executable, "-c", program, str(scenario), str(run)], check=False)
+    [killed] = about(run)["segments"]
+    assert killed["file"] == "results.h5"
+    assert "to_step" not in killed
+    assert carom.resume(run).outcome.ok
+    first, second = about(run)["segments"]
+    assert first == killed
+    assert (second["file"], second["to_step"]) == ("results-0002.h5", 200)

@@ -183,3 +183,26 @@ def test_a_large_generator_stays_one_in_the_resolved_copy() -> None:
     text = scene.to_toml(resolved=True)
     assert "[[lattice]]" in text
     assert len(text) < 3000
+
+
+@pytest.mark.parametrize(
+    ("shape", "rows", "balls"), [("triangle", 1414, 1000405), ("diamond", 2001, 1002001)]
+)
+def test_racks_that_are_too_large_are_refused_before_they_are_built(
+    shape: str, rows: int, balls: int
+) -> None:
+    with pytest.raises(ScenarioError, match=f"makes {balls} balls, more than 1000000; reduce rows"):
+        Scene().rack(
+            "b", shape=shape, rows=rows, apex=(0, 0, 0), direction=(1, 0, 0), radius=1, mass=1, material="m"
+        )
+    with pytest.raises(ScenarioError, match="more than 1000000"):
+        Scene().rack(
+            "b",
+            shape=shape,
+            rows=999_999,
+            apex=(0, 0, 0),
+            direction=(1, 0, 0),
+            radius=1,
+            mass=1,
+            material="m",
+        )

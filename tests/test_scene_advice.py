@@ -86,3 +86,13 @@ def test_a_pile_is_told_which_tolerance_suits_its_size(layers: int, tolerance: f
     found = [advice for advice in scene.validate() if advice.key == "run.pile_tolerance"]
     assert bool(found) is told
     assert all("pile_tolerance = 0.0001" in str(advice) for advice in found)
+
+
+def test_large_results_are_announced() -> None:
+    """250 bytes a step: the table of steps has a row for each, whatever `every` is."""
+    scene = drop(height=1.0, until=1e5)
+    scene.world.gravity = (0.0, 0.0, 0.0)
+    [advice] = [a for a in scene.validate() if "GB" in a.cause]
+    assert "1e+08 steps write about 25 GB" in advice.cause
+    [advice] = [a for a in scene.with_options(until=1e4, every=1).validate() if "GB" in a.cause]
+    assert advice.key == "every"

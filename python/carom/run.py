@@ -222,8 +222,9 @@ def launch(
         try:
             directory.write_scenario(run.scene.to_toml(resolved=True))
             run.about["scenario"]["identity"] = identify(run.model)
-            directory.write(run.about)
             writer = run.writer(directory)
+            run.open_segment(writer)
+            directory.write(run.about)
         except BaseException:
             directory.remove()
             raise
@@ -292,13 +293,13 @@ def relaunch(
             about["segments"] = []
         changes.note_changes(directory, about, before, run.model, run.simulation.step)
         about.update(status="running", outcome=None)
-        directory.write(
-            about
-        )  # before the scenario: run.json knows the identity of the old one and of the new
-        if options:
-            directory.write_scenario(run.scene.to_toml(resolved=True))
         run.about = about
         writer = run.writer(directory, saved.rows if saved else Rows())
+        run.open_segment(writer)
+        # Before the scenario: run.json knows the identity of the old one and of the new.
+        directory.write(about)
+        if options:
+            directory.write_scenario(run.scene.to_toml(resolved=True))
         run.in_directory(directory, writer, stop=stop, progress=progress, keep=True, watch=watch)
     return load(directory.path)
 
@@ -375,7 +376,7 @@ class Run:
             record = self.scene.record
             cadence = Cadence(record.checkpoint_steps, record.checkpoint_time, record.checkpoint_wall)
             more.append(Checkpoints(writer, directory, plan, cadence, about["scenario"]["identity"]))
-        segment = {"file": writer.path.name, "from_step": simulation.step, "started": now()}
+        segment = about["segments"][-1]
         directory.log(
             "start", step=simulation.step, steps=plan.steps, segment=writer.path.name, **about["versions"]
         )
@@ -447,13 +448,18 @@ class Run:
             further=directory.next_segment,
         )
 
+    def open_segment(self, writer: Writer) -> None:
+        """List the part of the run that begins in `about`: one that is killed stays there, without `to_step`."""
+        begun = {"file": writer.path.name, "from_step": self.simulation.step, "started": now()}
+        self.about["segments"].append({**begun, "wall_s": 0.0, "core_s": 0.0})
+
     def conclude(self, ending: Ending, segment: dict[str, Any]) -> dict[str, Any] | None:
         """Say in `about` how the run ended; returns the contact problem that could not be solved, if there is one."""
         simulation, about, scene = self.simulation, self.about, self.scene
         failed = ending.kind not in ("done", "stopped", "interrupted")
         problem = simulation.failing_problem() if failed else None
         segment |= {"to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
-        about["segments"].append(segment)
+        about["segments"] = [*(part for part in about["segments"] if part is not segment), segment]
         about["status"] = "failed" if failed else ending.kind
         about["outcome"] = summary.named(ending.outcome, scene.names, scene.wall_names)
         about["finished"] = now()

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.drive import STEP_BYTES, Plan
 from carom.errors import quoted
 from carom.scenario.attachment_checks import advise_loads
 from carom.scenario.bodies import F64, Bodies
@@ -37,6 +38,8 @@ MOST_FRICTION = 10.0
 what adheres (clean metals in vacuum, gels) reaches more, but does not obey Coulomb. At 10 a contact slips only where it is
 loaded within 6 degrees of its plane: the run is that of contacts that stick.
 """
+LARGE_RESULTS = 5e9
+"""Bytes of frames or of the table of steps that are announced before a run."""
 PLANE_TRAVEL = 0.5
 """Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
 
@@ -57,6 +60,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from _step_length(parts, world)
     yield from _piles(parts, world)
     yield from _rounded_until(parts)
+    yield from _large_results(parts)
     yield from _much_friction(parts)
     yield from _never_rolls(parts)
     yield from _bounces(parts, world)
@@ -191,6 +195,29 @@ def _rounded_until(parts: Parts) -> Iterator[Finding]:
         if abs(end - run.until) > 1e-6 * run.step:
             cause = f"until = {run.until:g} s is not a whole number of steps"
             yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
+
+
+def _large_results(parts: Parts) -> Iterator[Finding]:
+    run, record = parts.run, parts.record
+    if run is None or run.until is None or record is None:
+        return
+    plan = Plan.of(run.until, run.step, record.every, record.contacts)
+    rows, frames = (
+        plan.steps * STEP_BYTES,
+        plan.steps // plan.every * plan.frame_bytes(len(parts.bodies().names)),
+    )
+    if rows > LARGE_RESULTS:
+        cause = (
+            f"{plan.steps:.3g} steps write about {rows / 1e9:.3g} GB: each has a row in the table of steps"
+        )
+        yield Finding(
+            ("run", "until"), cause, "give a longer step or a shorter until, or keep so much space free"
+        )
+    if frames > LARGE_RESULTS:
+        cause = f"frames with contacts and motion of every ball take up to about {frames / 1e9:.3g} GB"
+        yield Finding(
+            ("record", "every"), cause, "give a larger every, or contacts = false, or keep so much space free"
+        )
 
 
 def _much_friction(parts: Parts) -> Iterator[Finding]:

@@ -31,7 +31,7 @@ from carom.scenario.vectors import cross, norm
 
 Radius = TypeVar("Radius", float, NDArray[np.float64])
 
-MOST_BALLS = 10_000_000
+MOST_BALLS = 1_000_000
 """Balls of one generator at most: no input may make Carom allocate without bound."""
 
 
@@ -126,6 +126,11 @@ class Generator(Ball):
         """Number of balls."""
         raise NotImplementedError
 
+    def _not_too_many(self, key: str) -> None:
+        """Refuse a count before anything is built from it."""
+        if self.size() > MOST_BALLS:
+            raise refuse(f"makes {self.size()} balls, more than {MOST_BALLS}", f"reduce {key}")
+
     def ball_names(self) -> list[str]:
         return [f"{self.name}{k}" for k in range(self.first_number, self.first_number + self.size())]
 
@@ -143,7 +148,7 @@ class Rack(Generator):
         description="number of balls: 3, 6, 10, 15, ... in a triangle; 4, 9, 16, ... in a diamond",
         examples=[15],
     )
-    rows: Annotated[int, Integer(Bounds(ge=1, le=3000))] | None = Field(
+    rows: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] | None = Field(
         None, description="number of rows, instead of balls (odd in a diamond)", examples=[5]
     )
     apex: Position = Field(
@@ -170,6 +175,7 @@ class Rack(Generator):
             raise refuse(
                 f"a diamond has an odd number of rows, found {self.rows}", f"give rows = {self.rows + 1}"
             )
+        self._not_too_many("rows")
         full = sum(self.row_lengths())
         if self.balls is not None and self.balls != full:
             near = f"{full} or {sum(self.row_lengths(1))}"
@@ -190,7 +196,10 @@ class Rack(Generator):
         return [*range(1, half + 1), *range(half - 1, 0, -1)]
 
     def size(self) -> int:
-        return sum(self.row_lengths())
+        if self.balls is not None or self.rows is None:
+            return self.balls or 1
+        half = (self.rows + 1) // 2
+        return half * half if self.shape == "diamond" else self.rows * (self.rows + 1) // 2
 
 
 class Lattice(Generator):
@@ -214,9 +223,8 @@ class Lattice(Generator):
     )
 
     @model_validator(mode="after")
-    def _not_too_many(self) -> Self:
-        if self.size() > MOST_BALLS:
-            raise refuse(f"makes {self.size()} balls, more than {MOST_BALLS}", "reduce counts")
+    def _bounded(self) -> Self:
+        self._not_too_many("counts")
         return self
 
     def size(self) -> int:

@@ -22,7 +22,7 @@ from carom.scenario.flow import Inflow
 from carom.scenario.flow_checks import check_flow
 from carom.scenario.joint_start import check_start
 from carom.scenario.mechanics import MECHANICS
-from carom.scenario.model import Contact, Material, Scenario, World
+from carom.scenario.model import Contact, Material, Record, Scenario, World
 from carom.scenario.options import RunBase
 from carom.scenario.overlap import overlaps
 from carom.scenario.placing import Placed, placed_walls
@@ -43,13 +43,14 @@ class Parts:
     lost_materials: frozenset[str] = frozenset()
     """Names of materials whose tables could not be read."""
     world: World | None = None
+    record: Record | None = None
     _walls: list[Placed] | None = field(default=None, repr=False)
     _bodies: Bodies | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, tree: Scenario) -> Parts:
         entries = {name: list(enumerate(getattr(tree, name))) for name in SECTIONS}
-        return cls(tree.run, entries, world=tree.world)
+        return cls(tree.run, entries, world=tree.world, record=tree.record)
 
     def materials(self) -> list[str]:
         return [t.name for _, t in self.entries["material"] if isinstance(t, Material)]
