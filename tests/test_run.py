@@ -349,3 +349,8 @@ def test_advice_names_the_line_that_simulates() -> None:
     with pytest.warns(CaromWarning) as told:
         carom.simulate(scene)
     assert {warning.filename for warning in told} == {__file__}
+
+
+def test_the_typed_options_are_what_their_tool_writes() -> None:
+    tool = Path(__file__).parent.parent / "tools" / "keywords.py"
+    assert subprocess.run([sys.executable, tool, "--check"], check=False).returncode == 0

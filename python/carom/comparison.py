@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from carom.summary import plain
 if TYPE_CHECKING:
     from carom.result import Result
     from carom.run import OnProgress
+    from carom.scenario.keywords import Options
     from carom.scene import Scene
 
 F64 = NDArray[np.float64]
@@ -202,7 +203,7 @@ def compare(
     progress: OnProgress | None = None,
     case: str | None = None,
     parameters: Mapping[str, Any] | None = None,
-    **options: Any,
+    **options: Unpack[Options],
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 

@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from carom.watching import Callback, Stop, Watch
 if TYPE_CHECKING:
     from carom._core import Simulation
     from carom.record.problem import Choice, Given
+    from carom.scenario.keywords import Options
     from carom.scene import Scene
 
 OnProgress = Callable[[Progress], None]
@@ -68,7 +69,7 @@ def simulate(
     callback: Callback | None = None,
     stop: Stop | None = None,
     callback_every: int | None = None,
-    **options: Any,
+    **options: Unpack[Options],
 ) -> Result:
     """Simulate a scene, or the scenario file of that path, and return its result.
 

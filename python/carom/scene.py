@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from carom.errors import Problem, ScenarioError, counted, quoted
 from carom.scenario import load
@@ -34,6 +34,9 @@ from carom.scenario.problems import Finding, Source
 from carom.scenario.taking import Taker
 from carom.scenario.walling import Waller
 from carom.scenario.walls import PLANE, WALLS, Plane
+
+if TYPE_CHECKING:
+    from carom.scenario.keywords import Options
 
 
 class Scene(Waller, Attacher, Taker):
@@ -189,7 +192,7 @@ class Scene(Waller, Attacher, Taker):
         """What to keep: the keys of `[record]`."""
         return self._tree.record
 
-    def with_options(self, **options: Any) -> Scene:
+    def with_options(self, **options: Unpack[Options]) -> Scene:
         """This scene with other keys of `[run]` and `[record]`; spheres and everything else are shared with
         it.
         """

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from carom import _core
 from carom.drive import Ending, Sink, advance
@@ -22,6 +22,7 @@ from carom.watching import State
 
 if TYPE_CHECKING:
     from carom._core import Block
+    from carom.scenario.keywords import Options
     from carom.scene import Scene
 
 
@@ -53,7 +54,7 @@ class Simulation(State):
         case: str | None = None,
         parameters: Mapping[str, Any] | None = None,
         keep: bool = True,
-        **options: Any,
+        **options: Unpack[Options],
     ) -> None:
         scene = scene_of(scene, "Simulation", case=case, parameters=parameters)
         scene = scene.with_options(**options) if options else scene
