@@ -20,6 +20,7 @@ class Options(TypedDict, total=False):
     gap_tolerance: float | str
     touching_tolerance: float | str
     impact: Literal["sequence", "sequence-paper", "one-shot"]
+    position_friction: Literal["paper", "once"]
     max_problems: int
     closing_tolerance_load: float | str
     pile_closing_tolerance: float | str
