@@ -115,6 +115,8 @@ def test_at_rest_can_ignore_a_ball_that_spins_on_the_spot() -> None:
         result = carom.simulate(spinning, stop=events.AtRest(hold=0.05, ignore_spin=ignore), callback_every=1)
         ends.append((result.outcome.kind, round(result.outcome.time, 6)))
     assert ends == [("done", 0.2), ("stopped", 0.051)]
+    assert events.rest(result) == []
+    assert [event.time for event in events.rest(result, ignore_spin=True)] == [0.0]
     moving = carom.simulate(
         shot(0.0, spin=-5.0), until=0.2, stop=events.AtRest("cue", ignore_spin=True), callback_every=1
     )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.events import rest
 from carom.layout import WIDTH, table
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def simulate(case: str, out: Path, *, progress: Callable[..., None] | None = Non
     )
     if case.endswith("rolling"):
         until = float(result.time[-1])
-        while result.outcome.ok and None in rest_times(result).values() and until < LONGEST:
+        while result.outcome.ok and len(_rested(result)) < len(result.names) and until < LONGEST:
             until += PORTION
             result.close()
             result = relaunch(RunDir.open(out), {"until": until}, stop=stop, progress=progress)
@@ -110,19 +111,6 @@ def first_contact(result: Result, a: str, b: str) -> tuple[float, float, int]:
     root = closing**2 - 2 * slowing * gap
     time = gap / closing if root < 0 or slowing == 0 else (closing - math.sqrt(root)) / slowing
     return float(result.time[frame]) + time, closing - slowing * time, step
-
-
-def rest_times(result: Result) -> dict[str, float | None]:
-    """When each ball has come to rest for good, s; None if it still moves at the end."""
-    found: dict[str, float | None] = {}
-    up = _up(result)
-    for body in result:
-        rolling = np.linalg.norm(np.cross(body.angular_velocity, body.radius * up), axis=1)
-        speed = np.maximum(body.speed, rolling)
-        moving = np.flatnonzero(speed > REST_SPEED)
-        last = int(moving[-1]) + 1 if len(moving) else 0
-        found[body.name] = float(result.time[last]) if last < len(result.time) else None
-    return found
 
 
 def slip(result: Result, name: str) -> F64:
@@ -241,9 +229,16 @@ def _rolling(result: Result) -> Row:
     )
 
 
+def _rested(result: Result) -> dict[str, float]:
+    """Since when the balls that came to rest lie still, s."""
+    return {event.body: event.time for event in rest(result, speed=REST_SPEED, ignore_spin=True)}
+
+
 def _rest(result: Result) -> list[Row]:
     rows = []
-    for name, time in rest_times(result).items():
+    came = _rested(result)
+    for name in result.names:
+        time = came.get(name)
         spin = abs(float(result[name].angular_velocity[-1] @ _up(result)))
         told = f"t = {time:.3f} s" if time is not None else f"moves at {float(result.time[-1]):g} s"
         if time is not None and spin > REST_SPEED:

@@ -116,10 +116,13 @@ def slip_to_roll(
     return _sorted(found)
 
 
-def rest(result: Result, body: str | None = None, *, speed: float = SPEED) -> list[Event]:
+def rest(
+    result: Result, body: str | None = None, *, speed: float = SPEED, ignore_spin: bool = False
+) -> list[Event]:
     """From when on balls lay still to the end: |v| and r |w| below `speed`, m/s, in all frames from there.
 
-    Balls that move at the end, or left, have no such event.
+    Balls that move at the end, or left, have no such event. With `ignore_spin` the spin about z does not count, as in
+    `AtRest`.
     """
     _bound(speed)
     names, time = result.names, np.asarray(result.time)
@@ -131,6 +134,7 @@ def rest(result: Result, body: str | None = None, *, speed: float = SPEED) -> li
     after = np.zeros(len(bodies))
     for low, high in reversed(list(_windows(frames, len(names)))):
         velocity, spin, there = _motion(result, bodies, MOTION[1:], slice(low, high))
+        spin = spin[..., : 2 if ignore_spin else 3]
         v, w = np.linalg.norm(velocity, axis=2), radius * np.linalg.norm(spin, axis=2)
         loud = ~((v <= speed) & (w <= speed) & there)
         last = len(loud) - 1 - loud[::-1].argmax(axis=0)
