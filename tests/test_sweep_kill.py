@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -175,3 +177,42 @@ class TestOnACluster:
             go.touch()
         rest = carom.sweep(study, files / "out", workers=0)
         assert len(rest) == rest.ok.sum() == 3
+
+
+def test_workers_that_die_while_they_start_are_started_again(files: Path) -> None:
+    psutil = pytest.importorskip("psutil", reason="needs dask (extra cluster)")
+    command = [sys.executable, "-m", "carom", "sweep", str(files / "study.toml"), "-o", str(files / "out")]
+    process = subprocess.Popen(
+        [*command, "--workers", "2", "-q", "--no-plots"], stderr=subprocess.PIPE, text=True
+    )
+    dead = False
+    while not dead and process.poll() is None:
+        for child in psutil.Process(process.pid).children(recursive=True):
+            with suppress(psutil.Error):
+                if not dead and "spawn_main" in " ".join(child.cmdline()):
+                    child.kill()  # before it can have reached the scheduler
+                    dead = True
+    _, told = process.communicate(timeout=120)
+    assert (dead, process.returncode) == (True, 0), told
+    assert "a worker died while it started" in told
+    assert len(carom.sweep(files / "study.toml", files / "out", workers=0)) == 16
+
+
+def test_a_scheduler_that_is_late_is_waited_for(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs dask (extra cluster)")
+    monkeypatch.setattr("carom.sweeps.cluster.ANSWER_SECONDS", 0.5)
+    with pytest.raises(CaromError, match="start one with `dask scheduler`"):
+        carom.sweep(files / "study.toml", files / "out", scheduler="tcp://127.0.0.1:1")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    here = {"host": "127.0.0.1", "scheduler_port": port, "dashboard_address": None, "processes": False}
+    late: list[Any] = []
+    timer = threading.Timer(1.0, lambda: late.append(distributed.LocalCluster(n_workers=1, **here)))
+    timer.start()
+    try:
+        found = carom.sweep(files / "study.toml", files / "out", scheduler=f"tcp://127.0.0.1:{port}")
+        assert len(found) == found.ok.sum() == 16
+    finally:
+        timer.join()
+        late[0].close()

@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,9 @@ AHEAD = 3
 GONE = "the scheduler is gone; what was computed stays, and the same call goes on from there"
 #: Seconds without a worker after which it is said.
 PATIENCE_SECONDS = 20.0
+#: Times that workers are started, or a scheduler is called, and the seconds that it may take to answer a call.
+START_ATTEMPTS = 4
+ANSWER_SECONDS = 10.0
 #: Seconds between two looks at Ctrl-C and at whether the scheduler is there.
 LOOK_SECONDS = 0.5
 
@@ -77,21 +81,41 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 tempfile.TemporaryDirectory(prefix="carom-dask-", ignore_cleanup_errors=True)
             )
             stack.enter_context(config.set({"distributed.worker.profile.enabled": False}))
-            cluster = LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
-                local_directory=scratch, memory_limit=0, silence_logs=logging.CRITICAL,
+            cluster = _started(
+                partial(
+                    LocalCluster, n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+                    dashboard_address=None, local_directory=scratch, memory_limit=0, silence_logs=logging.CRITICAL,
+                ),
+                "a worker died while it started, and the others are started again with it",
+                f"{workers} workers cannot be started; give fewer, or workers = 0 for this process alone (a script that"
+                ' calls carom.sweep needs `if __name__ == "__main__":` around the call)',
             )  # fmt: skip
             stack.callback(cluster.close)
             yield stack.enter_context(Client(cluster))
             return
-        try:
-            client = Client(scheduler, timeout="10s")
-        except (OSError, ValueError, TimeoutError) as error:
-            raise CaromError(
-                f"no scheduler answers at {scheduler}; start one with `dask scheduler`,"
-                f" and workers with `dask worker {scheduler}`"
-            ) from error
+        client = _started(
+            partial(Client, scheduler, timeout=ANSWER_SECONDS),
+            f"no scheduler answers at {scheduler} yet; the study waits for it",
+            f"no scheduler answers at {scheduler}; start one with `dask scheduler`,"
+            f" and workers with `dask worker {scheduler}`",
+        )
         yield stack.enter_context(client)
+
+
+def _started(start: Callable[[], Any], remark: str, refusal: str) -> Any:
+    """What `start` makes, which may be late, or lose a process on the way: it is tried several times."""
+    attempt = 0
+    while True:
+        attempt += 1
+        try:
+            return start()
+        except ValueError as error:  # an address that is none
+            raise CaromError(refusal) from error
+        except (OSError, TimeoutError, RuntimeError) as error:
+            if attempt == START_ATTEMPTS:
+                raise CaromError(refusal) from error
+            if attempt == 1:
+                warnings.warn(remark, UserWarning, stacklevel=2)
 
 
 def _loggers(*roots: str) -> list[logging.Logger]:
