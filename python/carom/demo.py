@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.events import rest
+from carom.events import meeting, rest
 from carom.layout import WIDTH, table
 
 if TYPE_CHECKING:
@@ -103,14 +103,11 @@ def first_contact(result: Result, a: str, b: str) -> tuple[float, float, int]:
     step = int(hits["step"][0])
     frame = int(np.searchsorted(np.asarray(result.step), step)) - 1  # the last one before the hit
     apart = result[a].position[frame] - result[b].position[frame]
-    distance = float(np.linalg.norm(apart))
-    gap = distance - result[a].radius - result[b].radius
-    closing = -float((result[a].velocity[frame] - result[b].velocity[frame]) @ apart) / distance
-    # The cue ball slides and loses speed on the way: one correction with its own deceleration is exact to rounding.
+    relative = result[a].velocity[frame] - result[b].velocity[frame]
+    # The cue ball slides and loses speed on the way: its own deceleration makes the time exact to rounding.
     slowing = _deceleration(result, a, frame)
-    root = closing**2 - 2 * slowing * gap
-    time = gap / closing if root < 0 or slowing == 0 else (closing - math.sqrt(root)) / slowing
-    return float(result.time[frame]) + time, closing - slowing * time, step
+    time, speed = meeting(apart, relative, result[a].radius + result[b].radius, slowing)
+    return float(result.time[frame]) + time, speed, step
 
 
 def slip(result: Result, name: str) -> F64:

@@ -7,6 +7,7 @@ of their step, so they happened up to one step earlier; what is read off the fra
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -64,6 +65,18 @@ def first_contact(result: Result, body: str, other: str) -> Event | None:
     known = [*result.names, *result.wall_names]
     pair = {_index(name, known) for name in (body, other)}
     return next((event for event in _first(result, pair)), None)
+
+
+def meeting(apart: F64, relative: F64, distance: float, slowing: float = 0.0) -> tuple[float, float]:
+    """Time (s) until two balls touch, and their closing speed (m/s) there, from a state shortly before.
+
+    `apart` and `relative` (3,) are the place (m) and velocity (m/s) of one less those of the other, `distance` that of the
+    centres at contact, m; `slowing` is the deceleration of the approach, m/s^2.
+    """
+    length = float(np.linalg.norm(apart))
+    closing, gap = -float(relative @ apart) / length, length - distance
+    speed = math.sqrt(closing**2 - 2 * slowing * gap)
+    return 2 * gap / (closing + speed), speed
 
 
 def first_contacts(result: Result) -> list[Event]:

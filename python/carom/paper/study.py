@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carom import _core
 from carom.convergence import Order
+from carom.events import meeting
 from carom.paper.document import Context, Counts, Row
 from carom.paper.memory import Trace, trace
 from carom.scene import Scene
@@ -161,11 +162,9 @@ def first_contact(run: Trace, a: str, b: str, distance: float, slowing: float = 
     step = int(run.hits(a, b)["step"][0])
     before = step - 1
     apart = run.position[before, run.body(a)] - run.position[before, run.body(b)]
-    length = float(np.linalg.norm(apart))
     relative = run.velocity[before, run.body(a)] - run.velocity[before, run.body(b)]
-    closing, gap = -float(relative @ apart) / length, length - distance
-    speed = math.sqrt(closing**2 - 2 * slowing * gap)
-    return Contact(float(run.time[before]) + 2 * gap / (closing + speed), speed, step)
+    time, speed = meeting(apart, relative, distance, slowing)
+    return Contact(float(run.time[before]) + time, speed, step)
 
 
 def limit(steps: Sequence[float], values: Sequence[float]) -> float:
