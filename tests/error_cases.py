@@ -391,6 +391,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "begins or ends with a blank: ...": [("name", '[[material]]\nname = " x"\n')],
     "expected a string, found ...": [("name", "[[material]]\nname = 3\n")],
     "expected tables, found ...": [("lattice", "format = 1 -> format = 1\nlattice = 3")],
+    "... can take the load of the contact of ... with ...: friction there vanishes or is undetermined": [
+        ("joint", '[[joint]]\ntype = "plane"\nbody = "cue"\nnormal = [0,0,1]\n')
+    ],
     "... hold the same motion as other joints": [("joint", ROD + ROD)],
     "is ... ... at t = 0, but counts from the start": [
         (

@@ -1,10 +1,12 @@
 """Scenes that earlier builds got wrong, and variants of them."""
 
 from pathlib import Path
+from typing import Any
 
 import carom
 import numpy as np
 import pytest
+from carom.run import CaromWarning
 
 SCENES = Path(__file__).parent / "data" / "wrong_cases"
 
@@ -34,3 +36,126 @@ def test_loads_do_not_hide_a_gain_of_energy(on_floor: bool) -> None:
     # 38/37 of it would be there without the law; scaled to the root it is all there, without a loss.
     assert total.min() >= 0.5 * (1 - 1e-12)
     assert 0.97 < np.min(result.steps["restitution_scale"]) < 0.99
+
+
+def held_ball(
+    height: float = 0.03, friction: float = 0.2, restitution: float = 0.0, **law: float
+) -> carom.Scene:
+    """A ball of radius 0.03 m above a rough floor, for joints of all kinds."""
+    scene = carom.Scene(run={"until": 1.0, "step": 1e-3})
+    scene.contact("b", "w", friction=friction, restitution=restitution, **law)
+    scene.contact("b", "b", friction=friction, restitution=restitution)
+    scene.plane("f", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    scene.sphere("a", radius=0.03, mass=0.1, at=(0, 0, height), material="b")
+    return scene
+
+
+def loads_taken(scene: carom.Scene) -> list[str]:
+    """The warnings of rule R10."""
+    return [str(advice) for advice in scene.validate() if "load of the contact" in advice.cause]
+
+
+def test_a_joint_that_takes_the_load_of_a_contact_is_warned_of() -> None:
+    """Rule R10: the ball slides on without friction, and the warning names joint and contact before the run."""
+    scene = carom.Scene.from_toml(SCENES / "joint_floor.toml")
+    with pytest.warns(CaromWarning, match='"joint1" .* contact of "a" with plane "f"'):
+        result = carom.simulate(scene)
+    assert result.velocity[-1, 0, 0] == pytest.approx(1.0)  # 0.2 g would have stopped it
+    [told] = loads_taken(scene)
+    assert "leave the direction of that contact free" in told
+
+
+@pytest.mark.parametrize(
+    ("joint", "told"),
+    [
+        ({"kind": "line", "direction": (1, 0, 0)}, True),
+        ({"kind": "fix"}, True),  # it could roll about its centre
+        ({"kind": "plane", "normal": (0, 0, -2)}, True),
+        ({"kind": "plane", "normal": (0, 1, 0)}, False),
+        ({"kind": "plane", "normal": (0, 0.1, 1)}, False),  # a wedge: the contact is loaded
+        ({"kind": "line", "direction": (0, 0, 1)}, False),
+        ({"kind": "lock", "axes": [(0, 1, 0)]}, False),
+        ({"kind": "motion", "direction": (1, 0, 0), "displacement": {"expression": "0.02*t*t"}}, False),
+        ({"kind": "motion", "direction": (0, 0, 1), "displacement": {"expression": "0.02*t*t"}}, True),
+        ({"kind": "rod", "between": ["a", "ground"], "points": ((0, 0, 0.03), (0, 0, 0.5))}, True),
+        ({"kind": "rod", "between": ["a", "ground"], "points": ((0, 0, 0.03), (0.5, 0, 0.03))}, False),
+    ],
+)
+def test_which_joints_take_the_load_of_a_floor(joint: dict[str, Any], told: bool) -> None:
+    given = dict(joint)
+    kind = given.pop("kind")
+    scene = held_ball()
+    scene.joint(kind, **({} if "between" in given else {"body": "a"}), **given)
+    assert bool(loads_taken(scene)) is told
+
+
+def test_a_contact_without_friction_or_slip_loses_nothing_to_a_joint() -> None:
+    smooth = held_ball(friction=0.0)
+    smooth.joint("plane", body="a", normal=(0, 0, 1))
+    assert not loads_taken(smooth)
+    rolling = held_ball(friction=0.0, rolling_radius=1e-3)
+    rolling.joint("plane", body="a", normal=(0, 0, 1))
+    assert loads_taken(rolling)
+    at_rest = held_ball()
+    at_rest.joint("fix", body="a")
+    at_rest.joint("lock", body="a")
+    assert not loads_taken(at_rest)
+
+
+def test_a_ball_held_above_the_floor_is_told_of_only_if_it_comes_down() -> None:
+    above = held_ball(height=0.04)
+    above.joint("plane", body="a", normal=(0, 0, 1))
+    assert not loads_taken(above)
+    down = held_ball(height=0.04)
+    down.joint("motion", body="a", direction=(0, 0, 1), displacement={"expression": "-0.04*t*t"})
+    [told] = loads_taken(down)
+    assert "from t = 0.5 s on" in told
+    lifted = carom.Scene(run={"until": 1.0, "step": 1e-3})
+    lifted.contact("b", "b", friction=0.2, restitution=0.0)
+    lifted.sphere("a", radius=0.03, mass=0.1, at=(0, 0, 0.04), material="b")
+    lifted.plane(
+        "f",
+        point=(0, 0, 0),
+        normal=(0, 0, 1),
+        material="b",
+        motion={"translation": [0.0, 0.0, {"expression": "0.04*t*t"}]},
+    )
+    lifted.joint("plane", body="a", normal=(0, 0, 1))
+    [told] = loads_taken(lifted)
+    assert "from t = 0.5 s on" in told
+
+
+def test_which_joints_take_the_load_between_balls() -> None:
+    def two(gap: float = 0.0) -> carom.Scene:
+        scene = held_ball()
+        scene.sphere("c", radius=0.03, mass=0.1, at=(0.06 + gap, 0, 0.03), material="b")
+        return scene
+
+    apart = two(0.04)  # both touch the floor, which carries them
+    apart.joint("rod", between=["a", "c"])
+    assert not loads_taken(apart)
+    touching = two()
+    touching.joint("rod", between=["a", "c"])
+    [told] = loads_taken(touching)
+    assert '"joint1" can take the load of the contact of "a" with "c"' in told
+    pinned = two()  # nothing slips at the point that they share
+    pinned.joint("ball", between=["a", "c"], point=(0.03, 0, 0.03))
+    assert not loads_taken(pinned)
+    each = two()  # each has its own joint to the ground
+    each.joint("plane", name="left", body="a", normal=(1, 0, 0))
+    assert not loads_taken(each)
+    each.joint("plane", name="right", body="c", normal=(1, 0, 0))
+    [told] = loads_taken(each)
+    assert '"left"' in told
+    assert '"right"' in told
+
+
+def test_a_chain_of_joints_to_the_ground_takes_the_load_of_a_floor() -> None:
+    scene = held_ball()
+    scene.sphere("c", radius=0.03, mass=0.1, at=(0, 0, 0.2), material="b")
+    scene.joint("rod", name="link", between=["a", "c"])
+    assert not loads_taken(scene)
+    scene.joint("fix", name="anchor", body="c")
+    [told] = loads_taken(scene)
+    assert '"link"' in told
+    assert '"anchor"' in told

@@ -15,6 +15,7 @@ from carom.scenario.bodies import F64, Bodies
 from carom.scenario.checks import Parts, steps
 from carom.scenario.flow_checks import advise_flow
 from carom.scenario.gain_advice import advise_gain
+from carom.scenario.joint_contacts import advise_joint_contacts
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
 from carom.scenario.model import World
@@ -68,6 +69,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from _heavy_shell(parts)
     yield from _mass_ratio(parts)
     yield from advise_start(parts)
+    yield from advise_joint_contacts(parts)
     yield from advise_loads(parts)
     yield from advise_walls(parts)
     yield from advise_flow(parts)

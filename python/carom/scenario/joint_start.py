@@ -140,7 +140,7 @@ class Group:
 def _mismatches(parts: Parts) -> Iterator[Mismatch]:
     bodies = parts.bodies()
     step = parts.run.step if parts.run is not None else 0.0  # without it nothing is known of laws either
-    for group in _groups(parts, MOST_ROWS):
+    for group in groups(parts, MOST_ROWS):
         excess = group.gradient @ group.velocity - group.rate
         # what the difference quotient leaves open is given to the author of the law, and so is rounding of nothing:
         # a velocity computed as w x r is 1e-17 rather than 0 where the two are parallel
@@ -215,7 +215,7 @@ def _cure(group: Group, of: Rows, fitting: F64 | None, bodies: Bodies) -> str:
 
 def _redundant(parts: Parts) -> Iterator[Finding]:
     """Joints all or some of whose rows follow from those before: then the reactions are not unique."""
-    for group in _groups(parts, MOST_ROWS):
+    for group in groups(parts, MOST_ROWS):
         if len(group.rate) > MOST_ROWS:
             continue
         rows = group.gradient / np.sqrt(group.mass)
@@ -244,7 +244,7 @@ def _redundant(parts: Parts) -> Iterator[Finding]:
 # --- the linear system ------------------------------------------------------------------------------------------------
 
 
-def _groups(parts: Parts, most: int) -> Iterator[Group]:
+def groups(parts: Parts, most: int) -> Iterator[Group]:
     """All joints in groups that share bodies; those of more than `most` rows joint by joint."""
     bodies = parts.bodies()
     number = numbers(bodies)
