@@ -394,6 +394,23 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... can take the load of the contact of ... with ...: friction there vanishes or is undetermined": [
         ("joint", '[[joint]]\ntype = "plane"\nbody = "cue"\nnormal = [0,0,1]\n')
     ],
+    "... runs inside ... at up to ... m/s, ... m from its middle: a step of ... s loses about ..."
+    " (estimate without friction and hits)": [
+        (
+            "run.step",
+            WALL.format("cylinder")
+            + "point = [3,0,1]\naxis = [0,1,0]\nradius = 0.2\nlength = 0.1\n"
+            + f'[[sphere]]\nname = "third"\n{SPHERE}position = [3.19,0,1]\nvelocity = [0,0,3]\n',
+        )
+    ],
+    "... rolls down ..., ... m from its middle: a step of ... s gains about ... % of its energy (estimate)": [
+        (
+            "run.step",
+            WALL.format("ball_wall")
+            + "point = [3,0,1]\nradius = 0.001\ninside = false\n"
+            + '[[sphere]]\nname = "third"\nmaterial = "ball"\nradius = 0.001\nmass = 0.1\nposition = [3,0,1.002]\n',
+        )
+    ],
     "... hold the same motion as other joints": [("joint", ROD + ROD)],
     "is ... ... at t = 0, but counts from the start": [
         (

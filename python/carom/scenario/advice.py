@@ -13,6 +13,7 @@ from carom.errors import quoted
 from carom.scenario.attachment_checks import advise_loads
 from carom.scenario.bodies import F64, Bodies
 from carom.scenario.checks import Parts, steps
+from carom.scenario.curved_advice import advise_curved, below
 from carom.scenario.flow_checks import advise_flow
 from carom.scenario.gain_advice import advise_gain
 from carom.scenario.joint_contacts import advise_joint_contacts
@@ -59,6 +60,8 @@ FEW_BALLS = 200
 def advise(parts: Parts, world: World) -> Iterator[Finding]:
     """All warnings of a scenario that `check` found nothing wrong with."""
     yield from _step_length(parts, world)
+    if not _has_substeps(parts):
+        yield from advise_curved(parts, world)
     yield from _piles(parts, world)
     yield from _rounded_until(parts)
     yield from _large_results(parts)
@@ -89,7 +92,7 @@ def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
     body = int(rate.argmax())
     travel = float(rate[body]) * run.step
     if len(bodies.names) > 1 and travel > WARN_TRAVEL:
-        ok, fine = _rounded_down(WARN_TRAVEL / rate[body]), _rounded_down(FINE_TRAVEL / rate[body])
+        ok, fine = below(WARN_TRAVEL / rate[body]), below(FINE_TRAVEL / rate[body])
         name = quoted(bodies.names[body])
         cause = f"a step of {run.step:g} s moves {name} by {travel:.2g} radii: oblique hits lose accuracy"
         yield Finding(
@@ -128,7 +131,7 @@ def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Fin
         safe = min(safe, float(root.min()))
     if worst:
         cause = f"a step of {step:g} s moves {met} by {worst:.2g} radii: impacts on planes may be missed"
-        yield Finding(("run", "step"), cause, f"step = {_rounded_down(safe):g} is safe")
+        yield Finding(("run", "step"), cause, f"step = {below(safe):g} is safe")
 
 
 def _step_of_falls(parts: Parts, world: World) -> Iterator[Finding]:
@@ -157,7 +160,7 @@ def _step_of_falls(parts: Parts, world: World) -> Iterator[Finding]:
         travel_, speed_, name, met = worst
         cause = f"falling, {quoted(name)} reaches {speed_:.3g} m/s at {quoted(met)}"
         cause += f": a step of {run.step:g} s moves it by {travel_:.2g} radii"
-        safe = _rounded_down(PLANE_TRAVEL * run.step / travel_)
+        safe = below(PLANE_TRAVEL * run.step / travel_)
         yield Finding(("run", "step"), cause, f"step = {safe:g} is safe")
 
 
@@ -169,12 +172,6 @@ def _held_up(bodies: Bodies, normal: F64) -> NDArray[np.bool_]:
         np.linalg.norm(across[:, None] - across[None], axis=2) < bodies.radius[:, None] + bodies.radius[None]
     )
     return np.asarray((near & (height[None] < height[:, None])).any(axis=1))
-
-
-def _rounded_down(x: float) -> float:
-    """`x` to one digit, not above it."""
-    scale = 10.0 ** math.floor(math.log10(x))
-    return float(f"{math.floor(x / scale * (1 + 1e-12)) * scale:.1g}")
 
 
 def _piles(parts: Parts, world: World) -> Iterator[Finding]:
