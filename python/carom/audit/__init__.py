@@ -45,7 +45,19 @@ def check(run: Result | str | Path) -> Report:
 
 
 def _judge(run: Run, tally: Tally) -> None:
-    from carom.audit import cones, counts, energy, gaps, impacts, joints, motion, references, tables, tunnel
+    from carom.audit import (
+        claims,
+        cones,
+        counts,
+        energy,
+        gaps,
+        impacts,
+        joints,
+        motion,
+        references,
+        tables,
+        tunnel,
+    )
     from carom.audit.block import blocks
     from carom.audit.near import near
 
@@ -53,6 +65,7 @@ def _judge(run: Run, tally: Tally) -> None:
         return
     tables.judge(run, tally)
     counts.judge(run, tally)
+    claims.judge(run, tally)
     energy.rises(run, tally)
     for block in blocks(run):
         pairs = near(block)

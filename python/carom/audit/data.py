@@ -51,6 +51,8 @@ class Run:
         self.record = scene.record
         self.method = str(self.options["method"])
         self.h = float(self.options["step"])
+        self.until = float(scene.run.until or 0.0)
+        self.every = int(scene.record.every or 1)
         self.radius: F64 = result.bodies["radius"]
         self.mass: F64 = result.bodies["mass"]
         self.inertia: F64 = result.bodies["inertia"]
@@ -187,6 +189,16 @@ class Run:
         best = np.zeros(self.bodies)
         size = max(1, 1_000_000 // self.bodies)
         for first in range(0, self.frames, size):
+            v = np.nan_to_num(np.asarray(self.result.velocity[first : first + size]))
+            best = np.maximum(best, norm(v).max(axis=0))
+        return best
+
+    @cached_property
+    def top_speeds_later(self) -> F64:
+        """(N,) the same at frames after the start."""
+        best = np.zeros(self.bodies)
+        size = max(1, 1_000_000 // self.bodies)
+        for first in range(1, self.frames, size):
             v = np.nan_to_num(np.asarray(self.result.velocity[first : first + size]))
             best = np.maximum(best, norm(v).max(axis=0))
         return best

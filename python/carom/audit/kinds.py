@@ -28,6 +28,12 @@ _KINDS = (
         "relative",
         "rounding of its decimals",
     ),
+    Kind(
+        "claims",
+        "run.json and the attributes say what the tables show, and frames are those that were asked for",
+        "relative",
+        "none; rounding of sums",
+    ),
     Kind("counts", "counts of the steps are those of the tables", "rows", "none"),
     Kind("quaternion", "orientations are unit quaternions", "1", "one normalisation: 8 roundings"),
     Kind(

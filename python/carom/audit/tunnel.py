@@ -56,9 +56,9 @@ def _obstacle(
     """A sphere, or a tube without end, that is met from outside."""
     run, wall = block.run, block.run.walls[w]
     ends = [wall.local(t[k], x[k, a]) - wall.point for t, x in ((block.t0, block.x0), (block.t1, block.x1))]
-    size = float(wall.parameters[0])
+    size = float(wall.parameters[1 if wall.kind == "cylinder" else 0])
     if wall.kind == "cylinder":
-        axis, size = wall.parameters[0], float(wall.parameters[1])
+        axis = wall.parameters[0]
         ends = [x - np.outer(x @ axis, axis) for x in ends]
     allowed = way[k, a] + _travel(block, w, k, a)
     value, bound = _cut(ends[0], ends[1], run.radius[a] + size, np.minimum(run.radius[a], size), allowed)

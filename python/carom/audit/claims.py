@@ -1,0 +1,210 @@
+"""What `run.json` and the attributes of the results claim, against what the tables show.
+
+    identity            that of the scenario beside it: whoever changes an option or a body changes it
+    status, outcome     the last step; a run that is done has come to the end that its scenario asks for
+    summary             counts, largest and mean values, energies and final states, from /steps and the last frame
+    frames              every multiple of `every` up to the last step has one
+
+Times that the computing took, versions and dates are in no table: nothing tells whether they are true.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit.data import Run
+from carom.audit.references import at
+from carom.audit.report import Tally
+from carom.audit.vectors import EPS, norm
+from carom.drive import identify
+
+F64 = NDArray[np.float64]
+Claim = tuple[str, Any, Any, float]
+"""Where it is claimed, what is, what the tables show, and how far these may be apart."""
+
+ENDED = ("done", "stopped", "interrupted")
+#: Key of the summary -> column of /steps that it sums up or takes the largest of.
+SUMS = {name: name for name in ("fallbacks", "unconverged", "halvings", "substeps", "entered", "removed")} | {
+    "missed_impacts": "missed_impacts",
+    "relisted": "relisted",
+    "truncated_sequences": "truncated",
+}
+LARGEST = {
+    "residual_position_max": "residual_position",
+    "residual_velocity_max": "residual_velocity",
+    "penetration_max": "penetration",
+    "penetration_max_relative": "penetration_relative",
+    "line_search.position": "line_search_position",
+    "line_search.velocity": "line_search_velocity",
+}
+SPREADS = {
+    **{f"iterations.{level}": f"iterations_{level}" for level in ("smooth", "position", "velocity")},
+    "impact_problems": "impact_problems",
+    "contacts": "contacts",
+}
+
+
+def judge(run: Run, tally: Tally) -> None:
+    """All claims."""
+    about, attributes = run.result._about, run.result._segments.attributes
+    if run.opaque:
+        tally.skip(
+            "claims",
+            "the scene has Python functions, of which the identity holds the names alone",
+            "give their laws as expressions",
+        )
+    else:
+        known = about.get("scenario", {})
+        mine = identify(run.model) in (known.get("identity"), *known.get("earlier", ()))
+        tally.measure("claims", [0.0 if mine else np.inf], 0.0, at("run.json: scenario.identity"))
+    for name, given in (("step", run.h), ("every", run.every)):
+        _compare(tally, (f"results.h5: {name}", attributes[name], given, 0.0))
+    _frames(run, tally)
+    if about.get("status") != "running":
+        claims = [*_ending(run, about)]
+        if isinstance(about.get("summary"), Mapping):
+            claims += _summary(run, about, about["summary"])
+        for claim in claims:
+            _compare(tally, claim)
+
+
+def _frames(run: Run, tally: Tally) -> None:
+    last = len(run.steps["step"])
+    ended = run.result._about.get("status") != "running"
+    until = last if ended else int(run.step[-1]) if run.frames else -1
+    wanted = np.arange(0, until + 1, run.every)
+    missing = np.setdiff1d(wanted, run.step)
+    if ended and run.result._about.get("status") == "done" and last not in run.step:
+        missing = np.append(missing, last)
+    tally.measure("claims", [float(len(missing))], 0.0, at(f"/frames: those of steps {missing[:3].tolist()}"))
+
+
+def _ending(run: Run, about: Mapping[str, Any]) -> Iterator[Claim]:
+    outcome, last = about.get("outcome") or {}, len(run.steps["step"])
+    kind, status = outcome.get("kind"), about.get("status")
+    yield "status", status, kind if kind in ENDED else "failed", 0.0
+    if kind == "error":
+        return
+    if status in ENDED:
+        yield "outcome.step", outcome.get("step"), last, 0.0
+        yield "outcome.time", outcome.get("time"), last * run.h, 2.0 * EPS
+    if status == "done":
+        yield "outcome.step", last, max(1, math.ceil(run.until / run.h - 1e-9)), 0.0
+    parts = about.get("segments") or [{}]
+    yield "segments: to_step", parts[-1].get("to_step"), last, 0.0
+
+
+def _summary(run: Run, about: Mapping[str, Any], told: Mapping[str, Any]) -> Iterator[Claim]:
+    s, steps = run.steps, len(run.steps["step"])
+
+    def claim(key: str, shown: Any, bound: float = 0.0) -> Claim:
+        found: Any = told
+        for part in key.split("."):
+            found = found.get(part) if isinstance(found, Mapping) else None
+        return f"summary.{key}", found, shown, bound
+
+    scenario = about.get("scenario", {})
+    outcome = about.get("outcome") or {}
+    events = run.result.events
+    begun = np.asarray(events["kind"])[np.asarray(events["step"]) == 0] if len(events) else np.zeros(0)
+    # What enters or leaves before the first step is in no row of /steps.
+    first = {"entered": int((begun == 1).sum()), "removed": int((begun == 0).sum())}
+    yield claim("scenario", scenario.get("file") or scenario.get("title"))
+    for key in ("title", "case", "parameters"):
+        if key in scenario:
+            yield claim(key, scenario[key])
+    yield claim("failure", None if about.get("status") in ENDED else outcome)
+    for key, shown in (
+        ("method", run.method),
+        ("step", run.h),
+        ("steps", steps),
+        ("bodies_count", run.bodies),
+    ):
+        yield claim(key, shown)
+    yield claim("time", steps * run.h, 2.0 * EPS)
+    yield claim("outcome", outcome.get("kind"))
+    for key in ("wall_s", "core_s"):
+        yield claim(key, sum(part.get(key, 0.0) for part in about.get("segments", ())), 16.0 * EPS)
+    for key, column in SUMS.items():
+        yield claim(key, int(s[column].sum()) + first.get(key, 0))
+    for key, column in LARGEST.items():
+        yield claim(key, s[column].max(initial=0))
+    for key, column in SPREADS.items():
+        yield claim(f"{key}.max", s[column].max(initial=0))
+        yield claim(f"{key}.mean", s[column].sum() / max(1, steps), 4.0 * EPS)
+    yield claim("restitution_scale_min", s["restitution_scale"].min(initial=1.0))
+    yield claim("safeguarded", int((s["restitution_scale"] < 1.0).sum()))
+    for key, column in (("work", "energy_work"), ("in", "energy_in"), ("out", "energy_out")):
+        size = np.abs(s[column]).sum()
+        yield claim(f"energy.{key}", s[column].sum(), EPS * steps * size / max(abs(s[column].sum()), 1e-300))
+    if steps:
+        yield from (claim(key, shown, bound) for key, shown, bound in _energies(run, told))
+    if run.every == 1 and not len(run.result.events):
+        yield claim(
+            "travel_max", float((run.top_speeds_later * run.h / run.radius).max(initial=0.0)), 8.0 * EPS
+        )
+    bodies = told.get("bodies")
+    if isinstance(bodies, Mapping) and run.frames and int(run.step[-1]) == steps:
+        present = np.asarray(run.result.present[-1])
+        for name in ("position", "orientation", "velocity", "angular_velocity"):
+            last = np.asarray(getattr(run.result, name)[-1])
+            for k in np.flatnonzero(present):
+                body = bodies.get(run.names[k])
+                found = body.get(name) if isinstance(body, Mapping) else None
+                yield f"summary.bodies.{run.names[k]}.{name}", found, last[k].tolist(), 0.0
+
+
+def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, float]]:
+    """Energy at both ends, and what rose in between."""
+    s = run.steps
+    total = s["energy_kinetic"] + s["energy_potential"]
+    yield "energy.final", total[-1], 0.0
+    energy = told.get("energy")
+    first = energy.get("initial") if isinstance(energy, Mapping) else None
+    if not isinstance(first, float | int) or len(run.result.events) or int(run.step[0]) != 0:
+        return
+    x, v, w = (
+        np.asarray(a[0]) for a in (run.result.position, run.result.velocity, run.result.angular_velocity)
+    )
+    motion = 0.5 * (run.mass * norm(v) ** 2 + run.inertia * norm(w) ** 2)
+    height = run.mass * (x @ run.gravity)
+    if not run.loads and run.method != "penalty":  # whose springs and contacts have a potential, too
+        shown, size = motion.sum() - height.sum(), (motion + np.abs(height)).sum()
+        yield "energy.initial", shown, 64.0 * EPS * run.bodies * size / max(abs(shown), 1e-300)
+    before = np.concatenate([[first], total[:-1]])
+    rise = total - before - s["energy_work"] - (s["energy_in"] - s["energy_out"])
+    largest = max(0.0, float(rise.max()))
+    rounding = 8.0 * EPS * np.abs(total).max() / max(largest, 1e-300)
+    yield "energy.max_rise", largest, rounding
+    floor = float((run.mass * np.linalg.norm(run.gravity) * run.radius).sum())
+    scale = np.maximum(np.maximum.accumulate(s["energy_kinetic"]), motion.sum()) + floor
+    yield "energy.max_rise_relative", largest / max(scale[-1], 1e-300), rounding + 1e-12
+    # A rise that is at the bound may count or not: scales are sums of another order.
+    bound, slack = 1e-12 * scale + 16.0 * EPS * np.abs(s["energy_potential"]), 8.0 * EPS * np.abs(total)
+    least, most = (int((rise > bound * (1.0 + d) + d * 1e9 * slack).sum()) for d in (1e-9, -1e-9))
+    yield (
+        "energy.rises",
+        min(max(energy["rises"], least), most)
+        if isinstance(energy, Mapping) and isinstance(energy.get("rises"), int)
+        else least,
+        0.0,
+    )
+
+
+def _compare(tally: Tally, claim: Claim) -> None:
+    where, told, shown, bound = claim
+    if isinstance(shown, (bool, str, dict, type(None))):
+        off = 0.0 if told == shown else np.inf
+    else:
+        try:
+            told, shown = np.asarray(told, dtype=np.float64), np.asarray(shown, dtype=np.float64)
+            apart = np.abs(told - shown).max() if told.shape == shown.shape else np.inf
+            off = 0.0 if apart == 0.0 else float(apart / max(float(np.abs(shown).max()), 1e-300))
+        except (TypeError, ValueError):
+            off = np.inf
+    tally.measure("claims", [off], bound, at(f"run.json: {where}" if ":" not in where else where))

@@ -1,0 +1,180 @@
+"""What a run claims is compared with what its tables show: `run.json`, the scenario beside it, attributes, frames."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import carom
+import h5py
+import pytest
+from carom.record.layout import Rows
+
+SCENARIOS = Path(carom.__file__).parent / "scenarios"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("claims") / "run"
+    carom.simulate(str(SCENARIOS / "paper" / "5.6_break.toml"), out=path, until=0.15)
+    return path
+
+
+def violated(run: Path) -> bool:
+    return carom.audit.check(run)["claims"].word == "violated"
+
+
+def numbers(tree: Any, *path: str) -> Iterator[tuple[str, ...]]:
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from numbers(value, *path, key)
+        elif isinstance(value, int | float):
+            yield (*path, key)
+
+
+def changed(run: Path, copy: Path, change: Callable[[dict[str, Any]], object]) -> Path:
+    shutil.copytree(run, copy)
+    about = json.loads((copy / "run.json").read_text())
+    change(about)
+    (copy / "run.json").write_text(json.dumps(about))
+    return copy
+
+
+#: Times of phases are in no table.
+UNTOLD = ("phases",)
+
+
+def test_every_number_of_the_summary_is_compared(run: Path, tmp_path: Path) -> None:
+    summary = json.loads((run / "run.json").read_text())["summary"]
+    missed = []
+    for k, path in enumerate(p for p in numbers(summary) if p[0] not in UNTOLD):
+
+        def alter(about: dict[str, Any], path: tuple[str, ...] = path) -> None:
+            at = about["summary"]
+            for key in path[:-1]:
+                at = at[key]
+            at[path[-1]] = at[path[-1]] * 1.01 + 1
+
+        if not violated(changed(run, tmp_path / str(k), alter)):
+            missed.append(".".join(path))
+    assert missed == []
+
+
+def test_final_states_are_compared(run: Path, tmp_path: Path) -> None:
+    def alter(about: dict[str, Any]) -> None:
+        about["summary"]["bodies"]["ball2"]["velocity"][1] += 1e-12
+
+    assert violated(changed(run, tmp_path / "copy", alter))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("status", "stopped"), ("outcome.step", 149), ("outcome.time", 0.16), ("scenario.identity", "0" * 64)],
+)
+def test_the_ending_is_compared(run: Path, tmp_path: Path, key: str, value: Any) -> None:
+    def alter(about: dict[str, Any]) -> None:
+        *within, last = key.split(".")
+        at = about
+        for part in within:
+            at = at[part]
+        at[last] = value
+
+    assert violated(changed(run, tmp_path / "copy", alter))
+
+
+def cut(steps: int, frames: int) -> Callable[[h5py.File], None]:
+    """Whole rows only of all but the last steps, as if the run had ended before."""
+
+    def edit(file: h5py.File) -> None:
+        rows = Rows(*map(int, file["commit"][-1]))
+        ends = file["frames/contact_end"][: rows.frames - frames]
+        last = int(file["steps/step"][rows.steps - steps - 1])
+        file["commit"][-1] = rows._replace(
+            frames=rows.frames - frames,
+            contacts=int(ends[-1]),
+            steps=rows.steps - steps,
+            impacts=int((file["impacts/step"][: rows.impacts] <= last).sum()),
+        )
+
+    return edit
+
+
+def without_frame(frame: int) -> Callable[[h5py.File], None]:
+    def edit(file: h5py.File) -> None:
+        rows = Rows(*map(int, file["commit"][-1]))
+        for column in file["frames"].values():
+            column[frame : rows.frames - 1] = column[frame + 1 : rows.frames]
+        file["commit"][-1] = rows._replace(frames=rows.frames - 1)
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        cut(20, 20),
+        cut(0, 1),
+        without_frame(70),
+        lambda file: file.attrs.__setitem__("step", file.attrs["step"] * 1.001),
+        lambda file: file.attrs.__setitem__("every", 2),
+        lambda file: file["steps/contacts"].__setitem__(100, file["steps/contacts"][100] + 1),
+        lambda file: file["steps/impact_problems"].__setitem__(100, file["steps/impact_problems"][100] + 1),
+        lambda file: file["steps/iterations_position"].__setitem__(100, 3),
+    ],
+)
+def test_results_that_are_not_those_claimed(
+    run: Path, tmp_path: Path, fault: Callable[[h5py.File], None]
+) -> None:
+    copy = Path(shutil.copytree(run, tmp_path / "copy"))
+    with h5py.File(copy / "results.h5", "r+") as file:
+        fault(file)
+    assert violated(copy)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("until = 0.15", "until = 0.3"), ("tolerance = 1e-08", "tolerance = 0.9")]
+)
+def test_a_scenario_that_is_not_the_one_that_was_run(run: Path, tmp_path: Path, old: str, new: str) -> None:
+    copy = Path(shutil.copytree(run, tmp_path / "copy"))
+    text = (copy / "scenario.toml").read_text()
+    assert old in text
+    (copy / "scenario.toml").write_text(text.replace(old, new))
+    assert violated(copy)
+
+
+def stop(view: Any) -> bool:
+    return bool(view.step >= 50)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"every": 7},
+        {"until": 0.0453, "every": 10},
+        {"method": "moreau"},
+        {"method": "penalty", "until": 0.02},
+        {"stop": stop},
+    ],
+)
+def test_honest_runs_are_believed(tmp_path: Path, options: dict[str, Any]) -> None:
+    scene = carom.Scene.from_toml(SCENARIOS / "paper" / "5.6_break.toml")
+    result = carom.simulate(scene, out=tmp_path / "run", **{"until": 0.1, **options})
+    assert not violated(result.path), carom.audit.check(result.path)["claims"].worst
+    if "stop" not in options:
+        carom.resume(result.path, until=0.1203)
+        assert not violated(result.path), carom.audit.check(result.path)["claims"].worst
+
+
+@pytest.mark.parametrize(
+    "name", ["hopper_slot", "shaken_layer", "rotating_drum", "column_collapse", "three_balls"]
+)
+def test_honest_scenes_of_every_kind_are_believed(tmp_path: Path, name: str) -> None:
+    scene = carom.Scene.from_toml(SCENARIOS / f"{name}.toml")
+    result = carom.simulate(scene, out=tmp_path / "run", until=30 * scene.run.step)
+    assert not violated(result.path), carom.audit.check(result.path)["claims"].worst
+    result.close()
+    carom.resume(tmp_path / "run", until=41 * scene.run.step, tolerance=1e-7)
+    assert not violated(tmp_path / "run"), carom.audit.check(tmp_path / "run")["claims"].worst
