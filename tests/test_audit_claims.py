@@ -10,6 +10,7 @@ from typing import Any
 
 import carom
 import h5py
+import numpy as np
 import pytest
 from carom.record.layout import Rows
 
@@ -178,3 +179,22 @@ def test_honest_scenes_of_every_kind_are_believed(tmp_path: Path, name: str) -> 
     result.close()
     carom.resume(tmp_path / "run", until=41 * scene.run.step, tolerance=1e-7)
     assert not violated(tmp_path / "run"), carom.audit.check(tmp_path / "run")["claims"].worst
+
+
+def test_a_rod_that_an_impact_of_moreau_jean_turns_is_not_accused(tmp_path: Path) -> None:
+    """Its rate holds where the smooth motion ends: the direction turns from there by the speeds before the impact."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    rng = np.random.default_rng(56)
+    scene.contact("m", "m", friction=float(rng.uniform(0, 0.8)), restitution=float(rng.uniform(0, 1)))
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    height, way, length = float(rng.uniform(0.02, 0.1)), rng.normal(size=3), float(rng.uniform(0.05, 0.12))
+    way = np.abs(way / np.linalg.norm(way)) * [np.sign(way[0]), np.sign(way[1]), 1.0]
+    start = np.array([0, 0, height])
+    scene.sphere("a", radius=0.02, mass=0.1, at=start, material="m")
+    scene.sphere("b", radius=0.02, mass=0.1, at=start + length * way, material="m")
+    scene.joint("rod", between=("a", "b"))
+    for step in (1e-3, 1e-4):
+        result = carom.simulate(
+            scene, until=0.3, step=step, every=1, method="moreau", out=tmp_path / f"{step}"
+        )
+        assert carom.audit.check(result).ok, carom.audit.check(result)

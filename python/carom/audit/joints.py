@@ -76,9 +76,12 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
     if (
         run.method == "moreau"
     ):  # rates hold where the smooth motion ends: directions turn by a step from there
+        # at the speeds before an impact, which may be the larger ones.
         spin = np.maximum(norm(block.w0), norm(block.w1))
         swing = spin[:, a] + (spin[:, b] if b >= 0 else 0.0)
-        turning = swing + norm(rate) / np.maximum(norm(between), 1e-3 * run.radius[a])
+        before = _rate(block, a, arm_a, 0) - _rate(block, b, arm_b, 0)
+        fastest = np.maximum(norm(rate), norm(before))
+        turning = swing + fastest / np.maximum(norm(between), 1e-3 * run.radius[a])
         floor = floor + 4.0 * run.h * turning * speed * (kind != "rotation")
     tally.measure("joint speed", np.abs(off), floor + 64.0 * EPS * speed, lambda i: _place(block, i, name))
 
@@ -92,6 +95,14 @@ def _point(block: Block, body: int, arm: Any) -> tuple[F64, F64, F64]:
     given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
     if body < 0:
         return given, np.zeros_like(given), norm(given)
-    lever = rotated(block.q1[:, body], given)
-    at = block.x1[:, body] + lever
-    return at, block.v1[:, body] + cross(block.w1[:, body], lever), norm(at)
+    at = block.x1[:, body] + rotated(block.q1[:, body], given)
+    return at, _rate(block, body, arm, 1), norm(at)
+
+
+def _rate(block: Block, body: int, arm: Any, end: int) -> F64:
+    """Velocity (B, 3) of a point of a body, or of the ground (-1), at the first (0) or second (1) frames."""
+    given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
+    if body < 0:
+        return np.zeros_like(given)
+    q, v, w = ((block.q0, block.v0, block.w0), (block.q1, block.v1, block.w1))[end]
+    return np.asarray(v[:, body] + cross(w[:, body], rotated(q[:, body], given)))
