@@ -209,7 +209,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "spheres ... overlap at the start, gap ... m": [
         ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1, 1, 1]\norigin = [0.0, 0.0, 0.03]\n')
     ],
-    "... balls under gravity make a pile: pile_tolerance = ... takes tens of times as long as ..., or stops unconverged": [
+    "... under gravity make a pile: pile_tolerance = ... takes ... times as long as ..., or stops unconverged": [
         (
             "run.pile_tolerance",
             f'[[lattice]]\nname = "l"\n{SPHERE}counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n',

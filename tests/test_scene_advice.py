@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import carom
 import pytest
@@ -67,32 +68,74 @@ def test_nothing_falls_too_fast_in_the_paper(path: Path) -> None:
     assert not [advice for advice in scene.validate() if "falling" in advice.cause]
 
 
+def grains(tolerance: float = 1e-7, floor: bool = True, **lattice: Any) -> carom.Scene:
+    """100 grains of 0.01 m in four layers."""
+    scene = carom.Scene(run={"until": 1, "step": 1e-3, "pile_tolerance": tolerance})
+    scene.contact("grain", "grain", friction=0.5, restitution=0)
+    if floor:
+        scene.plane("floor", point=(0, 0, -0.02), normal=(0, 0, 1), material="grain")
+    given = {"counts": (5, 5, 4), "origin": (0, 0, 0), "spacing": 0.03, **lattice}
+    if min(given["counts"]):
+        scene.lattice("g", material="grain", radius=0.01, density=2500, **given)
+    return scene
+
+
+def told_of_piles(scene: carom.Scene) -> list[str]:
+    return [str(advice) for advice in scene.validate() if advice.key == "run.pile_tolerance"]
+
+
 @pytest.mark.parametrize(
     ("layers", "tolerance", "told"), [(4, 1e-7, True), (3, 1e-7, False), (4, 1e-4, False)]
 )
 def test_a_pile_is_told_which_tolerance_suits_its_size(layers: int, tolerance: float, told: bool) -> None:
-    """From 100 balls on; `carom.scenario.advice.MANY_BALLS` has the times that were measured."""
-    scene = carom.Scene(run={"until": 1, "step": 1e-3, "pile_tolerance": tolerance})
-    scene.contact("grain", "grain", friction=0.5, restitution=0)
-    scene.lattice(
-        "g",
-        material="grain",
-        radius=0.01,
-        density=2500,
-        counts=(5, 5, layers),
-        origin=(0, 0, 0),
-        spacing=0.03,
-    )
-    found = [advice for advice in scene.validate() if advice.key == "run.pile_tolerance"]
+    """From 100 balls on; `carom.scenario.pile_advice.MANY_BALLS` has the times that were measured."""
+    found = told_of_piles(grains(tolerance, counts=(5, 5, layers)))
     assert bool(found) is told
-    assert all("pile_tolerance = 0.0001" in str(advice) for advice in found)
+    assert all("100 balls under gravity" in advice for advice in found)
+    assert all("10 to 200 times as long as 0.0001" in advice for advice in found)
+    assert all("pile_tolerance = 0.0001" in advice for advice in found)
 
 
-def test_large_results_are_announced() -> None:
-    """250 bytes a step: the table of steps has a row for each, whatever `every` is."""
-    scene = drop(height=1.0, until=1e5)
-    scene.world.gravity = (0.0, 0.0, 0.0)
-    [advice] = [a for a in scene.validate() if "GB" in a.cause]
-    assert "1e+08 steps write about 25 GB" in advice.cause
-    [advice] = [a for a in scene.with_options(until=1e4, every=1).validate() if "GB" in a.cause]
-    assert advice.key == "every"
+@pytest.mark.parametrize(
+    ("rate", "start", "count", "told"),
+    [
+        (0.0, 0.0, 200, 200),
+        (150.0, 0.0, 200, 151),
+        (50.0, 0.0, 200, 0),
+        (0.0, 2.0, 200, 0),
+        (0.0, 0.0, 90, 0),
+    ],
+)
+def test_balls_of_inflows_count_for_a_pile_if_they_come(
+    rate: float, start: float, count: int, told: int
+) -> None:
+    scene = grains(counts=(1, 1, 1), origin=(1.0, 0, 0))
+    region = {"low": (0, 0, 0.5), "high": (0.1, 0.1, 0.5)}
+    size = {"radius": 0.01, "density": 2500, "count": count}
+    scene.inflow("in", material="grain", region=region, rate=rate, start=start, seed=1, **size)
+    found = told_of_piles(scene)
+    assert bool(found) is bool(told)
+    assert all(f"{told + 1} balls, {told} of them by inflows, under gravity" in advice for advice in found)
+
+
+def test_a_packing_counts_for_a_pile() -> None:
+    scene = grains(counts=(0, 0, 0))
+    box = {"low": (0, 0, 0), "high": (0.15, 0.15, 0.3)}
+    scene.packing("p", material="grain", diameter=0.02, density=2500, count=120, seed=1, **box)
+    [found] = told_of_piles(scene)
+    assert "120 balls under gravity" in found
+
+
+def test_balls_that_never_touch_in_numbers_make_no_pile() -> None:
+    assert not told_of_piles(grains(floor=False))  # they fall for ever
+    assert not told_of_piles(grains(counts=(10, 10, 1), spacing=0.05))  # side by side on the floor
+    assert not told_of_piles(grains(counts=(10, 10, 1), spacing=0.05, velocity=(0, 0, -1.0)))
+    assert told_of_piles(grains(counts=(10, 10, 1), spacing=0.021))
+    far = grains()  # one that lies far away says nothing of the others
+    far.sphere("far", radius=0.01, density=2500, at=(50.0, 0, 0), material="grain")
+    assert told_of_piles(far)
+    funnel = grains(counts=(10, 10, 1), spacing=0.05, origin=(-0.225, -0.225, 0.3))
+    funnel.cone(
+        "funnel", point=(0, 0, 0), axis=(0, 0, 1), radius=0.02, radius_end=0.5, length=0.2, material="grain"
+    )
+    assert told_of_piles(funnel)  # which brings them together

@@ -20,11 +20,11 @@ from carom.scenario.joint_contacts import advise_joint_contacts
 from carom.scenario.joint_start import advise_start
 from carom.scenario.laws import value_at
 from carom.scenario.model import World
+from carom.scenario.pile_advice import advise_piles
 from carom.scenario.placing import FLAT, Placed
 from carom.scenario.problems import Finding
 from carom.scenario.vectors import dot
 from carom.scenario.wall_advice import advise_walls
-from carom.scenario.wall_checks import COARSE
 from carom.scenario.walls import PLANE
 
 WARN_TRAVEL = 0.05
@@ -44,15 +44,6 @@ LARGE_RESULTS = 5e9
 """Bytes of frames or of the table of steps that are announced before a run."""
 PLANE_TRAVEL = 0.5
 """Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
-
-
-MANY_BALLS = 100
-"""Balls from which a scene under gravity is taken for a pile. `carom run pile.toml --set N=100 --until 0.5` takes 0.8 s
-of CPU time at `residual=1e-4`, 2 s at 1e-5, 6 s at 1e-6, 50 s at 1e-7, the default; with N=200 `--until 0.3` 1 s at 1e-4 and
-50 s at 1e-6. 2000 balls of many sizes in a tube, at the default, stopped after 87 of 800 steps, unconverged.
-"""
-PILE_TOLERANCE = 1e-4
-"""What the benchmark of piles takes (docs/validation/scale.md)."""
 FEW_BALLS = 200
 """Balls up to which falls are looked at before a run."""
 
@@ -62,7 +53,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from _step_length(parts, world)
     if not _has_substeps(parts):
         yield from advise_curved(parts, world)
-    yield from _piles(parts, world)
+        yield from advise_piles(parts, world)
     yield from _rounded_until(parts)
     yield from _large_results(parts)
     yield from _much_friction(parts)
@@ -172,19 +163,6 @@ def _held_up(bodies: Bodies, normal: F64) -> NDArray[np.bool_]:
         np.linalg.norm(across[:, None] - across[None], axis=2) < bodies.radius[:, None] + bodies.radius[None]
     )
     return np.asarray((near & (height[None] < height[:, None])).any(axis=1))
-
-
-def _piles(parts: Parts, world: World) -> Iterator[Finding]:
-    """Many balls that gravity brings together: at the default tolerance of piles a run is slow, or stops."""
-    run, balls = parts.run, len(parts.bodies().names)
-    if run is None or _has_substeps(parts) or balls < MANY_BALLS or not any(world.gravity):
-        return
-    tolerance = run.options()["pile_tolerance"]
-    if tolerance < COARSE:
-        cause = f"{balls} balls under gravity make a pile"
-        cause += f": pile_tolerance = {tolerance:g} takes tens of times as long as {PILE_TOLERANCE:g}, or stops unconverged"
-        cure = f"pile_tolerance = {PILE_TOLERANCE:g}; overlaps may then be as large, in radii"
-        yield Finding(("run", "pile_tolerance"), cause, cure)
 
 
 def _rounded_until(parts: Parts) -> Iterator[Finding]:
