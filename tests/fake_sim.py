@@ -280,6 +280,9 @@ class Scene:
     def validate(self) -> list[str]:
         return []
 
+    def _walls(self) -> list[Any]:
+        return []
+
     def to_model(self) -> dict[str, Any]:
         n = len(self.names)
         position = np.array([[0.2 * i, 0.0, 0.3 + 0.1 * i] for i in range(n)])

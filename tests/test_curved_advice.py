@@ -10,6 +10,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from carom.remarks import remarks
 from carom.run import CaromWarning
 
 SCENES = Path(__file__).parent / "data" / "wrong_cases"
@@ -137,3 +138,31 @@ def test_nothing_is_told_of_balls_that_rest_or_only_pass() -> None:
         "axis = [0.0, 0.0, 1.0]\nmotion = { rotation = { axis = [0.0, 0.0, 1.0], rate = 1.0 } }",
     )
     assert foretold(carom.Scene.from_toml(turning)) == []
+
+
+@pytest.mark.parametrize(
+    ("scene", "scale"),
+    [(in_tube(2.76), 0.05 * 2.76**2), (in_bowl(0.7, (0, 1.6, 0)), None), (in_bowl(1.2), None)],
+    ids=["tube", "round in a bowl", "wide swing"],
+)
+def test_the_loss_of_a_finished_run_is_told_of(scene: carom.Scene, scale: float | None) -> None:
+    """From the frames, to a fiftieth of it: speeds and forces of the run itself, no law of swings."""
+    with pytest.warns(CaromWarning, match="estimate from the frames"):
+        result = carom.simulate(scene)
+    [told] = [remark for remark in remarks(result) if "curved walls" in remark]
+    total = energy(result)
+    lost = (total[0] - total[-1]) / (scale or np.max(result.steps["energy_kinetic"]))
+    found = re.search(r"about ([\d.]+) %", told)
+    assert found
+    assert float(found[1]) == pytest.approx(100 * lost, rel=0.02)
+
+
+def test_a_ball_that_comes_to_a_wall_later_is_told_of_after_the_run() -> None:
+    away = scene_on("cylinder", (0.2, 0, 0), (0, 2.76, 0), 1e-3, 0.0, radius=0.25, axis=(0, 0, 1))
+    with pytest.warns(CaromWarning, match="curved walls"):
+        carom.simulate(away)
+
+
+def test_little_loss_is_not_told_of() -> None:
+    assert not remarks(carom.simulate(in_tube(0.3)))
+    assert not remarks(carom.simulate(in_bowl(0.0)))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from carom.cut_short import cut_short
 from carom.gained import gained
+from carom.lost_on_curves import lost_on_curves
 from carom.shut_out import shut_out
 
 if TYPE_CHECKING:
@@ -14,4 +15,6 @@ if TYPE_CHECKING:
 
 def remarks(result: Result) -> list[str]:
     """Each with what is wrong, what it means and what to do; none for a run that has nothing of the kind."""
-    return [told for told in (cut_short(result), gained(result), shut_out(result)) if told]
+    return [
+        told for told in (cut_short(result), gained(result), lost_on_curves(result), shut_out(result)) if told
+    ]

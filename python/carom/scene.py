@@ -30,6 +30,7 @@ from carom.scenario.mechanics import MECHANICS
 from carom.scenario.model import FORMAT, Contact, Material, Record, Scenario, World
 from carom.scenario.options import Run
 from carom.scenario.packing import Packing, Places, advise_packings, faults
+from carom.scenario.placing import Placed
 from carom.scenario.problems import Finding, Source
 from carom.scenario.taking import Taker
 from carom.scenario.walling import Waller
@@ -231,12 +232,12 @@ class Scene(Waller, Attacher, Taker):
     @property
     def wall_names(self) -> list[str]:
         """Names of all walls, in the order of the core: planes without end first, then the others."""
-        return [wall.name for wall in walls(self._tree)]
+        return [wall.name for wall in self._walls()]
 
     @property
     def plane_names(self) -> list[str]:
         """Names of the planes without end, among them sides of boxes."""
-        return [wall.name for wall in walls(self._tree) if wall.kind == PLANE]
+        return [wall.name for wall in self._walls() if wall.kind == PLANE]
 
     @property
     def spheres(self) -> tuple[Sphere, ...]:
@@ -272,6 +273,9 @@ class Scene(Waller, Attacher, Taker):
     def springs(self) -> tuple[Spring, ...]:
         """The tables `[[spring]]`."""
         return tuple(self._tree.spring)
+
+    def _walls(self) -> list[Placed]:
+        return walls(self._tree)
 
     def _generators(self) -> list[Generator | Packing | Inflow]:
         return [*self._tree.packing, *self._tree.rack, *self._tree.lattice, *self._tree.inflow]

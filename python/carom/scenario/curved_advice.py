@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from carom.scenario.model import World
     from carom.scenario.placing import Placed
 
+CURVED = ("sphere", "cylinder", "cone")
+"""Kinds of curved walls, whose last parameter says whether spheres live inside."""
 MOST_CHANGE = 0.01
 """Part of the energy of a motion above which its change by the scheme is told of."""
 CLOSE = 1e-3
@@ -65,7 +67,7 @@ def advise_curved(parts: Parts, world: World) -> Iterator[Finding]:
         return
     most, told = MOST_CHANGE, None
     for wall in parts.walls():
-        if wall.kind not in ("sphere", "cylinder", "cone") or wall.motion is not None:
+        if wall.kind not in CURVED or wall.motion is not None:
             continue
         on = np.flatnonzero(
             bodies.present & (gaps(wall, bodies.position, bodies.radius) <= CLOSE * bodies.radius)
