@@ -198,3 +198,22 @@ def test_a_rod_that_an_impact_of_moreau_jean_turns_is_not_accused(tmp_path: Path
             scene, until=0.3, step=step, every=1, method="moreau", out=tmp_path / f"{step}"
         )
         assert carom.audit.check(result).ok, carom.audit.check(result)
+
+
+def test_a_joint_elsewhere_leaves_the_impact_law_judged(tmp_path: Path) -> None:
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("m", "m", friction=0.3, restitution=0.5)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for name, x, z in (("free", 0.0, 0.05), ("left", 1.0, 0.05), ("right", 1.1, 0.06)):
+        scene.sphere(name, radius=0.02, mass=0.1, at=(x, 0, z), material="m")
+    scene.joint("rod", between=("left", "right"))
+    run = carom.simulate(scene, until=0.2, step=1e-3, every=1, out=tmp_path / "run").path
+    verdict = carom.audit.check(run)["impact"]
+    assert (verdict.word, len(verdict.unjudged)) == ("ok", 1)
+    assert verdict.judged > 0
+    assert "bodies with joints" in verdict.unjudged[0].why
+    run = Path(shutil.copytree(run, tmp_path / "copy"))
+    with h5py.File(run / "results.h5", "r+") as file:  # the law of the free ball is told apart from rounding
+        row = int(np.flatnonzero(file["impacts/body"][:, 0] == 0)[0])
+        file["impacts/separation"][row] *= 1.01
+    assert not carom.audit.check(run).ok

@@ -184,6 +184,16 @@ class Run:
         return found
 
     @cached_property
+    def answering(self) -> NDArray[np.bool_]:
+        """(N,) bodies with a joint, or with loads that depend on the motion: these answer within an impact problem."""
+        found = np.zeros(self.bodies, dtype=bool)
+        for one in (*self.joints, *(load for load in self.loads if load["kind"] != "force")):
+            mine = [int(one[key]) for key in ("a", "b", "body") if key in one]
+            found[[body for body in mine if body >= 0]] = True
+            found |= not mine  # a function may act on all
+        return found
+
+    @cached_property
     def top_speeds(self) -> F64:
         """(N,) largest speed of each body at any frame, m/s."""
         best = np.zeros(self.bodies)

@@ -62,9 +62,16 @@ def judge(block: Block, tally: Tally) -> None:
     known = np.bincount(group, gone)[group] == 0
     seen, group = seen[known], group[known]
     whole = np.zeros(len(rows), dtype=bool)
-    whole[seen] = run.has_contacts and not coupled(run)
-    whole &= ~piled
-    _recorded(block, tally, rows.of(~whole & ~piled))
+    # Of groups that were not seen whole nobody knows whom they touched.
+    answered = np.full(len(rows), coupled(run))
+    mine = rows.of(seen)
+    held = run.answering[mine.a] | (run.answering[np.minimum(mine.b, run.bodies - 1)] & (mine.b < run.bodies))
+    answered[seen] = np.bincount(group, held)[group] > 0
+    whole[seen] = run.has_contacts
+    whole &= ~piled & ~answered
+    why = "of bodies with joints, springs or drag, and those that they hit: these answer within the problem, off record"
+    tally.skip("impact", why, "leave out joints, springs and drag there", int((answered & ~piled).sum()))
+    _recorded(block, tally, rows.of(~whole & ~piled & ~answered))
     _ends(block, tally, rows.of(seen), group)
     remained = np.zeros(len(rows), dtype=bool)
     if run.has_contacts:
@@ -78,7 +85,7 @@ def judge(block: Block, tally: Tally) -> None:
 
 def coupled(run: Run) -> bool:
     """Whether joints, or loads that depend on the motion, answer impacts within their problem."""
-    return bool(run.joints) or any(load["kind"] != "force" for load in run.loads)
+    return bool(run.answering.any())
 
 
 def _unit(block: Block, tally: Tally, r: Hits) -> None:
@@ -186,10 +193,6 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     if not len(r):
         return
     missing = "" if run.has_contacts else "contacts = true"
-    if coupled(run):
-        why = "joints, springs or drag answer impacts within their problem, which is not on record"
-        tally.skip("impact", why, "leave out joints, springs and drag", len(r))
-        return
     if run.loads or run.options["impact"] == "sequence-paper":
         why = "loads or the printed law stand between the recorded speeds"
         block.skip(tally, "impact", why, r.k, missing)
