@@ -17,6 +17,7 @@ from carom.scenario.distances import gaps, normals
 from carom.scenario.joint_start import MOST_ROWS, Group, groups
 from carom.scenario.joints import default_name
 from carom.scenario.laws import value_at
+from carom.scenario.mechanics import Rows
 from carom.scenario.model import Contact
 from carom.scenario.overlap import overlaps
 from carom.scenario.problems import Finding
@@ -41,6 +42,15 @@ SAMPLES = 200
 """Times of a run at which the gap is looked at that joints and walls prescribe."""
 
 
+class Joined(NamedTuple):
+    """The joints of a scene."""
+
+    around: dict[int, list[Group]]
+    """The groups of joints of each ball that has some."""
+    rows: dict[int, Rows]
+    """By number of the joint."""
+
+
 class Touch(NamedTuple):
     """A contact between a ball and a wall or a second ball."""
 
@@ -60,14 +70,18 @@ def advise_joint_contacts(parts: Parts) -> Iterator[Finding]:
     """Joints that hold the normal of a contact whose friction is wanted, each contact with its joints."""
     if not parts.entries["joint"]:
         return
-    systems = list(groups(parts, MOST_ROWS))
+    systems = Joined({}, {})
+    for group in groups(parts, MOST_ROWS):
+        systems.rows.update(group.joints)
+        for body in group.bodies:
+            systems.around.setdefault(body, []).append(group)
+    entries = dict(parts.entries["joint"])
     told = 0
-    for touch in _touches(parts, sorted({body for system in systems for body in system.bodies})):
+    for touch in _touches(parts, systems):
         found = _taken(parts, systems, touch)
         if found is None:
             continue
         joints, when = found
-        entries = dict(parts.entries["joint"])
         names = [quoted(getattr(entries[i], "name", None) or default_name(i)) for i in joints[:MOST_NAMED]]
         listed = ", ".join(names) + (
             f" and {len(joints) - MOST_NAMED} more" if len(joints) > MOST_NAMED else ""
@@ -84,14 +98,18 @@ def advise_joint_contacts(parts: Parts) -> Iterator[Finding]:
             return
 
 
-def _touches(parts: Parts, held: list[int]) -> Iterator[Touch]:
+def _touches(parts: Parts, systems: Joined) -> Iterator[Touch]:
     """Contacts of balls with joints that are closed at the start, or that prescribed motion could close."""
     bodies, materials = parts.bodies(), parts.materials()
+    held = sorted(systems.around)
+    driven = any(_moves(systems, joint) for joint in systems.rows)
     there = np.array(held)
     position, radius = bodies.position[there], bodies.radius[there]
     for wall in parts.walls():
         gap = gaps(wall, position, radius)
-        for k in np.flatnonzero((gap <= TOUCHING * radius) | (wall.kind == PLANE)).tolist():
+        for k in np.flatnonzero(
+            (gap <= TOUCHING * radius) | (wall.kind == PLANE and (driven or wall.motion is not None))
+        ).tolist():
             normal = normals(wall, position[k : k + 1])[0]
             yield Touch(held[k], None, normal, float(gap[k]), wall, called(wall), wall.material)
     periods = parts.world.periodic if parts.world is not None else None
@@ -104,7 +122,7 @@ def _touches(parts: Parts, held: list[int]) -> Iterator[Touch]:
         yield Touch(a, b, normal, apart, None, other, materials[bodies.material[b]])
 
 
-def _taken(parts: Parts, systems: list[Group], touch: Touch) -> tuple[list[int], str] | None:
+def _taken(parts: Parts, systems: Joined, touch: Touch) -> tuple[list[int], str] | None:
     """The joints that take its load, and when if not from the start; None if they leave the contact its load."""
     bodies = parts.bodies()
     law = _law(parts, parts.materials()[bodies.material[touch.a]], touch.material)
@@ -152,10 +170,10 @@ def _law(parts: Parts, *pair: str) -> Contact | None:
     return next((law for _, law in parts.contacts() if sorted(law.between) == sorted(pair)), None)
 
 
-def _share(systems: list[Group], row: dict[int, F64]) -> dict[int, F64] | None:
+def _share(systems: Joined, row: dict[int, F64]) -> dict[int, F64] | None:
     """What the rows of each joint add to a row, by number of the joint; None if the joints do not hold it."""
-    for system in systems:
-        if set(row) <= set(system.bodies):
+    for system in systems.around[next(iter(row))]:
+        if all(body in system.bodies for body in row):
             found = _share_of(system, row)
             if found is not None:
                 return found
@@ -190,25 +208,24 @@ def _share_of(system: Group, row: dict[int, F64]) -> dict[int, F64] | None:
     return found
 
 
-def _at_rest(parts: Parts, systems: list[Group], row: dict[int, F64]) -> bool:
+def _at_rest(parts: Parts, systems: Joined, row: dict[int, F64]) -> bool:
     """Whether the joints hold this motion, too, and let nothing move: then there is nothing to brake."""
     share = _share(systems, row)
     return share is not None and not any(_moves(systems, joint) for joint in share)
 
 
-def _moves(systems: list[Group], joint: int) -> bool:
-    rows = [row for system in systems for i, of in system.joints if i == joint for row in of.rows]
-    return any(isinstance(row.law, dict) for row in rows)
+def _moves(systems: Joined, joint: int) -> bool:
+    return any(isinstance(row.law, dict) for row in systems.rows[joint].rows)
 
 
-def _closes(parts: Parts, systems: list[Group], touch: Touch, load: dict[int, F64]) -> float | None:
+def _closes(parts: Parts, systems: Joined, touch: Touch, load: dict[int, F64]) -> float | None:
     """When the joints close a contact with a plane that is open at the start, s; None if they don't."""
     run, wall = parts.run, touch.wall
     if run is None or run.until is None or wall is None:
         return None
     if wall.motion is not None and wall.motion.rotation is not None:
         return None
-    rows = {i: of.rows for system in systems for i, of in system.joints if i in load}
+    rows = {i: systems.rows[i].rows for i in load}
     laws = [(c, row.law) for i, share in load.items() for c, row in zip(share, rows[i], strict=True)]
     if any(row.kind == "distance" for listed in rows.values() for row in listed):
         return None  # a rod turns, and holds another direction then
