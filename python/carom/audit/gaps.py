@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit import forces
-from carom.audit.block import Block, of_many
+from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, deepest
@@ -156,26 +156,14 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
 
 
 def closing(block: Block) -> F64:
-    """(B,) closing tolerance of the largest island, m/s (rule R3).
+    """(B,) largest closing tolerance of a contact, m/s (rule R3).
 
-    `closing_tolerance_load` of the largest speed that loads give in a step. In islands of more than 100 contacts
-    `pile_closing_tolerance`, and up to five times as much where there are very many and `pile_tolerance` is above 1e-4. In
-    islands of up to `dense_contacts` contacts, and where no load acts, not more than `closing_tolerance_speed` of the
-    largest speed. In larger ones walls that change their velocities count up to `pile_tolerance` of the largest speed.
+    `closing_tolerance_load` of the largest speed that loads give a body in a step, or a wall along its normal, and not less than
+    `closing_tolerance_speed` of the largest speed.
     """
-    run, o = block.run, block.run.options
-    largest = block.over(run.steps["largest_island"])
-    small = o["closing_tolerance_load"]
-    coarser = np.minimum(of_many(largest), max(1.0, o["pile_tolerance"] / 1e-4))
-    share = np.where(largest > 100, coarser * max(o["pile_closing_tolerance"], small), small)
-    of_bodies, of_walls = _load(block), _walls(block)
-    load = of_bodies + of_walls
+    o, load = block.run.options, np.maximum(_load(block), _walls(block))
     fastest = np.maximum(_fastest(block), load)
-    by_speed = o["closing_tolerance_speed"] * fastest
-    left = max(o["closing_tolerance_speed"], o["pile_tolerance"]) * fastest
-    of_large = np.maximum(share * of_bodies, np.minimum(share * load, coarser * left))
-    tolerance = np.where(largest > o["dense_contacts"], of_large, np.minimum(share * load, by_speed))
-    return np.asarray(np.where(load == 0.0, by_speed, tolerance))
+    return np.maximum(o["closing_tolerance_load"] * load, o["closing_tolerance_speed"] * fastest)
 
 
 def _fastest(block: Block) -> F64:

@@ -222,7 +222,7 @@ def _replay(
         fixed: F64,
         before: F64,
         u_minus: F64 | None,
-        tolerance: float,
+        tolerance: F64,
         stage: str,
         paper: bool = False,
     ) -> tuple[F64, ImpactProblem]:

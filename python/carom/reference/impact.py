@@ -50,8 +50,8 @@ class IslandResult:
     """Sum over the problems that count, (m,) [N s, N s m]; of the joints their totals."""
     problems: list[ImpactProblem] = field(default_factory=list)
     truncated: bool = False
-    tolerance: float | None = None
-    """Closing tolerance [m/s], None where there was nothing to solve."""
+    tolerance: F64 | None = None
+    """Closing tolerance of each contact [m/s], None where there was nothing to solve."""
 
 
 @dataclass
@@ -150,7 +150,7 @@ def impact_problem(
     fixed: F64,
     before: F64,
     u_minus: F64 | None,
-    tolerance: float,
+    tolerance: F64,
     stage: str,
     paper: bool = False,
 ) -> tuple[F64, ImpactProblem]:
@@ -202,7 +202,7 @@ class ProblemSolver(Protocol):
         fixed: F64,
         before: F64,
         u_minus: F64 | None,
-        tolerance: float,
+        tolerance: F64,
         stage: str,
         paper: bool = False,
     ) -> tuple[F64, ImpactProblem]: ...
@@ -227,7 +227,7 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
     return result
 
 
-def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: float, result: IslandResult) -> F64:
+def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: F64, result: IslandResult) -> F64:
     """The problems of `sequence` and `sequence-paper`, put into `result`; the impulses of all contacts (m,)."""
     paper = island.model.options.impact == "sequence-paper"
     impulses = np.zeros(island.layout.rows)

@@ -15,8 +15,8 @@ from .pose import Pose
 from .problem import EPS, Layout, VelocityProblem
 from .smooth import FreeMotion
 
-LARGE_ISLAND = 10
-"""Contacts above which the closing tolerance goes by the load alone (rule R3)."""
+CLOSING_LOAD, CLOSING_SPEED = 0.1, 1e-6
+"""Closing tolerance over the change of velocity by loads, and the least one over the largest speed (rule R3)."""
 
 
 def connected(sets: Sequence[Iterable[int]]) -> list[list[int]]:
@@ -127,17 +127,20 @@ class Island:
         self.start, self.start_multipliers = self.respond(np.zeros(lay.rows))
         """W_J (d,): what the joints and loads ask for before any impact (stage J), and its multipliers (m,)."""
         started = free + self.start.reshape(-1, 6)
-        self.load = float(np.max(np.linalg.norm(started[:, :3] - before[:, :3], axis=1)))
-        self.speed = max(self.old_speed, self.load)
+        self.loads = np.linalg.norm(started[:, :3] - before[:, :3], axis=1)
+        """Change of each body's velocity by the loads of the step (n,) [m/s]."""
+        self.speed = max(self.old_speed, float(np.max(self.loads)))
 
-    def closing_tolerance(self) -> float | None:
-        """Rule R3 [m/s]; None if there is nothing to solve."""
-        if self.load == 0.0:
-            return 1e-6 * self.speed if self.speed > 0.0 else None
-        by_load = 1e-2 * self.load
-        large = len(self.elements) > LARGE_ISLAND
-        tolerance = by_load if large else min(by_load, 1e-6 * self.speed)
-        return max(tolerance, 64.0 * EPS * self.old_speed)
+    def closing_tolerance(self) -> F64 | None:
+        """Rule R3, per contact [m/s]; None if there is nothing to solve."""
+        if self.speed == 0.0:
+            return None
+        loads = np.array([self._load_of(e) for e in self.elements])
+        return np.maximum(CLOSING_LOAD * loads, CLOSING_SPEED * self.speed)
+
+    def _load_of(self, e: Element) -> float:
+        """Larger change that the loads of the step make to the velocities of a contact's bodies [m/s]."""
+        return max(self.loads[self.layout.bodies.index(body)] for body in e.pair.bodies)
 
     def normal_velocity(self, u: F64, frozen: bool = False) -> F64:
         """G_N u per contact [m/s], with the normals of t_{n+1}, or of t_n if `frozen`."""
@@ -180,7 +183,7 @@ class Island:
         """W (d,) under impulses of the contacts (m,): M^-1 G^T of them where nothing else acts."""
         return self.respond(multipliers)[0]
 
-    def offset(self, u_minus: F64, tolerance: float, paper: bool) -> F64:
+    def offset(self, u_minus: F64, tolerance: F64, paper: bool) -> F64:
         """The part e gamma^- of eq. 24 for every row (m,).
 
         Default law: normal of t_{n+1}, clipped to approach, tangential restitution only where the contact
@@ -194,7 +197,7 @@ class Island:
             # zero means never: the unclipped law of the paper knows separating pre-impact velocities
             if threshold == 0.0 or -approach[i] >= threshold:
                 result[n] = law.restitution * (approach[i] if paper else min(0.0, approach[i]))
-            if e.slides and (paper or approach[i] < -tolerance):
+            if e.slides and (paper or approach[i] < -tolerance[i]):
                 rows = slice(n + 1, n + 3)
                 result[rows] = law.tangential_restitution * (self.gradient[rows] @ u_minus)
         return result

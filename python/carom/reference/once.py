@@ -180,7 +180,7 @@ def _velocities(
     closing = island.normal_velocity(island.u_check) < -tolerance
     loaded = {i for i in resting if closing[i]}
     turned = [np.linalg.norm(island.elements[i].normal - loads.normals[keys[i]]) for i in resting]
-    if any(turn > TURN_SHARE * tolerance / island.speed for turn in turned):
+    if np.any(np.array(turned) > TURN_SHARE * tolerance[resting] / island.speed):
         again = bool(loaded) or any(g[0] > 0.0 for g in given.values())
         solved = _plastic(island, middle, resting, again)
         given = {keys[i]: solved[lay.slices[i]] for i in resting}

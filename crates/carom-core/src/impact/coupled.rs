@@ -188,9 +188,7 @@ impl ImpactScratch {
             scratch.trial.velocity[body as usize] = velocity;
             scratch.trial.angular_velocity[body as usize] = DVec3::new(v[3], v[4], v[5]);
         }
-        self.tol = self
-            .speeds
-            .closing_tolerance(&model.options, self.members.len());
+        self.set_closing(model);
         // From here on loads count from the settled motion, and joints from zero.
         self.settled_joint = self.impulse[first..].to_vec();
         self.impulse[first..].fill(0.0);

@@ -47,7 +47,9 @@ pub struct ImpactScratch {
     pub(super) driven: [Vec<f64>; 2],
     /// Slots (into `members`) of the contacts of the problem at hand.
     pub chosen: Vec<usize>,
-    pub tol: f64,
+    /// Closing tolerance of each contact, m/s, and changes of their walls' normal velocities, where walls move.
+    pub closing: Vec<f64>,
+    pub(super) wall_loads: Vec<f64>,
     pub speeds: Speeds,
     /// Of the walls of its contacts.
     pub(super) wall_speeds: Speeds,

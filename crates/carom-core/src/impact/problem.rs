@@ -17,7 +17,7 @@ use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::Span;
 use crate::workspace::IslandScratch;
-use carom_solve::rows::{RowContact, NODE_DOF};
+use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
 use carom_solve::Status;
 use glam::DVec3;
 
@@ -52,6 +52,7 @@ impl ImpactScratch {
         self.members.extend_from_slice(members);
         self.driven.iter_mut().for_each(Vec::clear);
         self.wall_speeds = Speeds::default();
+        self.wall_loads.clear();
         self.middle.clear();
         self.opening.clear();
         let once = model.options.loads_once();
@@ -88,6 +89,8 @@ impl ImpactScratch {
                     new.measures(&rows, dim, &mut measures[1]);
                     self.wall_speeds.add_wall(&old, &new);
                 }
+                self.wall_loads
+                    .push((measures[1][0] - measures[0][0]).abs());
                 for (all, of_contact) in self.driven.iter_mut().zip(&measures) {
                     all.extend_from_slice(&of_contact[..dim]);
                 }
@@ -121,8 +124,29 @@ impl ImpactScratch {
                 .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
             self.speeds.add(model, state, linear[i].velocity, i);
         }
-        let contacts = self.members.len();
-        self.tol = self.speeds.closing_tolerance(&model.options, contacts);
+        self.set_closing(model);
+    }
+
+    /// Closing tolerances, by the loads on the bodies of each contact.
+    pub(super) fn set_closing(&mut self, model: &Model) {
+        let load = |node: u32| -> f64 {
+            if node == WORLD {
+                return 0.0;
+            }
+            let at = NODE_DOF * node as usize;
+            let (new, old) = (&self.v_check[at..at + 3], &self.v_old[at..at + 3]);
+            let change = new.iter().zip(old).map(|(new, old)| (new - old).powi(2));
+            change.sum::<f64>().sqrt()
+        };
+        let mut closing = std::mem::take(&mut self.closing);
+        closing.clear();
+        closing.extend((0..self.members.len()).map(|slot| {
+            let c = &self.full.contacts[slot];
+            let of_wall = self.wall_loads.get(slot).copied().unwrap_or(0.0);
+            let load = load(c.node_a).max(load(c.node_b)).max(of_wall);
+            self.speeds.closing_tolerance(&model.options, load)
+        }));
+        self.closing = closing;
     }
 
     /// No problem was solved yet.
@@ -195,7 +219,7 @@ impl ImpactScratch {
     pub fn choose_closing(&mut self) {
         self.chosen.clear();
         for slot in 0..self.members.len() {
-            if self.normal_velocity(slot, &self.jump) < -self.tol {
+            if self.normal_velocity(slot, &self.jump) < -self.closing[slot] {
                 self.chosen.push(slot);
             }
         }

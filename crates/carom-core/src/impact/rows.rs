@@ -44,7 +44,7 @@ pub fn solve_island(
         again: model.options.loads_once(),
     };
     let solved = settled
-        && (rows.work.tol == 0.0
+        && (rows.work.speeds.largest() == 0.0
             || island.contacts.is_empty()
             || match model.options.impact {
                 Impact::Sequence => loads_first(&mut rows),
@@ -85,7 +85,7 @@ pub fn solve_loads(
         impacts: false,
         again: false,
     };
-    let still = rows.work.tol == 0.0;
+    let still = rows.work.speeds.largest() == 0.0;
     let solved = settled
         && (still
             || loads(&mut rows).is_some_and(|[resting, _]| {
@@ -121,8 +121,8 @@ impl ImpactIsland for RowIsland<'_, '_> {
         self.work.members.len()
     }
 
-    fn closing_tolerance(&self) -> f64 {
-        self.work.tol
+    fn closing_tolerance(&self, slot: usize) -> f64 {
+        self.work.closing[slot]
     }
 
     fn speed_before(&self, slot: usize) -> f64 {
@@ -137,7 +137,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
         if self.again {
             self.contact(slot).resting
         } else {
-            self.speed_before(slot) >= -self.work.tol
+            !self.approaches(slot)
         }
     }
 
@@ -162,8 +162,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     fn solve(&mut self, law: Law, problem: u32, start: Start) -> bool {
         let warm = (start == Start::LastLoads).then(|| self.last_loads());
         self.impacts |= problem > 0;
-        let (tol, mut chosen) = (self.work.tol, self.work.chosen.iter());
-        let closed = chosen.any(|&slot| self.speed_before(slot) < -tol);
+        let closed = (self.work.chosen.iter()).any(|&slot| self.approaches(slot));
         self.work.table.begin_problem(problem, closed);
         if self.again && start == Start::LastLoads && self.still_hold() {
             self.work
@@ -286,11 +285,11 @@ impl RowIsland<'_, '_> {
     /// Whether the loads that were solved before positions satisfy their conditions at these: no normal has turned by what would make a contact
     /// close.
     fn still_hold(&self) -> bool {
-        let turned = TURN_SHARE * self.work.tol / self.work.speeds.largest();
+        let fastest = self.work.speeds.largest();
         self.work.has_contacts_alone()
             && self.work.chosen.iter().all(|&slot| {
                 let c = self.contact(slot);
-                (c.n1 - c.load_normal).length() <= turned
+                (c.n1 - c.load_normal).length() <= TURN_SHARE * self.work.closing[slot] / fastest
             })
     }
 

@@ -21,14 +21,22 @@ pub enum Start {
 pub trait ImpactIsland: Sync {
     type Solution;
     fn slots(&self) -> usize;
-    /// A contact closes below minus this normal velocity, m/s; 0: nothing moves and nothing pulls.
-    fn closing_tolerance(&self) -> f64;
+    /// A contact closes below minus this normal velocity, m/s.
+    fn closing_tolerance(&self, slot: usize) -> f64;
     /// Normal velocity of a contact at t_n, and after the problems so far, m/s.
     fn speed_before(&self, slot: usize) -> f64;
     fn speed(&self, slot: usize) -> f64;
-    /// Whether a contact does not approach at t_n: the loads are solved with it.
+    /// Whether a contact approaches at t_n.
+    fn approaches(&self, slot: usize) -> bool {
+        self.speed_before(slot) < -self.closing_tolerance(slot)
+    }
+    /// Whether the loads are solved with it.
     fn is_resting(&self, slot: usize) -> bool {
-        self.speed_before(slot) >= -self.closing_tolerance()
+        !self.approaches(slot)
+    }
+    /// Whether it closes after the problems so far.
+    fn closes(&self, slot: usize) -> bool {
+        self.speed(slot) < -self.closing_tolerance(slot)
     }
     /// Whether the loads of this step are known already.
     fn has_loads(&self) -> bool {
@@ -96,8 +104,7 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
         return false;
     };
     // Stage 1: contacts that close now, together with the resting ones that the load closes.
-    let tol = island.closing_tolerance();
-    let closing = island.flags(|slot| island.speed(slot) < -tol);
+    let closing = island.flags(|slot| island.closes(slot));
     if !closing.contains(&true) {
         return true;
     }
@@ -124,9 +131,8 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
 /// Stage 0: the load of this step on contacts that were not approaching, without restitution. Which contacts these are, and which of
 /// them the loads close; nothing if they were not solved.
 pub fn loads(island: &mut impl ImpactIsland) -> Option<[Vec<bool>; 2]> {
-    let tol = island.closing_tolerance();
     let resting = island.flags(|slot| island.is_resting(slot));
-    let loaded = island.flags(|slot| resting[slot] && island.speed(slot) < -tol);
+    let loaded = island.flags(|slot| resting[slot] && island.closes(slot));
     if loaded.contains(&true) || island.has_loads() {
         island.choose(|slot| resting[slot]);
         let mut solved = solve_problem(island, Law::Plastic, 0, Start::LastLoads);

@@ -1,4 +1,4 @@
-//! Which contacts close: the closing tolerance of an island by its speeds and loads (rule R3).
+//! Which contacts close: the closing tolerance of a contact by the loads on its bodies (rule R3).
 
 use crate::contact::Contact;
 use crate::model::Model;
@@ -7,15 +7,7 @@ use crate::state::State;
 use crate::wall::places::Walls;
 use crate::wall::WallTwist;
 
-/// Closing speeds below this share (1) of the island's speed are rounding. Too small: touching balls that fly together have impacts in every
-/// step, without end. Too large: slow impacts within a fast island keep no restitution.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
-
-/// Most contacts of an island with the closing tolerance of small ones. Beyond it `pile_closing_tolerance` counts: with more, piles that settle
-/// solve impacts that go round and round; with fewer, slow impacts of small islands lose their restitution.
-pub(crate) const MANY: usize = 100;
-
-/// Speeds of an island that set its closing tolerance (rule R3).
+/// Speeds of an island.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Speeds {
     /// Largest |v-check - v_n|, m/s.
@@ -56,28 +48,11 @@ impl Speeds {
         self.speed.max(self.load).max(self.wall_load)
     }
 
-    /// "Closing" means a normal velocity below minus this; 0: nothing moves and nothing pulls. Islands of more than
-    /// `dense_contacts` contacts go by the load alone (rule R3: fewer problems), and never below rounding. There a wall that changes its
-    /// velocity counts up to what solvers leave of it: a gate that is drawn away at once leaves a pile that weighs what it did.
+    /// A contact closes below minus this normal velocity, m/s (rule R3): `load` is the larger one of the changes that the loads of the step make to
+    /// the velocities of its two bodies (of a moving wall: along the normal). What a solver leaves of the fastest is below it.
     #[inline]
-    pub fn closing_tolerance(&self, o: &Options, contacts: usize) -> f64 {
-        let load = self.load.max(self.wall_load);
-        if load == 0.0 {
-            return o.closing_tolerance_speed * self.speed;
-        }
-        let share = if contacts > MANY {
-            o.pile_closing_tolerance.max(o.closing_tolerance_load)
-        } else {
-            o.closing_tolerance_load
-        };
-        let large = contacts > o.dense_contacts as usize;
-        let tolerance = if large {
-            let left = o.closing_tolerance_speed.max(o.pile_tolerance) * self.largest();
-            (share * self.load).max((share * load).min(left))
-        } else {
-            (share * load).min(o.closing_tolerance_speed * self.largest())
-        };
-        tolerance.max(ROUNDING * self.speed)
+    pub fn closing_tolerance(&self, o: &Options, load: f64) -> f64 {
+        (o.closing_tolerance_load * load).max(o.closing_tolerance_speed * self.largest())
     }
 }
 

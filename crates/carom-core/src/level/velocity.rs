@@ -98,14 +98,15 @@ fn solve_single<const MOVING: bool>(
         of_walls = single::wall_motion(model, state, scratch, c);
     }
     let [wall_old, wall] = of_walls;
-    let tol = speeds.closing_tolerance(options, 1);
+    let load = speeds.load.max((wall.normal - wall_old.normal).abs());
+    let tol = speeds.closing_tolerance(options, load);
     let check = against::<MOVING>(single::motion(c, radius, motion[0], motion[1]), &wall);
     let gamma_n = c.n0.dot(state.velocity[i]) - wall_old.normal;
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
         report.missed_impacts += 1;
     }
     let one_shot = options.impact == Impact::OneShot;
-    if tol == 0.0 || (!one_shot && check.normal >= -tol) {
+    if speeds.largest() == 0.0 || (!one_shot && check.normal >= -tol) {
         return;
     }
     let resting = match options.loads_once() {

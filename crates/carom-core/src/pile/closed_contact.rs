@@ -22,6 +22,8 @@ pub(super) struct ClosedContact {
     pub friction: f64,
     pub restitution: f64,
     pub tangential: f64,
+    /// It closes below minus this normal velocity, m/s.
+    pub closing: f64,
     /// Impulse on A of all problems so far, and of the loads alone.
     pub impulse: DVec3,
     pub load: DVec3,
@@ -62,7 +64,7 @@ impl ClosedContact {
 
     /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not; whether this
     /// is a part of an impact.
-    pub fn add(&mut self, problem: u32, given: &ProblemImpulse, tol: f64) -> bool {
+    pub fn add(&mut self, problem: u32, given: &ProblemImpulse) -> bool {
         self.impulse += given.impulse;
         self.work[0] += given.work[0];
         self.work[1] += given.work[1];
@@ -74,7 +76,7 @@ impl ClosedContact {
             return false;
         }
         if self.problem == 0 {
-            if given.speed[0] >= -tol {
+            if given.speed[0] >= -self.closing {
                 return false;
             }
             (self.problem, self.approach) = (problem, given.speed[0]);

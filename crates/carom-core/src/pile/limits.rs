@@ -3,7 +3,7 @@
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
-use crate::options::{Impact, Options, Solver};
+use crate::options::{Impact, Solver};
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Goal, Progress};
 use glam::DVec3;
@@ -27,10 +27,6 @@ pub(super) const NEWTON_CONTACTS: usize = 500;
 /// `pile_tolerance` (1) from which on every island without dense matrix is swept. Smaller: sweeps, which converge linearly, crawl in islands that
 /// Newton's method solves faster. Larger: scenes of piles pay for factorisations of each small island.
 pub(super) const COARSE_TOLERANCE: f64 = 1e-5;
-
-/// `pile_tolerance` (1) that scenes of piles are advised to set, and up to which closing tolerances are not widened. Smaller: closing counts only
-/// above larger speeds, and slow impacts lose restitution. Larger: impacts go round and round on what the solver left.
-pub(super) const USUAL_TOLERANCE: f64 = 1e-4;
 
 /// Fewest contacts of a large island, which is solved otherwise where it is hit. Fewer: wedges stay, and a tower of 28 balls gained energy. More:
 /// hit piles of tens of thousands of grains take up to twice the sweeps.
@@ -98,12 +94,6 @@ pub(super) fn worst(contacts: usize) -> f64 {
     (contacts as f64 / WORST_CONTACT_FROM)
         .powf(0.75)
         .clamp(1.0, 5.0)
-}
-
-/// Closing tolerance of so many contacts over that of a small pile: a solution that is coarser than [`USUAL_TOLERANCE`] leaves closing speeds by which
-/// impacts would go round and round, and to make the worst of very many contacts as small takes twice the sweeps.
-pub(super) fn coarser(o: &Options, contacts: usize) -> f64 {
-    worst(contacts).min((o.pile_tolerance / USUAL_TOLERANCE).max(1.0))
 }
 
 /// Sweeps that one solve of `contacts` contacts may take.

@@ -5,7 +5,6 @@ use super::position_measures::Linearisation;
 use super::{chunks, problem_data, record};
 use crate::islands::Island;
 use crate::level::rest::Resting;
-use crate::level::speeds::MANY;
 use crate::level::{position_floor, Demand};
 use crate::model::Model;
 use crate::outcome::Level;
@@ -27,6 +26,9 @@ const SWEEPS_PER_LINEARISATION: usize = 64;
 const SWEEPS_OF_MANY: usize = 48;
 /// The same in large islands that are hit, where fewer are the faster ones. Speed alone.
 const SWEEPS_OF_HIT: usize = 32;
+/// Most contacts of an island that is asked for small overlaps. More: piles take more sweeps for gaps that nobody sees. Fewer: small islands overlap by
+/// a hundred times as much.
+const MANY: usize = 100;
 /// Overlap over the radius (1) that no pile's size excuses; it counts at `pile_tolerance` above 1e-4. Larger: deeper overlaps there. Smaller: more sweeps.
 const MOST_OVERLAP: f64 = 4.5e-4;
 /// Tolerance of a linear problem over that of the island (1): what it leaves and what the turning of the normals adds fit below it. Speed alone:

@@ -163,7 +163,7 @@ impl Pile {
                 let turned = moments.get(k).map(|&moment| DVec3::from(moment));
                 let moment = turned.unwrap_or_default();
                 memory.tell(slot, problem, moment, &given);
-                let hits = memory.closed[slot as usize].add(problem, &given, memory.tol);
+                let hits = memory.closed[slot as usize].add(problem, &given);
                 if let Some(moment) = turned {
                     let change = roll::change(&m, u);
                     let done = memory.turning_work(slot, moment, change);
@@ -177,7 +177,7 @@ impl Pile {
                 for (k, &slot) in (share.first..).zip(share.list) {
                     let m = share.item(slot);
                     let given = memory.given(m, DVec3::from(impulses[k]), u, scale(m));
-                    m.add(problem, &given, memory.tol);
+                    m.add(problem, &given);
                 }
             });
             memory.closed = closed;

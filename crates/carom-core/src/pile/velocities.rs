@@ -26,7 +26,8 @@ pub(super) struct Velocities {
     /// Velocities of moving walls at their contacts, at t_n and t_{n+1}: along the normal of the shape, across of the material.
     pub driven: Vec<[DVec3; 2]>,
     pub chosen: Vec<u32>,
-    pub tol: f64,
+    /// The least closing tolerance of a contact, m/s.
+    pub closing: f64,
     pub floor: f64,
     /// Largest speed in the island, and that of the loads alone, m/s.
     pub speed: f64,
@@ -45,7 +46,7 @@ impl Velocities {
     /// Closing speed that a solve may leave: clear of what counts as closing (but for stage 0 of a pile that is being hit), and never
     /// below what the tolerance can tell at the speeds there are.
     pub fn left(&self, o: &Options) -> f64 {
-        CLOSING_LEFT * self.tol.max(o.pile_tolerance * self.speed)
+        CLOSING_LEFT * self.closing.max(o.pile_tolerance * self.speed)
     }
 
     /// Relative velocity of a contact's surfaces, of A against B.
@@ -95,14 +96,21 @@ impl Velocities {
             minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
         }
         let e = [m.restitution, m.tangential];
-        self.newton(&model.options, m.normal, e, z, minus)
+        self.newton(&model.options, (m.normal, m.closing), e, z, minus)
     }
 
     /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.
     #[inline]
-    pub fn newton(&self, o: &Options, normal: DVec3, e: [f64; 2], z: DVec3, minus: DVec3) -> DVec3 {
+    pub fn newton(
+        &self,
+        o: &Options,
+        (normal, closing): (DVec3, f64),
+        e: [f64; 2],
+        z: DVec3,
+        minus: DVec3,
+    ) -> DVec3 {
         let approach = minus.dot(normal);
-        let [along, across] = Law::Later.terms(e, approach, o, self.tol);
+        let [along, across] = Law::Later.terms(e, approach, o, closing);
         let z = z + along * normal;
         if across == 0.0 {
             return z;

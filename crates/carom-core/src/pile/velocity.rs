@@ -11,7 +11,7 @@ use crate::level::speeds::Speeds;
 use crate::model::Model;
 use crate::options::{Impact, Problems};
 use crate::outcome::ImpactRecord;
-use crate::pile::limits::{coarser, node};
+use crate::pile::limits::node;
 use crate::pile::memory::Pile;
 use crate::pile::turning::{any_rolls, Turning};
 use crate::pile::velocities::Velocities;
@@ -19,6 +19,7 @@ use crate::report::StepReport;
 use crate::state::{State, Warm};
 use crate::stepper::{Prediction, Span};
 use crate::workspace::IslandScratch;
+use carom_solve::rows::WORLD;
 use carom_solve::team;
 use glam::DVec3;
 
@@ -55,7 +56,7 @@ impl Pile {
         report: &mut StepReport,
     ) -> bool {
         self.open(model, state, scratch, island, span);
-        if self.velocity.tol == 0.0 {
+        if self.velocity.speed == 0.0 {
             return true;
         }
         let law = model.options.impact;
@@ -182,13 +183,12 @@ impl Pile {
             speeds.join(&own);
         }
         memory.terms = 0.0;
-        self.set_tolerances(model, list.len(), &speeds, span);
+        self.set_tolerances(model, &speeds, span);
     }
 
     /// What counts as closing, and the floor of residuals, by the speeds of the island.
-    fn set_tolerances(&mut self, model: &Model, contacts: usize, speeds: &Speeds, span: Span) {
+    fn set_tolerances(&mut self, model: &Model, speeds: &Speeds, span: Span) {
         let o = &model.options;
-        self.velocity.tol = coarser(o, contacts) * speeds.closing_tolerance(o, contacts);
         let share = o.touching_tolerance / span.h;
         let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
         let mass = self.mean(|i| model.mass[i]);
@@ -196,6 +196,23 @@ impl Pile {
         self.velocity.floor = floor.max(o.tolerance_floor * mass * speed);
         (self.velocity.speed, self.velocity.load) = (speed, speeds.load);
         self.velocity.wall_load = speeds.wall_load;
+        let threads = self.sweeps.threads;
+        let memory = &mut self.velocity;
+        let change =
+            |node: u32| (memory.check[node as usize][0] - memory.old[node as usize][0]).length();
+        let tolerance = |m: &ClosedContact| {
+            let of_b = if m.b == WORLD { 0.0 } else { change(m.b) };
+            let of_wall = (memory.wall(m, 1) - memory.wall(m, 0)).dot(m.normal).abs();
+            speeds.closing_tolerance(o, change(m.a).max(of_b).max(of_wall))
+        };
+        let mut closing = Vec::new();
+        chunks::refill(threads, &mut closing, memory.closed.len(), |slot| {
+            tolerance(&memory.closed[slot])
+        });
+        memory.closing = closing.iter().copied().fold(f64::INFINITY, f64::min);
+        for (m, closing) in memory.closed.iter_mut().zip(closing) {
+            m.closing = closing;
+        }
     }
 
     /// Forgets the impulses of the chosen contacts; the kept ones' work is restated.
@@ -279,8 +296,8 @@ impl ImpactIsland for SphereIsland<'_> {
         self.pile.velocity.closed.len()
     }
 
-    fn closing_tolerance(&self) -> f64 {
-        self.pile.velocity.tol
+    fn closing_tolerance(&self, slot: usize) -> f64 {
+        self.pile.velocity.closed[slot].closing
     }
 
     fn speed_before(&self, slot: usize) -> f64 {
@@ -320,9 +337,8 @@ impl ImpactIsland for SphereIsland<'_> {
             }
             Start::Positions => self.pile.start_last(self.contacts, self.span),
         }
-        let (velocity, tol) = (&self.pile.velocity, self.closing_tolerance());
-        let mut chosen = velocity.chosen.iter();
-        let closed = chosen.any(|&slot| self.speed_before(slot as usize) < -tol);
+        let mut chosen = self.pile.velocity.chosen.iter();
+        let closed = chosen.any(|&slot| self.approaches(slot as usize));
         self.pile.velocity.table.begin_problem(problem, closed);
         self.report.impact_problems += 1;
         (self.pile)
@@ -438,7 +454,7 @@ impl Found {
         }
         let free = memory.free(m).dot(m.normal);
         let touching = c.gap_start <= model.options.touching_tolerance * c.length;
-        if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > memory.tol && !touching {
+        if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > m.closing && !touching {
             self.missed += 1;
         }
         if m.problem == 0 {

@@ -237,7 +237,7 @@ impl ImpactScratch {
                 _ => self.relative::<0>(&c, c.row as usize, &self.v_minus),
             };
             let e = [material.restitution, material.tangential_restitution];
-            let [normal, across] = law.terms(e, approach, &model.options, self.tol);
+            let [normal, across] = law.terms(e, approach, &model.options, self.closing[slot]);
             sub.z0[row] += normal;
             if across != 0.0 && contact.bounds.sliding > 0.0 {
                 for r in 1..3 {
@@ -300,9 +300,7 @@ impl ImpactScratch {
         }
         let mut options = newton_options(&model.options, groups, floor, false);
         // The closing tolerance must stand clear of what the solver leaves (rule R3).
-        if self.speeds.speed > 0.0 && !self.chosen.is_empty() {
-            options.tolerance = options.tolerance.min(self.tol / (10.0 * self.speeds.speed));
-        }
+        options.tolerance = (options.tolerance).min(0.1 * model.options.closing_tolerance_speed);
         if self.fineness < 1.0 {
             // From a solution, by Newton's method alone.
             options.tolerance *= self.fineness;

@@ -198,7 +198,7 @@ impl ImpactScratch {
             let touching = contact.gap_start <= model.options.touching_tolerance * contact.length;
             // Overlap made by the smooth motion, not by a neighbour's position correction.
             let overlapped = contact.gap_check < 0.0 && contact.nu[0] > 0.0;
-            if overlapped && free > self.tol && !touching {
+            if overlapped && free > self.closing[slot] && !touching {
                 report.missed_impacts += 1;
             }
         }

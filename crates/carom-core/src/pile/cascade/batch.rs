@@ -186,7 +186,7 @@ impl Batch {
             self.before.push([now, minus]);
             let slip = velocity.newton(
                 &view.model.options,
-                edge.normal,
+                (edge.normal, f64::from(edge.closing)),
                 edge.restitution,
                 now,
                 minus,

@@ -15,6 +15,8 @@ pub(super) struct Edge {
     pub b: u32,
     /// Place among the velocities of moving walls; behind them where none moves.
     pub driven: u32,
+    /// Closing tolerance, m/s.
+    pub closing: f32,
     pub normal: DVec3,
     pub friction: f64,
     /// e_N and e_T.
@@ -98,6 +100,7 @@ impl ContactGraph {
                 a: m.a,
                 b: m.b,
                 driven: m.driven,
+                closing: m.closing as f32,
                 normal: m.normal,
                 friction: m.friction,
                 restitution: [m.restitution, m.tangential],
@@ -190,13 +193,15 @@ impl ContactGraph {
 
     /// Marks in `closing` the contacts of `moved` spheres that close. Those between two of them are looked at twice: to know which
     /// costs more.
-    pub fn mark_closing(&self, velocity: &Velocities, moved: &[u32], closing: &mut Slots) {
+    pub fn mark_closing(&self, moved: &[u32], closing: &mut Slots) {
         for &node in moved {
             let own = self.linear[node as usize];
             let (from, to) = (self.starts[node as usize], self.starts[node as usize + 1]);
             for beside in &self.at_node[from as usize..to as usize] {
                 let speed = (own - self.linear[beside.other as usize]).dot(beside.normal);
-                closing.insert_if(speed < -velocity.tol, beside.slot);
+                let closes =
+                    speed < 0.0 && speed < -f64::from(self.edges[beside.slot as usize].closing);
+                closing.insert_if(closes, beside.slot);
             }
         }
     }

@@ -76,7 +76,7 @@ impl Pile {
         report: &mut StepReport,
     ) -> (u32, bool) {
         let (velocity, all_threads) = (&self.velocity, self.sweeps.threads);
-        let closes = velocity.flags(all_threads, |_, m| velocity.normal_speed(m) < -velocity.tol);
+        let closes = velocity.flags(all_threads, |_, m| velocity.normal_speed(m) < -m.closing);
         let all = 0..velocity.closed.len() as u32;
         let first: Vec<u32> = all.filter(|&slot| closes[slot as usize]).collect();
         let bounds = model.options.problems(velocity.closed.len());
@@ -226,8 +226,7 @@ impl Cascade<'_> {
         let moved = &self.clusters.nodes;
         let bound = |k: usize| k * moved.len() / of;
         let moved = &moved[bound(share)..bound(share + 1)];
-        let velocity = &self.pile.velocity;
-        self.graph.mark_closing(velocity, moved, closing);
+        self.graph.mark_closing(moved, closing);
     }
 
     /// The next problem, if anything closes.
