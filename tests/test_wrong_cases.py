@@ -159,3 +159,32 @@ def test_a_chain_of_joints_to_the_ground_takes_the_load_of_a_floor() -> None:
     [told] = loads_taken(scene)
     assert '"link"' in told
     assert '"anchor"' in told
+
+
+def test_a_light_ball_with_a_load_takes_no_restitution_from_its_row() -> None:
+    """A ball of 1e-7 kg under a force of 1 mN leans on a row of 14: the far end is hit with 0.05 m/s, and this end leaves."""
+    result = carom.simulate(SCENES / "closing_tol_row14.toml")
+    last = np.asarray(result.velocity[-1])[:, 0]
+    light, first, others = last[0], last[1], last[2:]
+    # The force goes on to push what left, for what is left of 0.3 s after the hit.
+    hit = 0.0012 / 0.05
+    assert first == pytest.approx(-0.05 + 0.001 / 0.1 * (0.3 - hit), abs=2e-4)
+    assert light == pytest.approx(first, abs=2e-4)
+    assert np.abs(others).max() < 1e-4
+
+
+@pytest.mark.parametrize("balls", [4, 12, 40, 150])
+def test_a_slow_hit_goes_through_a_row_of_any_length(balls: int) -> None:
+    """A ball that leans on it changes nothing: closing is a matter of a contact's own bodies."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": 1e-3, "until": 0.1})
+    scene.contact("b", "b", friction=0, restitution=1)
+    for k in range(balls):
+        scene.sphere(f"b{k}", radius=0.02, mass=0.1, material="b", position=(0.04 * k, 0, 0))
+    end = 0.04 * balls + 1e-3
+    scene.sphere("in", radius=0.02, mass=0.1, material="b", position=(end, 0, 0), velocity=(-0.05, 0, 0))
+    # It leans on the row from the side, and strongly.
+    scene.sphere("light", radius=0.02, mass=1e-7, material="b", position=(0.04, 0.04, 0))
+    scene.load("light", force=(0.0, -1e-3, 0.0))
+    last = np.asarray(carom.simulate(scene).velocity[-1])[:, 0]
+    assert last[0] == pytest.approx(-0.05, rel=1e-3)
+    assert np.abs(last[1:balls]).max() < 1e-3  # the ball that leans there pushes one of them aside

@@ -158,12 +158,13 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
 def closing(block: Block) -> F64:
     """(B,) largest closing tolerance of a contact, m/s (rule R3).
 
-    `closing_tolerance_load` of the largest speed that loads give a body in a step, or a wall along its normal, and not less than
+    `closing_tolerance_load` of the largest speed that loads give a body in a step, or a wall, and not less than
     `closing_tolerance_speed` of the largest speed.
     """
     o, load = block.run.options, np.maximum(_load(block), _walls(block))
     fastest = np.maximum(_fastest(block), load)
-    return np.maximum(o["closing_tolerance_load"] * load, o["closing_tolerance_speed"] * fastest)
+    by_load, by_speed = o["closing_tolerance_load"] * load, o["closing_tolerance_speed"] * fastest
+    return np.asarray(np.maximum(by_load, by_speed))
 
 
 def _fastest(block: Block) -> F64:

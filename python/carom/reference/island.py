@@ -140,7 +140,7 @@ class Island:
 
     def _load_of(self, e: Element) -> float:
         """Larger change that the loads of the step make to the velocities of a contact's bodies [m/s]."""
-        return max(self.loads[self.layout.bodies.index(body)] for body in e.pair.bodies)
+        return float(max(self.loads[self.layout.bodies.index(body)] for body in e.pair.bodies))
 
     def normal_velocity(self, u: F64, frozen: bool = False) -> F64:
         """G_N u per contact [m/s], with the normals of t_{n+1}, or of t_n if `frozen`."""

@@ -96,7 +96,8 @@ OPTIONS: dict[str, Option] = {
         Bounds(ge=0, le=100_000),
     ),
     "closing_tolerance_load": Option(
-        "closing speed that counts, relative to the speed that its bodies gain from loads in a step (R3)", POSITIVE
+        "closing speed that counts, relative to the speed that its bodies gain from loads in a step (R3)",
+        POSITIVE,
     ),
     "closing_tolerance_speed": Option(
         "least closing speed that counts, relative to the fastest body (R3)", POSITIVE
