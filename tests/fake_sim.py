@@ -331,4 +331,7 @@ def install(patch: Any = None) -> None:
         return
     patch.setitem(sys.modules, "carom.scene", scene)
     patch.setitem(sys.modules, "carom._core", this)
+    from carom import summary
+
+    patch.setattr(summary, "versions", summary.versions.__wrapped__)  # they are asked once
     patch.setattr(carom, "_core", this, raising=False)

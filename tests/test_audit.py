@@ -32,8 +32,8 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "pile-moreau": (scenes.pile, 0.15, {"method": "moreau"}),
     "pile-penalty": (scenes.pile, 0.15, {"method": "penalty"}),
     "dull-penalty": (scenes.dull, 0.1, {"method": "penalty"}),
-    "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 50}),
-    "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 50, "impacts": "every"}),
+    "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 10}),
+    "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 10, "impacts": "every"}),
     "pile-blind": (
         scenes.pile,
         0.25,
@@ -214,7 +214,7 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
             ("the loads misstated", lambda row: fault.scale("impacts/impulse", row, 1.1), 0, "impact"),
             (
                 "taken for the end of a cut sequence",
-                lambda row: fault.write("impacts/problem", row, 51),
+                lambda row: fault.write("impacts/problem", row, 11),
                 1,
                 "counts",
             ),
@@ -225,7 +225,7 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
         fault.write("contacts/position_impulse", (5, 2), 1e30),
         "position",
     ),
-    "closing contact, slowly": ("slow", fault.push_velocity(100, 0, np.array([0, 0, -1e-4])), "approach"),
+    "closing contact, slowly": ("slow", fault.push_velocity(100, 0, np.array([0, 0, -2e-3])), "approach"),
     "closing contact": ("pile", fault.push_velocity(200, 0, np.array([0, 0, -0.1])), "approach"),
 }
 

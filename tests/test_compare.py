@@ -33,7 +33,7 @@ def test_methods_and_their_choices() -> None:
     for wrong, told in (
         ("moro", "moreau"),
         ("nsga+projection", "no choice of nsga"),
-        ("nsga+one", "one-shot"),
+        ("nsga+one-sho", "one-shot"),
     ):
         with pytest.raises(carom.CaromError, match=told):
             method_options(wrong)

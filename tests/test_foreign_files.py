@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -115,7 +116,7 @@ def test_a_pipe_is_refused_at_once(run: Path, name: str, command: tuple[str, ...
     (run / name).unlink()
     os.mkfifo(run / name)
     verb, *more = command
-    program = [shutil.which("carom") or "carom", verb, str(run), *more]
+    program = [sys.executable, "-m", "carom", verb, str(run), *more]
     done = subprocess.run(program, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, done.stderr
     assert name in done.stderr

@@ -10,7 +10,7 @@ import numpy as np
 
 from .contact import Element, element, gap_and_normal
 from .impact import impact_problem
-from .island import Island, connected
+from .island import CLOSING_SPEED, Island, connected
 from .model import F64, TOUCH, Model, Pair, State
 from .newton import NotConverged, solve
 from .problem import Layout, PositionProblem, VelocityProblem
@@ -180,7 +180,7 @@ def _velocities(
     closing = island.normal_velocity(island.u_check) < -tolerance
     loaded = {i for i in resting if closing[i]}
     turned = [np.linalg.norm(island.elements[i].normal - loads.normals[keys[i]]) for i in resting]
-    if np.any(np.array(turned) > TURN_SHARE * tolerance[resting] / island.speed):
+    if np.any(np.array(turned) > TURN_SHARE * CLOSING_SPEED):
         again = bool(loaded) or any(g[0] > 0.0 for g in given.values())
         solved = _plastic(island, middle, resting, again)
         given = {keys[i]: solved[lay.slices[i]] for i in resting}

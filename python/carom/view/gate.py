@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from typing import Any
 
 from carom.errors import CaromError
@@ -22,19 +23,18 @@ NAMES = ("127.0.0.1", "localhost")
 @contextmanager
 def gated(token: str) -> Iterator[None]:
     """Within it a server of viser is made that answers by these rules: viser has no place for rules of others."""
-    from websockets.asyncio import server
-
+    server: Any = import_module("websockets.asyncio.server")
     original, used = server.serve, []
 
     def serve(*args: Any, process_request: Any = None, **options: Any) -> Any:
         used.append(True)
         return original(*args, process_request=partial(_judged, token, process_request), **options)
 
-    server.serve = serve  # type: ignore[assignment, misc]
+    server.serve = serve
     try:
         yield
     finally:
-        server.serve = original  # type: ignore[misc]
+        server.serve = original
     if not used:
         raise CaromError("this version of viser serves in a way that Carom cannot guard; install viser 1.1")
 

@@ -17,7 +17,7 @@ use crate::state::{State, Warm};
 use crate::stepper::Span;
 use crate::workspace::IslandScratch;
 
-/// Share (1) of the closing tolerance by which normals may turn between the positions at which loads are solved and those at the end of the
+/// Share (1) of `closing_tolerance_speed` by which normals may turn between the positions at which loads are solved and those at the end of the
 /// step. At 1 what rolls over a curved surface closes in every step; at 0 the same loads are solved twice.
 const TURN_SHARE: f64 = 0.1;
 
@@ -285,11 +285,11 @@ impl RowIsland<'_, '_> {
     /// Whether the loads that were solved before positions satisfy their conditions at these: no normal has turned by what would make a contact
     /// close.
     fn still_hold(&self) -> bool {
-        let fastest = self.work.speeds.largest();
+        let turned = TURN_SHARE * self.model.options.closing_tolerance_speed;
         self.work.has_contacts_alone()
             && self.work.chosen.iter().all(|&slot| {
                 let c = self.contact(slot);
-                (c.n1 - c.load_normal).length() <= TURN_SHARE * self.work.closing[slot] / fastest
+                (c.n1 - c.load_normal).length() <= turned
             })
     }
 
