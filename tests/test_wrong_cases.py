@@ -162,7 +162,7 @@ def test_a_chain_of_joints_to_the_ground_takes_the_load_of_a_floor() -> None:
 
 
 def test_a_light_ball_with_a_load_takes_no_restitution_from_its_row() -> None:
-    """A ball of 1e-7 kg under a force of 1 mN leans on a row of 14: the far end is hit with 0.05 m/s, and this end leaves."""
+    """A ball of 1e-7 kg under a force of 1 mN leans on a row of 14. The far end is hit, this end leaves."""
     result = carom.simulate(SCENES / "closing_tol_row14.toml")
     last = np.asarray(result.velocity[-1])[:, 0]
     light, first, others = last[0], last[1], last[2:]
