@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 from carom.errors import CaromError
@@ -23,7 +22,9 @@ NAMES = ("127.0.0.1", "localhost")
 @contextmanager
 def gated(token: str) -> Iterator[None]:
     """Within it a server of viser is made that answers by these rules: viser has no place for rules of others."""
-    server: Any = import_module("websockets.asyncio.server")
+    import websockets.asyncio.server as library
+
+    server: Any = library
     original, used = server.serve, []
 
     def serve(*args: Any, process_request: Any = None, **options: Any) -> Any:
