@@ -12,7 +12,6 @@ import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -194,4 +193,6 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
     told = f"carom.drive.{name} is carom.sinks.{name} now; the old name goes in the next minor version"
     warnings.warn(told, DeprecationWarning, stacklevel=2)
-    return getattr(import_module("carom.sinks"), name)
+    from carom import sinks
+
+    return getattr(sinks, name)
