@@ -253,8 +253,10 @@ options! {
     /// ([`Options::problems`]).
     max_problems: u32 = 0,
     /// Closing tolerance of a contact over the change that loads make to the velocities of its bodies in the step (rule R3).
-    closing_tolerance_load: f64 = 0.1,
-    /// The least closing tolerance over the speed in the island: what solvers leave (rule R3).
+    closing_tolerance_load: f64 = 1e-2,
+    /// The same in islands of more than 100 contacts, where impacts of a share of one step's fall would go round and round.
+    pile_closing_tolerance: f64 = 0.1,
+    /// Closing tolerance over the speed in the island (rule R3).
     closing_tolerance_speed: f64 = 1e-6,
     /// Scale restitution where an impact problem would gain energy (rule R4).
     energy_safeguard: bool = true,
@@ -351,6 +353,7 @@ impl Options {
             ("gap_tolerance", self.gap_tolerance),
             ("touching_tolerance", self.touching_tolerance),
             ("closing_tolerance_load", self.closing_tolerance_load),
+            ("pile_closing_tolerance", self.pile_closing_tolerance),
             ("closing_tolerance_speed", self.closing_tolerance_speed),
             ("penalty_scale", self.penalty_scale),
             ("proximal_shift", self.proximal_shift),

@@ -158,13 +158,16 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
 def closing(block: Block) -> F64:
     """(B,) largest closing tolerance of a contact, m/s (rule R3).
 
-    `closing_tolerance_load` of the largest speed that loads give a body in a step, or a wall, and not less than
-    `closing_tolerance_speed` of the largest speed.
+    `closing_tolerance_load` (in islands of more than 100 contacts `pile_closing_tolerance`) of the largest speed that loads give
+    a body in a step, or a wall, and not less than `closing_tolerance_speed` of the largest speed.
     """
     o, load = block.run.options, np.maximum(_load(block), _walls(block))
-    fastest = np.maximum(_fastest(block), load)
-    by_load, by_speed = o["closing_tolerance_load"] * load, o["closing_tolerance_speed"] * fastest
-    return np.asarray(np.maximum(by_load, by_speed))
+    largest = block.over(block.run.steps["largest_island"])
+    small, fastest = o["closing_tolerance_load"], np.maximum(_fastest(block), load)
+    by_load = np.where(largest > 100, max(o["pile_closing_tolerance"], small), small) * load
+    by_speed = o["closing_tolerance_speed"] * fastest
+    few = (largest <= o["dense_contacts"]) & (load > 0.0)
+    return np.asarray(np.where(few, np.minimum(by_load, by_speed), np.maximum(by_load, by_speed)))
 
 
 def _fastest(block: Block) -> F64:

@@ -15,8 +15,10 @@ from .pose import Pose
 from .problem import EPS, Layout, VelocityProblem
 from .smooth import FreeMotion
 
-CLOSING_LOAD, CLOSING_SPEED = 0.1, 1e-6
-"""Closing tolerance over the change of velocity by loads, and the least one over the largest speed (rule R3)."""
+CLOSING_LOAD, CLOSING_SPEED = 1e-2, 1e-6
+"""Closing tolerance over the change of velocity by loads, and over the largest speed (rule R3)."""
+LARGE_ISLAND = 10
+"""Contacts above which the closing tolerance goes by the load, and by the speed only from below."""
 
 
 def connected(sets: Sequence[Iterable[int]]) -> list[list[int]]:
@@ -136,7 +138,11 @@ class Island:
         if self.speed == 0.0:
             return None
         loads = np.array([self._load_of(e) for e in self.elements])
-        return np.maximum(CLOSING_LOAD * loads, CLOSING_SPEED * self.speed)
+        by_load, by_speed = CLOSING_LOAD * loads, CLOSING_SPEED * self.speed
+        if len(self.elements) > LARGE_ISLAND:
+            return np.maximum(by_load, by_speed)
+        small = np.where(loads > 0.0, np.minimum(by_load, by_speed), by_speed)
+        return np.maximum(small, 64.0 * EPS * self.old_speed)
 
     def _load_of(self, e: Element) -> float:
         """Larger change that the loads of the step make to the velocities of a contact's bodies [m/s]."""

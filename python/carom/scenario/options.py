@@ -99,8 +99,11 @@ OPTIONS: dict[str, Option] = {
         "closing speed that counts, relative to the speed that its bodies gain from loads in a step (R3)",
         POSITIVE,
     ),
+    "pile_closing_tolerance": Option(
+        "the same in islands of more than 100 contacts, if it is larger", POSITIVE
+    ),
     "closing_tolerance_speed": Option(
-        "least closing speed that counts, relative to the fastest body (R3)", POSITIVE
+        "closing speed that counts, relative to the fastest body (R3)", POSITIVE
     ),
     "energy_safeguard": Option("scale restitution down where an impact problem would create energy (R4)"),
     "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),

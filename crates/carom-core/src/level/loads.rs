@@ -58,7 +58,7 @@ fn solve_single(task: &Task, scratch: &mut IslandScratch, m: u32) {
         speeds.add_wall(&old, &new);
     }
     let load = speeds.load.max((new.normal - old.normal).abs());
-    let tol = speeds.closing_tolerance(&model.options, load);
+    let tol = speeds.closing_tolerance(&model.options, 1, load);
     let (v, w) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
     let mut z = single::motion(c, model.radius[i], v, w);
     z.subtract(&new);

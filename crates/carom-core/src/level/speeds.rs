@@ -7,6 +7,14 @@ use crate::state::State;
 use crate::wall::places::Walls;
 use crate::wall::WallTwist;
 
+/// Closing speeds below this share (1) of the island's speed are rounding. Too small: touching balls that fly together have impacts in every
+/// step, without end. Too large: slow impacts within a fast island keep no restitution.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Most contacts of an island with the closing tolerance of small ones. Beyond it `pile_closing_tolerance` counts: with more, piles that settle
+/// solve impacts that go round and round; with fewer, slow impacts of small islands lose their restitution.
+const MANY: usize = 100;
+
 /// Speeds of an island.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Speeds {
@@ -48,11 +56,23 @@ impl Speeds {
         self.speed.max(self.load).max(self.wall_load)
     }
 
-    /// A contact closes below minus this normal velocity, m/s (rule R3): `load` is the larger one of the changes that the loads of the step make to
-    /// the velocities of its two bodies (of a moving wall: along the normal). What a solver leaves of the fastest is below it.
+    /// A contact of an island of `contacts` closes below minus this normal velocity, m/s (rule R3): `load` is the larger one of the changes that the
+    /// loads of the step make to the velocities of its two bodies (of a moving wall: along the normal). What a solver leaves of the fastest is
+    /// below it.
     #[inline]
-    pub fn closing_tolerance(&self, o: &Options, load: f64) -> f64 {
-        (o.closing_tolerance_load * load).max(o.closing_tolerance_speed * self.largest())
+    pub fn closing_tolerance(&self, o: &Options, contacts: usize, load: f64) -> f64 {
+        let by_speed = o.closing_tolerance_speed * self.largest();
+        if load == 0.0 {
+            by_speed
+        } else if contacts <= o.dense_contacts as usize {
+            (o.closing_tolerance_load * load).min(by_speed)
+        } else if contacts <= MANY {
+            (o.closing_tolerance_load * load).max(by_speed)
+        } else {
+            let share = o.pile_closing_tolerance.max(o.closing_tolerance_load);
+            (share * load).max(by_speed)
+        }
+        .max(ROUNDING * self.speed)
     }
 }
 

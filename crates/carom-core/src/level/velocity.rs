@@ -99,7 +99,7 @@ fn solve_single<const MOVING: bool>(
     }
     let [wall_old, wall] = of_walls;
     let load = speeds.load.max((wall.normal - wall_old.normal).abs());
-    let tol = speeds.closing_tolerance(options, load);
+    let tol = speeds.closing_tolerance(options, 1, load);
     let check = against::<MOVING>(single::motion(c, radius, motion[0], motion[1]), &wall);
     let gamma_n = c.n0.dot(state.velocity[i]) - wall_old.normal;
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
