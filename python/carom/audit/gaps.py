@@ -158,7 +158,7 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
 def closing(block: Block) -> F64:
     """(B,) largest closing tolerance of a contact, m/s (rule R3).
 
-    `closing_tolerance_load` (in islands of more than 100 contacts `pile_closing_tolerance`) of the largest speed that loads give
+    `closing_tolerance_load` (beyond 100 contacts `pile_closing_tolerance`) of the largest speed that loads give
     a body in a step, or a wall, and not less than `closing_tolerance_speed` of the largest speed.
     """
     o, load = block.run.options, np.maximum(_load(block), _walls(block))
