@@ -32,8 +32,8 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "pile-moreau": (scenes.pile, 0.15, {"method": "moreau"}),
     "pile-penalty": (scenes.pile, 0.15, {"method": "penalty"}),
     "dull-penalty": (scenes.dull, 0.1, {"method": "penalty"}),
-    "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 10}),
-    "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 10, "impacts": "every"}),
+    "pile-summed": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 50}),
+    "pile-every": (scenes.pile, 0.25, {"pile_tolerance": 1e-4, "max_problems": 50, "impacts": "every"}),
     "pile-blind": (
         scenes.pile,
         0.25,
@@ -214,7 +214,7 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
             ("the loads misstated", lambda row: fault.scale("impacts/impulse", row, 1.1), 0, "impact"),
             (
                 "taken for the end of a cut sequence",
-                lambda row: fault.write("impacts/problem", row, 11),
+                lambda row: fault.write("impacts/problem", row, 51),
                 1,
                 "counts",
             ),
