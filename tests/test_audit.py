@@ -225,7 +225,7 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
         fault.write("contacts/position_impulse", (5, 2), 1e30),
         "position",
     ),
-    "closing contact, slowly": ("slow", fault.push_velocity(100, 0, np.array([0, 0, -2e-3])), "approach"),
+    "closing contact, slowly": ("slow", fault.push_velocity(100, 0, np.array([0, 0, -1e-4])), "approach"),
     "closing contact": ("pile", fault.push_velocity(200, 0, np.array([0, 0, -0.1])), "approach"),
 }
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -186,13 +185,3 @@ def identify(model: Mapping[str, Any]) -> str:
 
     feed("", model)
     return digest.hexdigest()
-
-
-def __getattr__(name: str) -> Any:
-    if name not in ("Progress", "Cadence", "Interrupt"):
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
-    told = f"carom.drive.{name} is carom.sinks.{name} now; the old name goes in the next minor version"
-    warnings.warn(told, DeprecationWarning, stacklevel=2)
-    from carom import sinks
-
-    return getattr(sinks, name)

@@ -18,7 +18,7 @@ from .smooth import FreeMotion
 CLOSING_LOAD, CLOSING_SPEED = 1e-2, 1e-6
 """Closing tolerance over the change of velocity by loads, and over the largest speed (rule R3)."""
 LARGE_ISLAND = 10
-"""Contacts above which the closing tolerance goes by the load, and by the speed only from below."""
+"""Contacts above which the closing tolerance goes by the loads on a contact's own bodies, and by the speed from below."""
 
 
 def connected(sets: Sequence[Iterable[int]]) -> list[list[int]]:
@@ -141,8 +141,9 @@ class Island:
         by_load, by_speed = CLOSING_LOAD * loads, CLOSING_SPEED * self.speed
         if len(self.elements) > LARGE_ISLAND:
             return np.maximum(by_load, by_speed)
-        small = np.where(loads > 0.0, np.minimum(by_load, by_speed), by_speed)
-        return np.maximum(small, 64.0 * EPS * self.old_speed)
+        load = CLOSING_LOAD * np.max(self.loads)
+        small = min(load, by_speed) if load > 0.0 else by_speed
+        return np.full(len(self.elements), max(small, 64.0 * EPS * self.old_speed))
 
     def _load_of(self, e: Element) -> float:
         """Larger change that the loads of the step make to the velocities of a contact's bodies [m/s]."""

@@ -10,8 +10,8 @@ use carom_solve::rows::WORLD;
 /// small: rounding counts as a gain, and costs a solve. Too large: at 1e-6 the energy of falling heaps rises fifty times as much in a step.
 const ROUNDING: f64 = 1e-10;
 
-/// Share (1) of the solver's tolerance that a residual may explain, of a group's energy. Too small: coarse solves cost another one. Too large: at 1
-/// columns of grains that run out come to rest four times as slowly.
+/// Share (1) of the solver's tolerance that a residual may explain, of a group's energy. Too small: coarse solves cost another one. Too large: each
+/// problem may give as much; without a bound a narrow drop of 11 wedged balls ended at 3600 m/s.
 const SHARE: f64 = 1e-2;
 
 /// What a problem does at a contact or joint.

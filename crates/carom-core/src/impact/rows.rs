@@ -14,7 +14,6 @@ use crate::model::Model;
 use crate::options::{Impact, Problems};
 use crate::report::StepReport;
 use crate::state::{State, Warm};
-use crate::stepper::Span;
 use crate::workspace::IslandScratch;
 
 /// Share (1) of `closing_tolerance_speed` by which normals may turn between the positions at which loads are solved and those at the end of the
@@ -23,42 +22,29 @@ const TURN_SHARE: f64 = 0.1;
 
 /// Solves one island by the law of the run.
 pub fn solve_island(
-    model: &Model,
-    state: &State,
+    task: &Task,
     scratch: &mut IslandScratch,
     island: Island,
-    span: Span,
     report: &mut StepReport,
-    accept_unconverged: bool,
 ) -> bool {
-    let mut work = std::mem::take(scratch.impact);
-    work.begin(model, state, scratch, island, span, accept_unconverged);
-    let settled = island.is_free() || work.settle(model, state, scratch, report);
-    let mut rows = RowIsland {
-        work: &mut work,
-        model,
-        state,
-        scratch,
-        report,
-        impacts: false,
-        again: model.options.loads_once(),
-    };
-    let solved = settled
-        && (rows.work.speeds.largest() == 0.0
+    let o = &task.model.options;
+    let solve = |rows: &mut RowIsland, still: bool| {
+        let solved = still
             || island.contacts.is_empty()
-            || match model.options.impact {
-                Impact::Sequence => loads_first(&mut rows),
-                Impact::SequencePaper => as_printed(&mut rows),
-                Impact::OneShot => one_shot(&mut rows),
-            });
-    if solved {
-        if model.options.impact.has_loads_first() && !rows.again && !rows.impacts {
-            rows.keep_warm();
+            || match o.impact {
+                Impact::Sequence => loads_first(rows),
+                Impact::SequencePaper => as_printed(rows),
+                Impact::OneShot => one_shot(rows),
+            };
+        if solved {
+            if o.impact.has_loads_first() && !rows.again && !rows.impacts {
+                rows.keep_warm();
+            }
+            rows.work.finish(rows.model, rows.scratch, rows.report);
         }
-        work.finish(model, scratch, report);
-    }
-    *scratch.impact = work;
-    solved
+        solved
+    };
+    on_rows(task, scratch, island, report, o.loads_once(), solve)
 }
 
 /// Solves the loads of one island at the positions after the smooth step, with the contacts that do not approach: their impulses, and the jumps
@@ -69,6 +55,31 @@ pub fn solve_loads(
     island: Island,
     report: &mut StepReport,
 ) -> bool {
+    let solve = |rows: &mut RowIsland, still: bool| {
+        if !still {
+            let Some([resting, _]) = loads(rows) else {
+                return false;
+            };
+            for (&m, resting) in rows.work.members.iter().zip(resting) {
+                rows.scratch.contacts[m as usize].resting = resting;
+            }
+        }
+        rows.keep_warm();
+        rows.work.give_loads(rows.scratch);
+        true
+    };
+    on_rows(task, scratch, island, report, false, solve)
+}
+
+/// Collects an island and its joints, and has it solved; `still`: nothing moves and nothing pulls.
+fn on_rows(
+    task: &Task,
+    scratch: &mut IslandScratch,
+    island: Island,
+    report: &mut StepReport,
+    again: bool,
+    solve: impl FnOnce(&mut RowIsland, bool) -> bool,
+) -> bool {
     let Task {
         model, state, span, ..
     } = *task;
@@ -76,6 +87,7 @@ pub fn solve_loads(
     let accept = task.demand == Demand::Accepted;
     work.begin(model, state, scratch, island, span, accept);
     let settled = island.is_free() || work.settle(model, state, scratch, report);
+    let still = work.speeds.largest() == 0.0;
     let mut rows = RowIsland {
         work: &mut work,
         model,
@@ -83,21 +95,9 @@ pub fn solve_loads(
         scratch,
         report,
         impacts: false,
-        again: false,
+        again,
     };
-    let still = rows.work.speeds.largest() == 0.0;
-    let solved = settled
-        && (still
-            || loads(&mut rows).is_some_and(|[resting, _]| {
-                for (&m, resting) in rows.work.members.iter().zip(resting) {
-                    rows.scratch.contacts[m as usize].resting = resting;
-                }
-                true
-            }));
-    if solved {
-        rows.keep_warm();
-        work.give_loads(scratch);
-    }
+    let solved = settled && solve(&mut rows, still);
     *scratch.impact = work;
     solved
 }

@@ -62,15 +62,7 @@ pub fn solve_island(
         }
         report.fallbacks += 1;
     }
-    impact::rows::solve_island(
-        model,
-        state,
-        scratch,
-        island,
-        span,
-        report,
-        accept_unconverged,
-    )
+    impact::rows::solve_island(task, scratch, island, report)
 }
 
 /// A lone sphere-plane contact: at most one impact problem, in closed form. `MOVING`: walls of this scene may move.

@@ -300,7 +300,11 @@ impl ImpactScratch {
         }
         let mut options = newton_options(&model.options, groups, floor, false);
         // The closing tolerance must stand clear of what the solver leaves (rule R3).
-        options.tolerance = (options.tolerance).min(0.1 * model.options.closing_tolerance_speed);
+        let closing = self.chosen.iter().map(|&slot| self.closing[slot]);
+        if self.speeds.speed > 0.0 {
+            let least = closing.fold(f64::INFINITY, f64::min);
+            options.tolerance = options.tolerance.min(least / (10.0 * self.speeds.speed));
+        }
         if self.fineness < 1.0 {
             // From a solution, by Newton's method alone.
             options.tolerance *= self.fineness;
