@@ -16,7 +16,7 @@ import fake_sim
 import h5py
 import numpy as np
 import pytest
-from carom import checkpoint, drive, sinks
+from carom import checkpoint
 from carom.drive import Plan, thinned
 from carom.errors import CaromError
 from carom.record import Rows, Segments, Writer
@@ -335,13 +335,6 @@ def test_two_checkpoints_are_kept_and_no_scraps(tmp_path: Path) -> None:
         (tmp_path / "checkpoint-000000000012.npz").write_bytes(content)
         with pytest.raises(CaromError, match="cannot be used"):
             checkpoint.load(tmp_path / "checkpoint-000000000012.npz")
-
-
-def test_names_that_moved_warn_where_they_are_asked_for() -> None:
-    with pytest.warns(DeprecationWarning, match=r"carom\.sinks\.Interrupt now") as told:
-        found = drive.Interrupt
-    assert found is sinks.Interrupt
-    assert told[0].filename == __file__
 
 
 def test_advice_names_the_line_that_simulates() -> None:
