@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -13,6 +14,11 @@ _common = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "p
 settings.register_profile("quick", derandomize=True, **_common)
 settings.register_profile("search", max_examples=1000, **_common)
 settings.load_profile(os.environ.get("CAROM_HYPOTHESIS", "quick"))
+
+# tools/browser.sh puts a browser there where the machine has none.
+_browser = Path(__file__).parents[1] / ".venv" / "browser" / "chromium"
+if _browser.exists():
+    os.environ.setdefault("CAROM_BROWSER", str(_browser))
 
 #: Of all tests of this run.
 TOTAL = Trials()

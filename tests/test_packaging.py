@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -190,3 +191,41 @@ def test_what_a_machine_lacks_is_said_in_one_line_with_the_cure(machine: str, tm
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1, "one line"
     assert done.stderr.startswith(f"carom: {message}")
+
+
+# --- what cannot be installed -------------------------------------------------------------------------------------------
+
+#: An interpreter of an environment that installs everything but VTK.
+PICKY = """#!/bin/sh
+case "$*" in
+*"-m pip install"*) for last; do :; done; ! grep -q '^vtk' "$last" ;;
+tools/requirements.py*) exec {python} "$@" ;;
+esac
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "code", "told", "stamped"),
+    [
+        (["--optional", "export", "video", "rl"], 0, "not installed here: video (", False),
+        (["--optional", "export", "rl"], 0, "", True),
+        (["base", "video"], 2, "installing 'base video' failed", False),
+        (["base", "plot"], 0, "", True),
+    ],
+)
+def test_extras_that_cannot_be_installed_are_named_and_stop_nothing(
+    tmp_path: Path, asked: list[str], code: int, told: str, stamped: bool
+) -> None:
+    for name in ("tools/setup.sh", "tools/requirements.py", "pyproject.toml", "constraints.txt"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    python = tmp_path / ".venv/bin/python"
+    python.parent.mkdir(parents=True)
+    python.write_text(PICKY.format(python=sys.executable), encoding="utf-8")
+    python.chmod(0o755)
+    done = subprocess.run(
+        ["sh", "tools/setup.sh", "stamp", *asked], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, told in done.stderr) == (code, True), done.stderr
+    assert (tmp_path / "stamp").exists() is stamped
+    assert not list((tmp_path / ".venv/.carom").iterdir()), "no scratch file stays"
