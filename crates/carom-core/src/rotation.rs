@@ -72,35 +72,3 @@ pub fn transposed_left_jacobian(psi: DVec3, w: DVec3) -> DVec3 {
     let turn = psi.cross(w);
     w - a * turn + b * psi.cross(turn)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn agrees_with_the_axis_angle_rotation_on_both_branches() {
-        let q = DQuat::from_xyzw(0.1, -0.5, 0.3, 0.8).normalize();
-        for size in [1e-9, 1e-3, 0.1, 0.49, 0.51, 2.0, 6.0] {
-            let psi = DVec3::new(0.36, -0.48, 0.8) * size;
-            let expected = DQuat::from_scaled_axis(psi) * q;
-            let found = advance(psi, q);
-            let difference = (found - expected).length();
-            assert!(difference < 4e-15, "{size}: {difference:e}");
-        }
-    }
-
-    #[test]
-    fn the_left_jacobian_is_the_derivative_of_the_exponential() {
-        let w = DVec3::new(0.3, -0.7, 0.2);
-        for size in [1e-4, 0.05, 0.2, 1.0, 2.5] {
-            let psi = DVec3::new(0.36, -0.48, 0.8) * size;
-            let found = transposed_left_jacobian(psi, w);
-            for (k, axis) in DVec3::AXES.into_iter().enumerate() {
-                let step = 1e-6;
-                let at = |s: f64| DQuat::from_scaled_axis(psi + s * step * axis);
-                let turned = (at(1.0) * at(-1.0).inverse()).to_scaled_axis() / (2.0 * step);
-                assert!((turned.dot(w) - found[k]).abs() < 1e-9, "{size} {k}");
-            }
-        }
-    }
-}

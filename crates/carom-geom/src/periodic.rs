@@ -102,32 +102,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_in_a_box() {
-        let p = Periodic::new(DVec3::new(0.3, 0.0, 0.0), DVec3::ZERO);
-        let lies = |x: f64, low: f64, high: f64| {
-            let corner = |x| DVec3::new(x, -1.0, f64::NEG_INFINITY);
-            let high = DVec3::new(high, 1.0, f64::INFINITY);
-            p.in_box(DVec3::new(x, 0.5, 7.0), corner(low), high)
-        };
-        for k in [-1e6, -3.0, 0.0, 1.0, 20.0] {
-            let shift = 0.3 * k;
-            for x in [0.26, 0.32, 0.02, -0.02] {
-                assert!(lies(x + shift, 0.25, 0.35), "{x} {k}");
-            }
-            for x in [0.06, 0.24, -0.06] {
-                assert!(!lies(x + shift, 0.25, 0.35), "{x} {k}");
-                assert!(lies(x + shift, 7.1, 7.4), "{x} {k}: as long as the period");
-                assert!(lies(x + shift, f64::NEG_INFINITY, f64::INFINITY));
-            }
-        }
-        assert!(lies(0.25, 0.25, 0.35) && lies(0.35, 0.25, 0.35));
-        let (x, corner) = (DVec3::new(0.3, 2.0, 0.0), DVec3::ONE);
-        assert!(!p.in_box(x, -corner, corner), "other axes do not repeat");
-        assert!(Periodic::default().in_box(corner, -corner, corner));
-        assert!(!Periodic::default().in_box(1.1 * corner, -corner, corner));
-    }
-
-    #[test]
     fn nearest_images_and_wrapping() {
         let p = Periodic::new(DVec3::new(4.0, 0.0, 2.0), DVec3::new(1.0, 0.0, 0.0));
         assert!(!p.is_none() && Periodic::default().is_none());

@@ -57,23 +57,3 @@ impl Load for Drag {
         wrench_power(&self.wrench(&twist), &twist)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::joint::Pose;
-
-    #[test]
-    fn tangents_match_differences() {
-        let drag = Drag {
-            body: 1,
-            translation: 0.7,
-            rotation: 0.02,
-        };
-        let twist = Twist {
-            velocity: DVec3::new(1.0, -2.0, 0.5),
-            angular_velocity: DVec3::new(3.0, 0.1, -4.0),
-        };
-        crate::force::check::tangents_match_differences(&drag, [(Pose::GROUND, twist); 2]);
-    }
-}

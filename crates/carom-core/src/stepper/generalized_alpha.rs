@@ -99,24 +99,3 @@ impl Coefficients {
         p.pseudo + self.finish * p.acceleration
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A constant acceleration is integrated exactly for every spectral radius (theory 1.3).
-    #[test]
-    fn constant_acceleration_is_exact() {
-        let (g, h) = (DVec3::new(0.0, 0.0, -9.8), 1e-3);
-        for rho in [0.0, 0.3, 0.8, 0.99] {
-            let c = Coefficients::new(rho, h);
-            let v = DVec3::new(1.0, 2.0, 3.0);
-            let mut p = c.predict(v, g, g);
-            let dv = g / c.acceleration_per_velocity();
-            c.correct(&mut p, dv);
-            assert!((p.velocity - (v + h * g)).length() < 1e-15);
-            assert!((p.displacement - (h * v + 0.5 * h * h * g)).length() < 1e-17);
-            assert!((c.finish(&p) - g).length() < 1e-13);
-        }
-    }
-}

@@ -315,25 +315,3 @@ fn merge(model: &Model, scratch: &mut Scratch) {
         contacts.sort_unstable_by_key(|c| (c.a, c.b));
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Under a constant acceleration the velocity is exact, and the place too for theta = 1/2; else it is off by
-    /// `h^2 (theta - 1/2) g` per step.
-    #[test]
-    fn free_fall_by_the_theta_rule() {
-        let (g, h, v) = (DVec3::new(0.0, 0.0, -9.8), 1e-2, DVec3::new(1.0, 2.0, 3.0));
-        for theta in [0.5, 0.7, 1.0] {
-            let c = Coefficients::theta_rule(theta, h);
-            let mut p = c.predict(v, g, g);
-            c.correct(&mut p, g / c.acceleration_per_velocity());
-            assert!((p.velocity - (v + h * g)).length() < 1e-15);
-            let exact = h * v + 0.5 * h * h * g;
-            let off = h * h * (theta - 0.5) * g;
-            assert!((p.displacement - exact - off).length() < 1e-17);
-            assert!((c.finish(&p) - g).length() < 1e-13);
-        }
-    }
-}

@@ -23,25 +23,3 @@ pub fn sphere_plane(x: DVec3, r: f64, point: DVec3, normal: DVec3) -> Proximity 
         flat: DVec3::ZERO,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn gap_is_the_height_less_the_radius_on_either_side() {
-        let point = DVec3::new(7.0, -3.0, 1.0);
-        let above = sphere_plane(DVec3::new(0.0, 0.0, 1.5), 0.25, point, DVec3::Z);
-        assert_eq!(
-            above,
-            Proximity {
-                gap: 0.25,
-                normal: DVec3::Z,
-                curvature: 0.0,
-                flat: DVec3::ZERO,
-            }
-        );
-        let below = sphere_plane(DVec3::new(0.0, 0.0, 0.5), 0.25, point, DVec3::Z);
-        assert_eq!(below.gap, -0.75);
-    }
-}
