@@ -345,7 +345,7 @@ impl Options {
 
     /// Refuses values with which the scheme cannot work.
     pub fn validate(&self) -> Result<(), ModelError> {
-        let positive = [
+        for (name, value) in [
             ("step", self.step),
             ("tolerance", self.tolerance),
             ("pile_tolerance", self.pile_tolerance),
@@ -357,120 +357,68 @@ impl Options {
             ("closing_tolerance_speed", self.closing_tolerance_speed),
             ("penalty_scale", self.penalty_scale),
             ("proximal_shift", self.proximal_shift),
-        ];
-        let penalty = [
             ("penalty_young_modulus", self.penalty_young_modulus),
             ("penalty_slip_speed", self.penalty_slip_speed),
-        ];
-        for (name, value) in positive.into_iter().chain(penalty) {
+        ] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(ModelError::option(
-                    name,
-                    format!("is {value:e}; it must be finite and above 0"),
-                ));
+                let text = format!("is {value:e}; it must be finite and above 0");
+                return Err(ModelError::option(name, text));
             }
         }
-        // Its square and the inverse of that are numbers too.
-        if !(1e-100..=1e100).contains(&self.step) {
-            let text = format!("is {:e}; it must lie between 1e-100 and 1e100", self.step);
-            return Err(ModelError::option("step", text));
+        let o = self;
+        let (n, k, least) = (
+            o.penalty_exponent,
+            o.penalty_stiffness,
+            o.penalty_least_restitution,
+        );
+        // The square of the step and the inverse of that are numbers too.
+        let step = (1e-100..=1e100).contains(&o.step);
+        let (rho, theta) = (o.spectral_radius, o.theta);
+        let threshold = o.restitution_threshold;
+        let (nu, resolution) = (o.penalty_poisson_ratio, o.penalty_resolution);
+        #[rustfmt::skip]
+        let ranges = [
+            ("step", step, format!("is {:e}; it must lie between 1e-100 and 1e100", o.step)),
+            ("spectral_radius", (0.0..1.0).contains(&rho), format!("is {rho}; it must lie in [0, 1)")),
+            ("theta", theta > 0.0 && theta <= 1.0, format!("is {theta}; it must lie in (0, 1]")),
+            ("penalty_scale", o.penalty_scale < 2.0, format!("is {}; at 2 and above Newton can cycle (rule R1)", o.penalty_scale)),
+            ("restitution_threshold", threshold >= 0.0 && threshold.is_finite(), "must be finite and not negative".to_owned()),
+            ("penalty_poisson_ratio", -1.0 < nu && nu <= 0.5, format!("is {nu}; it must lie in (-1, 0.5]")),
+            ("penalty_stiffness", k >= 0.0 && k.is_finite(), format!("is {k}; it must be finite and not negative")),
+            ("penalty_exponent", (1.0..=4.0).contains(&n), format!("is {n}; it must lie in [1, 4]")),
+            ("penalty_exponent", n == 1.5 || k != 0.0,
+             format!("is {n}, but moduli give a stiffness for 1.5 alone; set penalty_stiffness (N/m^{n})")),
+            ("penalty_least_restitution", least > 0.0 && least < 1.0, format!("is {least}; it must lie in (0, 1)")),
+            ("penalty_resolution", (4..=100_000).contains(&resolution), format!("is {resolution}; it must lie between 4 and 100000")),
+        ];
+        if let Some((name, _, text)) = ranges.into_iter().find(|(_, fits, _)| !fits) {
+            return Err(ModelError::option(name, text));
         }
-        if !(0.0..1.0).contains(&self.spectral_radius) {
-            let text = format!("is {}; it must lie in [0, 1)", self.spectral_radius);
-            return Err(ModelError::option("spectral_radius", text));
-        }
-        if !(self.theta > 0.0 && self.theta <= 1.0) {
-            let text = format!("is {}; it must lie in (0, 1]", self.theta);
-            return Err(ModelError::option("theta", text));
-        }
-        if self.penalty_scale >= 2.0 {
-            let text = format!(
-                "is {}; at 2 and above Newton can cycle (rule R1)",
-                self.penalty_scale
-            );
-            return Err(ModelError::option("penalty_scale", text));
-        }
-        if !(self.restitution_threshold >= 0.0 && self.restitution_threshold.is_finite()) {
-            return Err(ModelError::option(
-                "restitution_threshold",
-                "must be finite and not negative".to_owned(),
-            ));
-        }
-        for (name, value) in [
-            ("max_iterations", self.max_iterations),
-            ("threads", self.threads),
-            ("contacts_per_thread", self.contacts_per_thread),
+        // Upper bounds: no input may make a step endless or fill the memory.
+        for (name, value, least, most) in [
+            ("max_iterations", self.max_iterations, 1, 100_000),
+            ("threads", self.threads, 1, u32::MAX),
+            ("contacts_per_thread", self.contacts_per_thread, 1, u32::MAX),
             (
                 "shared_contacts_per_thread",
                 self.shared_contacts_per_thread,
+                1,
+                u32::MAX,
             ),
+            ("max_halvings", self.max_halvings, 0, 20),
+            ("max_problems", self.max_problems, 0, MOST_PROBLEMS),
+            ("max_line_search", self.max_line_search, 0, 60),
+            ("gauss_seidel_sweeps", self.gauss_seidel_sweeps, 0, 1000),
+            ("dense_contacts", self.dense_contacts, 0, 500),
         ] {
-            if value == 0 {
-                return Err(ModelError::option(name, "must be at least 1".to_owned()));
+            if value < least {
+                let text = format!("must be at least {least}");
+                return Err(ModelError::option(name, text));
             }
-        }
-        self.validate_penalty()?;
-        // Upper bounds: no input may make a step endless or fill the memory.
-        for (name, value, most) in [
-            ("max_halvings", self.max_halvings, 20),
-            ("max_iterations", self.max_iterations, 100_000),
-            ("max_problems", self.max_problems, MOST_PROBLEMS),
-            ("max_line_search", self.max_line_search, 60),
-            ("gauss_seidel_sweeps", self.gauss_seidel_sweeps, 1000),
-            ("dense_contacts", self.dense_contacts, 500),
-        ] {
             if value > most {
-                return Err(ModelError::option(
-                    name,
-                    format!("is {value}; it must be at most {most}"),
-                ));
+                let text = format!("is {value}; it must be at most {most}");
+                return Err(ModelError::option(name, text));
             }
-        }
-        Ok(())
-    }
-
-    /// The same for method `penalty`.
-    fn validate_penalty(&self) -> Result<(), ModelError> {
-        let refuse = |name: &str, text: String| Err(ModelError::option(name, text));
-        let (nu, k, n) = (
-            self.penalty_poisson_ratio,
-            self.penalty_stiffness,
-            self.penalty_exponent,
-        );
-        if !(-1.0 < nu && nu <= 0.5) {
-            return refuse(
-                "penalty_poisson_ratio",
-                format!("is {nu}; it must lie in (-1, 0.5]"),
-            );
-        }
-        if !(k >= 0.0 && k.is_finite()) {
-            return refuse(
-                "penalty_stiffness",
-                format!("is {k}; it must be finite and not negative"),
-            );
-        }
-        if !(1.0..=4.0).contains(&n) {
-            return refuse("penalty_exponent", format!("is {n}; it must lie in [1, 4]"));
-        }
-        if n != 1.5 && k == 0.0 {
-            let text = format!("is {n}, but moduli give a stiffness for 1.5 alone; set penalty_stiffness (N/m^{n})");
-            return refuse("penalty_exponent", text);
-        }
-        let least = self.penalty_least_restitution;
-        if !(least > 0.0 && least < 1.0) {
-            return refuse(
-                "penalty_least_restitution",
-                format!("is {least}; it must lie in (0, 1)"),
-            );
-        }
-        if !(4..=100_000).contains(&self.penalty_resolution) {
-            return refuse(
-                "penalty_resolution",
-                format!(
-                    "is {}; it must lie between 4 and 100000",
-                    self.penalty_resolution
-                ),
-            );
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What a step, and a run, tell about themselves.
 
 use crate::flow::Exchange;
-use crate::outcome::{BlowUp, Level};
+use crate::outcome::{Failure, Level};
 use carom_solve::SolveReport;
 
 /// A column of the step table.
@@ -311,109 +311,89 @@ impl Monitors {
     }
 }
 
-/// Why a run stopped before its end.
+/// Why a run stopped before its end, and where.
 #[derive(Clone, Debug)]
-pub enum Outcome {
-    /// A sub-problem did not converge after the whole chain and every halving.
-    NotConverged {
-        step: u64,
-        time: f64,
-        level: Level,
-        bodies: (u32, u32),
-        contacts: u32,
-        joints: u32,
-        residual: f64,
-        /// Settings that may solve it and are not there yet, in words.
-        cures: String,
-    },
-    /// A velocity or position is no finite number, or grew beyond every bound.
-    BlowUp { step: u64, time: f64, what: BlowUp },
-    /// More pairs may meet within a step than the neighbour list holds.
-    TooManyPairs { step: u64, time: f64 },
-    /// The method would need more substeps for a step than it may take.
-    TooManySubsteps { step: u64, time: f64 },
-    /// A sphere would pass through a body within the smallest part of a step.
-    TooFast {
-        step: u64,
-        time: f64,
-        bodies: (u32, u32),
-        message: String,
-    },
-    /// Two bodies met whose materials have no law.
-    MissingLaw {
-        step: u64,
-        time: f64,
-        bodies: (u32, u32),
-    },
-    /// A friction law gave no coefficient at a slip speed.
-    FrictionFailed {
-        step: u64,
-        time: f64,
-        bodies: (u32, u32),
-        message: String,
-    },
-    /// A load could not be evaluated; what it said.
-    LoadFailed {
-        step: u64,
-        time: f64,
-        message: String,
-        /// The sphere it acts on, if on one alone.
-        body: Option<u32>,
-    },
+pub struct Outcome {
+    /// The step that could not be made, and the time at its end, s.
+    pub step: u64,
+    pub time: f64,
+    pub failure: Failure,
+    /// The spheres and walls that it is about, as far as it is about any.
+    pub bodies: Vec<u32>,
+    /// What else there is to say: numbers, or what a load said.
+    pub message: Option<String>,
+    pub unsolved: Option<Unsolved>,
+}
+
+/// A sub-problem that did not converge after the whole ladder and every halving.
+#[derive(Clone, Debug)]
+pub struct Unsolved {
+    pub contacts: u32,
+    pub joints: u32,
+    pub residual: f64,
+    /// Settings that may solve it and are not there yet, in words.
+    pub cures: String,
 }
 
 impl Outcome {
     pub fn kind(&self) -> &'static str {
-        match self {
-            Outcome::NotConverged { .. } => "not_converged",
-            Outcome::BlowUp { what, .. } if what.speed.is_finite() => "blow_up",
-            Outcome::BlowUp { .. } => "not_finite",
-            Outcome::MissingLaw { .. } => "missing_law",
-            Outcome::LoadFailed { .. } => "load_failed",
-            Outcome::FrictionFailed { .. } => "friction_failed",
-            Outcome::TooFast { .. } => "too_fast",
-            Outcome::TooManyPairs { .. } => "too_many_pairs",
-            Outcome::TooManySubsteps { .. } => "too_many_substeps",
+        match self.failure {
+            Failure::NotConverged(_) => "not_converged",
+            Failure::BlowUp(what) if what.speed.is_finite() => "blow_up",
+            Failure::BlowUp(_) => "not_finite",
+            Failure::MissingLaw(..) => "missing_law",
+            Failure::Load => "load_failed",
+            Failure::Friction { .. } => "friction_failed",
+            Failure::TooFar { .. } => "too_fast",
+            Failure::TooManyPairs => "too_many_pairs",
+            Failure::TooManySubsteps => "too_many_substeps",
+        }
+    }
+
+    /// The sub-problem in which it happened, if it was one.
+    pub fn level(&self) -> Option<Level> {
+        match self.failure {
+            Failure::NotConverged(level) => Some(level),
+            Failure::BlowUp(what) => Some(what.level),
+            _ => None,
         }
     }
 
     /// What a person can do about it.
     pub fn advice(&self) -> &str {
-        match self {
-            Outcome::NotConverged {
-                level: Level::Smooth,
-                ..
-            } => {
+        match (self.failure, &self.unsolved) {
+            (Failure::NotConverged(Level::Smooth), _) => {
                 "joints that contradict one another leave no motion, and a load may be too wild for the step: look at those of \
                  these spheres; if they are as meant, try a smaller step"
             }
-            Outcome::NotConverged { joints: 1.., .. } => {
+            (_, Some(Unsolved { joints: 1.., .. })) => {
                 "joints and contacts of these spheres may leave no motion (a sphere driven into a wall, joined spheres that \
                  overlap): look at them; if they are as meant, try a smaller step"
             }
-            Outcome::NotConverged { cures, .. } => cures,
-            Outcome::BlowUp { what, .. } if what.level == Level::Smooth => {
+            (_, Some(unsolved)) => &unsolved.cures,
+            (Failure::NotConverged(_), None) => "try a smaller step",
+            (Failure::BlowUp(what), _) if what.level == Level::Smooth => {
                 "a load drives it there without any contact: look at loads, springs and joints on it, its mass and the step"
             }
-            Outcome::BlowUp { .. } => {
+            (Failure::BlowUp(_), _) => {
                 "look for extreme speeds, masses, inertias or radii of these bodies; try a smaller step"
             }
-            Outcome::TooFast { .. } => {
+            (Failure::TooFar { .. }, _) => {
                 "take the step that the message names, or more max_halvings; if the speed is not meant, look at what made it"
             }
-            Outcome::TooManyPairs { .. } => {
+            (Failure::TooManyPairs, _) => {
                 "the step is far too long for the speeds: spheres travel radii per step; take a smaller step"
             }
-            Outcome::TooManySubsteps { .. } => {
+            (Failure::TooManySubsteps, _) => {
                 "the contacts are far too stiff for the step; take a shorter step, a lower stiffness or resolution"
             }
-            Outcome::FrictionFailed { .. } => {
+            (Failure::Friction { .. }, _) => {
                 "a friction law must give a finite number not below 0 at every slip speed that occurs: max(0, ...) helps"
             }
-            Outcome::LoadFailed { .. } => {
+            (Failure::Load, _) => {
                 "mend the law or the function of what is named: a load, a joint or the motion of a wall"
             }
-            Outcome::MissingLaw { .. } => "add a [[contact]] entry for this pair of materials",
+            (Failure::MissingLaw(..), _) => "add a [[contact]] entry for this pair of materials",
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::options::{Method, OnNonconvergence};
 use crate::outcome::{BlowUp, Failure, Level};
 use crate::problem::{Keeper, KeptProblem};
 use crate::record::{Block, Recorder};
-use crate::report::{Monitors, Outcome, StepReport};
+use crate::report::{Monitors, Outcome, StepReport, Unsolved};
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::step::{step, Attempt, Stepper};
@@ -158,8 +158,8 @@ impl Simulation {
         self.recorder.block.steps.reserve(steps.min(ROWS) as usize);
         for done in 1..=steps {
             self.timers.start(large);
-            if let Err(outcome) = self.one_step(recording) {
-                return Some(outcome);
+            if let Err(failure) = self.one_step(recording) {
+                return Some(self.outcome(failure));
             }
             self.timers.mark(Phase::Record);
             // A step that needed its fallbacks may have taken as long as thousands of others.
@@ -200,7 +200,7 @@ impl Simulation {
         std::mem::take(&mut self.recorder.block)
     }
 
-    fn one_step(&mut self, recording: Recording) -> Result<(), Outcome> {
+    fn one_step(&mut self, recording: Recording) -> Result<(), Failure> {
         let number = self.state.step + 1;
         let time = number as f64 * self.model.options.step;
         let mut report = StepReport::new(number, time);
@@ -209,7 +209,7 @@ impl Simulation {
             if let Failure::BlowUp(what) = failure {
                 self.keep_blow_up(what, recording);
             }
-            return Err(self.outcome(failure, number));
+            return Err(failure);
         }
         // A problem that the halves of the step could solve is no failure.
         if report.unconverged == 0 {
@@ -367,47 +367,51 @@ impl Simulation {
         self.failed = self.scratch.keeper.end_again(wanted, island);
     }
 
-    fn outcome(&mut self, failure: Failure, step: u64) -> Outcome {
-        let time = step as f64 * self.model.options.step;
+    fn outcome(&mut self, failure: Failure) -> Outcome {
+        let step = self.state.step + 1;
+        let mut out = Outcome {
+            step,
+            time: step as f64 * self.model.options.step,
+            failure,
+            bodies: Vec::new(),
+            message: None,
+            unsolved: None,
+        };
+        let pair = |(a, b)| vec![a, b];
         match failure {
-            Failure::TooManyPairs => Outcome::TooManyPairs { step, time },
+            Failure::TooManyPairs | Failure::TooManySubsteps => {}
             Failure::TooFar {
                 bodies,
                 travel,
                 length,
-            } => self.too_fast(step, bodies, travel, length),
-            Failure::TooManySubsteps => Outcome::TooManySubsteps { step, time },
-            Failure::BlowUp(what) => Outcome::BlowUp { step, time, what },
-            Failure::MissingLaw(a, b) => Outcome::MissingLaw {
-                step,
-                time,
-                bodies: (a, b),
-            },
-            Failure::Friction { bodies, mu, slip } => Outcome::FrictionFailed {
-                step,
-                time,
-                bodies,
-                message: format!("mu = {mu} at a slip of {slip:.3e} m/s"),
-            },
+            } => {
+                out.bodies = pair(bodies);
+                out.message = Some(self.too_fast(travel, length));
+            }
+            Failure::BlowUp(what) => {
+                out.bodies = pair(what.bodies);
+                out.message = Some(if what.speed.is_finite() {
+                    format!("at {:.3e} m/s", what.speed)
+                } else {
+                    "its motion is no number".to_owned()
+                });
+            }
+            Failure::MissingLaw(a, b) => out.bodies = vec![a, b],
+            Failure::Friction { bodies, mu, slip } => {
+                out.bodies = pair(bodies);
+                out.message = Some(format!("mu = {mu} at a slip of {slip:.3e} m/s"));
+            }
             Failure::Load => {
                 let said = self.scratch.load_error.take();
-                let (message, body) = said.map_or((String::new(), None), |e| (e.text, e.body));
-                Outcome::LoadFailed {
-                    step,
-                    time,
-                    message,
-                    body,
-                }
+                out.bodies = said.iter().filter_map(|e| e.body).collect();
+                out.message = Some(said.map_or_else(String::new, |e| e.text));
             }
             Failure::NotConverged(level) => {
                 let (mut bodies, mut contacts, mut joints, mut residual) = ((0, 0), 0, 0, f64::NAN);
                 if level == Level::Smooth {
                     bodies = self.scratch.smooth.worst(&self.model);
-                    residual = self.scratch.history[0]
-                        .values
-                        .last()
-                        .copied()
-                        .unwrap_or(residual);
+                    let history = &self.scratch.history[0].values;
+                    residual = history.last().copied().unwrap_or(residual);
                 }
                 if let Some(f) = &self.failed {
                     bodies = f.bodies.get(f.worst as usize).copied().unwrap_or((0, 0));
@@ -415,35 +419,28 @@ impl Simulation {
                     contacts = f.bodies.len() as u32 - f.joints;
                     residual = f.residual;
                 }
-                Outcome::NotConverged {
-                    step,
-                    time,
-                    level,
-                    bodies,
+                out.bodies = pair(bodies);
+                out.unsolved = Some(Unsolved {
                     contacts,
                     joints,
                     residual,
                     cures: cures(&self.model.options, contacts, residual),
-                }
+                });
             }
         }
+        out
     }
 
     /// `travel` (m) in the smallest part of a step against a radius of `length` (m).
-    fn too_fast(&self, step: u64, bodies: (u32, u32), travel: f64, length: f64) -> Outcome {
+    fn too_fast(&self, travel: f64, length: f64) -> String {
         let o = &self.model.options;
         let part = o.step / f64::from(1u32 << o.max_halvings);
         let speed = travel / part;
-        Outcome::TooFast {
-            step,
-            time: step as f64 * o.step,
-            bodies,
-            message: format!(
-                "they meet at {speed:.3e} m/s: {:.3e} radii in {part:.3e} s, the smallest part of a step; take a step of \
-                 {:.1e} s or less",
-                travel / length,
-                0.5 * length / speed,
-            ),
-        }
+        format!(
+            "they meet at {speed:.3e} m/s: {:.3e} radii in {part:.3e} s, the smallest part of a step; take a step of \
+             {:.1e} s or less",
+            travel / length,
+            0.5 * length / speed,
+        )
     }
 }

@@ -87,7 +87,30 @@ pub fn put<'py, T: numpy::Element>(
     }
 }
 
-/// Arrays of K numbers, one after the other.
-pub fn flat<const K: usize>(values: impl Iterator<Item = [f64; K]>) -> Vec<f64> {
-    values.flatten().collect()
+/// Columns of a dict that have a value for each of the records.
+pub struct Table<'a, 'py, R> {
+    pub out: &'a Bound<'py, PyDict>,
+    pub records: &'a [R],
+}
+
+impl<R> Table<'_, '_, R> {
+    /// A column of shape (n,).
+    pub fn column<T: numpy::Element>(
+        &self,
+        name: &str,
+        value: impl FnMut(&R) -> T,
+    ) -> PyResult<()> {
+        let values = self.records.iter().map(value).collect();
+        put(self.out, name, values, &[self.records.len()])
+    }
+
+    /// A column of shape (n, K).
+    pub fn rows<T: numpy::Element, const K: usize>(
+        &self,
+        name: &str,
+        value: impl FnMut(&R) -> [T; K],
+    ) -> PyResult<()> {
+        let values = self.records.iter().flat_map(value).collect();
+        put(self.out, name, values, &[self.records.len(), K])
+    }
 }

@@ -1,6 +1,6 @@
 //! Periodic boxes, and balls that come and go, from optional keys of the model; their tables and state.
 
-use crate::arrays::{self, item, put};
+use crate::arrays::{self, item, put, Table};
 use crate::coupling::{list, refuse, vector};
 use carom_core::flow::{Event, Inflow, Outlet, Region};
 use carom_core::{Model, State};
@@ -75,25 +75,16 @@ pub fn outlets(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Outlet>> {
 
 /// The table of balls that entered (`kind` 1) and left (0).
 pub fn put_events(out: &Bound<'_, PyDict>, events: &[Event]) -> PyResult<()> {
-    let table = PyDict::new(out.py());
-    let n = events.len();
-    put::<u64>(
-        &table,
-        "step",
-        events.iter().map(|e| e.step).collect(),
-        &[n],
-    )?;
-    put::<f64>(
-        &table,
-        "time",
-        events.iter().map(|e| e.time).collect(),
-        &[n],
-    )?;
-    let bodies = events.iter().map(|e| i64::from(e.body)).collect();
-    put::<i64>(&table, "body", bodies, &[n])?;
-    let kinds = events.iter().map(|e| u8::from(e.entered)).collect();
-    put::<u8>(&table, "kind", kinds, &[n])?;
-    out.set_item("events", table)
+    let events_dict = PyDict::new(out.py());
+    let table = Table {
+        out: &events_dict,
+        records: events,
+    };
+    table.column("step", |e| e.step)?;
+    table.column("time", |e| e.time)?;
+    table.column("body", |e| i64::from(e.body))?;
+    table.column("kind", |e| u8::from(e.entered))?;
+    out.set_item("events", events_dict)
 }
 
 /// What a checkpoint holds of it, if balls come and go.

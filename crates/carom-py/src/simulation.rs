@@ -1,12 +1,12 @@
 //! The class `Simulation`.
 
-use crate::arrays::{self, flat, put};
+use crate::arrays::{self, put, Table};
 use crate::convert::{self};
 use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{
-    monitor_arrays, monitors_from, open_values, put_kinematics, read_open, read_pairs, read_state,
-    six, touch_values, warm_values,
+    monitor_arrays, monitors_from, open_values, put_keyed, put_kinematics, put_pairs, read_open,
+    read_pairs, read_state, touch_values, warm_values,
 };
 use crate::tables::{outcome_dict, put_block};
 use crate::ModelError;
@@ -58,8 +58,11 @@ impl Simulation {
         put_kinematics(&out, state)?;
         if !self.inner.model.flow.is_none() {
             let n = state.present.len();
-            let places = flat(flow::seen(state).iter().map(|x| x.to_array()));
-            put(&out, "position", places, &[n, 3])?;
+            let places = flow::seen(state)
+                .iter()
+                .flat_map(|x| x.to_array())
+                .collect();
+            put::<f64>(&out, "position", places, &[n, 3])?;
             put(&out, "present", state.present.clone(), &[n])?;
         }
         Ok(out)
@@ -115,59 +118,24 @@ impl Simulation {
         put(&out, "step", vec![s.step], &[1])?;
         put_kinematics(&out, s)?;
         flow::put_state(&out, &self.inner.model, s)?;
-        let n = s.position.len();
-        for (name, pairs) in [("pseudo", &s.pseudo), ("acceleration", &s.acceleration)] {
-            let values = flat(pairs.iter().map(|[a, b]| [a.x, a.y, a.z, b.x, b.y, b.z]));
-            put(&out, name, values, &[n, 6])?;
-        }
-        let joints = s.reaction.len();
+        put_pairs(&out, "pseudo", &s.pseudo)?;
+        put_pairs(&out, "acceleration", &s.acceleration)?;
         for (k, name) in ["joint_reaction", "joint_pseudo"].into_iter().enumerate() {
-            let values = flat(s.reaction.iter().map(|r| six(r[k][0], r[k][1])));
-            put(&out, name, values, &[joints, 6])?;
+            let pairs: Vec<_> = s.reaction.iter().map(|r| r[k]).collect();
+            put_pairs(&out, name, &pairs)?;
         }
         put(&out, "warm_step", vec![s.warm_step], &[1])?;
-        let keys: Vec<u64> = s
-            .warm
-            .iter()
-            .flat_map(|w| [u64::from(w.key.0), u64::from(w.key.1)])
-            .collect();
-        put(&out, "warm_key", keys, &[s.warm.len(), 2])?;
-        let values = flat(s.warm.iter().map(warm_values));
-        put(&out, "warm_value", values, &[s.warm.len(), 12])?;
-        let keys: Vec<u64> = s
-            .touches
-            .iter()
-            .flat_map(|t| [u64::from(t.key.0), u64::from(t.key.1)])
-            .collect();
-        put(&out, "touch_key", keys, &[s.touches.len(), 2])?;
-        let values = flat(s.touches.iter().map(touch_values));
-        put(&out, "touch_value", values, &[s.touches.len(), 11])?;
-        let open = &self.inner.recorder.open;
-        let keys: Vec<u64> = open
-            .iter()
-            .flat_map(|r| [u64::from(r.key.0), u64::from(r.key.1)])
-            .collect();
-        put(&out, "open_key", keys, &[open.len(), 2])?;
-        put(
-            &out,
-            "open_status",
-            open.iter().map(|r| u64::from(r.status)).collect(),
-            &[open.len()],
-        )?;
-        put(
-            &out,
-            "open_value",
-            flat(open.iter().map(open_values)),
-            &[open.len(), 20],
-        )?;
+        put_keyed(&out, "warm", &s.warm, |w| w.key, warm_values)?;
+        put_keyed(&out, "touch", &s.touches, |t| t.key, touch_values)?;
         let recorder = &self.inner.recorder;
-        for (name, open) in [
-            ("open_joint", &recorder.open_joints),
-            ("open_wall", &recorder.open_walls),
-        ] {
-            let values = flat(open.iter().map(|[a, b]| six(*a, *b)));
-            put(&out, name, values, &[open.len(), 6])?;
-        }
+        put_keyed(&out, "open", &recorder.open, |r| r.key, open_values)?;
+        let open = Table {
+            out: &out,
+            records: &recorder.open,
+        };
+        open.column("open_status", |r| u64::from(r.status))?;
+        put_pairs(&out, "open_joint", &recorder.open_joints)?;
+        put_pairs(&out, "open_wall", &recorder.open_walls)?;
         let (integers, floats) = monitor_arrays(&self.inner.monitors);
         put(&out, "monitor_int", integers, &[1])?;
         put(&out, "monitor_float", floats, &[1])?;

@@ -1,18 +1,14 @@
 //! State, open contact records and monitors as arrays, there and back: what a checkpoint holds.
 
-use crate::arrays::{self, flat, put};
+use crate::arrays::{self, Table};
 use crate::ModelError;
 use carom_core::contact::ContactKey;
 use carom_core::record::ContactRecord;
-use carom_core::report::Spread;
 use carom_core::state::{State, Touch, Warm};
+use carom_core::Monitors;
 use glam::{DQuat, DVec3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-
-pub fn six(a: DVec3, b: DVec3) -> [f64; 6] {
-    [a.x, a.y, a.z, b.x, b.y, b.z]
-}
 
 /// Impulse, moment and position multipliers of a contact.
 pub fn warm_values(w: &Warm) -> [f64; 12] {
@@ -25,31 +21,36 @@ pub fn warm_values(w: &Warm) -> [f64; 12] {
 }
 
 pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State) -> PyResult<()> {
-    let n = s.position.len();
-    put(
-        out,
-        "position",
-        flat(s.position.iter().map(DVec3::to_array)),
-        &[n, 3],
-    )?;
-    put(
-        out,
-        "orientation",
-        flat(s.orientation.iter().map(|q| [q.w, q.x, q.y, q.z])),
-        &[n, 4],
-    )?;
-    put(
-        out,
-        "velocity",
-        flat(s.velocity.iter().map(DVec3::to_array)),
-        &[n, 3],
-    )?;
-    put(
-        out,
-        "angular_velocity",
-        flat(s.angular_velocity.iter().map(DVec3::to_array)),
-        &[n, 3],
-    )
+    for (name, records) in [
+        ("position", &s.position),
+        ("velocity", &s.velocity),
+        ("angular_velocity", &s.angular_velocity),
+    ] {
+        Table { out, records }.rows(name, DVec3::to_array)?;
+    }
+    let records = &s.orientation;
+    Table { out, records }.rows("orientation", |q| [q.w, q.x, q.y, q.z])
+}
+
+/// Pairs of vectors, 6 numbers each.
+pub fn put_pairs(out: &Bound<'_, PyDict>, name: &str, records: &[[DVec3; 2]]) -> PyResult<()> {
+    Table { out, records }.rows(name, |[a, b]| [a.x, a.y, a.z, b.x, b.y, b.z])
+}
+
+/// Keys and values of contacts.
+pub fn put_keyed<R, const K: usize>(
+    out: &Bound<'_, PyDict>,
+    name: &str,
+    records: &[R],
+    key: impl Fn(&R) -> ContactKey,
+    values: impl Fn(&R) -> [f64; K],
+) -> PyResult<()> {
+    let table = Table { out, records };
+    table.rows(&format!("{name}_key"), |r| {
+        let (a, b) = key(r);
+        [a, b].map(u64::from)
+    })?;
+    table.rows(&format!("{name}_value"), values)
 }
 
 pub fn open_values(r: &ContactRecord) -> [f64; 20] {
@@ -217,93 +218,72 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
     })
 }
 
-/// Monitors as two arrays, in the order of [`monitors_from`].
-pub fn monitor_arrays(m: &carom_core::Monitors) -> (Vec<u64>, Vec<f64>) {
-    let spreads = [
-        m.smooth,
-        m.position,
-        m.velocity,
-        m.line_search_position,
-        m.line_search_velocity,
-        m.impact_problems,
-        m.contacts,
+/// All numbers of the monitors in the order of a checkpoint: counts, and measures.
+fn numbers(m: &mut Monitors) -> ([&mut u64; 26], [&mut f64; 14]) {
+    let counts = [
+        &mut m.steps,
+        &mut m.smooth.max,
+        &mut m.smooth.sum,
+        &mut m.position.max,
+        &mut m.position.sum,
+        &mut m.velocity.max,
+        &mut m.velocity.sum,
+        &mut m.line_search_position.max,
+        &mut m.line_search_position.sum,
+        &mut m.line_search_velocity.max,
+        &mut m.line_search_velocity.sum,
+        &mut m.impact_problems.max,
+        &mut m.impact_problems.sum,
+        &mut m.contacts.max,
+        &mut m.contacts.sum,
+        &mut m.fallbacks,
+        &mut m.truncated,
+        &mut m.unconverged,
+        &mut m.halvings,
+        &mut m.missed_impacts,
+        &mut m.relisted,
+        &mut m.safeguarded,
+        &mut m.energy_rises,
+        &mut m.substeps,
+        &mut m.entered,
+        &mut m.removed,
     ];
-    let mut integers = vec![m.steps];
-    integers.extend(spreads.iter().flat_map(|s| [s.max, s.sum]));
-    integers.extend([
-        m.fallbacks,
-        m.truncated,
-        m.unconverged,
-        m.halvings,
-        m.missed_impacts,
-        m.relisted,
-        m.safeguarded,
-        m.energy_rises,
-        m.substeps,
-        m.entered,
-        m.removed,
-    ]);
-    let floats = vec![
-        m.restitution_scale,
-        m.residual_position,
-        m.residual_velocity,
-        m.penetration,
-        m.penetration_relative,
-        m.energy_initial,
-        m.energy_final,
-        m.energy_max_rise,
-        m.energy_scale,
-        m.travel,
-        m.energy_work,
-        m.substep_min,
-        m.energy_in,
-        m.energy_out,
+    let measures = [
+        &mut m.restitution_scale,
+        &mut m.residual_position,
+        &mut m.residual_velocity,
+        &mut m.penetration,
+        &mut m.penetration_relative,
+        &mut m.energy_initial,
+        &mut m.energy_final,
+        &mut m.energy_max_rise,
+        &mut m.energy_scale,
+        &mut m.travel,
+        &mut m.energy_work,
+        &mut m.substep_min,
+        &mut m.energy_in,
+        &mut m.energy_out,
     ];
-    (integers, floats)
+    (counts, measures)
 }
 
-pub fn monitors_from(i: &[u64], f: &[f64]) -> Option<carom_core::Monitors> {
+pub fn monitor_arrays(m: &Monitors) -> (Vec<u64>, Vec<f64>) {
+    let mut m = m.clone();
+    let (counts, measures) = numbers(&mut m);
+    (counts.map(|x| *x).to_vec(), measures.map(|x| *x).to_vec())
+}
+
+pub fn monitors_from(counts: &[u64], measures: &[f64]) -> Option<Monitors> {
     // Without the last two of each: of a version in which balls did not come and go.
-    if !matches!((i.len(), f.len()), (26, 14) | (24, 12)) {
+    if !matches!((counts.len(), measures.len()), (26, 14) | (24, 12)) {
         return None;
     }
-    let spread = |k: usize| Spread {
-        max: i[1 + 2 * k],
-        sum: i[2 + 2 * k],
-    };
-    Some(carom_core::Monitors {
-        steps: i[0],
-        smooth: spread(0),
-        position: spread(1),
-        velocity: spread(2),
-        line_search_position: spread(3),
-        line_search_velocity: spread(4),
-        impact_problems: spread(5),
-        contacts: spread(6),
-        fallbacks: i[15],
-        truncated: i[16],
-        unconverged: i[17],
-        halvings: i[18],
-        missed_impacts: i[19],
-        relisted: i[20],
-        safeguarded: i[21],
-        energy_rises: i[22],
-        substeps: i[23],
-        entered: i.get(24).copied().unwrap_or(0),
-        removed: i.get(25).copied().unwrap_or(0),
-        restitution_scale: f[0],
-        residual_position: f[1],
-        residual_velocity: f[2],
-        penetration: f[3],
-        penetration_relative: f[4],
-        energy_initial: f[5],
-        energy_final: f[6],
-        energy_max_rise: f[7],
-        energy_scale: f[8],
-        travel: f[9],
-        energy_work: f[10],
-        substep_min: f[11],
-        energy_in: f.get(12).copied().unwrap_or(0.0),
-        energy_out: f.get(13).copied().unwrap_or(0.0),
-    })
+    let mut m = Monitors::default();
+    let (to_counts, to_measures) = numbers(&mut m);
+    to_counts
+        .into_iter()
+        .zip(counts)
+        .for_each(|(to, x)| *to = *x);
+    (to_measures.into_iter().zip(measures)).for_each(|(to, x)| *to = *x);
+    Some(m)
 }

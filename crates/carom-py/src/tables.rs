@@ -1,10 +1,9 @@
 //! The tables of a block, and outcomes, as dicts of arrays.
 
-use crate::arrays::{flat, put};
-use carom_core::record::{Block, ContactRecord};
+use crate::arrays::{put, Table};
+use carom_core::record::{Block, ContactRecord, ResidualRecord, TimedImpact};
 use carom_core::report::Column;
 use carom_core::{Outcome, StepReport};
-use glam::DVec3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -12,76 +11,21 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
     let out = PyDict::new(py);
     out.set_item("kind", o.kind())?;
     out.set_item("advice", o.advice())?;
-    match o {
-        Outcome::NotConverged {
-            step,
-            time,
-            level,
-            bodies,
-            contacts,
-            joints,
-            residual,
-            ..
-        } => {
-            out.set_item("step", step)?;
-            out.set_item("time", time)?;
-            out.set_item("level", level.name())?;
-            out.set_item("bodies", [bodies.0, bodies.1])?;
-            out.set_item("contacts", contacts)?;
-            out.set_item("joints", joints)?;
-            out.set_item("residual", residual)?;
-        }
-        Outcome::TooManyPairs { step, time } | Outcome::TooManySubsteps { step, time } => {
-            out.set_item("step", step)?;
-            out.set_item("time", time)?;
-        }
-        Outcome::BlowUp { step, time, what } => {
-            out.set_item("step", step)?;
-            out.set_item("time", time)?;
-            out.set_item("level", what.level.name())?;
-            out.set_item("bodies", [what.bodies.0, what.bodies.1])?;
-            let message = if what.speed.is_finite() {
-                format!("at {:.3e} m/s", what.speed)
-            } else {
-                "its motion is no number".to_owned()
-            };
-            out.set_item("message", message)?;
-        }
-        Outcome::MissingLaw { step, time, bodies } => {
-            out.set_item("step", step)?;
-            out.set_item("time", time)?;
-            out.set_item("bodies", [bodies.0, bodies.1])?;
-        }
-        Outcome::FrictionFailed {
-            step,
-            time,
-            bodies,
-            message,
-        }
-        | Outcome::TooFast {
-            step,
-            time,
-            bodies,
-            message,
-        } => {
-            out.set_item("step", step)?;
-            out.set_item("time", time)?;
-            out.set_item("bodies", [bodies.0, bodies.1])?;
-            out.set_item("message", message)?;
-        }
-        Outcome::LoadFailed {
-            step,
-            time,
-            message,
-            body,
-        } => {
-            out.set_item("step", step)?;
-            out.set_item("time", time)?;
-            out.set_item("message", message)?;
-            if let Some(body) = body {
-                out.set_item("bodies", [*body])?;
-            }
-        }
+    out.set_item("step", o.step)?;
+    out.set_item("time", o.time)?;
+    if let Some(level) = o.level() {
+        out.set_item("level", level.name())?;
+    }
+    if !o.bodies.is_empty() {
+        out.set_item("bodies", &o.bodies)?;
+    }
+    if let Some(unsolved) = &o.unsolved {
+        out.set_item("contacts", unsolved.contacts)?;
+        out.set_item("joints", unsolved.joints)?;
+        out.set_item("residual", unsolved.residual)?;
+    }
+    if let Some(message) = &o.message {
+        out.set_item("message", message)?;
     }
     Ok(out)
 }
@@ -94,12 +38,21 @@ pub fn put_block(
     walls: usize,
 ) -> PyResult<()> {
     let py = out.py();
-    let bodies = |a: u32, b: u32| {
-        let (a, b) = (i64::from(a), i64::from(b));
-        [a, b]
-    };
-    let f = b.frame_step.len();
-    let frames = PyDict::new(py);
+    let tables = ["contacts", "impacts", "steps", "residuals"].map(|_| PyDict::new(py));
+    let [contacts, impacts, steps, residuals] = &tables;
+    put_contacts(contacts, &b.contacts)?;
+    put_impacts(impacts, &b.impacts)?;
+    let s = b.steps.len();
+    for (name, column) in StepReport::columns(&b.steps) {
+        match column {
+            Column::F64(v) => put(steps, name, v, &[s])?,
+            Column::U32(v) => put(steps, name, v, &[s])?,
+            Column::U64(v) => put(steps, name, v, &[s])?,
+        }
+    }
+    put_residuals(residuals, &b.residuals)?;
+
+    let (f, frames) = (b.frame_step.len(), PyDict::new(py));
     put(&frames, "step", b.frame_step, &[f])?;
     put(&frames, "time", b.frame_time, &[f])?;
     put(&frames, "position", b.position, &[f, n, 3])?;
@@ -118,186 +71,54 @@ pub fn put_block(
     }
     put(&frames, "contact_end", b.contact_end, &[f])?;
     out.set_item("frames", frames)?;
-
-    let c = b.contacts.len();
-    let contacts = PyDict::new(py);
-    put(
-        &contacts,
-        "body",
-        b.contacts
-            .iter()
-            .flat_map(|r| bodies(r.key.0, r.key.1))
-            .collect(),
-        &[c, 2],
-    )?;
-    put(
-        &contacts,
-        "status",
-        b.contacts.iter().map(|r| r.status).collect(),
-        &[c],
-    )?;
-    put(
-        &contacts,
-        "gap",
-        b.contacts.iter().map(|r| r.gap).collect(),
-        &[c],
-    )?;
-    type Vector = (&'static str, fn(&ContactRecord) -> DVec3);
-    let vectors: [Vector; 5] = [
-        ("normal", |r| r.normal),
-        ("impulse", |r| r.impulse),
-        ("moment", |r| r.moment),
-        ("position_impulse", |r| r.position_impulse),
-        ("position_moment", |r| r.position_moment),
-    ];
-    for (name, get) in vectors {
-        put(
-            &contacts,
-            name,
-            flat(b.contacts.iter().map(|r| get(r).to_array())),
-            &[c, 3],
-        )?;
-    }
-    for (k, name) in [
-        "work_normal",
-        "work_friction",
-        "work_rolling",
-        "work_spinning",
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        put(
-            &contacts,
-            name,
-            b.contacts.iter().map(|r| r.work[k]).collect(),
-            &[c],
-        )?;
-    }
     out.set_item("contacts", contacts)?;
-
-    let i = b.impacts.len();
-    let impacts = PyDict::new(py);
-    put(
-        &impacts,
-        "step",
-        b.impacts.iter().map(|r| r.step).collect(),
-        &[i],
-    )?;
-    put(
-        &impacts,
-        "time",
-        b.impacts.iter().map(|r| r.time).collect(),
-        &[i],
-    )?;
-    put(
-        &impacts,
-        "problem",
-        b.impacts.iter().map(|r| r.impact.problem).collect(),
-        &[i],
-    )?;
-    put(
-        &impacts,
-        "body",
-        b.impacts
-            .iter()
-            .flat_map(|r| bodies(r.impact.a, r.impact.b))
-            .collect(),
-        &[i, 2],
-    )?;
-    put(
-        &impacts,
-        "status",
-        b.impacts.iter().map(|r| r.impact.status).collect(),
-        &[i],
-    )?;
-    put(
-        &impacts,
-        "normal",
-        flat(b.impacts.iter().map(|r| r.impact.normal.to_array())),
-        &[i, 3],
-    )?;
-    put(
-        &impacts,
-        "impulse",
-        flat(b.impacts.iter().map(|r| r.impact.impulse.to_array())),
-        &[i, 3],
-    )?;
-    put(
-        &impacts,
-        "moment",
-        flat(b.impacts.iter().map(|r| r.impact.moment.to_array())),
-        &[i, 3],
-    )?;
-    put(
-        &impacts,
-        "approach",
-        b.impacts.iter().map(|r| r.impact.approach).collect(),
-        &[i],
-    )?;
-    put(
-        &impacts,
-        "separation",
-        b.impacts.iter().map(|r| r.impact.separation).collect(),
-        &[i],
-    )?;
-    let scale = b
-        .impacts
-        .iter()
-        .map(|r| r.impact.restitution_scale)
-        .collect();
-    put::<f64>(&impacts, "restitution_scale", scale, &[i])?;
     out.set_item("impacts", impacts)?;
-
-    let s = b.steps.len();
-    let steps = PyDict::new(py);
-    for (name, column) in StepReport::columns(&b.steps) {
-        match column {
-            Column::F64(v) => put(&steps, name, v, &[s])?,
-            Column::U32(v) => put(&steps, name, v, &[s])?,
-            Column::U64(v) => put(&steps, name, v, &[s])?,
-        }
-    }
     out.set_item("steps", steps)?;
-
-    let k = b.residuals.len();
-    let residuals = PyDict::new(py);
-    put(
-        &residuals,
-        "step",
-        b.residuals.iter().map(|r| r.step).collect(),
-        &[k],
-    )?;
-    put(
-        &residuals,
-        "level",
-        b.residuals.iter().map(|r| r.level).collect(),
-        &[k],
-    )?;
-    put(
-        &residuals,
-        "problem",
-        b.residuals.iter().map(|r| r.problem).collect(),
-        &[k],
-    )?;
-    put(
-        &residuals,
-        "contacts",
-        b.residuals.iter().map(|r| r.contacts).collect(),
-        &[k],
-    )?;
-    let mut total = 0u64;
-    let ends: Vec<u64> = b
-        .residuals
-        .iter()
-        .map(|r| {
-            total += r.values.len() as u64;
-            total
-        })
-        .collect();
-    put(&residuals, "end", ends, &[k])?;
-    let values: Vec<f64> = b.residuals.into_iter().flat_map(|r| r.values).collect();
-    let count = values.len();
-    put(&residuals, "value", values, &[count])?;
     out.set_item("residuals", residuals)
+}
+
+fn put_contacts(out: &Bound<'_, PyDict>, records: &[ContactRecord]) -> PyResult<()> {
+    let table = Table { out, records };
+    table.rows("body", |r| [r.key.0, r.key.1].map(i64::from))?;
+    table.column("status", |r| r.status)?;
+    table.column("gap", |r| r.gap)?;
+    table.rows("normal", |r| r.normal.to_array())?;
+    table.rows("impulse", |r| r.impulse.to_array())?;
+    table.rows("moment", |r| r.moment.to_array())?;
+    table.rows("position_impulse", |r| r.position_impulse.to_array())?;
+    table.rows("position_moment", |r| r.position_moment.to_array())?;
+    table.column("work_normal", |r| r.work[0])?;
+    table.column("work_friction", |r| r.work[1])?;
+    table.column("work_rolling", |r| r.work[2])?;
+    table.column("work_spinning", |r| r.work[3])
+}
+
+fn put_impacts(out: &Bound<'_, PyDict>, records: &[TimedImpact]) -> PyResult<()> {
+    let table = Table { out, records };
+    table.column("step", |r| r.step)?;
+    table.column("time", |r| r.time)?;
+    table.column("problem", |r| r.impact.problem)?;
+    table.rows("body", |r| [r.impact.a, r.impact.b].map(i64::from))?;
+    table.column("status", |r| r.impact.status)?;
+    table.rows("normal", |r| r.impact.normal.to_array())?;
+    table.rows("impulse", |r| r.impact.impulse.to_array())?;
+    table.rows("moment", |r| r.impact.moment.to_array())?;
+    table.column("approach", |r| r.impact.approach)?;
+    table.column("separation", |r| r.impact.separation)?;
+    table.column("restitution_scale", |r| r.impact.restitution_scale)
+}
+
+fn put_residuals(out: &Bound<'_, PyDict>, records: &[ResidualRecord]) -> PyResult<()> {
+    let table = Table { out, records };
+    table.column("step", |r| r.step)?;
+    table.column("level", |r| r.level)?;
+    table.column("problem", |r| r.problem)?;
+    table.column("contacts", |r| r.contacts)?;
+    let mut end = 0u64;
+    table.column("end", |r| {
+        end += r.values.len() as u64;
+        end
+    })?;
+    let values: Vec<f64> = records.iter().flat_map(|r| &r.values).copied().collect();
+    put(out, "value", values, &[end as usize])
 }

@@ -10,15 +10,13 @@
 
 mod iterate;
 mod mass;
-mod sparse;
 
 use crate::cone::{Block, Status, MAX_ROWS};
 use crate::direct::dense::{lu_factor, lu_solve};
-use crate::direct::DirectError;
+use crate::direct::{DirectError, Entries};
 use crate::rows::{RowSystem, NODE_DOF, WORLD};
 pub use iterate::Iterate;
 use mass::{curvature, is_curved, Mass, MassKind};
-use sparse::SparseParts;
 
 /// Ratio of the pivots below which rows count as dependent.
 const PIVOT_RATIO: f64 = 1e-9;
@@ -36,9 +34,8 @@ pub struct LinearStep {
     /// Factor of `Mt`, and `Mt^-1 G^T` per active row.
     mass: Mass,
     compliance: Vec<f64>,
-    /// (row, column, value) of the matrix of large islands.
-    entries: Vec<(u32, u32, f64)>,
-    sparse: SparseParts,
+    /// The matrix of large islands.
+    sparse: Entries,
 }
 
 impl LinearStep {
@@ -65,7 +62,7 @@ impl LinearStep {
         }
         self.mass.kind = MassKind::Diagonal;
         if !dense && system.has_load() {
-            return self.solve_loaded(system, at, rows, shift, d_lambda, d_u);
+            return self.solve_loaded(system, at, shift, d_lambda, d_u);
         }
         if dense {
             self.mass.factor(system, at);
@@ -87,11 +84,8 @@ impl LinearStep {
             self.solution.extend_from_slice(&self.rhs);
             lu_solve(&self.matrix, rows, &self.pivots, &mut self.solution);
         } else {
-            self.assemble_sparse(system, at, rows, shift);
-            self.solution.resize(rows, 0.0);
-            let s = &mut self.sparse;
-            s.lu.refactor(rows, &s.col_ptr, &s.row_idx, &s.values)?;
-            s.lu.solve(&self.rhs, &mut self.solution)?;
+            self.assemble_sparse(system, at, shift);
+            self.sparse.solve(0, &self.rhs, &mut self.solution)?;
         }
         self.expand(system, at, d_lambda, d_u);
         Ok(())
@@ -105,7 +99,6 @@ impl LinearStep {
         &mut self,
         system: &RowSystem,
         at: &Iterate,
-        rows: usize,
         shift: f64,
         d_lambda: &mut [f64],
         d_u: &mut [f64],
@@ -114,11 +107,11 @@ impl LinearStep {
         self.free_force(system, at);
         self.rhs.clear();
         self.rhs.extend_from_slice(&self.du0);
-        self.entries.clear();
-        self.entries.extend_from_slice(&system.load_tangent);
-        mass_entries(system, &mut self.entries);
+        let entries = &mut self.sparse.list;
+        entries.clear();
+        entries.extend_from_slice(&system.load_tangent);
+        mass_entries(system, entries);
         for c in system.contacts.iter().filter(|c| is_curved(c, at)) {
-            let entries = &mut self.entries;
             curvature(c, at, NODE_DOF, |row, col, value| {
                 entries.push((row as u32, col as u32, value));
             });
@@ -131,7 +124,7 @@ impl LinearStep {
                 let (row, own) = (c.row as usize + r, (dofs + first + r) as u32);
                 self.rhs.push(at.phi[row] - at.lambda[row]);
                 for (k, &value) in corner[r].iter().enumerate().take(c.dim as usize) {
-                    self.entries.push((own, (dofs + first + k) as u32, value));
+                    entries.push((own, (dofs + first + k) as u32, value));
                 }
                 for (side, node) in [(0, c.node_a), (1, c.node_b)] {
                     if node == WORLD {
@@ -139,7 +132,7 @@ impl LinearStep {
                     }
                     for j in 0..NODE_DOF {
                         let dof = NODE_DOF as u32 * node + j as u32;
-                        self.entries.push((dof, own, -system.jac[row][side][j]));
+                        entries.push((dof, own, -system.jac[row][side][j]));
                         let value: f64 = (0..c.dim as usize)
                             .map(|k| {
                                 let other = c.row as usize + k;
@@ -147,17 +140,12 @@ impl LinearStep {
                                 at.tangents[index][r][k] * at.penalty[other] * jac
                             })
                             .sum();
-                        self.entries.push((own, dof, value));
+                        entries.push((own, dof, value));
                     }
                 }
             }
         }
-        let n = dofs + rows;
-        self.sparse.compress(n, &mut self.entries);
-        self.solution.resize(n, 0.0);
-        let s = &mut self.sparse;
-        s.lu.refactor(n, &s.col_ptr, &s.row_idx, &s.values)?;
-        s.lu.solve(&self.rhs, &mut self.solution)?;
+        self.sparse.solve(0, &self.rhs, &mut self.solution)?;
         d_u.copy_from_slice(&self.solution[..dofs]);
         self.expand_multipliers(system, at, dofs, d_lambda);
         Ok(())
@@ -309,13 +297,14 @@ impl LinearStep {
     }
 
     /// Blocks of contacts that share a node.
-    fn assemble_sparse(&mut self, system: &RowSystem, at: &Iterate, rows: usize, shift: f64) {
+    fn assemble_sparse(&mut self, system: &RowSystem, at: &Iterate, shift: f64) {
         let (ptr, near) = system.neighbours();
         let mut first = vec![None; system.contacts.len()];
         for &(index, row) in &self.active {
             first[index] = Some(row);
         }
-        self.entries.clear();
+        let entries = &mut self.sparse.list;
+        entries.clear();
         for &(j, first_j) in &self.active {
             let cj = &system.contacts[j];
             for &i in &near[ptr[j]..ptr[j + 1]] {
@@ -329,12 +318,11 @@ impl LinearStep {
                 for (r, values) in block.iter().enumerate().take(ci.dim as usize) {
                     for (c, &value) in values.iter().enumerate().take(cj.dim as usize) {
                         let at = ((first_i + r) as u32, (first_j + c) as u32);
-                        self.entries.push((at.0, at.1, value));
+                        entries.push((at.0, at.1, value));
                     }
                 }
             }
         }
-        self.sparse.compress(rows, &mut self.entries);
     }
 
     /// Full increments from the reduced ones.

@@ -6,7 +6,6 @@ use super::smooth_newton::{CoupledBodies, SmoothScratch, Weights};
 use crate::joint::Block6;
 use crate::model::Model;
 use crate::rows::Rows;
-use carom_solve::direct::dense::{lu_factor, lu_solve};
 use carom_solve::rows::NODE_DOF;
 
 /// Most unknowns of a group whose matrix is dense. Speed alone: more, and long chains of joints take n^3; fewer, and pendulums pay for a sparse set-up.
@@ -24,31 +23,13 @@ impl SmoothScratch {
         w: Weights,
     ) -> bool {
         self.assemble(model, trial, group, w);
-        let n = self.rhs.len();
-        self.solution.clear();
-        self.solution.extend_from_slice(&self.rhs);
-        if n <= DENSE {
-            self.dense.clear();
-            self.dense.resize(n * n, 0.0);
-            for &(col, row, value) in &self.entries {
-                self.dense[row as usize * n + col as usize] += value;
-            }
-            self.pivots.resize(n, 0);
-            if lu_factor(&mut self.dense, n, &mut self.pivots).is_err() {
-                return false;
-            }
-            lu_solve(&self.dense, n, &self.pivots, &mut self.solution);
-            return true;
-        }
-        self.compress(n);
-        let (lu, x) = (&mut self.sparse, &mut self.solution);
-        lu.refactor(n, &self.col_ptr, &self.row_idx, &self.values)
-            .and_then(|()| lu.solve(&self.rhs, x))
+        (self.matrix)
+            .solve(DENSE, &self.rhs, &mut self.solution)
             .is_ok()
     }
 
     fn assemble(&mut self, model: &Model, trial: &mut Trial, group: &CoupledBodies, w: Weights) {
-        self.entries.clear();
+        self.matrix.list.clear();
         self.rhs.clear();
         for (k, &body) in group.bodies.iter().enumerate() {
             let i = body as usize;
@@ -62,7 +43,7 @@ impl SmoothScratch {
                     model.inertia[i]
                 };
                 let at = (NODE_DOF * k + c) as u32;
-                self.entries.push((at, at, w.acceleration * mass));
+                self.matrix.list.push((at, at, w.acceleration * mass));
             }
         }
         let mut tangents = std::mem::take(&mut trial.tangents);
@@ -111,13 +92,13 @@ impl SmoothScratch {
                             model.inv_inertia[body]
                         };
                         compliance += g[c] * g[c] * inverse;
-                        self.entries.push((row, at, -g[c]));
+                        self.matrix.list.push((at, row, -g[c]));
                         let value = g[c] + w.displacement * rate[side][c];
-                        self.entries.push((at, row, value));
+                        self.matrix.list.push((row, at, value));
                     }
                 }
-                self.entries
-                    .push((row, row, SHIFT * compliance / w.acceleration));
+                let corner = SHIFT * compliance / w.acceleration;
+                self.matrix.list.push((row, row, corner));
                 self.rhs.push(-self.constraint[first + r]);
                 row += 1;
             }
@@ -131,34 +112,8 @@ impl SmoothScratch {
                     NODE_DOF as u32 * of + r as u32,
                     NODE_DOF as u32 * over + c as u32,
                 );
-                self.entries.push((col, row, factor * value));
+                self.matrix.list.push((row, col, factor * value));
             }
-        }
-    }
-
-    /// Column-compressed form of the entries; equal places are summed.
-    fn compress(&mut self, n: usize) {
-        self.entries
-            .sort_by_key(|&(col, row, _)| (u64::from(col) << 32) | u64::from(row));
-        self.col_ptr.clear();
-        self.col_ptr.resize(n + 1, 0);
-        self.row_idx.clear();
-        self.values.clear();
-        let mut last = None;
-        for &(col, row, value) in &self.entries {
-            if last == Some((col, row)) {
-                if let Some(sum) = self.values.last_mut() {
-                    *sum += value;
-                }
-                continue;
-            }
-            last = Some((col, row));
-            self.row_idx.push(row as usize);
-            self.values.push(value);
-            self.col_ptr[col as usize + 1] += 1;
-        }
-        for col in 0..n {
-            self.col_ptr[col + 1] += self.col_ptr[col];
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::rows::Rows;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_solve::clusters::{apart, Forest};
-use carom_solve::direct::SparseLu;
+use carom_solve::direct::Entries;
 use carom_solve::rows::NODE_DOF;
 use glam::DVec3;
 
@@ -94,14 +94,7 @@ pub struct SmoothScratch {
     pub(super) constraint: Vec<f64>,
     pub(super) residual: Vec<[DVec3; 2]>,
     pub(super) rhs: Vec<f64>,
-    pub(super) dense: Vec<f64>,
-    pub(super) pivots: Vec<u32>,
-    /// (column, row, value).
-    pub(super) entries: Vec<(u32, u32, f64)>,
-    pub(super) col_ptr: Vec<usize>,
-    pub(super) row_idx: Vec<usize>,
-    pub(super) values: Vec<f64>,
-    pub(super) sparse: SparseLu,
+    pub(super) matrix: Entries,
     pub(super) solution: Vec<f64>,
 }
 

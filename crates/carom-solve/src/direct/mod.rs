@@ -12,12 +12,14 @@
 //! repeats bit for bit on one machine, for any number of threads of ours (it uses one), but not across machines.
 
 pub mod dense;
+mod entries;
 mod llt;
 mod lu;
 mod pattern;
 mod sparse;
 
 pub use dense::Singular;
+pub use entries::Entries;
 pub use llt::{Llt, SparseLlt};
 pub use lu::{Lu, SparseLu};
 pub use sparse::{Factor, Sparse, REFINEMENTS, WORST_RESIDUAL};

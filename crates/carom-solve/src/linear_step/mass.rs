@@ -68,13 +68,11 @@ impl Mass {
         };
         let n = per_node * system.nodes();
         self.matrix.clear();
+        self.matrix.resize(n * n, 0.0);
         if kind == MassKind::Loaded {
-            self.matrix.resize(n * n, 0.0);
             for &(row, col, value) in &system.load_tangent {
                 self.matrix[row as usize * n + col as usize] += value;
             }
-        } else {
-            self.matrix.resize(n * n, 0.0);
         }
         for node in 0..system.nodes() {
             for k in 0..per_node {

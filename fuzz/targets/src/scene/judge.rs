@@ -72,7 +72,7 @@ impl Judge {
             None => assert_eq!(made, steps),
             Some(outcome) => {
                 assert!(
-                    made < steps && stopped_at(outcome) == simulation.state.step + 1,
+                    made < steps && outcome.step == simulation.state.step + 1,
                     "{outcome:?}"
                 );
                 assert!(!outcome.advice().is_empty() && !outcome.kind().is_empty());
@@ -86,17 +86,9 @@ impl Judge {
 
     fn names_what_is_there(&self, outcome: &Outcome, simulation: &Simulation) {
         let bodies = (self.spheres + simulation.model.walls.len()) as u32;
-        let named = match outcome {
-            Outcome::NotConverged { bodies, .. }
-            | Outcome::MissingLaw { bodies, .. }
-            | Outcome::FrictionFailed { bodies, .. }
-            | Outcome::TooFast { bodies, .. } => *bodies,
-            Outcome::BlowUp { what, .. } => what.bodies,
-            _ => return,
-        };
         // A joint with the ground names it as such.
         let known = |b: u32| b < bodies || b == carom_core::joint::GROUND;
-        assert!(known(named.0) && known(named.1), "{outcome:?}");
+        assert!(outcome.bodies.iter().all(|&b| known(b)), "{outcome:?}");
     }
 
     fn records(&self, simulation: &Simulation, block: &Block, start: Vec<DVec3>) {
@@ -193,20 +185,6 @@ fn processor_time() -> f64 {
     let told = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let first = told.split(' ').next().and_then(|ns| ns.parse::<f64>().ok());
     1e-9 * first.unwrap_or(0.0)
-}
-
-/// The step at which a run stopped.
-fn stopped_at(outcome: &Outcome) -> u64 {
-    match *outcome {
-        Outcome::NotConverged { step, .. }
-        | Outcome::BlowUp { step, .. }
-        | Outcome::TooManyPairs { step, .. }
-        | Outcome::TooManySubsteps { step, .. }
-        | Outcome::TooFast { step, .. }
-        | Outcome::MissingLaw { step, .. }
-        | Outcome::FrictionFailed { step, .. }
-        | Outcome::LoadFailed { step, .. } => step,
-    }
 }
 
 /// Every number of a state, and speeds of a size at which they mean something.

@@ -1,0 +1,61 @@
+//! A square matrix given entry by entry, and a system with it.
+
+use super::dense::{lu_factor, lu_solve};
+use super::{DirectError, SparseLu};
+
+/// (row, column, value); equal places add up, in the order of the list. The plan of a sparse factorisation is kept while its pattern stands.
+#[derive(Default)]
+pub struct Entries {
+    pub list: Vec<(u32, u32, f64)>,
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+    values: Vec<f64>,
+    lu: SparseLu,
+    pivots: Vec<u32>,
+}
+
+impl Entries {
+    /// Solves `A x = rhs`: dense up to `most_dense` unknowns, else sparse.
+    pub fn solve(
+        &mut self,
+        most_dense: usize,
+        rhs: &[f64],
+        x: &mut Vec<f64>,
+    ) -> Result<(), DirectError> {
+        let n = rhs.len();
+        x.clear();
+        x.extend_from_slice(rhs);
+        self.values.clear();
+        if n > most_dense {
+            self.compress(n);
+            (self.lu).refactor(n, &self.col_ptr, &self.row_idx, &self.values)?;
+            return self.lu.solve(rhs, x).map(|_| ());
+        }
+        self.values.resize(n * n, 0.0);
+        for &(row, col, value) in &self.list {
+            self.values[row as usize * n + col as usize] += value;
+        }
+        self.pivots.resize(n, 0);
+        lu_factor(&mut self.values, n, &mut self.pivots)?;
+        lu_solve(&self.values, n, &self.pivots, x);
+        Ok(())
+    }
+
+    /// Compressed columns.
+    fn compress(&mut self, n: usize) {
+        (self.list).sort_by_key(|&(row, col, _)| (u64::from(col) << 32) | u64::from(row));
+        self.col_ptr.clear();
+        self.col_ptr.resize(n + 1, 0);
+        self.row_idx.clear();
+        for same in self.list.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
+            let (row, col, first) = same[0];
+            let value = same[1..].iter().fold(first, |sum, other| sum + other.2);
+            self.row_idx.push(row as usize);
+            self.values.push(value);
+            self.col_ptr[col as usize + 1] += 1;
+        }
+        for col in 0..n {
+            self.col_ptr[col + 1] += self.col_ptr[col];
+        }
+    }
+}
