@@ -5,7 +5,7 @@ use crate::convert::{self};
 use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{
-    monitor_arrays, monitors_from, open_values, put_keyed, put_kinematics, put_pairs, read_open,
+    monitor_arrays, monitors_from, open_values, put_keys, put_kinematics, put_pairs, read_open,
     read_pairs, read_state, touch_values, warm_values,
 };
 use crate::tables::{outcome_dict, put_block};
@@ -125,21 +125,23 @@ impl Simulation {
             put_pairs(&out, name, &pairs)?;
         }
         put(&out, "warm_step", vec![s.warm_step], &[1])?;
-        put_keyed(&out, "warm", &s.warm, |w| w.key, warm_values)?;
-        put_keyed(&out, "touch", &s.touches, |t| t.key, touch_values)?;
-        let recorder = &self.inner.recorder;
-        put_keyed(&out, "open", &recorder.open, |r| r.key, open_values)?;
-        let open = Table {
-            out: &out,
-            records: &recorder.open,
-        };
-        open.column("open_status", |r| u64::from(r.status))?;
-        put_pairs(&out, "open_joint", &recorder.open_joints)?;
-        put_pairs(&out, "open_wall", &recorder.open_walls)?;
+        let (out, recorder) = (&out, &self.inner.recorder);
+        let (warm, touches, open) = (&s.warm[..], &s.touches[..], &recorder.open[..]);
+        put_keys(out, "warm_key", warm, |w| w.key)?;
+        Table { out, records: warm }.rows("warm_value", warm_values)?;
+        put_keys(out, "touch_key", touches, |t| t.key)?;
+        let records = touches;
+        Table { out, records }.rows("touch_value", touch_values)?;
+        put_keys(out, "open_key", open, |r| r.key)?;
+        let table = Table { out, records: open };
+        table.column("open_status", |r| u64::from(r.status))?;
+        table.rows("open_value", open_values)?;
+        put_pairs(out, "open_joint", &recorder.open_joints)?;
+        put_pairs(out, "open_wall", &recorder.open_walls)?;
         let (integers, floats) = monitor_arrays(&self.inner.monitors);
-        put(&out, "monitor_int", integers, &[1])?;
-        put(&out, "monitor_float", floats, &[1])?;
-        Ok(out)
+        put(out, "monitor_int", integers, &[1])?;
+        put(out, "monitor_float", floats, &[1])?;
+        Ok(out.clone())
     }
 
     /// Takes a state back. Refuses one of another model size.

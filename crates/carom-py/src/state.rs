@@ -21,15 +21,12 @@ pub fn warm_values(w: &Warm) -> [f64; 12] {
 }
 
 pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State) -> PyResult<()> {
-    for (name, records) in [
-        ("position", &s.position),
-        ("velocity", &s.velocity),
-        ("angular_velocity", &s.angular_velocity),
-    ] {
-        Table { out, records }.rows(name, DVec3::to_array)?;
-    }
+    let vectors = |name: &str, records| Table { out, records }.rows(name, DVec3::to_array);
+    vectors("position", &s.position)?;
     let records = &s.orientation;
-    Table { out, records }.rows("orientation", |q| [q.w, q.x, q.y, q.z])
+    Table { out, records }.rows("orientation", |q| [q.w, q.x, q.y, q.z])?;
+    vectors("velocity", &s.velocity)?;
+    vectors("angular_velocity", &s.angular_velocity)
 }
 
 /// Pairs of vectors, 6 numbers each.
@@ -37,20 +34,17 @@ pub fn put_pairs(out: &Bound<'_, PyDict>, name: &str, records: &[[DVec3; 2]]) ->
     Table { out, records }.rows(name, |[a, b]| [a.x, a.y, a.z, b.x, b.y, b.z])
 }
 
-/// Keys and values of contacts.
-pub fn put_keyed<R, const K: usize>(
+/// Keys of contacts.
+pub fn put_keys<R>(
     out: &Bound<'_, PyDict>,
     name: &str,
     records: &[R],
     key: impl Fn(&R) -> ContactKey,
-    values: impl Fn(&R) -> [f64; K],
 ) -> PyResult<()> {
-    let table = Table { out, records };
-    table.rows(&format!("{name}_key"), |r| {
+    Table { out, records }.rows(name, |r| {
         let (a, b) = key(r);
         [a, b].map(u64::from)
-    })?;
-    table.rows(&format!("{name}_value"), values)
+    })
 }
 
 pub fn open_values(r: &ContactRecord) -> [f64; 20] {

@@ -196,18 +196,49 @@ impl SmoothScratch {
         acceleration: impl Fn(usize) -> [DVec3; 2],
         weights: &Weights,
     ) -> Result<f64, LoadError> {
-        let time = weights.time;
-        let n = model.spheres();
         for terms in &mut self.residuals {
-            let speed = terms.speed;
             *terms = ResidualTerms {
-                speed,
+                speed: terms.speed,
                 ..ResidualTerms::default()
             };
         }
+        self.add_loads(model, trial, weights)?;
+        for (index, joint) in model.joints.iter().enumerate() {
+            self.add_joint(model, trial, (index, joint), weights.time);
+        }
+        for load in &model.loads {
+            let magnitude = load.magnitude(&trial.motion(weights.time));
+            if let Some(body) = load.bodies()[0] {
+                let terms = &mut self.residuals[self.residual_of[body as usize] as usize];
+                terms.parts += magnitude.parts;
+                terms.rounding += magnitude.rounding;
+            }
+        }
+        for i in 0..model.spheres() {
+            let [a, alpha] = acceleration(i);
+            let [f, m] = trial.wrench[i];
+            let (inertia, turn) = (model.mass[i] * a, model.inertia[i] * alpha);
+            let r = [f - inertia, m - turn];
+            let arm = 1.0 / model.radius[i];
+            let terms = &mut self.residuals[self.residual_of[i] as usize];
+            terms.residual += r[0].length_squared() + arm * arm * r[1].length_squared();
+            terms.terms += inertia.length_squared() + arm * arm * turn.length_squared();
+            self.residual[i] = r;
+        }
+        let relative = self.residuals.iter().map(ResidualTerms::relative);
+        Ok(relative.fold(0.0, worst))
+    }
+
+    /// Forces and moments of all loads, the weight among them.
+    fn add_loads(
+        &mut self,
+        model: &Model,
+        trial: &mut Trial,
+        weights: &Weights,
+    ) -> Result<(), LoadError> {
         let mut wrench = std::mem::take(&mut trial.wrench);
         wrench.fill([DVec3::ZERO; 2]);
-        let loaded = add_loads(model, &trial.motion(time), &mut wrench);
+        let loaded = add_loads(model, &trial.motion(weights.time), &mut wrench);
         trial.wrench = wrench;
         loaded?;
         for (i, w) in trial.wrench.iter_mut().enumerate() {
@@ -222,68 +253,52 @@ impl SmoothScratch {
             let twist = model.radius[i] * model.inv_inertia[i] * m.length();
             terms.speed = terms.speed.max(pull.max(twist) / weights.acceleration);
         }
-        for (index, joint) in model.joints.iter().enumerate() {
-            let rows = &mut self.gradients[index];
-            let dim = joint.gradient_at(&trial.poses(joint), rows);
-            let first = self.first_row[index] as usize;
-            let mut rates = [0.0; 6];
-            joint.rates(time, &mut rates);
-            let twists = trial.twists(joint);
-            let terms = &mut self.residuals[self.residual_of[joint.a as usize] as usize];
-            for (r, row) in rows.iter().enumerate().take(dim) {
-                let mut value = -rates[r];
-                for (side, twist) in row.iter().zip(&twists) {
-                    let (v, w) = (twist.velocity, twist.angular_velocity);
-                    value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
-                    value += side[3] * w.x + side[4] * w.y + side[5] * w.z;
-                    let fastest = v.length().max(joint.length * w.length());
-                    terms.speed = terms.speed.max(fastest);
-                }
-                self.constraint[first + r] = value;
-                let turn = if r < joint.translational {
-                    1.0
-                } else {
-                    joint.length
-                };
-                terms.constraint = worst(terms.constraint, turn * value.abs());
-                let l = self.lambda[first + r];
-                let bodies = [joint.a, joint.b];
-                for (side, &body) in row.iter().zip(&bodies) {
-                    if let Some(w) = trial.wrench.get_mut(body as usize) {
-                        let force = l * DVec3::new(side[0], side[1], side[2]);
-                        let moment = l * DVec3::new(side[3], side[4], side[5]);
-                        let arm = 1.0 / model.radius[body as usize];
-                        terms.terms += force.length_squared() + arm * arm * moment.length_squared();
-                        w[0] += force;
-                        w[1] += moment;
-                    }
+        Ok(())
+    }
+
+    /// Rows of a joint, what they leave, and its reactions.
+    fn add_joint(
+        &mut self,
+        model: &Model,
+        trial: &mut Trial,
+        (index, joint): (usize, &Joint),
+        time: f64,
+    ) {
+        let rows = &mut self.gradients[index];
+        let dim = joint.gradient_at(&trial.poses(joint), rows);
+        let first = self.first_row[index] as usize;
+        let mut rates = [0.0; 6];
+        joint.rates(time, &mut rates);
+        let twists = trial.twists(joint);
+        let terms = &mut self.residuals[self.residual_of[joint.a as usize] as usize];
+        for (r, row) in rows.iter().enumerate().take(dim) {
+            let mut value = -rates[r];
+            for (side, twist) in row.iter().zip(&twists) {
+                let (v, w) = (twist.velocity, twist.angular_velocity);
+                value += side[0] * v.x + side[1] * v.y + side[2] * v.z;
+                value += side[3] * w.x + side[4] * w.y + side[5] * w.z;
+                let fastest = v.length().max(joint.length * w.length());
+                terms.speed = terms.speed.max(fastest);
+            }
+            self.constraint[first + r] = value;
+            let turn = if r < joint.translational {
+                1.0
+            } else {
+                joint.length
+            };
+            terms.constraint = worst(terms.constraint, turn * value.abs());
+            let l = self.lambda[first + r];
+            for (side, body) in row.iter().zip([joint.a, joint.b]) {
+                if let Some(w) = trial.wrench.get_mut(body as usize) {
+                    let force = l * DVec3::new(side[0], side[1], side[2]);
+                    let moment = l * DVec3::new(side[3], side[4], side[5]);
+                    let arm = 1.0 / model.radius[body as usize];
+                    terms.terms += force.length_squared() + arm * arm * moment.length_squared();
+                    w[0] += force;
+                    w[1] += moment;
                 }
             }
         }
-        for load in &model.loads {
-            let magnitude = load.magnitude(&trial.motion(time));
-            if let Some(body) = load.bodies()[0] {
-                let terms = &mut self.residuals[self.residual_of[body as usize] as usize];
-                terms.parts += magnitude.parts;
-                terms.rounding += magnitude.rounding;
-            }
-        }
-        for i in 0..n {
-            let [a, alpha] = acceleration(i);
-            let [f, m] = trial.wrench[i];
-            let (inertia, turn) = (model.mass[i] * a, model.inertia[i] * alpha);
-            let r = [f - inertia, m - turn];
-            let arm = 1.0 / model.radius[i];
-            let terms = &mut self.residuals[self.residual_of[i] as usize];
-            terms.residual += r[0].length_squared() + arm * arm * r[1].length_squared();
-            terms.terms += inertia.length_squared() + arm * arm * turn.length_squared();
-            self.residual[i] = r;
-        }
-        Ok(self
-            .residuals
-            .iter()
-            .map(ResidualTerms::relative)
-            .fold(0.0, worst))
     }
 
     /// Replaces the velocity residual of joint rows by the acceleration one: `-(dG/dt v) + c''` (start of a run).
