@@ -167,7 +167,7 @@ fn begin(
     let ((a, b), law) = (near.pair, &model.laws[near.law as usize]);
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let (ra, x) = (model.radius[i], state.position[i]);
-    *c = Contact::default();
+    c.forget(model.options.loads_once());
     (c.a, c.b, c.law, c.bounds) = (a, b, near.law, law.bounds);
     (c.gap_check, c.gap) = (near.gap, near.gap);
     let start;

@@ -66,6 +66,17 @@ pub struct WorldImpulse {
 }
 
 impl Contact {
+    /// Forgets what an earlier step found, faster than by a new contact. Where loads are not solved `once`, nothing writes what belongs to them.
+    #[inline(always)]
+    pub(crate) fn forget(&mut self, once: bool) {
+        (self.nu, self.lambda, self.work) = ([0.0; 6], [0.0; 6], [0.0; 4]);
+        (self.closed, self.end_frame) = (false, false);
+        (self.held, self.rested, self.status) = (false, false, Status::Gap);
+        if once {
+            (self.load, self.load_normal, self.resting) = ([0.0; 6], DVec3::ZERO, false);
+        }
+    }
+
     #[inline]
     pub fn is_wall(&self, model: &Model) -> bool {
         self.b as usize >= model.spheres()

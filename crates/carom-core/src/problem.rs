@@ -9,7 +9,7 @@ use crate::model::Model;
 use crate::outcome::Level;
 use crate::rows::Rows;
 use carom_solve::ladder::Attempt;
-use carom_solve::rows::{RowSystem, NODE_DOF};
+use carom_solve::rows::{RowContact, RowSystem, NODE_DOF};
 use carom_solve::{Bounds, SolveReport};
 
 /// Rows of a kept contact.
@@ -114,61 +114,58 @@ impl Solve<'_> {
             load_tangent: system.load_tangent.clone(),
             worst: self.worst as u32,
         };
-        let mut full: Rows = Rows::default();
         for (slot, &m) in self.members.iter().enumerate() {
-            let (group, c) = (&system.contacts[slot], &self.contacts[m as usize]);
-            let Bounds {
-                sliding,
-                rolling,
-                spinning,
-            } = match group.dim {
-                // Positions that are corrected along normals alone.
-                1 => Bounds::default(),
-                _ => c.bounds,
-            };
-            kept.bodies.push((c.a, c.b));
-            kept.bounds.push([sliding, rolling, spinning]);
-            let all = Contact {
-                bounds: Bounds {
-                    sliding: 1.0,
-                    rolling: 1.0,
-                    spinning: 1.0,
-                },
-                ..*c
-            };
-            all.rows(self.model, c.n0, &mut full);
-            let there = [
-                true,
-                sliding > 0.0,
-                sliding > 0.0,
-                rolling > 0.0,
-                rolling > 0.0,
-                spinning > 0.0,
-            ];
-            let mut row = group.row as usize;
-            for (gradient, there) in full.iter().zip(there) {
-                let nodes = [group.node_a, group.node_b];
-                if there {
-                    self.push_row(&mut kept, nodes, row);
-                    row += 1;
-                } else {
-                    // No force acts in this row, so what it measures without one is all that there is to say.
-                    kept.nodes.push(nodes);
-                    kept.gradient.push(*gradient);
-                    kept.free.push(along(gradient, nodes, self.motion));
-                    kept.multiplier.push(0.0);
-                }
-            }
+            self.push_contact(
+                &mut kept,
+                &system.contacts[slot],
+                &self.contacts[m as usize],
+            );
         }
         for group in &system.contacts[self.members.len()..] {
             let sphere = |node: u32| self.spheres.get(node as usize).copied();
             let a = sphere(group.node_a).unwrap_or(0);
             kept.bodies.push((a, sphere(group.node_b).unwrap_or(a)));
-            for row in group.row as usize..(group.row + group.dim) as usize {
+            for row in group.group().rows() {
                 self.push_row(&mut kept, [group.node_a, group.node_b], row);
             }
         }
         kept
+    }
+
+    /// All six rows of a contact.
+    fn push_contact(&self, kept: &mut KeptProblem, group: &RowContact, c: &Contact) {
+        let bounds = match group.dim {
+            // Positions that are corrected along normals alone.
+            1 => Bounds::default(),
+            _ => c.bounds,
+        };
+        let [mu, rho, delta] = [bounds.sliding, bounds.rolling, bounds.spinning];
+        kept.bodies.push((c.a, c.b));
+        kept.bounds.push([mu, rho, delta]);
+        let all = Contact {
+            bounds: Bounds {
+                sliding: 1.0,
+                rolling: 1.0,
+                spinning: 1.0,
+            },
+            ..*c
+        };
+        let mut full = Rows::default();
+        all.rows(self.model, c.n0, &mut full);
+        let nodes = [group.node_a, group.node_b];
+        let mut row = group.row as usize;
+        for (gradient, bound) in full.iter().zip([1.0, mu, mu, rho, rho, delta]) {
+            if bound > 0.0 {
+                self.push_row(kept, nodes, row);
+                row += 1;
+            } else {
+                // No force acts in this row, so what it measures without one is all that there is to say.
+                kept.nodes.push(nodes);
+                kept.gradient.push(*gradient);
+                kept.free.push(along(gradient, nodes, self.motion));
+                kept.multiplier.push(0.0);
+            }
+        }
     }
 
     /// A row of the system as it stands.

@@ -159,8 +159,19 @@ impl StepReport {
         }
     }
 
+    /// Takes in a part of the step. The first that is made has nothing to merge with but the counts of those who cut it.
+    pub(crate) fn add_part(&mut self, mut part: StepReport) {
+        if self.iterations_smooth > 0 {
+            return self.merge(&part);
+        }
+        part.halvings = self.halvings;
+        part.fallbacks += self.fallbacks;
+        part.take_substeps(self.substeps, self.substep_min);
+        *self = part;
+    }
+
     /// Merges the second half of a halved step into the first.
-    pub(crate) fn merge(&mut self, later: &StepReport) {
+    fn merge(&mut self, later: &StepReport) {
         let earlier = *self;
         *self = *later;
         self.join(&earlier);

@@ -290,16 +290,8 @@ impl Simulation {
         }
         match made {
             Ok(()) => {
-                match part {
-                    None => {}
-                    // The first sub-step that is made has nothing to merge with but the counts of those who cut it.
-                    Some(mut local) if report.iterations_smooth == 0 => {
-                        local.halvings = report.halvings;
-                        local.fallbacks += report.fallbacks;
-                        local.take_substeps(report.substeps, report.substep_min);
-                        *report = local;
-                    }
-                    Some(local) => report.merge(&local),
+                if let Some(part) = part {
+                    report.add_part(part);
                 }
                 self.recorder
                     .add_step(&self.scratch, number, time, recording.contacts);

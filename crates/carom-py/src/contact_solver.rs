@@ -2,12 +2,12 @@
 
 use carom_solve::ladder;
 use carom_solve::problem::{Problem, ProblemError};
-use carom_solve::solver::{self, Settings};
+use carom_solve::solver::{self, Settings, Stage};
 use carom_solve::Bounds;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -108,24 +108,25 @@ pub fn solve_contact_problem<'py>(
         Ok((map.leave(&r), outcome))
     });
     let (r, outcome) = solved.map_err(|e: ProblemError| value_error(e.to_string()))?;
-    let stages = PyList::empty(py);
-    for s in &outcome.stages {
-        let stage = PyDict::new(py);
-        stage.set_item("name", s.name)?;
-        stage.set_item("solver", s.solver)?;
-        stage.set_item("iterations", s.iterations)?;
-        stage.set_item("err", s.err)?;
-        stage.set_item("wall_s", s.seconds)?;
-        stage.set_item("why", &s.why)?;
-        stages.append(stage)?;
-    }
     let out = PyDict::new(py);
     out.set_item("r", PyArray1::from_vec(py, r))?;
     out.set_item("converged", outcome.converged)?;
     out.set_item("explained", !outcome.ran_away)?;
     out.set_item("iterations", outcome.iterations)?;
     out.set_item("wall_s", began.elapsed().as_secs_f64())?;
-    out.set_item("stages", stages)?;
+    let stages = outcome.stages.iter().map(|s| stage_dict(py, s));
+    out.set_item("stages", stages.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(out)
+}
+
+fn stage_dict<'py>(py: Python<'py>, s: &Stage) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("name", s.name)?;
+    out.set_item("solver", s.solver)?;
+    out.set_item("iterations", s.iterations)?;
+    out.set_item("err", s.err)?;
+    out.set_item("wall_s", s.seconds)?;
+    out.set_item("why", &s.why)?;
     Ok(out)
 }
 

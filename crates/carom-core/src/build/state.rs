@@ -90,40 +90,28 @@ impl State {
         if let Some(q) = self.orientation.iter().find(|q| !unit(q)) {
             return refuse(format!("orientation has norm {}, expected 1", q.length()));
         }
-        let pairs = |v: &[[DVec3; 2]]| v.iter().flatten().all(|x| x.is_finite());
+        let vectors = |v: &[DVec3]| v.iter().all(|x| x.is_finite());
+        let pairs = |v: &[[DVec3; 2]]| vectors(v.as_flattened());
         let touch = |t: &Touch| {
-            let numbers = t.approach.is_finite() && t.age.is_finite();
-            numbers && t.spring.is_finite() && t.impulse.is_finite() && t.moment.is_finite()
+            t.approach.is_finite() && t.age.is_finite() && vectors(&[t.spring, t.impulse, t.moment])
         };
-        let warm = |w: &Warm| {
-            [w.impulse, w.moment, w.position, w.position_moment]
-                .iter()
-                .all(|v| v.is_finite())
-        };
-        for (name, numbers) in [
-            (
-                "position",
-                self.position
-                    .iter()
-                    .all(|x| wall::place("position", *x).is_ok()),
-            ),
-            ("velocity", self.velocity.iter().all(|x| x.is_finite())),
-            (
-                "angular_velocity",
-                self.angular_velocity.iter().all(|x| x.is_finite()),
-            ),
+        let warm = |w: &Warm| vectors(&[w.impulse, w.moment, w.position, w.position_moment]);
+        let place = |x: &DVec3| wall::place("position", *x).is_ok();
+        let numbers = [
+            ("position", self.position.iter().all(place)),
+            ("velocity", vectors(&self.velocity)),
+            ("angular_velocity", vectors(&self.angular_velocity)),
             ("pseudo", pairs(&self.pseudo)),
             ("acceleration", pairs(&self.acceleration)),
-            ("joint_reaction", self.reaction.iter().all(|r| pairs(r))),
+            ("joint_reaction", pairs(self.reaction.as_flattened())),
             ("warm_value", self.warm.iter().all(warm)),
             ("touch_value", self.touches.iter().all(touch)),
-        ] {
-            if !numbers {
-                return refuse(format!(
-                    "{name} holds a number that is not finite, or too large"
-                ));
-            }
+        ];
+        match numbers.into_iter().find(|(_, finite)| !finite) {
+            Some((name, _)) => refuse(format!(
+                "{name} holds a number that is not finite, or too large"
+            )),
+            None => Ok(()),
         }
-        Ok(())
     }
 }

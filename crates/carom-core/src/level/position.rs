@@ -55,63 +55,72 @@ pub fn solve_island(
         }
     }
     let Task {
+        model, state, span, ..
+    } = *task;
+    let accept = task.demand == Demand::Accepted;
+    if once {
+        let way = Way::Normals { accept };
+        return position_newton::solve(model, state, scratch, island, span, report, way);
+    }
+    let resting = Resting::find(model, state, scratch, island, span.h);
+    let resting = resting.as_ref();
+    if fits(model, island) {
+        if let Some(solved) = solve_pile(task, scratch, island, resting, report) {
+            return solved;
+        }
+        report.fallbacks += 1;
+    }
+    let way = Way::Solve { resting, accept };
+    position_newton::solve(model, state, scratch, island, span, report, way)
+}
+
+/// Sweeps; nothing where Newton's method takes over. What was at rest is held first, by sweeps or by Newton's method.
+fn solve_pile(
+    task: &Task,
+    scratch: &mut IslandScratch,
+    island: Island,
+    resting: Option<&Resting>,
+    report: &mut StepReport,
+) -> Option<bool> {
+    let Task {
         model,
         state,
         span,
         demand,
         ..
     } = *task;
-    if once {
-        let accept = demand == Demand::Accepted;
-        let way = Way::Normals { accept };
-        return position_newton::solve(model, state, scratch, island, span, report, way);
-    }
-    let resting = Resting::find(model, state, scratch, island, span.h);
-    if fits(model, island) {
-        let others = may_fall_back(island);
-        if let Some(resting) = &resting {
-            let (before, asked) = (*report, demand.unless_accepted());
-            let failed = scratch.keeper.failed.take();
-            let own = Some(resting);
-            if pile::solve_positions(model, state, scratch, island, span, report, asked, own) {
-                return true;
-            }
-            // What it moved by is no part of the step.
-            *report = before;
-            let way = Way::Hold(resting);
-            let unsolved = scratch.keeper.failed.is_some();
-            let held = position_newton::solve(model, state, scratch, island, span, report, way);
-            if held || !unsolved {
-                scratch.keeper.failed = failed;
-            }
-            if held {
-                report.fallbacks += u32::from(unsolved);
-                return true;
-            }
-        }
-        let asked = if others {
-            demand.unless_accepted()
-        } else {
-            demand
-        };
-        if pile::solve_positions(model, state, scratch, island, span, report, asked, None) {
-            return true;
-        }
-        if !others {
-            let asked = Demand::Converged;
-            return span.smallest
-                && demand != Demand::Accepted
-                && with_less_friction(scratch, island, report, |scratch, report| {
-                    pile::solve_positions(model, state, scratch, island, span, report, asked, None)
-                });
-        }
-        report.fallbacks += 1;
-    }
-    let way = Way::Solve {
-        resting: resting.as_ref(),
-        accept: demand == Demand::Accepted,
+    let sweep = |scratch: &mut IslandScratch, report: &mut StepReport, asked, resting| {
+        pile::solve_positions(model, state, scratch, island, span, report, asked, resting)
     };
-    position_newton::solve(model, state, scratch, island, span, report, way)
+    if let Some(rests) = resting {
+        let before = *report;
+        let failed = scratch.keeper.failed.take();
+        if sweep(scratch, report, demand.unless_accepted(), resting) {
+            return Some(true);
+        }
+        // What it moved by is no part of the step.
+        *report = before;
+        let way = Way::Hold(rests);
+        let unsolved = scratch.keeper.failed.is_some();
+        let held = position_newton::solve(model, state, scratch, island, span, report, way);
+        if held || !unsolved {
+            scratch.keeper.failed = failed;
+        }
+        if held {
+            report.fallbacks += u32::from(unsolved);
+            return Some(true);
+        }
+    }
+    if may_fall_back(island) {
+        return sweep(scratch, report, demand.unless_accepted(), None).then_some(true);
+    }
+    let less = |scratch: &mut IslandScratch, report: &mut StepReport| {
+        sweep(scratch, report, Demand::Converged, None)
+    };
+    let last = span.smallest && demand != Demand::Accepted;
+    let solved = sweep(scratch, report, demand, None)
+        || (last && with_less_friction(scratch, island, report, less));
+    Some(solved)
 }
 
 /// A lone contact of a sphere with a plane along its normal, from where its load has brought it.

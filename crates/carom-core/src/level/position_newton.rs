@@ -215,17 +215,10 @@ fn find(
     u.clear();
     u.resize(NODE_DOF * bodies.len(), 0.0);
     let centres: Vec<DVec3> = bodies.iter().map(|&b| position[b as usize]).collect();
-    let mut of_loads = Vec::new();
-    if let Way::Normals { .. } = way {
-        let of_load = |&m: &u32| loads::of_load(&contacts[m as usize], span.h);
-        of_loads.extend(island.contacts.iter().map(of_load));
-        lambda[..of_loads.len()].copy_from_slice(&of_loads);
-        if of_loads.iter().all(|&l| l == 0.0) {
-            of_loads.clear();
-        } else if !system.has_load() {
-            system.open_load();
-        }
-    }
+    let of_loads = match way {
+        Way::Normals { .. } => start_from_loads(contacts, island, span, system, lambda),
+        _ => Vec::new(),
+    };
     let groups = island.contacts.len() + island.joints.len();
     let mut problem = Problem {
         options: options(model, bodies, &centres, groups),
@@ -258,6 +251,26 @@ fn find(
         problem.keep(keeper, angular, result);
     }
     Some(found)
+}
+
+/// Starts from what the loads have moved along normals, which the correction counts from: empty where that is nothing.
+fn start_from_loads(
+    contacts: &[Contact],
+    island: Island,
+    span: Span,
+    system: &mut RowSystem,
+    lambda: &mut [f64],
+) -> Vec<f64> {
+    let of_load = |&m: &u32| loads::of_load(&contacts[m as usize], span.h);
+    let of_loads: Vec<f64> = island.contacts.iter().map(of_load).collect();
+    lambda[..of_loads.len()].copy_from_slice(&of_loads);
+    if of_loads.iter().all(|&l| l == 0.0) {
+        return Vec::new();
+    }
+    if !system.has_load() {
+        system.open_load();
+    }
+    of_loads
 }
 
 /// Of Newton's method for so many contacts and joints.
