@@ -1,10 +1,10 @@
 //! Contact updates per second of projected Gauss-Seidel: `cargo bench -p carom-solve --bench sweeps`.
 
 use carom_solve::problem::Problem;
-use carom_solve::rows::{Linear, RowSystem, NODE_DOF};
+use carom_solve::rows::RowSystem;
 use carom_solve::solver::sweep;
 use carom_solve::spheres::{Body, Contact, Instructions, Place, Sweeps};
-use carom_solve::{gauss_seidel, Bounds};
+use carom_solve::Bounds;
 use glam::DVec3;
 use std::time::Instant;
 
@@ -209,30 +209,6 @@ fn rows(scene: &Scene) -> RowSystem {
     system
 }
 
-/// The sweeps over rows.
-fn report_rows(name: &str, scene: &Scene) {
-    let mut system = rows(scene);
-    let (mut lambda, mut z) = (vec![0.0; system.rows()], vec![0.0; system.rows()]);
-    let mut u = vec![0.0; NODE_DOF * system.nodes()];
-    let [best, own] = clock(|n| {
-        gauss_seidel::sweeps(
-            &mut system,
-            &mut Linear,
-            n as u32,
-            &mut lambda,
-            &mut u,
-            &mut z,
-        )
-    });
-    let count = scene.contacts.len() as f64;
-    println!(
-        "{name:<15} 1 rows      {:>9.2e} {:>9.2e} {:>9.3}",
-        count / best,
-        count / own,
-        best * 1e3,
-    );
-}
-
 /// The sweeps over the local form `W r + q`, the way of problems that are no spheres.
 fn report_local(name: &str, scene: &Scene) {
     let system = rows(scene);
@@ -289,7 +265,6 @@ fn main() {
             }
             if !shuffle {
                 report(&name, &scene, 1, Instructions::Scalar);
-                report_rows(&name, &scene);
                 if side <= LOCAL_SIDE {
                     report_local(&name, &scene);
                 }

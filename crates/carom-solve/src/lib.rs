@@ -6,7 +6,6 @@
 pub mod clusters;
 pub mod cone;
 pub mod direct;
-pub mod gauss_seidel;
 pub mod hold;
 mod island;
 mod judge;

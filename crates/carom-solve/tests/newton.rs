@@ -2,9 +2,10 @@
 
 mod common;
 
-use carom_solve::gauss_seidel::sweeps;
+use carom_solve::problem::Problem;
 use carom_solve::rows::{Linear, RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::single::SingleContact;
+use carom_solve::solver::sweep::ConeSweeps;
 use carom_solve::{Bounds, NewtonOptions};
 use common::{bounds, heap, largest, scaled, sharp, solve, Ball, Pair, Rng, Spheres};
 
@@ -156,15 +157,13 @@ fn one_contact_in_closed_form_is_what_newton_finds() {
 }
 
 /// Runs Gauss-Seidel until nothing changes.
-fn by_sweeps(system: &mut RowSystem) -> (Vec<f64>, Vec<f64>) {
-    let (mut lambda, mut u) = (
-        vec![0.0; system.rows()],
-        vec![0.0; NODE_DOF * system.nodes()],
-    );
-    let mut z = vec![0.0; system.rows()];
+fn by_sweeps(system: &RowSystem) -> (Vec<f64>, Vec<f64>) {
+    let mut sweeps = ConeSweeps::new(&Problem::from_rows(system, &system.z0), 1);
+    let mut lambda = vec![0.0; system.rows()];
     for _ in 0..200 {
         let before = lambda.clone();
-        sweeps(system, &mut Linear, 200, &mut lambda, &mut u, &mut z);
+        sweeps.sweep(200, || false);
+        sweeps.leave(&mut lambda);
         let change = before
             .iter()
             .zip(&lambda)
@@ -173,6 +172,8 @@ fn by_sweeps(system: &mut RowSystem) -> (Vec<f64>, Vec<f64>) {
             break;
         }
     }
+    let mut u = vec![0.0; NODE_DOF * system.nodes()];
+    system.correction(&lambda, &mut u);
     (lambda, u)
 }
 
@@ -198,7 +199,7 @@ fn gauss_seidel_and_newton_agree_where_the_solution_is_unique() {
             let mut system = tree.system(&laws, |_, r| {
                 draw.uniform(-1.0, if r == 0 { 0.2 } else { 1.0 })
             });
-            let (lambda, u) = by_sweeps(&mut system);
+            let (lambda, u) = by_sweeps(&system);
             let s = solve(&mut system, &mut Linear, &sharp());
             assert!(s.report.converged);
             let scale = largest(&s.u);

@@ -1,8 +1,9 @@
-//! One linear cone problem of an island, solved by [`Auto`].
+//! One linear cone problem of an island in blocks, solved by [`Auto`] or swept.
 
 use crate::problem::Problem;
 use crate::report::SolveReport;
-use crate::rows::RowSystem;
+use crate::rows::{RowSystem, NODE_DOF};
+use crate::solver::sweep::ConeSweeps;
 use crate::solver::{Auto, Settings};
 
 /// Contact updates, and sweeps, that one linear problem may cost: some tenths of a second.
@@ -28,14 +29,7 @@ impl Hybrid {
         x: &mut [f64],
     ) -> SolveReport {
         let (lambda, u) = x.split_at_mut(system.rows());
-        self.q.clear();
-        self.q.extend_from_slice(z);
-        for c in &system.contacts {
-            for row in c.row as usize..(c.row + c.dim) as usize {
-                self.q[row] -= system.row_velocity(c, row, u);
-            }
-        }
-        self.problem.fill_rows(system, &self.q);
+        self.state(system, z, u);
         let contacts = system.contacts.len() as u64;
         self.auto.sweep_budget = Some(SWEEP_BUDGET.min(MAX_SWEEPS * contacts));
         let size = self.q.iter().map(|q| q * q).sum::<f64>().sqrt();
@@ -59,5 +53,28 @@ impl Hybrid {
             fallback: stages.clone().any(|s| s.solver == "interior-point"),
             ..SolveReport::default()
         }
+    }
+
+    /// Sweeps `lambda` over the problem linearised at it, where the measures are `z`.
+    pub fn sweep(&mut self, system: &RowSystem, z: &[f64], count: u32, lambda: &mut [f64]) {
+        let mut u = vec![0.0; NODE_DOF * system.nodes()];
+        system.correction(lambda, &mut u);
+        self.state(system, z, &u);
+        let mut sweeps = ConeSweeps::new(&self.problem, 1);
+        sweeps.enter(lambda);
+        sweeps.sweep(count, || false);
+        sweeps.leave(lambda);
+    }
+
+    /// The problem with the measures `z` at the correction `u` of the multipliers.
+    fn state(&mut self, system: &RowSystem, z: &[f64], u: &[f64]) {
+        self.q.clear();
+        self.q.extend_from_slice(z);
+        for c in &system.contacts {
+            for row in c.group().rows() {
+                self.q[row] -= system.row_velocity(c, row, u);
+            }
+        }
+        self.problem.fill_rows(system, &self.q);
     }
 }

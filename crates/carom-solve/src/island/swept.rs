@@ -1,7 +1,6 @@
 //! Rounds of sweeps over the rows of an island, each with a short run of Newton's method after it.
 
 use super::{Island, Newton};
-use crate::gauss_seidel;
 use crate::report::SolveReport;
 use crate::rows::Subproblem;
 
@@ -34,8 +33,12 @@ impl Newton {
                 break;
             }
             budget -= count;
-            let (lambda, u) = swept.split_at_mut(on.system.rows());
-            gauss_seidel::sweeps(on.system, on.problem, count, lambda, u, &mut self.at.z);
+            let mut left = count;
+            while left > 0 {
+                let some = left.min(sweeps);
+                self.sweep(on, some, &mut swept);
+                left -= some;
+            }
             x.copy_from_slice(&swept);
             let report = self.iterate(on, 1.0, polish, x);
             total.add(&report);
@@ -52,5 +55,18 @@ impl Newton {
             }
         }
         total
+    }
+
+    /// Sweeps over the problem linearised at `x`, momentum balanced before and after: normals may have turned, and loads changed.
+    fn sweep<P: Subproblem>(&mut self, on: &mut Island<P>, count: u32, x: &mut [f64]) {
+        let (system, z) = (&mut *on.system, &mut self.at.z);
+        let (lambda, u) = x.split_at_mut(system.rows());
+        on.problem.evaluate(system, u, z);
+        system.momentum(lambda, &mut self.force);
+        system.apply_inverse_mass(&self.force, u);
+        on.problem.evaluate(system, u, z);
+        self.hybrid.sweep(system, z, count, lambda);
+        system.momentum(lambda, &mut self.force);
+        system.apply_inverse_mass(&self.force, u);
     }
 }
