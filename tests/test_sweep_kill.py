@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,8 @@ import pytest
 from carom.errors import CaromError
 from sweep_studies import STUDY, written
 
+COMMAND = [sys.executable, "-m", "carom", "sweep", "--no-plots"]
+
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
@@ -27,7 +28,7 @@ def files(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def extras() -> None:
-    for name in ("pyarrow", "scipy"):
+    for name in ("pyarrow", "scipy", "distributed"):
         pytest.importorskip(name, reason="the extra [cluster] is not installed")
 
 
@@ -45,22 +46,19 @@ def scheduler(folder: Path) -> tuple[subprocess.Popen[str], str]:
     return process, process.stdout.readline().strip()
 
 
+def first_part(out: Path, driver: subprocess.Popen[str]) -> None:
+    """Wait until the driver of a study has written something."""
+    while not list((out / "parts").glob("*.parquet")):
+        assert driver.poll() is None
+        time.sleep(0.01)
+
+
 def test_a_killed_driver_loses_nothing_that_was_written(files: Path) -> None:
     (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 600"))
-    command = [
-        sys.executable,
-        "-m",
-        "carom",
-        "sweep",
-        str(files / "study.toml"),
-        "-o",
-        str(files / "out"),
-    ]
-    process = subprocess.Popen([*command, "--workers", "0", "-q", "--no-plots"])
-    parts = files / "out" / "parts"
-    while not list(parts.glob("*.parquet")):
-        assert process.poll() is None
-        time.sleep(0.01)
+    process = subprocess.Popen(
+        [*COMMAND, str(files / "study.toml"), "-o", str(files / "out"), "--workers", "0", "-q"]
+    )
+    first_part(files / "out", process)
     process.send_signal(signal.SIGKILL)
     process.wait()
     rest = carom.sweep(files / "study.toml", files / "out", workers=0)
@@ -68,48 +66,13 @@ def test_a_killed_driver_loses_nothing_that_was_written(files: Path) -> None:
     assert len(rest) == rest.ok.sum() == 600
 
 
-def test_pieces_that_are_cancelled_with_their_scheduler_end_the_call_in_a_line(
-    monkeypatch: pytest.MonkeyPatch, files: Path
-) -> None:
-    distributed = pytest.importorskip("distributed", reason="needs dask (extra cluster)")
-    from carom.sweeps import cluster
-
-    class Lost:
-        status = "running"
-
-        def nthreads(self) -> dict[str, int]:
-            return {"worker": 1}
-
-        def submit(self, *arguments: Any, **options: Any) -> object:
-            return object()
-
-    client = Lost()
-
-    def wait(*arguments: Any, **options: Any) -> None:
-        client.status = "closed"
-        raise CancelledError
-
-    monkeypatch.setattr(distributed, "wait", wait)
-    job = cluster.Job("key", "folder", carom.Study.of(files / "slide.toml", {"v": [1.0]}), ("id",))
-    with pytest.raises(CaromError, match="the scheduler is gone"):
-        cluster._drive(client, [job], lambda cases, failed: None)
-    # dask gives its client's log a level of its own: the line would stand below tracebacks.
-    assert {"distributed", "distributed.client"} <= {log.name for log in cluster._loggers("distributed")}
-
-
-@pytest.mark.long
 class TestOnACluster:
     """Worker processes of their own, some of which do not live long."""
-
-    @pytest.fixture(autouse=True)
-    def extras(self) -> None:
-        for name in ("pyarrow", "scipy", "distributed"):
-            pytest.importorskip(name, reason="the extra [cluster] is not installed")
 
     def test_a_killed_worker_changes_nothing(self, files: Path) -> None:
         from distributed import LocalCluster
 
-        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 400"))
+        (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 200"))
         killed = []
         with LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
@@ -124,7 +87,7 @@ class TestOnACluster:
                 files / "study.toml", files / "out", scheduler=cluster.scheduler_address, progress=kill_one
             )
         assert killed
-        assert len(found) == found.ok.sum() == 400
+        assert len(found) == found.ok.sum() == 200
         alone = carom.sweep(files / "study.toml", files / "alone", workers=0)
         assert found.table.drop_columns("seconds").equals(alone.table.drop_columns("seconds"))
         assert carom.sweep(files / "study.toml", files / "out", workers=2).progress.new == 0
@@ -143,13 +106,18 @@ class TestOnACluster:
     def test_a_scheduler_that_goes_loses_nothing(self, files: Path) -> None:
         (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 2000"))
         process, address = scheduler(files)
-
-        def kill(now: carom.sweeps.Progress) -> None:
-            process.kill()
-
-        with pytest.raises(CaromError, match="the scheduler is gone; what was computed stays"):
-            carom.sweep(files / "study.toml", files / "out", scheduler=address, progress=kill)
+        driver = subprocess.Popen(
+            [*COMMAND, str(files / "study.toml"), "-o", str(files / "out"), "--scheduler", address, "-q"],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        first_part(files / "out", driver)
+        process.kill()
         process.wait()
+        told = driver.communicate(timeout=120)[1]
+        assert driver.returncode == 2
+        assert told.startswith("carom: the scheduler is gone; what was computed stays")
+        assert told.count("\n") == 1, "one line, without what dask says of it"
         rest = carom.sweep(files / "study.toml", files / "out", workers=0)
         assert 0 < rest.progress.new < 2000
         assert len(rest) == rest.ok.sum() == 2000
@@ -180,10 +148,12 @@ class TestOnACluster:
 
 
 def test_workers_that_die_while_they_start_are_started_again(files: Path) -> None:
-    psutil = pytest.importorskip("psutil", reason="needs dask (extra cluster)")
-    command = [sys.executable, "-m", "carom", "sweep", str(files / "study.toml"), "-o", str(files / "out")]
+    import psutil  # comes with distributed
+
     process = subprocess.Popen(
-        [*command, "--workers", "2", "-q", "--no-plots"], stderr=subprocess.PIPE, text=True
+        [*COMMAND, str(files / "study.toml"), "-o", str(files / "out"), "--workers", "2", "-q"],
+        stderr=subprocess.PIPE,
+        text=True,
     )
     dead = False
     while not dead and process.poll() is None:
@@ -199,7 +169,8 @@ def test_workers_that_die_while_they_start_are_started_again(files: Path) -> Non
 
 
 def test_a_scheduler_that_is_late_is_waited_for(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed = pytest.importorskip("distributed", reason="needs dask (extra cluster)")
+    import distributed
+
     monkeypatch.setattr("carom.sweeps.cluster.ANSWER_SECONDS", 0.5)
     with pytest.raises(CaromError, match="start one with `dask scheduler`"):
         carom.sweep(files / "study.toml", files / "out", scheduler="tcp://127.0.0.1:1")
