@@ -229,9 +229,14 @@ class BatchBody:
         return f"<body {self.name!r} of {len(self.position)} cases>"
 
 
+def usable_processors() -> int:
+    """Processors that this process may use; all of the machine where the system (macOS, Windows) does not tell."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _threads(given: int | None) -> int:
     if given is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return usable_processors()
     if isinstance(given, bool) or not isinstance(given, int) or given < 1:
         raise CaromError(f"simulate_batch: threads must be a whole number from 1 on, found {given!r}")
     return given

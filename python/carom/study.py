@@ -7,7 +7,6 @@ of their steps: the result does not depend on the number of threads.
 from __future__ import annotations
 
 import math
-import os
 import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom import summary
+from carom.batch import usable_processors
 from carom.convergence import FINER, Order, clear_order, doubts, error_of
 from carom.drive import Plan, begin, drive
 from carom.errors import CaromError
@@ -273,8 +273,7 @@ def _run_all(
     """All runs, in the order of the jobs. Those with most steps begin first, so that none is left alone at the end."""
     models = {h: scene.with_options(step=h).to_model() for h, _ in jobs}
     stop = threading.Event()
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(threads or usable) as pool:
+    with ThreadPoolExecutor(threads or usable_processors()) as pool:
         begun = {
             h: pool.submit(_run, models[h], h, numbers, stop)
             for h, numbers in sorted(jobs, key=lambda job: job[1][-1], reverse=True)

@@ -97,11 +97,11 @@ def _a_run() -> str:
 
 
 def _machine() -> str:
-    import os
     import platform
 
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return f"{platform.system()} {platform.machine()}, {usable} usable CPUs"
+    from carom.batch import usable_processors
+
+    return f"{platform.system()} {platform.machine()}, {usable_processors()} usable CPUs"
 
 
 def _viewer() -> str:

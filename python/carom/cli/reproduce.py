@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import threading
@@ -74,6 +73,7 @@ def reproduce(
 
     Example: carom reproduce 5.4 5.6 --format png,pdf
     """
+    from carom.batch import usable_processors
     from carom.errors import CaromError
     from carom.paper import folder
     from carom.paper.document import Context
@@ -87,7 +87,7 @@ def reproduce(
             "--docs writes the page of all examples with figures; leave out --quick, --no-figures and names"
         )
     # Processes all start at once; two for an example are as many as have work (its heavy parts, or its figures).
-    workers = jobs or min(len(os.sched_getaffinity(0)), 2 * len(chosen))
+    workers = jobs or min(usable_processors(), 2 * len(chosen))
     with _terminated_as_interrupted(), folder.replacing(out, force=force) as directory:
         with _bar(not (quiet or as_json)) as progress:
             drawing = Drawing(directory / folder.FIGURES, formats) if drawn else None

@@ -86,6 +86,8 @@ def _beside(path: Path) -> Path:
 
 
 def _lives(process: int) -> bool:
+    if not hasattr(os, "killpg"):  # Windows, where signal 0 would end the process: its scrap stays
+        return True
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -211,7 +211,7 @@ class Writer:
         if self._file is not None:
             with _explained(self.path):
                 for path in self._unsynced:
-                    handle = os.open(path, os.O_RDONLY)
+                    handle = os.open(path, os.O_RDWR)  # Windows syncs nothing that is open for reading only
                     try:
                         os.fsync(handle)
                     finally:
@@ -266,7 +266,19 @@ class Writer:
         except OSError:
             unborn.unlink(missing_ok=True)
             raise
-        file = h5py.File(unborn, "r+", libver="latest")
+        self._open(unborn, block)
+        try:
+            os.replace(unborn, self.path)
+        except (
+            PermissionError
+        ):  # Windows moves no file that is open; for a moment nobody can read it under its name
+            self._file.close()
+            os.replace(unborn, self.path)
+            self._open(self.path, block)
+
+    def _open(self, path: Path, block: Mapping[str, Any]) -> None:
+        """Open a file that holds a blank table for each part of `block`, so that others can read what is appended."""
+        file = h5py.File(path, "r+", libver="latest")
         self._file = file
         # Kept, since a file that HDF5 failed to close cannot be asked for it any more.
         self._handle = int(file.id.get_vfd_handle())
@@ -276,7 +288,6 @@ class Writer:
         }
         self._commit = file["commit"]
         file.swmr_mode = True
-        os.rename(unborn, self.path)
 
 
 def _divert(handle: int) -> None:

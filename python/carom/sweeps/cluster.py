@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
 import tempfile
 import time
 import warnings
@@ -40,11 +39,6 @@ START_ATTEMPTS = 4
 ANSWER_SECONDS = 10.0
 #: Seconds between two looks at Ctrl-C and at whether the scheduler is there.
 LOOK_SECONDS = 0.5
-
-
-def usable_processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def in_this_process(jobs: Sequence[Job], done: Done) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from carom.batch import usable_processors
 from carom.errors import CaromError
 from carom.run import CaromWarning
 from carom.sweeps import cluster, origin
@@ -72,7 +73,7 @@ def sweep(
         raise CaromError(
             f"sweep: workers = {workers}; give a number of processes, or 0 for this process alone"
         )
-    count = cluster.usable_processors() if workers is None else workers
+    count = usable_processors() if workers is None else workers
     folder = Folder(Path(out).absolute())
     with folder.driving():
         return _compute(study, folder, count, scheduler, retry_failed, progress)

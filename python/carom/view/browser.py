@@ -53,6 +53,8 @@ class BrowserError(RuntimeError):
 
 def find_browser() -> str | None:
     """Path of a Chromium, or `None`; the variable CAROM_BROWSER names one that is not on PATH."""
+    if not hasattr(os, "killpg"):  # Windows hands no pipes to the browser as it is started here
+        return None
     named = os.environ.get("CAROM_BROWSER")
     return named or next((path for name in _NAMES if (path := shutil.which(name))), None)
 
