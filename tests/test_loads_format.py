@@ -550,7 +550,12 @@ class TestFunctions:
 def test_a_scene_of_all_loads_runs() -> None:
     import carom
 
-    assert carom.simulate(everything(), until=0.05).outcome.ok
+    result = carom.simulate(everything(), until=0.05)
+    again = carom.simulate(carom.Scene.from_toml(everything().to_toml()), until=0.05)
+    assert np.array_equal(again.position, result.position)
+    bare = balls()
+    bare.contact("m", "n", friction={"table": [[0, 0.2], [1, 0.1]]}, restitution=0)
+    assert np.abs(carom.simulate(bare, until=0.05).position[-1] - result.position[-1]).max() > 1e-4
 
 
 def test_the_identity_of_a_scene_knows_its_loads() -> None:

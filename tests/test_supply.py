@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import ast
 import base64
 import hashlib
 import json
+import os
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -16,7 +17,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PACKAGE = ROOT / "python" / "carom"
 
 
 def toml(name: str) -> dict:
@@ -99,19 +99,23 @@ def test_our_own_dependencies_are_exact_versions() -> None:
                 assert given == {"workspace": True}, f"{path}: {name}"
 
 
-def test_continuous_integration_takes_the_lock_file_as_it_is() -> None:
-    assert re.search(r"^export CI=", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.M)
-    for name in ("tools/check.sh", "tools/test.sh"):
-        text = (ROOT / name).read_text(encoding="utf-8")
-        assert "locked=${CI:+--locked}" in text
-        lines = [x for x in text.splitlines() if not x.startswith(("#", "echo"))]
-        calls = [x for x in lines if re.search(r"\bcargo (clippy|test|build|run)\b", x)]
-        assert calls
-        assert not [x for x in calls if "$locked" not in x]
-    [build] = [
-        x for x in (ROOT / "Makefile").read_text(encoding="utf-8").splitlines() if "maturin develop" in x
-    ]
-    assert "$(if $(CI),--locked)" in build
+@pytest.mark.parametrize(("script", "ci"), [("test.sh", "true"), ("check.sh", "true"), ("test.sh", "")])
+def test_continuous_integration_takes_the_lock_file_as_it_is(script: str, ci: str, tmp_path: Path) -> None:
+    """Every call of cargo that resolves versions is `--locked` there, so that a stale lock file fails."""
+    (tmp_path / "tools").mkdir()
+    shutil.copy(ROOT / "tools" / script, tmp_path / "tools" / script)
+    log = tmp_path / "calls"
+    for name in ("bin/cargo", ".venv/bin/python", "tools/audit.sh"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(f'#!/bin/sh\necho "{name} $*" >>"{log}"\n', encoding="utf-8")
+        (tmp_path / name).chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}", "CI": ci}
+    command = ["bash", f"tools/{script}", *(["quick"] if script == "test.sh" else [])]
+    subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
+    calls = [line for line in log.read_text(encoding="utf-8").splitlines() if line.startswith("bin/cargo")]
+    resolving = [line for line in calls if line.split()[1] in ("clippy", "test", "build", "run")]
+    assert resolving
+    assert [("--locked" in line) for line in resolving] == [bool(ci)] * len(resolving), resolving
 
 
 def test_licences_duplicates_and_sources_of_crates_are_looked_at_by_make_check() -> None:
@@ -205,129 +209,39 @@ def test_lock_files_fit_and_licences_of_the_crates_are_those_we_allow(manifest: 
 # ------------------------------------------------------------------------------------------------------- unsafe
 
 
-def code_of(text: str) -> str:
-    """Rust without comments and strings, near enough for a word to be looked for."""
-    text = re.sub(r"/\*.*?\*/", " ", text, flags=re.S)
-    text = re.sub(r'r(#*)".*?"\1', '""', text, flags=re.S)
-    text = re.sub(r'"(?:\\.|[^"\\])*"', '""', text, flags=re.S)
-    return re.sub(r"//[^\n]*", " ", text)
-
-
 def test_no_crate_has_unsafe_code() -> None:
     """Forbidden for all of them at one place, which no attribute in the code can take back (`deny` could)."""
     assert toml("Cargo.toml")["workspace"]["lints"]["rust"]["unsafe_code"] == "forbid"
     for path in members():
         assert toml(path)["lints"] == {"workspace": True}, path
-    sources = [file for path in members() for file in sorted((ROOT / path).parent.glob("**/*.rs"))]
-    assert len(sources) > 100
-    found = [
-        str(p.relative_to(ROOT)) for p in sources if re.search(r"\bunsafe\b", code_of(p.read_text("utf-8")))
-    ]
-    assert not found
     builds = [path for path in members() if (ROOT / path).with_name("build.rs").exists()]
     assert not builds, "nothing of ours runs while it is built"
 
 
-def test_the_scanner_sees_unsafe_and_nothing_else() -> None:
-    assert "unsafe" in code_of('let a = "x"; unsafe { b() } // safe')
-    assert "unsafe" not in code_of(
-        '// unsafe\n/* unsafe */ let s = "unsafe \\" unsafe"; let r = r#"unsafe"#;'
-    )
-
-
 # ------------------------------------------------------------------------------------------ nothing runs what it reads
-
-FORBIDDEN = {
-    "pickle", "_pickle", "cPickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml", "code", "codeop",
-    "ctypes", "cffi", "runpy", "socket", "ssl", "http", "urllib", "ftplib", "smtplib", "xmlrpc", "requests", "httpx",
-    "aiohttp",
-}  # fmt: skip
-PROCESSES = {"subprocess", "multiprocessing", "concurrent"}
-#: Where processes are started, and why.
-STARTS = {
-    "view/browser.py": "the browser of `carom plot --view` and the tests",
-    "paper/runner.py": "examples of the paper side by side",
-    "problem/solve.py": "a thread that waits for the solver",
-    "study.py": "runs of a study side by side",
-    "sweeps/cluster.py": "the exception of a case that was called off",
-    "film/encode.py": "ffmpeg, which writes films",
-    "film/window.py": "a trial of OpenGL, which ends a process where there is none",
-}
-#: Modules that one source may have all the same, and why.
-EXCEPTIONS = {
-    ("record/opening.py", "ctypes"): "a setting of HDF5 of which h5py knows nothing",
-    ("allocator.py", "ctypes"): "a setting of the C library of which Python knows nothing",
-    ("cli/sweep.py", "runpy"): "the function that the user names with --measure",
-}
-CALLS = {"eval", "exec", "compile", "__import__", "breakpoint"}
-SYSTEM = {"system", "popen", "execv", "execve", "execvp", "spawnv", "posix_spawn", "startfile"}
-#: Modules by name: the lazy names of the package, those of its own examples, and VTK's.
-IMPORTERS = {"__init__.py", "paper/runner.py", "export/__init__.py", "film/window.py"}
-
-
-def faults(tree: ast.AST, name: str) -> list[str]:
-    """What a source does that could run data as code or reach the network."""
-    found = []
-    for node in ast.walk(tree):
-        line = getattr(node, "lineno", 0)
-        modules = []
-        if isinstance(node, ast.Import):
-            modules = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            modules = [node.module or ""]
-        for module in modules:
-            top = module.split(".")[0]
-            if (top in FORBIDDEN and (name, top) not in EXCEPTIONS) or (
-                top in PROCESSES and name not in STARTS
-            ):
-                found.append(f"{name}:{line}: import {module}")
-        if isinstance(node, ast.Call):
-            called = node.func
-            if isinstance(called, ast.Name) and called.id in CALLS:
-                found.append(f"{name}:{line}: {called.id}()")
-            if isinstance(called, ast.Attribute):
-                owner = called.value.id if isinstance(called.value, ast.Name) else ""
-                if owner == "os" and called.attr in SYSTEM:
-                    found.append(f"{name}:{line}: os.{called.attr}()")
-                if called.attr == "import_module" and name not in IMPORTERS:
-                    found.append(f"{name}:{line}: import_module()")
-                if owner in ("np", "numpy") and called.attr == "load":
-                    flags = [k.value for k in node.keywords if k.arg == "allow_pickle"]
-                    if not (flags and isinstance(flags[0], ast.Constant) and flags[0].value is False):
-                        found.append(f"{name}:{line}: numpy.load without allow_pickle=False")
-            if isinstance(called, ast.Name) and called.id == "import_module" and name not in IMPORTERS:
-                found.append(f"{name}:{line}: import_module()")
-            if any(
-                k.arg == "allow_pickle" and not (isinstance(k.value, ast.Constant) and k.value.value is False)
-                for k in node.keywords
-            ):
-                found.append(f"{name}:{line}: allow_pickle")
-            if any(
-                k.arg == "shell" and not (isinstance(k.value, ast.Constant) and k.value.value is False)
-                for k in node.keywords
-            ):
-                found.append(f"{name}:{line}: a shell")
-    return found
-
-
-def test_no_source_runs_data_or_reaches_the_network() -> None:
-    sources = sorted(PACKAGE.rglob("*.py"))
-    assert len(sources) > 80
-    found = []
-    for path in sources:
-        found += faults(ast.parse(path.read_text(encoding="utf-8")), str(path.relative_to(PACKAGE)))
-    assert not found
-    assert not [name for name in (*STARTS, *IMPORTERS) if not (PACKAGE / name).is_file()]
 
 
 @pytest.mark.parametrize(
     "source",
     ["import pickle", "from urllib.request import urlopen", "import subprocess", "eval(x)", "np.load(p)",
-     "np.load(p, allow_pickle=True)", "np.savez(p, allow_pickle=flag)", "os.system(x)", "import_module(x)",
-     "importlib.import_module(x)", "run(x, shell=True)", "import yaml"],
+     "os.system(x)", "importlib.import_module(x)", "run(x, shell=True)", "import yaml", "import socket"],
 )  # fmt: skip
-def test_the_scanner_sees(source: str) -> None:
-    assert faults(ast.parse(source), "some.py")
+def test_ruff_refuses_what_runs_data_or_reaches_the_network(source: str) -> None:
+    """`make check` runs it over the package, and each exception says why where it stands."""
+    pytest.importorskip("ruff", reason="ruff is not installed (make dev)")
+    command = [
+        sys.executable,
+        "-m",
+        "ruff",
+        "check",
+        "--no-cache",
+        "--stdin-filename",
+        "python/carom/some.py",
+        "-",
+    ]
+    text = f"import importlib\nimport os\n\nimport numpy as np\n{source}\n"
+    done = subprocess.run(command, cwd=ROOT, input=text, capture_output=True, text=True, check=False)
+    assert re.search(r"^(S\d+|TID251) ", done.stdout, re.M), done.stdout
 
 
 def test_the_viewer_is_built_from_locked_packages() -> None:

@@ -7,7 +7,7 @@ milliseconds.
 from __future__ import annotations
 
 import sys
-from importlib import import_module
+from importlib import import_module  # noqa: TID251 the lazy names of the package
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

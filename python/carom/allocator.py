@@ -6,7 +6,7 @@ kept between them was a sixth of all memory.
 
 from __future__ import annotations
 
-import ctypes
+import ctypes  # noqa: TID251 a setting of the C library
 import sys
 
 #: Balls from which on it matters; the core gives the memory of a step back early from 10^6 contacts on.

@@ -84,7 +84,7 @@ def found(directory: Path) -> list[Path]:
 def load(path: Path) -> Checkpoint:
     """Read one checkpoint; a torn or altered file is a `CaromError`."""
     try:
-        with np.load(regular(path), allow_pickle=False) as archive:
+        with np.load(regular(path), allow_pickle=False) as archive:  # noqa: TID251
             text, digest = archive["head"], archive["sha256"].tobytes()
             arrays = [archive[str(i)] for i in range(len(archive.files) - 2)]
         if _digest(text, arrays) != digest:

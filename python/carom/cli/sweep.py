@@ -174,7 +174,7 @@ def _function(named: str | None) -> Callable[[Any], dict[str, float]] | None:
     """The function of `FILE.py:FUNCTION`."""
     if named is None:
         return None
-    import runpy
+    import runpy  # noqa: TID251 the function that the user names with --measure
 
     from carom.errors import CaromError
 

@@ -8,7 +8,7 @@ Balls that are absent (inflows and outlets) are left out of every format. Units 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
+from importlib import import_module  # noqa: TID251 formats of our own
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 

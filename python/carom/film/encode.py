@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
+import subprocess  # noqa: TID251 ffmpeg
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path

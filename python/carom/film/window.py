@@ -7,9 +7,9 @@ would want a display.
 from __future__ import annotations
 
 import functools
-import subprocess
+import subprocess  # noqa: TID251 OpenGL is tried where it may end the process
 import sys
-from importlib import import_module
+from importlib import import_module  # noqa: TID251 modules of VTK
 from typing import Any
 
 import numpy as np

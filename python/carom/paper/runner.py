@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-import multiprocessing
+import multiprocessing  # noqa: TID251 an example each
 import os
 import signal
 import threading
@@ -11,11 +10,12 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait  # noqa: TID251
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from importlib import import_module  # noqa: TID251 the examples
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +131,7 @@ class _Work:
     def begin(self, name: str) -> None:
         """Start with the heavy parts of an example if it has any."""
         try:
-            parts = sorted(getattr(importlib.import_module(MODULES[name]), "PARTS", {}))
+            parts = sorted(getattr(import_module(MODULES[name]), "PARTS", {}))
         except Exception as error:
             self.failures.append(Failure.of(name, error))
             return
@@ -209,11 +209,11 @@ def _guarded(name: str, function: Callable[..., Any], *given: Any) -> tuple[Any,
 
 
 def _part(module: str, part: str, context: Context) -> Any:
-    return importlib.import_module(module).PARTS[part](context)
+    return import_module(module).PARTS[part](context)
 
 
 def _example(module: str, name: str, parts: Mapping[str, Any], context: Context) -> Example:
-    example: Example = importlib.import_module(module).reproduce(replace(context, parts=parts))
+    example: Example = import_module(module).reproduce(replace(context, parts=parts))
     if not isinstance(example, Example) or example.id != name:
         raise TypeError(f"{module}.reproduce must return the Example {name!r}")
     return example

@@ -13,7 +13,7 @@ import json
 import os
 import select
 import shutil
-import subprocess
+import subprocess  # noqa: TID251 the browser
 import sys
 import tempfile
 import time
