@@ -1,7 +1,8 @@
 """The driver's side: pieces of a study on dask.distributed, in a cluster of its own or a given one.
 
-Workers that die are dask's matter: their pieces go to others. A piece that killed one worker after the other is cut in
-two until the case is found that does so; that case is noted as failed and the study goes on.
+Workers that die are dask's matter: their pieces go to others. A piece that was on one dying worker after the other is cut
+in two down to single cases. Of these, each is computed alone at the end: the one that kills workers then too is noted as
+failed, and the study goes on.
 """
 
 from __future__ import annotations
@@ -126,12 +127,18 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
     from distributed import wait
 
     flying: dict[Any, Job] = {}
+    # Single cases that were on workers when these died, guilty or not: each is computed once more with nothing beside it.
+    suspects: list[Job] = []
+    on_trial: Job | None = None
     alone_since = time.monotonic()
-    while waiting or flying:
+    while waiting or flying or suspects:
         threads = sum(client.nthreads().values()) if client.status == "running" else 1
         while waiting and len(flying) < AHEAD * max(1, threads):
             job = waiting.pop()
             flying[client.submit(compute, job, key=f"carom-{job.key}", pure=False, retries=1)] = job
+        if not flying:
+            on_trial = suspects.pop()
+            flying[client.submit(compute, on_trial, key=f"carom-{on_trial.key}-alone", pure=False)] = on_trial
         # Of a scheduler that is lost meanwhile, all pieces count as cancelled; what follows sees to both.
         with suppress(TimeoutError, CancelledError):
             wait(list(flying), timeout=LOOK_SECONDS, return_when="FIRST_COMPLETED")
@@ -147,14 +154,15 @@ def _drive(client: Any, waiting: list[Job], done: Done) -> None:
             if future.status == "finished":
                 done(*future.result())
             elif future.status == "error":
-                waiting += _after(job, future.exception(), done)
+                pieces = _after(job, future.exception(), done if job is on_trial else None)
+                (suspects if len(job.ids) == 1 else waiting).extend(pieces)
             else:  # lost with a scheduler that came back, or cancelled
                 waiting.append(job)
             future.release()
 
 
-def _after(job: Job, error: BaseException, done: Done) -> list[Job]:
-    """What is to be done instead of a piece that ended so."""
+def _after(job: Job, error: BaseException, done: Done | None) -> list[Job]:
+    """What is to be computed instead of a piece that ended so; a single case is given up where `done` is there."""
     from distributed import KilledWorker
 
     if not isinstance(error, KilledWorker):
@@ -164,6 +172,8 @@ def _after(job: Job, error: BaseException, done: Done) -> list[Job]:
     if len(job.ids) > 1:
         half = len(job.ids) // 2
         return [piece(job, range(half)), piece(job, range(half, len(job.ids)))]
+    if done is None:
+        return [job]
     message = "several workers died while they computed it, perhaps for lack of memory"
     columns = {"id": job.ids, "outcome": ["worker_died"], "message": [message]}
     row = {name: np.array(value, dtype=object) for name, value in columns.items()}
