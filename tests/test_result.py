@@ -225,8 +225,9 @@ def test_advice_reaches_the_caller(scene: Any) -> None:
         )
 
 
-@pytest.mark.skipif(importlib.util.find_spec("pandas") is not None, reason="pandas is installed")
-def test_a_missing_extra_is_named(result: carom.Result) -> None:
+def test_a_missing_extra_is_named(result: carom.Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("pandas", "xarray"):
+        monkeypatch.setitem(sys.modules, package, None)
     for convert in (result.to_pandas, result.to_xarray, result.impacts.to_pandas):
         with pytest.raises(CaromError, match=r"pip install 'carom\[interop\]'"):
             convert()
