@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from carom.cli import main
+from carom.view.browser import Browser, find_browser
 from docs_pages import DOCS, ROOT
 from prose import LINE, first_screen, long_lines, long_sentences, sentences, words
 
@@ -26,6 +27,7 @@ assert result.outcome.ok, result.outcome
 along = (result["cue"].position - result["cue"].position[0])[:, :2].sum(axis=1)
 assert along.max() > 0.5, "the cue ball ran to the ball"
 assert along[-1] < along.max() - 0.3, "the cue ball came back"
+print(result.time[-1])
 """
 
 
@@ -47,7 +49,12 @@ def test_the_ten_lines_of_python(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    assert (tmp_path / "shot.html").stat().st_size > 100_000
+    if find_browser() is not None:
+        with Browser(size=(640, 480)) as browser:
+            browser.open(tmp_path / "shot.html")
+            shown = browser.evaluate("carom.state()")
+        assert not [said for said in browser.console if said.startswith("error")]
+        assert shown["end"] == pytest.approx(float(done.stdout.split()[-1]))
 
 
 def commands(text: str) -> list[str]:
