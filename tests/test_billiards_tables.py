@@ -1,0 +1,250 @@
+"""`carom.billiards`: cushions, pockets and tables against rules and closed forms, and where a ball may be put."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from billiards_values import G, laws
+from carom import events
+from carom.billiards import TABLES, strike, table
+from carom.billiards.data import SNOOKER
+from carom.billiards.walls import outlets
+from carom.errors import CaromError, ScenarioError
+
+pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+
+
+# --- tables -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["9ft", "snooker", "carom"])
+@pytest.mark.parametrize("e", [0.85, 0.6])
+def test_a_cushion_gives_back_what_its_nose_and_the_bed_let(kind: str, e: float) -> None:
+    """A ball that its weight holds on the bed comes back with e; one that nothing holds with (1 + e) cos^2 theta - 1."""
+    t = table(kind)
+    smooth = laws(
+        ball_friction=0.0,
+        cushion_restitution=e,
+        cushion_friction=0.0,
+        cloth_friction=0.0,
+        cloth_restitution=0.0,
+        rolling_deceleration=0.0,
+        spin_deceleration=0.0,
+    )
+    for gravity, exact, within in ((G, e, 1e-9), (0.0, (1 + e) * math.cos(t.nose_angle) ** 2 - 1, 2e-3)):
+        scene = t.scene(laws=smooth, gravity=gravity, until=0.02, step=2e-5)
+        # The ball touches the nose when its centre is r cos theta before the rail.
+        ball = t.ball(scene, "b", (0.75 * t.spec.length, t.reach + 0.01))
+        ball.velocity = (0.0, -1.0, 0.0)
+        result = carom.simulate(scene)
+        v = result["b"].velocity[-1]
+        assert v[1] == pytest.approx(exact, abs=within)
+        assert abs(v[0]) < 1e-12
+        [hit] = [event for event in events.first_contacts(result) if event.other != "bed"]
+        assert hit.other.startswith("cushion ")
+        assert hit.time == pytest.approx(0.01, abs=3e-5)
+
+
+def test_a_ball_in_the_air_is_pressed_down_by_the_nose() -> None:
+    t = table("9ft")
+    scene = t.scene(gravity=0.0, until=0.01, step=2e-5)
+    ball = t.ball(scene, "b", (0.7, t.reach + 0.005))
+    ball.velocity = (0.0, -2.0, 0.0)
+    ball.position = (0.7, t.reach + 0.005, t.spec.ball_radius + 0.001)
+    result = carom.simulate(scene, until=0.003)
+    assert result["b"].velocity[-1, 2] < -0.1
+
+
+@pytest.mark.parametrize(
+    ("start", "aim", "pocket"),
+    [
+        ((0.4, 0.4), (0.0, 0.0), "head right"),
+        ((2.0, 1.0), (2.54, 1.27), "foot left"),
+        ((1.27, 0.6), (1.27, 0.0), "side right"),
+        ((0.4, 0.032), (0.0, 0.02), "head right"),
+    ],
+)
+def test_pockets_take_balls_out(start: tuple[float, float], aim: tuple[float, float], pocket: str) -> None:
+    t = table("9ft")
+    scene = t.scene(until=2.0, step=5e-4, record={"every": 20})
+    ball = t.ball(scene, "b", start)
+    way = np.subtract(aim, start)
+    strike(ball, ball_speed=1.0, direction=tuple(way), height=0.4)
+    result = carom.simulate(scene, stop=lambda view: not view.present.any())
+    assert [(p.ball, p.pocket) for p in t.pocketed(result)] == [("b", pocket)]
+    assert 0.2 < t.pocketed(result)[0].time < 2.0
+
+
+def test_a_ball_that_flies_over_the_rail_is_off_the_table() -> None:
+    t = table("9ft")
+    scene = t.scene(until=1.0, step=5e-4)
+    ball = t.ball(scene, "b", (0.7, 0.3))
+    ball.velocity = (0.0, -2.0, 1.5)
+    result = carom.simulate(scene)
+    assert [(p.ball, p.pocket) for p in t.pocketed(result)] == [("b", "off the table")]
+
+
+def test_the_stairs_of_a_corner_follow_the_edge_of_the_slate() -> None:
+    """They once all lay on its near side, and took balls up to 6 mm too early."""
+    t = table("9ft")
+    s = t.spec
+    middle = 0.5 * s.corner_mouth / math.sqrt(2) - s.corner_shelf / math.sqrt(2)  # of the edge, along x and y
+    boxes = [(np.array(low[:2]), np.array(high[:2])) for low, high in outlets(t.spec)]
+    along, off = np.meshgrid(np.linspace(-0.8, 0.8, 201) * s.ball_radius, np.linspace(-8e-3, 8e-3, 161))
+    x = np.stack([middle + (off + along) / math.sqrt(2), middle + (off - along) / math.sqrt(2)], axis=-1)
+    taken = np.zeros(off.shape, dtype=bool)
+    for low, high in boxes[4:]:  # the first four are over the rails, above the nose
+        taken |= ((x >= low) & (x <= high)).all(axis=-1)
+    assert off[taken].max() < 3.1e-3
+    assert off[~taken].min() > -3.1e-3
+    assert off[taken].max() == pytest.approx(-off[~taken].min(), abs=2e-4)
+
+
+def test_a_ball_beside_a_pocket_stays() -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.1, step=1e-3)
+    r = t.spec.ball_radius
+    for k, place in enumerate([(0.12, r), (1.27, r), (r, 0.12), (0.06, 0.06)]):
+        t.ball(scene, f"b{k}", place)
+    result = carom.simulate(scene)
+    assert t.pocketed(result) == []
+    assert np.linalg.norm(result.velocity[-1], axis=1).max() < 1e-9
+
+
+def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None:
+    for kind in TABLES:
+        t = table(kind)
+        scene = t.scene(until=0.1, step=1e-3)
+        t.rack(scene, 6)
+        strike(t.cue_ball(scene), ball_speed=0.5)
+        assert scene.validate() == []
+        assert carom.Scene.from_toml(scene.to_toml()) == scene
+        assert len(scene.wall_names) == (5 if kind == "carom" else 1 + 6 + 12)
+        assert kind in repr(t)
+    with pytest.raises(CaromError, match="did you mean snooker"):
+        table("snoker")
+    with pytest.raises(CaromError, match="did you mean nose_height"):
+        table("9ft", nose_hight=0.03)
+    with pytest.raises(CaromError, match="nose_height must be"):
+        table("9ft", nose_height=0.02)
+    with pytest.raises(CaromError, match="both"):
+        table("9ft", side_mouth=0.0)
+    for keys, said in (
+        ({"ball_mass": -0.17}, "ball_mass must be above 0"),
+        ({"ball_radius": "28 g"}, "ball_radius: expected a length, found"),
+        ({"nose_height": [0.037]}, "nose_height must be a finite number in SI units"),
+        ({"corner_angle": "1 rad"}, "from 90 deg to below 180 deg, found 57.2958 deg"),
+        ({"corner_angle": 142}, "corner_angle: 142 rad is more than a turn; write '142 deg'"),
+        ({"length": math.nan}, "length must be a finite number"),
+        ({"corner_mouth": -0.1}, "corner_mouth must not be below 0"),
+        ({"corner_mouth": 2.0}, "leave no cushion"),
+        ({"side_angle": "20 deg"}, "side_angle is that between nose and facing"),
+    ):
+        with pytest.raises(CaromError, match=said):
+            table("9ft", **keys)
+    for call, said in (
+        (lambda: t.ball(t.scene(), "b", (1.0,)), r"at must be \(x, y\)"),
+        (lambda: t.rack(t.scene(), apex=(1.0, 0.7, 0.1)), r"apex must be \(x, y\), found"),
+        (lambda: t.rack(t.scene(), apex=3), r"apex must be \(x, y\)"),  # type: ignore[arg-type]
+        (lambda: t.scene(gravity="g"), "gravity must be a finite number"),  # type: ignore[arg-type]
+        (lambda: t.scene(laws=3), "laws must be of billiards.Laws"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(CaromError, match=said):
+            call()
+    with pytest.raises(CaromError, match="no spot"):
+        t.rack(t.scene(), apex="fot spot")
+    with pytest.raises(ScenarioError):
+        t.scene(untl=3)
+
+
+def test_the_spots_of_snooker_are_those_of_the_rules() -> None:
+    """WPBSA, section 1, rule 1 (d) to (f), in inches; seen from the baulk end yellow lies right of green."""
+    t = table("snooker")
+    inch, middle = 0.0254, 0.5 * t.spec.width
+    at = {name: t.spots[name] for name in SNOOKER}
+    np.testing.assert_allclose([at[name][0] for name in ("yellow", "green", "brown")], 29 * inch, atol=5e-4)
+    np.testing.assert_allclose(
+        [at["yellow"][1], at["green"][1]], middle + 11.5 * inch * np.array([-1, 1]), atol=5e-4
+    )
+    assert at["black"][0] == pytest.approx(t.spec.length - 12.75 * inch, abs=5e-4)
+    assert at["blue"][0] == 0.5 * t.spec.length
+    assert at["pink"][0] == 0.5 * (at["blue"][0] + t.spec.length)
+    assert {at[name][1] for name in ("brown", "blue", "pink", "black")} == {middle}
+    assert not set(SNOOKER) & set(table("9ft").spots)
+
+
+@pytest.mark.parametrize(
+    ("at", "said"),
+    [
+        (
+            (3.0, 0.5),
+            r"'9' at \(3, 0.5\) m is outside of the rails: the bed is 0 to 2.54 m along x and 0 to 1.27 m",
+        ),
+        ((-0.01, 0.5), "'9' at .* is outside of the rails"),
+        ((1.27, -0.01), "'9' at .* is outside of the rails"),
+        ((0.005, 0.005), "'9' at .* is behind the edge of the slate, in the pocket 'head right'"),
+        ((1.27, 1.3), "'9' at .* is outside of the rails"),
+        (("100 in", "51 in"), "'9' at .* is outside of the rails"),
+        (
+            (2.53, 0.6),
+            r"'9' at \(2.53, 0.6\) m overlaps the cushion foot by 15.9 mm; .* 0.02751 m or more from",
+        ),
+        ((2.54, 0.6), "'9' at .* overlaps the cushion foot by 20.9"),
+        ((1.0, 0.5, 0.01), r"'9' at \(1, 0.5\) m overlaps the bed: its centre is at a height of 0.01 m"),
+    ],
+)
+def test_a_ball_outside_of_the_rails_is_named(at: tuple[float, float], said: str) -> None:
+    t = table("9ft")
+    with pytest.raises(CaromError, match=said):
+        t.ball(t.scene(), "9", at)
+
+
+@pytest.mark.parametrize("kind", ["9ft", "snooker", "carom"])
+def test_a_ball_is_refused_where_a_run_would_refuse_it(kind: str) -> None:
+    """Along the rails, in the mouths of the pockets, and a hair before and behind the line where a ball touches a nose."""
+    t = table(kind)
+    r, length, width = t.spec.ball_radius, t.spec.length, t.spec.width
+    rng = np.random.default_rng(1)
+    places = [*(t.reach * k for k in (0.5, 1 - 1e-3, 1 + 1e-9, 1.1))]
+    points = [(x, 0.3 * width) for x in places] + [(0.3 * length, width - y) for y in places]
+    points += [(x, y) for x, y in rng.uniform(0, 0.2 * r + 2 * t.spec.corner_mouth, (40, 2))]
+    points += [(0.5 * length + x, y) for x, y in rng.uniform(-3 * r, 3 * r, (40, 2)) if y > 0]
+
+    def told(call: Any) -> str:
+        try:
+            call()
+        except CaromError as error:
+            return str(error)
+        return ""
+
+    refused = []
+    for at in points:
+        by_table = told(lambda at=at: t.ball(t.scene(), "b", at))
+        if "in the pocket" in by_table or "outside" in by_table:
+            continue  # without an overlap
+        scene = t.scene(until=0.1, step=1e-3)
+        scene.sphere("b", radius=r, mass=t.spec.ball_mass, material="ball", position=(*at, r))
+        by_run = told(scene.validate)
+        assert ("overlaps the" in by_table) == ("reaches" in by_run), (at, by_table, by_run)
+        refused.append(bool(by_run))
+    assert refused.count(True) >= 6
+    assert refused.count(False) >= 4
+
+
+def test_a_ball_in_the_air_and_one_of_another_size_are_where_they_are_put() -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.1, step=1e-3)
+    assert t.ball(scene, "high", (1.0, 0.5, "10 cm")).position == (1.0, 0.5, 0.1)
+    assert t.ball(scene, "small", (1.5, 0.5), radius="26.25 mm").position == (1.5, 0.5, 0.02625)
+
+
+@pytest.mark.parametrize("at", [(1.27, -0.004), (0.03, 0.03), (1.27, 1.273)])
+def test_a_ball_may_hang_over_a_pocket(at: tuple[float, float]) -> None:
+    t = table("9ft")
+    scene = t.scene(until=0.05, step=1e-3)
+    t.ball(scene, "hangs", at)
+    assert t.pocketed(carom.simulate(scene)) == []
