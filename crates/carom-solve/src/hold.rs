@@ -5,14 +5,18 @@ use crate::problem::{Problem, Scaled};
 use crate::rows::{RowContact, RowSystem};
 use crate::solver::InteriorPoint;
 
-/// Velocity that is left, over that of the loads: what conjugate gradients aim at, what is enough of them and of path following, and the
-/// most, where measures contradict one another by what earlier steps left. (By rounding they always do: gaps are differences of coordinates.)
+/// Velocity left over that of the loads (1) at which conjugate gradients end: a little above rounding. Smaller, they go on
+/// until their steps are spent.
 const LEFT: f64 = 1e-13;
+/// The same at which path following ends. (Above rounding: gaps are differences of coordinates.) Smaller, things at rest creep
+/// or are held by no forces; the next number is what is accepted at worst.
 const ENOUGH: f64 = 1e-8;
+/// The same accepted at most, where measures contradict one another by what earlier steps left. Large, what slides slowly is
+/// held; small, piles at rest are solved anew in each step.
 const MOST: f64 = 1e-5;
-/// Growth of the residual after which it does not fall again.
+/// Growth of the residual over its least (1) after which conjugate gradients stop: it does not fall again.
 const LOST: f64 = 1e3;
-/// Steps of conjugate gradients over rows.
+/// Steps of conjugate gradients over rows (1) at most; bounds their time. In exact arithmetic 1 is enough.
 const STEPS_PER_ROW: usize = 2;
 
 /// Looks for multipliers within the cones of `chosen` contacts and of all joints under which none of their measures `z` (without multipliers)

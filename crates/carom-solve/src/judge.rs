@@ -1,7 +1,9 @@
 //! When an island counts as solved: eq. 44, for rows and for spheres.
 
-/// Most that the absolute floor of a large island counts for, over the terms of eq. 44; and the share of it that stands where there are none.
+/// Most (1) that the absolute floor of a large island counts for, over the terms of eq. 44: the tolerance is never more than
+/// ten times what was asked for. Larger, errors of short steps pass as rounding.
 const FLOOR_OVER_TERMS: f64 = 9.0;
+/// Share (1) of the floor that stands where there are no terms. With 0 a large island without impulses never converges.
 const LEAST_FLOOR: f64 = 1e-3;
 
 /// Norms of eq. 44, in the unit of the multipliers: that of the residual, and the sum of those of its terms.

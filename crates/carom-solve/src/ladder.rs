@@ -95,24 +95,31 @@ pub enum When {
     Unbounded,
 }
 
-/// Rows up to which a dense factorisation costs no more than some sweeps.
+/// Rows (1) up to which a matrix is dense, and Newton's method begins: a dense factorisation costs no more than some sweeps.
+/// Only time hangs on it.
 pub const SMALL_ROWS: usize = 96;
-/// Below this err a start is warm.
+/// `err` (1) below which a start is warm, and Newton's method begins. Large, it wastes its iterations far from the solution; 0,
+/// the impulses of the last step are of no use to it.
 pub const WARM: f64 = 1e-3;
-/// Numbers in Cholesky factors of W up to which factorising methods do not take too long.
+/// Numbers (1, of 8 bytes) in Cholesky factors of W up to which factorising methods are asked: bounds memory and the time of one iteration. Larger, a problem seems to hang; smaller, hard ones end with sweeps alone.
 pub const MAX_FILL: usize = 8_000_000;
-/// Largest entry of `W - W^T` over that of W: alternating directions see the symmetric part alone.
+/// Largest entry of `W - W^T` over that of W (1): alternating directions see the symmetric part alone. Larger, they converge to
+/// another problem's solution, which the judge refuses.
 pub const UNSYMMETRIC: f64 = 1e-6;
-/// A lot of sweeps was worth another one, or a round was, if it made err so many times as large.
+/// A lot of sweeps was worth another one if it made `err` at most so many times (1) as large: near 1, sweeps where Newton's
+/// method is faster.
 pub const WORTHWHILE: f64 = 0.1;
+/// The same of a round of sweeps and Newton's method.
 pub const GAIN: f64 = 0.5;
-/// Iterations of Newton's method that end what another method began.
+/// Iterations (1) of Newton's method that end what another method began. With few, it is cut off before its quadratic end.
 pub const POLISH: u32 = 30;
 /// Over-relaxation: what is best lies between 1.2 and 1.5; 1.5 is faster on most piles at rest and keeps others from converging (measured).
 pub const RELAXATION: f64 = 1.3;
+/// The stronger one, in turn with [`RELAXATION`]: what goes round in circles with one of them need not with the other.
 const STRONG: f64 = 1.5;
-/// Patience of Newton's method where other means are near, and where they are not.
+/// Iterations (1) without a better `err` before Newton's method gives up, where other means are near.
 const QUICK: u32 = 8;
+/// The same where they are not. Small, it gives up while the status of contacts still changes; large, only time.
 const PATIENT: u32 = 12;
 
 const fn rung<Way: Copy, When: Copy>(

@@ -10,7 +10,8 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Spins before a waiting thread offers its core to others.
+/// Spins (1) before a waiting thread offers its core to others. Few, each stage waits for the system; many, other
+/// programs wait for us.
 const SPINS: u32 = 1 << 14;
 /// Bits of the next task in a ticket; the stage is above them.
 const TASK_BITS: u32 = 32;
@@ -234,7 +235,8 @@ pub fn map<T: Send, R: Send>(
         .collect()
 }
 
-/// Items that a thread takes at a time from a list of small ones.
+/// Items (1) that a thread takes at a time from a list of small ones. Few, threads quarrel about the ticket; many, one works
+/// while others wait.
 const SHARE: usize = 2_048;
 
 /// Slices, of which several may be cut at the same place.

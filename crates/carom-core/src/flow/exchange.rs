@@ -8,10 +8,12 @@ use crate::state::State;
 use crate::wall::places::Walls;
 use glam::DVec3;
 
-/// Places tried for a ball in a step before it waits for the next.
+/// Places (1) tried for a ball in a step before it waits for the next: bounds the time a full region costs in each step. With
+/// few, balls enter later than the rate says where there is little room.
 const TRIES: u64 = 20;
 
-/// A ball whose time comes within this share of a step after it enters with it.
+/// Share (1) of a step by which a ball may enter early: times of steps and of rates are rounded. With 0 some balls enter a step
+/// late; with 1 all enter a step early.
 const ON_TIME: f64 = 1e-6;
 
 /// Lets balls leave and enter after a step, with walls where they are at its end (`time`, s).

@@ -7,10 +7,11 @@ use carom_geom::Periodic;
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// Cells are numbered up to here, either way, since balls may enter farther away than an integer counts cells. Those beyond share
-/// the last cell, which parts no two that touch.
+/// Number (1) of the last cell either way, below what an integer and the mantissa hold: balls beyond share it, which parts no
+/// two that touch. Larger, numbers of cells saturate, and a ball is let in where another is.
 const FAR: f64 = (1u64 << 40) as f64;
-/// Wider cells than needed, relatively: covers the rounding of their numbers up to [`FAR`].
+/// Cells are wider than needed by this share (1): covers the rounding of their numbers up to [`FAR`]. With 0 balls that touch
+/// may lie two cells apart, and one is let in that overlaps.
 const MARGIN: f64 = 1.0 / 256.0;
 
 /// Balls in and around the region of an inflow.

@@ -80,7 +80,8 @@ pub fn checked(shape: &Shape) -> Result<Shape, Refusal> {
     })
 }
 
-/// Sizes between these have squares, and quotients of these, that are numbers.
+/// Sizes (m) that have squares, and quotients of these, that are numbers. Wider, gaps of a wall are infinite or NaN and the run
+/// ends there; narrower, scenes in other units are refused.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-75..=1e75;
 
 /// A size that can be told from 0.

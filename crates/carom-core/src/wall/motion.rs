@@ -6,7 +6,7 @@ use carom_geom::Displacement;
 use carom_laws::Scalar;
 use glam::{DQuat, DVec3};
 
-/// A wall whose time comes within this share of a step after it begins is taken away with it: times of steps are rounded.
+/// Share (1) of a step by which a wall may be taken away early: times of steps are rounded. With 0 some stay a step too long.
 const ON_TIME: f64 = 1e-6;
 
 /// Turning about an axis through a point (which the translation takes along).

@@ -5,10 +5,11 @@
 
 use std::fmt;
 
-/// A pivot this small against the numbers it was subtracted from is rounding noise.
+/// A pivot this small against the numbers (1) it was subtracted from is rounding noise.
 ///
-/// Noise grows from step to step, so this does not catch every singular matrix, but it must not refuse a merely stiff
-/// one: condition numbers up to about 1e13 pass.
+/// Noise grows from step to step, so this does not catch every singular matrix, but it must not refuse a merely stiff one:
+/// condition numbers up to about 1e13 pass. With 0 a singular matrix gives directions of 1e16; large, stiff piles fall back for
+/// no reason.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// The matrix has no usable pivot in this column: singular to rounding, not positive definite (Cholesky), or it holds

@@ -5,11 +5,12 @@ use super::{DirectError, SolveQuality};
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 
-/// At most this many refinement steps per solve.
+/// Refinement steps (1) per solve at most: two gain what double precision allows; more only cost.
 pub const REFINEMENTS: u32 = 2;
-/// A solve whose residual stays above this part of the right-hand side is an error: no direction for Newton.
+/// Residual over the right-hand side (1) above which a solve is an error: no direction for Newton. Larger, its line search
+/// fails without a reason in the report.
 pub const WORST_RESIDUAL: f64 = 1e-3;
-/// Backward error at which a solution is left alone: LU without trouble is below.
+/// Backward error (1) at which a solution is left alone: LU without trouble is below. Smaller, each solve is refined in vain.
 const GOOD: f64 = 1e-14;
 
 /// One factorisation of faer, without judgement; [`Sparse`] adds that.

@@ -6,8 +6,10 @@ use crate::rows::{RowSystem, NODE_DOF};
 use crate::solver::sweep::ConeSweeps;
 use crate::solver::{Auto, Settings};
 
-/// Contact updates, and sweeps, that one linear problem may cost: some tenths of a second.
+/// Contact updates that the sweeps of one linear problem may cost, some tenths of a second; bounds the time of a step in a jam.
+/// Small, more fallbacks and halved steps; large, a step that never converges takes long before it is halved.
 const SWEEP_BUDGET: u64 = 4_000_000;
+/// Sweeps of one linear problem at most, in small islands, for the same reason.
 const MAX_SWEEPS: u64 = 6_000;
 
 /// Workspace.

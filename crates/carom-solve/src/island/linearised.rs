@@ -5,13 +5,19 @@ use super::{Island, Newton};
 use crate::report::SolveReport;
 use crate::rows::Subproblem;
 
-/// Tolerance of a linear problem relative to that of the island, and how far it may be tightened.
+/// Tolerance of a linear problem over that of the island (1). With 1 the island just misses its tolerance, and another linear
+/// problem is needed; small, sweeps that nobody needs.
 const LINEAR_SHARE: f64 = 0.1;
+/// Factor (1) on the tolerance and the roundings where a solved linear problem left the island unsolved.
 const TIGHTER: f64 = 1e-2;
+/// Relative residual (1) below which no linear problem is asked for: rounding. Smaller, islands end unconverged after solves
+/// that could not do better.
 const LEAST_TOLERANCE: f64 = 1e-12;
-/// Roundings of a coordinate that the gaps of a linear problem may keep.
+/// Roundings of a coordinate (1) that the gaps of a linear problem may keep: fewer than [`super::GAP_ROUNDINGS`], which judges
+/// the island.
 const LINEAR_ROUNDINGS: f64 = 4.0;
-/// Share of the residual below which a linear problem was worth it.
+/// Share (1) of the last residual below which a linear problem was worth another one. Near 1, rounds without progress; near 0,
+/// good ones are thrown away.
 const GAIN: f64 = 0.5;
 impl Newton {
     pub(super) fn linearise<P: Subproblem>(

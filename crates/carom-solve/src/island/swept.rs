@@ -4,13 +4,15 @@ use super::{Island, Newton};
 use crate::report::SolveReport;
 use crate::rows::Subproblem;
 
-/// Contact updates that the sweeps of one solve may cost: some tenths of a second. Doublings of the sweeps of a round.
+/// Contact updates that the sweeps of one solve may cost, some tenths of a second; see [`super::hybrid`] for wrong values.
 const SWEEP_BUDGET: u32 = 400_000;
+/// Doublings (1) of the sweeps of a round.
 const MAX_DOUBLINGS: u32 = 9;
-/// Sweeps go on while they bring something: where the residual of what they leave has not fallen to this share of its least in
-/// so many rounds, thus in some sixteen times the sweeps, nothing better comes of them. Rows of joints, and gaps, that
+/// Sweeps go on while they bring something: where the residual of what they leave has not fallen to this share (1) of its least
+/// in so many rounds, thus in some sixteen times the sweeps, nothing better comes of them. Rows of joints, and gaps, that
 /// contradict one another leave it where it is, or let it run away.
 const STALE_SHARE: f64 = 0.5;
+/// These rounds (1). Few, jams give up that would have come loose; many, time in a step that is halved anyway.
 const STALE_ROUNDS: u32 = 4;
 
 impl Newton {

@@ -81,7 +81,8 @@ pub fn natural_part(group: &RowGroup, r: &[f64], u: &[f64]) -> [f64; MAX_ROWS] {
     f
 }
 
-/// Sizes between these have squares, and so have parts of them that are 1e-20 times as large.
+/// Sizes (in the unit of the problem) that have squares, and so have parts of them that are 1e-20 times as large. Wider, norms
+/// are 0 or infinite and `err` is NaN.
 const SQUARES: std::ops::Range<f64> = 1e-130..1e130;
 
 /// `err = |F| / max(|q|, |r|, |u|)`; 0 where all three are 0, infinite if `r` or `u` is not finite. Writes `u = W r + q`.

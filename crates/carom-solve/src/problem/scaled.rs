@@ -13,7 +13,8 @@ pub struct Scaled {
     pub size: f64,
 }
 
-/// Diagonals beyond these are taken for them: of the roots of others there are no quotients.
+/// Diagonals (1/kg and the like) beyond these are taken for them: of the roots of others there are no quotients. Beyond, scaled
+/// problems are NaN.
 const LEAST: f64 = 1e-200;
 const MOST: f64 = 1e200;
 

@@ -5,13 +5,16 @@ use crate::direct::SparseLlt;
 use crate::problem::natural::{project_cone, shift};
 use crate::problem::Problem;
 
+/// Iterations (1) of a run that is not bounded otherwise.
 const MAX_ITERATIONS: u32 = 50_000;
-/// Iterations between looks at the residual and at the balance of rho.
+/// Iterations (1) between looks at the residual and at the balance of rho. Few, most of the time goes into looks.
 const LOOK_EVERY: u32 = 20;
-/// Imbalance of primal and dual residuals at which rho changes, and how often it may.
+/// Quotient (1) of primal and dual residual at which rho changes. Near 1 it changes all the time, and with each change the
+/// factorisation.
 const IMBALANCE: f64 = 10.0;
+/// Changes of rho (1) at most: without end it need not converge.
 const MAX_CHANGES: u32 = 12;
-/// The combined residual must fall by this factor or the acceleration starts anew.
+/// Share (1) of the last combined residual below which the acceleration goes on. Above 1 it may swing without end.
 const RESTART: f64 = 0.999;
 
 /// Fast alternating directions with restart (Goldstein and others), slip shift updated in every iteration.

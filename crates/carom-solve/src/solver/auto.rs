@@ -7,7 +7,8 @@ use crate::ladder::{
 };
 use crate::problem::Problem;
 
-/// Problems of so few rows are not asked for the size of their factors.
+/// Rows (1) up to which the size of the factors is not asked for: a full matrix has fewer numbers than [`MAX_FILL`]. Only time
+/// hangs on it.
 const SURELY_SPARSE: usize = 3000;
 
 /// See the module. Keeps what its methods keep: symbolic factorisations of a pattern that stands.

@@ -4,7 +4,7 @@ use super::sweep::ConeSweeps;
 use super::{ConeSolver, Judge};
 use crate::ladder::RELAXATION;
 
-/// Sweeps of a run that is not bounded otherwise.
+/// Sweeps (1) of a run that is not bounded otherwise.
 const MAX_SWEEPS: u32 = 100_000;
 /// Sweeps after which the residual is looked at, at first; then every so many, or this share of those done: a look costs two or
 /// three sweeps, and is made by one thread.

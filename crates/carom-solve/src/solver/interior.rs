@@ -23,20 +23,27 @@ mod tests;
 
 use cone::{divide, longest, norm, product, Cone};
 
+/// Iterations (1) at most; some tens are usual.
 const MAX_ITERATIONS: u32 = 200;
-/// Share of the way to the boundary that a step may go.
+/// Share of the way to the boundary of the cones (1) that a step may go. With 1 an iterate lies on it and has no inverse;
+/// small, many iterations.
 const SHARE: f64 = 0.995;
-/// Least entry added to the diagonal (joints have no barrier).
+/// Least entry added to the diagonal of a scaled W (1): joints have no barrier. Less is lost in rounding; more bends the path.
 const SHIFT: f64 = 1e-12;
-/// Steps below this make the shift grow, above that shrink; factor, least value and attempts in one iteration.
+/// Length of a step (1) below which the shift grows: the path is too crooked.
 const SHORT: f64 = 0.1;
+/// Length (1) above which it shrinks again.
 const LONG: f64 = 0.5;
+/// Factor (1) by which it does.
 const SHIFT_STEP: f64 = 10.0;
+/// The first one worth adding (1, as [`SHIFT`]).
 const SHIFT_LEAST: f64 = 1e-4;
+/// Larger shifts (1) in one iteration, each of which is a factorisation; bounds its time.
 const MAX_TRIES: u32 = 6;
-/// Share of the first complementarity, relative to the equations, that is kept until they hold.
+/// Share (1) of the first complementarity, relative to the equations, that is kept until they hold. With 0 iterates run into a
+/// corner of the cones, and steps have no length.
 const BALANCE: f64 = 0.1;
-/// Iterations without a better residual after which a run gives up.
+/// Iterations (1) without a better residual after which a run gives up.
 const PATIENCE: u32 = 40;
 
 /// See the module.

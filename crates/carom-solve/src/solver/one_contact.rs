@@ -4,15 +4,17 @@ use crate::cone::MAX_ROWS;
 use crate::direct::dense;
 use crate::problem::RowGroup;
 
-/// Coupling below this share of the diagonal counts as none: spheres, whose blocks are diagonal up to rounding.
+/// Coupling over the diagonal (1) that counts as none: spheres, whose blocks are diagonal up to rounding. Larger, the closed
+/// form of spheres answers for other bodies, with an error of this size; 0, it is never taken.
 const ISOTROPIC: f64 = 1e-14;
-/// Directions tried when none is known.
+/// Directions of slip (1) tried when none is known. With few, two roots lie between neighbours and neither is found.
 const DIRECTIONS: usize = 24;
-/// Rounding of an angle's equation.
+/// Rounding of an angle's equation (1). With 0 a contact between sticking and slipping has no solution.
 const NEARLY: f64 = 1e-13;
-/// Steps of a bracketed root search: more than doubles the bits of a double.
+/// Steps (1) of a bracketed root search: more than doubles the bits of a double.
 const ROOT_STEPS: usize = 100;
-/// Rounds between discs of a contact with rolling or spinning rows.
+/// Rounds (1) between the discs of a contact with rolling or spinning rows; bounds the time of one contact. Sweeps come back to
+/// it anyway.
 const ROUNDS: usize = 20;
 
 /// Writes the multipliers `r` of a contact with block `a` (row-major) and free part `b`; `r` holds the last ones.

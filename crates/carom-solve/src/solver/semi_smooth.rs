@@ -5,10 +5,12 @@ use super::{ConeSolver, Judge};
 use crate::newton::{Augmented, Equations, Rule, Steps};
 use crate::problem::Problem;
 
-/// Iterations when not told otherwise.
+/// Iterations (1) when not told otherwise; bounds the time of a run that does not converge.
 const MAX_ITERATIONS: u32 = 100;
-/// Proximal shift at the start, relative to the diagonal of W, and the least one: W is mostly singular.
+/// Proximal shift at the start over the diagonal of W (1): W is mostly singular. Large, linear convergence; small, directions
+/// along its null space, cut by the line search.
 const SHIFT: f64 = 1e-4;
+/// The least shift, over the same (1), a little above rounding.
 const SHIFT_FLOOR: f64 = 1e-11;
 /// The merit may rise across a change of status: it is compared with so many last ones.
 const RULE: Rule = Rule {
@@ -19,10 +21,11 @@ const RULE: Rule = Rule {
     start_counts: Some(true),
     max_line_search: 8,
 };
-/// Factor on the shift where the matrix was singular, and how often.
+/// Factor (1) on the shift where the matrix was singular.
 const SHIFT_GROWTH: f64 = 1e3;
+/// How often it grows (1) in one iteration before the run ends: `SHIFT_GROWTH^4` leads from the floor to [`SHIFT`] and beyond.
 const SHIFT_TRIES: u32 = 4;
-/// Patience of a run that stands alone.
+/// Iterations (1) without a better `err` before a run that stands alone gives up.
 const PATIENCE: u32 = 25;
 
 /// See the module. Keeps the symbolic factorisation from run to run while the pattern stands.

@@ -17,15 +17,17 @@ use crate::direct::dense::{lu_factor, lu_solve};
 use crate::team;
 use glam::DVec3;
 
-/// Bounds of `s_c`: cones open and close long before the linear system knows of it.
+/// Bounds of `s_c` (1): cones open and close long before the linear system knows of it. Wider, impulses of a chunk change sign
+/// or explode, and the sweeps begin anew.
 const BOUNDS: [f64; 2] = [-0.7, 2.0];
-/// Changes (in the mean over the impulses) that are not worth the momentum that is lost with them.
+/// Changes (1, in the mean over the impulses) that are not worth the momentum that is lost with them.
 const LEAST: f64 = 1e-2;
-/// What has to be left at most of the sums after their linear system.
+/// Share (1) of the sums that may be left after their linear system. Near 1, changes that bring nothing.
 const MOST_LEFT: f64 = 0.8;
-/// Of the norm of a chunk's impulses one by one, added to what they are together: balanced impulses have no factor.
+/// Share (1) of the norm of a chunk's impulses one by one that is added to what they are together: balanced impulses have no
+/// factor.
 const REGULAR: f64 = 1e-8;
-/// An impulse as close to its cone slides.
+/// An impulse over the bound of its cone (1) from which on it slides. Smaller, sticking contacts are scaled as if they slid.
 const SLIDES: f64 = 0.999;
 /// No entry.
 const NONE: u32 = u32::MAX;

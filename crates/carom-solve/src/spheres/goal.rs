@@ -4,7 +4,7 @@ use crate::judge::Terms;
 
 /// See [`Goal::patience`].
 pub const LENIENCE: f64 = 10.0;
-/// Sweeps in which the bound becomes as wide.
+/// Sweeps (1) in which the bound becomes as wide. Few, contacts are left open that would still have converged.
 const WIDENED: f64 = 3_000.0;
 
 /// Norms of eq. 44 with `p = penalty_scale / w`, in the unit of the impulses, and the worst violation of a contact.

@@ -83,7 +83,7 @@ impl fmt::Display for SpheresError {
 
 impl std::error::Error for SpheresError {}
 
-/// Largest deviation of the squared length of a normal from 1.
+/// Largest deviation (1) of the squared length of a normal from 1. Larger, impulses are wrong by it and nobody is told.
 const UNIT: f64 = 1e-9;
 
 pub fn check(

@@ -4,14 +4,18 @@ use super::goal::{Goal, Progress};
 use super::momentum::Change;
 use super::sweeps::Sweeps;
 
-/// Sweeps before the first look, and between two looks at least and at most.
+/// Sweeps (1) before the first look.
 const FIRST: usize = 4;
+/// Sweeps (1) between two looks at least: a look costs about one.
 const LEAST_BETWEEN: usize = 3;
+/// Sweeps (1) between two looks at most: so many are made in vain at worst.
 const MOST_BETWEEN: usize = 64;
-/// How far below the goal the changes of a sweep must promise to be before it is looked at.
+/// How far below the goal the changes of a sweep must promise to be before it is looked at (1).
 const LIKELY: f64 = 0.9;
-/// Sweeps after which the momentum is bounded by the next of these, in turn.
+/// Sweeps (1) after which the momentum is bounded by the next of [`CAPS`], in turn. Small, slower piles; infinite, some go
+/// round in circles for ever.
 const TIRED: usize = 250;
+/// Bounds of the momentum (1): 1 is none.
 const CAPS: [f64; 2] = [1.0, 0.5];
 /// No change is as small.
 const NEVER: Change = Change {

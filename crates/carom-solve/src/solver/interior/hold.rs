@@ -8,12 +8,14 @@
 use super::{norm, InteriorPoint, SHARE, SHIFT};
 use crate::problem::Problem;
 
+/// Iterations (1) at most; some tens are usual.
 const MAX_ITERATIONS: u32 = 60;
-/// Nothing holds where complementarity has come down to this share of the square of the velocities (the eigenvalues of a scaled W are some
-/// tens at most), and the equations to the next one.
+/// Complementarity over the square of the velocities (1) at which nothing holds (the eigenvalues of a scaled W are some tens at
+/// most). Larger, what could be held is let go; 0, each answer "no" takes all iterations.
 const DECIDED: f64 = 1e-3;
+/// What the equations may then miss over the velocities (1).
 const EQUATIONS: f64 = 1e-3;
-/// Scaled forces that are no longer those of the loads.
+/// Scaled forces (1) that are no longer those of the loads: larger ones wedge, and hold anything.
 const RUNAWAY: f64 = 1e6;
 
 impl InteriorPoint {

@@ -4,14 +4,15 @@
 
 use crate::problem::RowGroup;
 
-/// Coupling below this share of the diagonal counts as none.
+/// Coupling over the diagonal (1) that counts as none, as in [`super::super::one_contact`].
 const ISOTROPIC: f64 = 1e-14;
-/// Determinants below this share of the diagonal's product count as 0.
+/// Determinant over the diagonal's product (1) that counts as 0: rounding. Smaller, the inverse is noise and sweeps diverge.
 const SINGULAR: f64 = 1e-14;
-/// Newton steps for the direction of slip, and the longest one (tangent of the angle).
+/// Newton steps (1) for the direction of slip, before the slow search takes over; it needs two or three.
 const STEPS: u32 = 8;
+/// The longest of them (tangent of the angle, 1). Longer, it may end at the root of another direction, against the slip.
 const LONGEST: f64 = 0.8;
-/// Rounding of the sine of an angle.
+/// Rounding of the sine of an angle (1). Smaller, all steps are made in vain.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// A contact whose block is diagonal, with one number for each disc, as spheres have it: reciprocals of the normal, sliding,

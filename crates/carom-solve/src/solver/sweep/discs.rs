@@ -5,9 +5,10 @@ use crate::cone::{Bounds, MAX_ROWS};
 use crate::direct::dense;
 use crate::problem::RowGroup;
 
-/// Largest entries of a block and its inverse multiply to less than this, or the inverse is not used.
+/// Product (1) of the largest entries of a block and its inverse, beyond which the inverse is not used: it has lost these
+/// digits.
 const REGULAR: f64 = 1e10;
-/// Rounds between the discs of a contact. Sweeps come back to it anyway.
+/// Rounds (1) between the discs of a contact; bounds the time of one. Sweeps come back to it anyway.
 const ROUNDS: u32 = 6;
 
 /// A contact with rolling or spinning rows and any block.
