@@ -125,7 +125,7 @@ impl Solve<'_> {
             let sphere = |node: u32| self.spheres.get(node as usize).copied();
             let a = sphere(group.node_a).unwrap_or(0);
             kept.bodies.push((a, sphere(group.node_b).unwrap_or(a)));
-            for row in group.group().rows() {
+            for row in group.rows() {
                 self.push_row(&mut kept, [group.node_a, group.node_b], row);
             }
         }

@@ -39,7 +39,7 @@ pub fn hold(
         if !(c.bilateral || chosen(slot, c)) {
             continue;
         }
-        let range = c.row as usize..(c.row + c.dim) as usize;
+        let range = c.rows();
         part.contacts.push(RowContact {
             row: rows.len() as u32,
             ..*c

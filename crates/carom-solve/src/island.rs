@@ -270,7 +270,7 @@ impl Newton {
         let (mut rr, mut pp, mut ll) = (0.0, 0.0, 0.0);
         for c in &system.contacts {
             let translational = (c.row + c.translational) as usize;
-            for row in c.row as usize..(c.row + c.dim) as usize {
+            for row in c.rows() {
                 let scale = if row < translational {
                     1.0
                 } else {

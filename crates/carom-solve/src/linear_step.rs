@@ -351,7 +351,7 @@ impl LinearStep {
             *d = -l;
         }
         for &(index, first) in &self.active {
-            let rows = system.contacts[index].group().rows();
+            let rows = system.contacts[index].rows();
             let dim = rows.len();
             d_lambda[rows].copy_from_slice(&self.solution[offset + first..][..dim]);
         }

@@ -37,6 +37,11 @@ pub struct RowContact {
 }
 
 impl RowContact {
+    #[inline]
+    pub fn rows(&self) -> std::ops::Range<usize> {
+        self.row as usize..(self.row + self.dim) as usize
+    }
+
     /// Its rows, without nodes.
     #[inline]
     pub fn group(&self) -> RowGroup {
@@ -108,7 +113,7 @@ impl Measured<'_> {
             return system.linear_measures(u, z);
         }
         for c in &system.contacts {
-            for row in c.row as usize..(c.row + c.dim) as usize {
+            for row in c.rows() {
                 z[row] = system.z0[row] + c.along(&self.0[row], u);
             }
         }
@@ -259,7 +264,7 @@ impl RowSystem {
     /// `z = z0 + G u` for all rows.
     pub fn linear_measures(&self, u: &[f64], z: &mut [f64]) {
         for c in &self.contacts {
-            for row in c.row as usize..(c.row + c.dim) as usize {
+            for row in c.rows() {
                 z[row] = self.z0[row] + self.row_velocity(c, row, u);
             }
         }
@@ -268,7 +273,7 @@ impl RowSystem {
     /// `f += G^T lambda` over the rows of one contact.
     #[inline]
     pub fn add_impulse(&self, c: &RowContact, lambda: &[f64], f: &mut [f64]) {
-        for row in c.row as usize..(c.row + c.dim) as usize {
+        for row in c.rows() {
             let l = lambda[row];
             if l == 0.0 {
                 continue;

@@ -132,7 +132,7 @@ pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
 /// The contact or joint of a system with the largest residual row.
 pub(crate) fn worst_group(system: &RowSystem, residual: &[f64]) -> usize {
     let size = |c: &carom_solve::rows::RowContact| {
-        let rows = &residual[c.row as usize..(c.row + c.dim) as usize];
+        let rows = &residual[c.rows()];
         rows.iter().fold(0.0f64, |most, r| most.max(r.abs()))
     };
     let mut worst = (0, -1.0);

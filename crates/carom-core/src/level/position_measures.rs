@@ -178,7 +178,7 @@ impl<'a> CoupledPositions<'a> {
         for (slot, &index) in self.island.joints.iter().enumerate() {
             let joint = &model.joints[index as usize];
             let rc = system.contacts[first + slot];
-            let range = rc.row as usize..(rc.row + rc.dim) as usize;
+            let range = rc.rows();
             let psi = [self.increment(joint.a, u), self.increment(joint.b, u)];
             let poses = self.trial.poses(joint);
             let dim = position_rows(

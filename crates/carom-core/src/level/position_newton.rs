@@ -478,8 +478,7 @@ fn write(scratch: &mut IslandScratch, members: &[u32], found: &PositionSolution)
         c.rested = found.rests || (c.resting && c.rested);
         c.nu = [0.0; 6];
         if solve.newton.statuses()[slot] != Status::Gap {
-            c.nu[..rc.dim as usize]
-                .copy_from_slice(&solve.lambda[rc.row as usize..(rc.row + rc.dim) as usize]);
+            c.nu[..rc.dim as usize].copy_from_slice(&solve.lambda[rc.rows()]);
         }
     }
 }

@@ -124,7 +124,7 @@ impl Resting {
             .zip(&self.gap_start)
             .filter(|(_, gap)| gap.is_some());
         touching.any(|(c, _)| {
-            let z = &z[c.row as usize..(c.row + c.dim) as usize];
+            let z = &z[c.rows()];
             largest(c.bounds.sliding > 0.0, c.length, z) > self.bound
         })
     }
@@ -145,7 +145,7 @@ impl Resting {
             // What earlier steps left of gaps stays: no multipliers without slip would close gaps that contradict one another.
             let mut free = self.changes(system, &z);
             for c in &system.contacts {
-                for row in c.row as usize..(c.row + c.dim) as usize {
+                for row in c.rows() {
                     free[row] -= system.row_velocity(c, row, &correction);
                 }
             }

@@ -3,6 +3,8 @@
 mod collisions;
 #[path = "../../../carom-core/tests/common/mod.rs"]
 mod common;
+mod damping;
+mod elastic;
 mod friction;
 mod running;
 

@@ -73,7 +73,7 @@ impl Hybrid {
         self.q.clear();
         self.q.extend_from_slice(z);
         for c in &system.contacts {
-            for row in c.group().rows() {
+            for row in c.rows() {
                 self.q[row] -= system.row_velocity(c, row, u);
             }
         }

@@ -11,6 +11,15 @@ const ISOTROPIC: f64 = 1e-14;
 const DIRECTIONS: usize = 24;
 /// Rounding of an angle's equation (1). With 0 a contact between sticking and slipping has no solution.
 const NEARLY: f64 = 1e-13;
+/// Determinant over the diagonal's product (1) that counts as 0: rounding. Smaller, noise passes as a sticking force.
+const SINGULAR: f64 = 1e-14;
+/// First turn (rad) of the secant around the last direction of slip, and steps (1) before all directions are tried.
+const FIRST_TURN: f64 = 1e-4;
+const SECANTS: usize = 12;
+/// A longer turn (rad) is given up: it may end at the root of another direction.
+const LONGEST_TURN: f64 = 0.7;
+/// A shorter one (rad) is rounding.
+const LEAST_TURN: f64 = 1e-15;
 /// Steps (1) of a bracketed root search: more than doubles the bits of a double.
 const ROOT_STEPS: usize = 100;
 /// Rounds (1) between the discs of a contact with rolling or spinning rows; bounds the time of one contact. Sweeps come back to
@@ -83,12 +92,7 @@ pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
         } else {
             (-b[1], -b[2]) // no force holds it: slip, or nothing to hold
         };
-        let length = (x * x + y * y).sqrt();
-        let scale = if length > radius || a[4] <= 0.0 {
-            radius / length.max(f64::MIN_POSITIVE)
-        } else {
-            1.0
-        };
+        let scale = onto((x * x + y * y).sqrt(), radius, a[4] <= 0.0);
         return [n, scale * x, scale * y];
     }
     if let Some(r) = stick(a, b) {
@@ -103,14 +107,19 @@ pub fn coulomb(a: &[f64; 9], b: [f64; 3], mu: f64, last: [f64; 3]) -> [f64; 3] {
         let u1 = b[1] + a[3] * n + a[4] * last[1] + a[5] * last[2];
         let u2 = b[2] + a[6] * n + a[7] * last[1] + a[8] * last[2];
         let (x, y) = (last[1] - u1 / t, last[2] - u2 / t);
-        let length = (x * x + y * y).sqrt();
-        let scale = if length > mu * n {
-            mu * n / length
-        } else {
-            1.0
-        };
+        let scale = onto((x * x + y * y).sqrt(), mu * n, false);
         [n, scale * x, scale * y]
     })
+}
+
+/// The factor that brings a vector of this length into a disc, or onto its edge.
+#[inline]
+fn onto(length: f64, radius: f64, edge: bool) -> f64 {
+    if length > radius || edge {
+        radius / length.max(f64::MIN_POSITIVE)
+    } else {
+        1.0
+    }
 }
 
 /// `-A^-1 b`.
@@ -122,7 +131,7 @@ fn stick(a: &[f64; 9], b: [f64; 3]) -> Option<[f64; 3]> {
     ];
     let det = a[0] * c[0] + a[1] * c[1] + a[2] * c[2];
     let size = a[0].abs() * a[4].abs() * a[8].abs();
-    if det.is_nan() || det.abs() <= 1e-14 * size {
+    if det.is_nan() || det.abs() <= SINGULAR * size {
         return None;
     }
     let (x, y, z) = (-b[0], -b[1], -b[2]);
@@ -226,19 +235,19 @@ impl Trial {
 }
 
 fn secant(at: &impl Fn(f64) -> Trial, start: f64) -> Option<Trial> {
-    let (mut x0, mut x1) = (start, start + 1e-4);
+    let (mut x0, mut x1) = (start, start + FIRST_TURN);
     let mut f0 = at(x0).cross;
-    for _ in 0..12 {
+    for _ in 0..SECANTS {
         let t = at(x1);
         if t.cross.abs() <= 4.0 * f64::EPSILON * t.size {
             return Some(t);
         }
         let slope = (t.cross - f0) / (x1 - x0);
         let next = x1 - t.cross / slope;
-        if !next.is_finite() || (next - x1).abs() > 0.7 {
+        if !next.is_finite() || (next - x1).abs() > LONGEST_TURN {
             return None;
         }
-        if (next - x1).abs() < 1e-15 {
+        if (next - x1).abs() < LEAST_TURN {
             return Some(t);
         }
         (x0, f0, x1) = (x1, t.cross, next);
@@ -266,7 +275,7 @@ fn bracketed(
         if f.abs() <= of(&found).abs() {
             found = here;
         }
-        if f == 0.0 || (x1 - x0).abs() < 1e-15 * (1.0 + x.abs()) {
+        if f == 0.0 || (x1 - x0).abs() < LEAST_TURN * (1.0 + x.abs()) {
             break;
         }
         if (f < 0.0) == (f1 < 0.0) {
@@ -329,12 +338,7 @@ fn solve_discs(group: &RowGroup, a: &[f64], b: &[f64], r: &mut [f64]) {
             }
             // No force holds a disc without stiffness: it moves, at its bound, or nothing is to be held.
             let full = largest <= 0.0 && speed > 0.0;
-            let length = length.sqrt();
-            let scale = if length > radius || full {
-                radius / length
-            } else {
-                1.0
-            };
+            let scale = onto(length.sqrt(), radius, full);
             for (t, i) in target.iter().zip(rows) {
                 r[i] = scale * t;
             }
