@@ -138,8 +138,11 @@ def test_columns_are_one_row_per_case() -> None:
     assert wide["parameter velocity.object.y"].tolist() == [4.0, 10.0]
     assert wide["parameter cue.mass"].tolist() == [0.1, 0.2]
     assert wide["parameter gravity.z"].tolist() == [0.0, 0.0]
-    pandas = pytest.importorskip("pandas")
-    assert isinstance(batch.to_pandas(), pandas.DataFrame)
+    pytest.importorskip("pandas", reason="the extra [interop] is not installed")
+    frame = batch.to_pandas()
+    assert list(frame) == list(batch.columns())
+    for name, column in batch.columns().items():
+        np.testing.assert_array_equal(frame[name].to_numpy(), column)
 
 
 @pytest.mark.parametrize(

@@ -153,10 +153,11 @@ def test_balls_that_are_absent_count_nothing() -> None:
 
 def test_tables_for_other_programs(result: carom.Result) -> None:
     part = result.sel(slice(0, 0.01), ["ball1", "ball2"])
-    pandas = pytest.importorskip("pandas", reason="the extra [interop] is not installed")
+    pytest.importorskip("pandas", reason="the extra [interop] is not installed")
     frame = part.to_pandas()
-    assert isinstance(frame, pandas.DataFrame)
     assert len(frame) == 22
+    for k, axis in enumerate("xyz"):
+        assert np.array_equal(frame[f"position_{axis}"].to_numpy().reshape(11, 2), part.position[..., k])
     pytest.importorskip("xarray", reason="the extra [interop] is not installed")
     assert part.to_xarray().sizes["body"] == 2
 
