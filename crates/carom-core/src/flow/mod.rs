@@ -2,7 +2,7 @@
 //!
 //! All balls are bodies of the model from the start; those of an inflow are absent until they enter. What an absent ball is:
 //! `present` is false, it stands where it stood last at no velocity, has no pairs, no load and no energy. Nothing here has a
-//! memory but [`State`]: places are drawn from the seed, the ball, the step and the number of the try.
+//! memory but [`crate::state::State`]: places are drawn from the seed, the ball, the step and the number of the try.
 
 pub mod exchange;
 mod room;

@@ -1,7 +1,8 @@
 //! Solvers of contact problems given as data: one trait, one judge, a family of methods.
 //!
-//! A solver takes a [`Problem`] and a start, and leaves the best multipliers it found. It works on a scaled copy and is
-//! judged by [`natural::residual`] on the problem as given, which no method uses as its own merit.
+//! A solver takes a [`crate::problem::Problem`] and a start, and leaves the best multipliers it found. It works on a scaled
+//! copy and is judged by [`crate::problem::natural::residual`] on the problem as given, which no method uses as its own
+//! merit.
 
 mod admm;
 mod auto;

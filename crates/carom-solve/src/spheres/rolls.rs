@@ -59,7 +59,7 @@ pub struct Rolls {
     pub weight: Column,
     /// `1/length`, 1/m.
     pub per_length: Column,
-    /// Of accelerated sweeps, as in [`ContactLanes`], N m s.
+    /// Of accelerated sweeps, as in [`super::bodies::ContactLanes`], N m s.
     pub way: [Column; 3],
 }
 
