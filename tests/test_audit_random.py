@@ -1,12 +1,16 @@
-"""Random scenes are judged clean: walls that move and loads of every kind (`audit_random`), joints (`audit_rods`)."""
+"""Random scenes are judged clean: walls that move and loads of every kind (`audit_random`), joints (`audit_rods`), and all
+features at once (`audit_mixed`).
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import audit_mixed
 import audit_random
 import audit_rods
 import audit_scenes as scenes
+import carom
 import pytest
 from carom import audit
 from trials import Trials
@@ -41,14 +45,10 @@ def test_random_scenes_with_loads_are_clean(seeds: list[int], tmp_path: Path, tr
     assert {"momentum", "spin", "friction cone", "energy rise", "impact"} <= judged
 
 
-#: What scenes with joints may be accused of falsely (docs/validation/trust.md): its bound is one of loads.
-KNOWN = {"energy rise"}
-
-
 @pytest.mark.parametrize(
     "seeds",
     [
-        pytest.param([18, 41, 47, *range(5)], id="few"),
+        pytest.param([16, 18, 37, 41, 47, 117, *range(3)], id="few"),
         pytest.param(range(200), id="many", marks=pytest.mark.long),
     ],
 )
@@ -59,10 +59,25 @@ def test_random_scenes_with_rods_and_clumps_are_clean(
     for seed in seeds:
         scene, options = audit_rods.scene(seed)
         report = audit.check(scenes.run(scene, tmp_path / str(seed), audit_rods.UNTIL, **options))
-        with trials("random scenes with joints, motion judged clean"):
-            assert {finding.kind for finding in report.findings} <= KNOWN, f"seed {seed}: {report!r}"
+        with trials("random scenes with joints judged clean"):
+            assert report.ok, f"seed {seed}: {report!r}"
+
+
+@pytest.mark.parametrize(
+    "seeds",
+    [
+        # Each was found at fault once: bounds of reactions, of loads after a step in parts, of prescribed motion.
+        pytest.param([16, 17, 23, 25, 37, 44, 138, 160, 170], id="few"),
+        pytest.param(range(200), id="many", marks=pytest.mark.long),
+    ],
+)
+def test_random_scenes_of_every_feature_are_clean(seeds: list[int], tmp_path: Path, trials: Trials) -> None:
+    for seed in seeds:
+        scene, options = audit_mixed.scene(seed)
         try:
-            with trials("random scenes with joints judged clean"):
-                assert report.ok
-        except AssertionError:
-            pass  # counted
+            path = scenes.run(scene, tmp_path / str(seed), audit_mixed.UNTIL, **options)
+        except carom.RunFailed:  # some joints jam with contacts, and say so
+            continue
+        with trials("random scenes of every feature judged clean"):
+            report = audit.check(path)
+            assert report.ok, f"seed {seed}: {report!r}"

@@ -193,6 +193,19 @@ def junk(run: Path) -> None:
     (run / "results.h5").write_bytes(bytes(data))
 
 
+def test_comparison_replaces_nothing_through_a_link(run: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "compared"
+    folder.mkdir()
+    (folder / "nsga").symlink_to(run)
+    before = {p.name: p.stat().st_mtime_ns for p in run.iterdir()}
+    code, told = carom_says(
+        "compare", SCENARIO, "--methods", "nsga,moreau", "--until", "0.01", "-o", folder, "--force"
+    )
+    assert code == 2, told
+    assert "is a link" in told
+    assert {p.name: p.stat().st_mtime_ns for p in run.iterdir()} == before
+
+
 #: What is altered, and what the message must name.
 HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "2^63 rows": (last_commit(2**63), "/commit"),
@@ -208,7 +221,8 @@ HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "a radius is NaN": (constant("bodies/radius", np.nan), "/bodies/radius"),
     "no masses": (in_results(lambda f: f.__delitem__("bodies/mass")), "/bodies"),
     "no places": (in_results(lambda f: f.__delitem__("frames/position")), "/frames/position"),
-    "brackets": (lambda run: (run / "run.json").write_text("[" * 200_000), "run.json"),
+    "no steps": (in_results(lambda f: f.__delitem__("steps")), "no whole /steps; restore"),
+    "brackets": (lambda run: (run / "run.json").write_text("[" * 200_000), "nested too deeply; restore"),
     "junk": (junk, "results.h5"),
 }
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
+from carom.files import inside
 from carom.scenario.arguments import renamed
 from carom.sheets import of_comparison, titled
 from carom.summary import plain
@@ -243,7 +244,7 @@ def compare(
     sizes: Mapping[str, float] = {}
     runs: list[MethodRun] = []
     for name, extra in chosen.items():
-        directory = None if out is None else Path(out) / name
+        directory = None if out is None else inside(Path(out), name)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", CaromWarning)  # told above, once for all methods
             try:

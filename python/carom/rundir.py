@@ -171,9 +171,11 @@ class RunDir:
         try:
             content = json.loads(self.about.read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError) as error:
-            raise CaromError(f"{self.about} cannot be read: {reason(error)}") from error
+            why = "it is nested too deeply" if isinstance(error, RecursionError) else reason(error)
+            cure = "restore it, or run the scenario again"
+            raise CaromError(f"{self.about} cannot be read: {why}; {cure}") from error
         if not isinstance(content, dict):
-            raise CaromError(f"{self.about} does not describe a run")
+            raise CaromError(f"{self.about} does not describe a run; restore it, or run the scenario again")
         return content
 
     def is_finished(self, steps: int) -> bool:

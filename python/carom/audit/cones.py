@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces
+from carom.audit import forces, groups
 from carom.audit.block import Block, once
 from carom.audit.bounds import gain
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -247,7 +247,7 @@ def _turning(
 
 
 def passivity(block: Block, tally: Tally) -> None:
-    """The contacts of an interval do no work together (rule R4): each impact problem may gain 1e-10 of the kinetic energy by
+    """The contacts of a group do no work together (rule R4): each impact problem may gain 1e-10 of the kinetic energy by
     rounding, problems of piles a hundredth of tol_r, and the problem of the loads `tol_r` of the work itself.
     """
     run, c = block.run, block.rows
@@ -266,11 +266,27 @@ def passivity(block: Block, tally: Tally) -> None:
             tally.skip("passivity", "springs of friction give back what they hold", cure, block.count)
             return
         columns = c.work[:, 1:]  # normal forces give back what they took: between frames they may do work
-    work = np.bincount(c.k, columns.sum(axis=1), minlength=block.count)
-    size = np.bincount(c.k, np.abs(columns).sum(axis=1), minlength=block.count)
-    problems = block.total(run.steps["impact_problems"] + 1.0)
-    top = block.over(run.steps["energy_kinetic"])
-    bound = problems * gain(block) * top + block.tolerance * size + 64.0 * EPS * (size + top)
-    gone = (np.bincount(c.k, minlength=block.count) == 0) | ~block.kept
-    kept = np.flatnonzero(~gone)
-    tally.measure("passivity", np.maximum(work, 0.0)[kept], bound[kept], lambda i: block.place(int(kept[i])))
+    n, held = run.bodies + 1, groups.held(block)[c.k, c.a]
+    why = groups.HELD + "; judged as a rise of energy"
+    tally.skip("passivity", why, groups.CURE, len(np.unique(c.k[held])))
+    rows = np.flatnonzero(block.kept[c.k] & ~held)
+    group, mine = np.unique(groups.labels(block)[c.k, c.a][rows], return_inverse=True)
+    k = group // n
+    work, size = (
+        np.bincount(mine, w[rows].sum(axis=1), minlength=len(group)) for w in (columns, np.abs(columns))
+    )
+    problems = block.total(run.steps["impact_problems"] + 1.0)[k]
+    top = block.over(run.steps["energy_kinetic"])[k]
+    bound = problems * gain(block)[k] * top + block.tolerance[k] * size + 64.0 * EPS * (size + top)
+    tally.measure(
+        "passivity",
+        np.maximum(work, 0.0),
+        bound,
+        lambda i: block.place(int(k[i]), *_of_group(block, int(group[i]))),
+    )
+
+
+def _of_group(block: Block, group: int) -> list[int]:
+    """The first body of a group; none of what works from outside."""
+    body = group % (block.run.bodies + 1)
+    return [body] if body < block.run.bodies else []

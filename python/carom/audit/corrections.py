@@ -71,28 +71,65 @@ def groups(joints: list[dict[str, Any]]) -> list[tuple[list[int], list[dict[str,
 
 def _parting(block: Block, joint: dict[str, Any]) -> F64:
     """(B,) by how much the points of a joint part in a step of free motion, m, and by how much its laws bend."""
-    h, radius = block.dt, block.run.radius[joint["a"]]
-    found = np.full(
-        block.count, block.run.loosest["gap_tolerance"] * radius
-    )  # what may be left from the step before
-    for kind, _, arm_a, arm_b, form in joint["rows"]:
-        ends = [_point(block, joint[side], arm) for side, arm in (("a", arm_a), ("b", arm_b))]
-        (at_a, rate_a, bend_a), (at_b, rate_b, bend_b) = ends
-        found = found + h * h * (bend_a + bend_b)
-        if kind == "distance":
-            length = norm(at_a - at_b)
-            across = norm(rate_a - rate_b) ** 2
-            found = found + h * h * np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
+    # What may be left from the step before comes on top.
+    left = block.run.loosest["gap_tolerance"] * block.run.radius[joint["a"]]
+    bent, _ = swing(block, joint, 0)
+    given = np.zeros(block.count)
+    for kind, _, _, _, form in joint["rows"]:
+        (start, rate), (end, _) = law(form, block.t0), law(form, block.t1)
+        given += np.abs(end - start - block.dt * rate) * (
+            block.run.radius[joint["a"]] if kind == "rotation" else 1.0
+        )
+    return np.asarray(left + block.dt**2 * bent + block.dt * kinks(block, joint) + given)
+
+
+def kinks(block: Block, joint: dict[str, Any]) -> F64:
+    """(B,) by how much the rates that a joint prescribes change within an interval, m/s."""
+    radius, found = block.run.radius[joint["a"]], np.zeros(block.count)
+    for kind, _, _, _, form in joint["rows"]:
         change = np.abs(law(form, block.t1)[1] - law(form, block.t0)[1])
-        found = found + h * change * (radius if kind == "rotation" else 1.0)
+        found += change * (radius if kind == "rotation" else 1.0)
     return found
 
 
-def _point(block: Block, body: int, arm: Any) -> tuple[F64, F64, F64]:
-    """Place and velocity of a point of a body at the first frame, and the acceleration of its turn, m/s^2."""
+def swing(block: Block, joint: dict[str, Any], end: int, fast: F64 | float = 0.0) -> tuple[F64, F64]:
+    """(B,) acceleration by which the points of a joint part in free motion, m/s^2, and rate at which its directions turn,
+    rad/s, at the first (0) or second (1) frames; at least as of bodies of speeds `fast` over the root of mass or inertia.
+    """
+    bent, turning = np.zeros((2, block.count))
+    for kind, _, arm_a, arm_b, _ in joint["rows"]:
+        (at_a, rate_a, spin_a, reach_a), (at_b, rate_b, spin_b, reach_b) = (
+            _point(block, joint[side], arm, end, fast) for side, arm in (("a", arm_a), ("b", arm_b))
+        )
+        bent += spin_a**2 * reach_a + spin_b**2 * reach_b
+        turned = spin_a + spin_b
+        if kind == "distance":
+            length = norm(at_a - at_b)
+            speed = np.maximum(norm(rate_a - rate_b), fast * _lightness(block, joint))
+            rate = np.divide(speed, length, out=np.zeros_like(speed), where=length > 0.0)
+            bent, turned = bent + speed * rate, turned + rate
+        turning = np.maximum(turning, turned)
+    return bent, turning
+
+
+def _lightness(block: Block, joint: dict[str, Any]) -> float:
+    """Sum of `1/sqrt(m)` of the bodies of a joint."""
+    return float(sum(block.run.mass[body] ** -0.5 for body in (joint["a"], joint["b"]) if body >= 0))
+
+
+def _point(block: Block, body: int, arm: Any, end: int, fast: F64 | float) -> tuple[F64, F64, F64, F64]:
+    """Place and velocity of a point of a body at the first (0) or second (1) frames, how fast it turns, rad/s, and its
+    lever, m.
+    """
     given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
     if body < 0:
-        return given, np.zeros_like(given), np.zeros(block.count)
-    lever, w = rotated(block.q0[:, body], given), block.w0[:, body]
-    reach = norm(lever) + block.run.radius[body]
-    return block.x0[:, body] + lever, block.v0[:, body] + cross(w, lever), norm(w) ** 2 * reach
+        return given, np.zeros_like(given), np.zeros(block.count), np.zeros(block.count)
+    x, v, w, q = (block.x1, block.v1, block.w1, block.q1) if end else (block.x0, block.v0, block.w0, block.q0)
+    lever = rotated(q[:, body], given)
+    spin = np.maximum(norm(w[:, body]), fast * block.run.inertia[body] ** -0.5)
+    return (
+        x[:, body] + lever,
+        v[:, body] + cross(w[:, body], lever),
+        spin,
+        norm(lever) + block.run.radius[body],
+    )

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom import _core
 from carom.audit.formula import law
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+
+LEVELS = ("smooth", "position", "velocity")
 
 NAMES = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 
@@ -74,6 +77,21 @@ class Run:
 
     @cached_property
     def loosest(self) -> dict[str, float]:
+        """Each claimed tolerance, but none looser than the run shows: the largest residual, or overlap, of its steps, and
+        not below the default. Who claims a looser one widens no bound by it.
+        """
+        found, usual, s = dict(self.claimed), _core.defaults(), self.steps
+        residual = max(float(s[f"residual_{level}"].max(initial=0.0)) for level in LEVELS)
+        overlap = float(s["penetration_relative"].max(initial=0.0))
+        shown = {"tolerance": residual, "pile_tolerance": max(residual, 2.0 * overlap)}
+        if not self.joints:  # whose lengths no step reports
+            shown["gap_tolerance"] = overlap
+        for name, most in shown.items():
+            found[name] = min(found[name], max(float(usual[name]), most))
+        return found
+
+    @cached_property
+    def claimed(self) -> dict[str, float]:
         """Each tolerance at its loosest: `carom resume --set` may have changed it within the run."""
         names = ("tolerance", "pile_tolerance", "gap_tolerance", "touching_tolerance", "tolerance_floor")
         found = {name: float(self.options[name]) for name in names}

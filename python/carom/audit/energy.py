@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.audit import groups, reactions
 from carom.audit.block import Block
 from carom.audit.data import Run
-from carom.audit.forces import speeds
-from carom.audit.loads import remembered
+from carom.audit.forces import pushes, speeds
+from carom.audit.loads import of_loads, remembered
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
-from carom.audit.report import Tally
+from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
 from carom.gained import RISE_PILE
 
@@ -41,10 +42,7 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
 
 def scale(block: Block) -> F64:
     """(B,) sum of the absolute energies of all bodies at the second frame, J: what roundings are relative to."""
-    run = block.run
-    height = np.abs(np.nan_to_num(block.x1)) @ np.abs(run.gravity)
-    each = run.mass * (dot(block.v1, block.v1) + height) + run.inertia * dot(block.w1, block.w1)
-    return np.asarray(np.nansum(each, axis=1))
+    return np.asarray(np.nansum(_sizes(block.run, block.x1, block.v1, block.w1), axis=1))
 
 
 def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
@@ -109,60 +107,112 @@ def _record(block: Block, tally: Tally, motion: F64, told: tuple[F64, F64] | Non
 
 
 def _balance(block: Block, tally: Tally) -> None:
+    """Of each group (`groups`); of the outer one with the work on record, as what the others leave of the whole."""
     run, c = block.run, block.rows
     if not run.has_contacts:
-        tally.skip(
-            "energy balance", "work of contacts was not recorded", "contacts = true in [record]", block.count
-        )
+        why = "work of contacts was not recorded"
+        tally.skip("energy balance", why, "contacts = true in [record]", block.count)
         return
-    if run.method == "penalty" or run.loads or run.joints:
-        why = (
-            "work within substeps"
-            if run.method == "penalty"
-            else "loads and joints work between the levels of a step"
-        )
-        tally.skip(
-            "energy balance",
-            f"{why}; judged as a rise of energy",
-            "a scene of weight and contacts",
-            block.count,
-        )
+    if run.method == "penalty":
+        why = "work within substeps; judged as a rise of energy"
+        tally.skip("energy balance", why, "use nsga or moreau", block.count)
         return
-    start = block.s0 == 0
-    names = ("energy_kinetic", "energy_potential")
-    column = sum(np.concatenate([[np.nan], run.steps[name]]) for name in names)
-    change = np.diff(np.stack([column[block.s0], column[block.s1]]), axis=0)[0]  # type: ignore[index]
-    first = sum(_at_start(run))
-    change = np.where(start, column[block.s1] - first, change)  # type: ignore[index]
-    parts = (block.total(run.steps[name]) for name in ("energy_work", "energy_in", "energy_out"))
-    given, entered, left_out = parts
-    work = np.bincount(c.k, c.work.sum(axis=1), minlength=block.count)
-    ball = (c.b < run.bodies)[:, None]
+    label, bodies = groups.labels(block), block.count * (run.bodies + 1)
+    mine = label[c.k, c.a]
+
+    def summed(of_bodies: F64, of_rows: F64) -> F64:
+        """(B, N + 1) sums over the groups, each at the place of its number; bodies that come or go are the outer group's."""
+        each = np.where(block.there, np.nan_to_num(of_bodies), 0.0).ravel()
+        total = np.bincount(label[:, :-1].ravel(), each, minlength=bodies)
+        total = total + np.bincount(mine, of_rows, minlength=bodies)
+        return np.asarray(total, dtype=np.float64).reshape(label.shape)
+
+    def energy(v: F64, w: F64) -> F64:
+        return np.asarray(0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)))
+
+    change = energy(block.v1, block.w1) - energy(block.v0, block.w0)
+    change = change - run.mass * ((block.x1 - block.x0) @ run.gravity)
+    for load in run.loads:
+        if load["kind"] == "spring":
+            ends = [_spring(load, x, q)[0] for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
+            change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
+    work, ball = c.work.sum(axis=1), (c.b < run.bodies)[:, None]
     lift = np.where(ball, 0.0, c.position_impulse) @ run.gravity  # of a pair both parts cancel
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * (np.where(ball, 0.0, c.impulse) @ run.gravity)
-        gain = np.nansum(np.where(block.there, run.mass * ((block.v1 - block.v0) @ run.gravity), 0.0), axis=1)
-        work = work - (float(run.options["theta"]) - 0.5) * run.h * gain
-    work = work - np.bincount(c.k, lift, minlength=block.count)
-    value = np.abs(change - given - entered + left_out - work)
-    speed = speeds(block)
-    impulse = norm(c.impulse)
+        change = change + (float(run.options["theta"]) - 0.5) * run.h * run.mass * (
+            (block.v1 - block.v0) @ run.gravity
+        )
+    value = summed(change, lift - work)
+    outer = np.divmod(label[:, -1], run.bodies + 1)
+    # What the steps have of the whole, less all other groups, is the outer one's.
+    names = ("energy_kinetic", "energy_potential")
+    told = sum(
+        np.concatenate([[start], run.steps[n]]) for n, start in zip(names, _at_start(run), strict=True)
+    )
+    whole = np.asarray(told)[block.s1] - np.asarray(told)[block.s0]
+    given = [block.total(run.steps[name]) for name in ("energy_work", "energy_in", "energy_out")]
+    exchanged = given[0] + given[1] - given[2]
+    total = whole - exchanged + np.bincount(c.k, lift - work, minlength=block.count)
+    if run.method == "moreau":
+        gained = np.where(block.there, run.mass * ((block.v1 - block.v0) @ run.gravity), 0.0)
+        total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
+    value[outer] = total - (value.sum(axis=1) - value[outer])
+    impulse, speed = norm(c.impulse), speeds(block)
     at = speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, np.minimum(c.b, run.bodies - 1)], 0.0)
-    fast = np.bincount(c.k, impulse * at, minlength=block.count)
-    moved = np.bincount(c.k, norm(c.position_impulse), minlength=block.count) * norm(run.gravity)
-    top = np.maximum(scale(block), np.abs(change)) + np.bincount(
-        c.k, np.abs(c.work).sum(axis=1), minlength=block.count
-    )
+    moved = norm(c.position_impulse) * norm(run.gravity)
     # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
-    bound = (
-        4.0
-        * block.tolerance
-        * (fast + moved + np.bincount(c.k, np.abs(c.work).sum(axis=1), minlength=block.count))
+    solved = 4.0 * block.tolerance[c.k] * (impulse * at + moved + np.abs(c.work).sum(axis=1))
+    size = np.maximum(
+        *(_sizes(run, *ends) for ends in ((block.x0, block.v0, block.w0), (block.x1, block.v1, block.w1)))
     )
-    bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n) * top + _walls(block)
-    judged = block.kept & ~(block.cut & (run.method == "moreau"))
-    kept = np.flatnonzero(judged)
-    tally.measure("energy balance", value[kept], bound[kept], lambda i: block.place(int(kept[i])))
+    top = summed(size, np.abs(c.work).sum(axis=1))
+    top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
+    bound = summed(_forced(block), solved + _walls(block))
+    bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top
+    root = label == np.arange(bodies).reshape(label.shape)
+    busy = np.bincount(mine, minlength=bodies).reshape(label.shape) > 0
+    busy[outer] = True
+    answered = groups.held(block)
+    tally.skip(
+        "energy balance",
+        groups.HELD + "; judged as a rise of energy",
+        groups.CURE,
+        int((root & busy & answered).sum()),
+    )
+    judged = root & busy & ~answered & (block.kept & ~(block.cut & (run.method == "moreau")))[:, None]
+    k, first = np.nonzero(judged)
+
+    def place(i: int) -> Place:
+        own = first[i] < run.bodies and label[k[i], -1] != label[k[i], first[i]]
+        return block.place(int(k[i]), *([int(first[i])] if own else []))
+
+    tally.measure("energy balance", np.abs(value[judged]), bound[judged], place)
+
+
+def _sizes(run: Run, x: F64, v: F64, w: F64) -> F64:
+    """(B, N) sums of the absolute energies of each body, J."""
+    height = np.abs(x) @ np.abs(run.gravity)
+    return np.asarray(run.mass * (dot(v, v) + height) + run.inertia * dot(w, w))
+
+
+def _forced(block: Block) -> F64:
+    """(B, N) by how much the work of forces and torques in time may differ from that of their impulses, J: their work is
+    recorded by the velocities at the ends of steps, contacts change these, and the filter of the scheme delays the force.
+    """
+    run = block.run
+    if not run.loads:
+        return np.zeros((block.count, run.bodies))
+    loads, pushed = of_loads(block), pushes(block)
+    found = np.zeros((block.count, run.bodies))
+    for j, (v0, v1, inert, fall) in enumerate(
+        ((block.v0, block.v1, run.mass, float(norm(run.gravity))), (block.w0, block.w1, run.inertia, 0.0))
+    ):
+        given = loads.spread[..., j]
+        gained = (2.0 * given + pushed[j]) / inert + fall * block.dt[:, None] + norm(v1 - v0)
+        fastest = np.maximum(norm(v0), norm(v1)) + gained
+        found += given * gained + 2.0 * (loads.varied[..., j] + loads.alone_slack[..., j]) * fastest
+    return np.nan_to_num(found)
 
 
 def _at_start(run: Run) -> tuple[float, float]:
@@ -179,9 +229,9 @@ def _at_start(run: Run) -> tuple[float, float]:
 
 
 def _walls(block: Block) -> F64:
-    """(B,) change of a moving wall's velocity over the interval times its impulses, J: twice what works may differ by."""
+    """(K,) change of a moving wall's velocity over the interval times its impulse, J: twice what works may differ by."""
     run, c = block.run, block.rows
-    found = np.zeros(block.count)
+    found = np.zeros(len(c))
     for w, wall in enumerate(run.walls):
         mine = np.flatnonzero(c.b == run.bodies + w)
         if not wall.moves or not mine.size:
@@ -193,8 +243,7 @@ def _walls(block: Block) -> F64:
             shape, material, spin = wall.velocity(time[k], x[k, a] - radius * c.normal[mine], end=end)
             ends.append((shape, material, spin))
         change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
-        size = norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a]
-        np.add.at(found, k, change * size)
+        found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
     return found
 
 
@@ -241,6 +290,8 @@ def rises(run: Run, tally: Tally) -> None:
         bound = bound + remembered(run, np.maximum(second[1:], second[:-1]))
         jump = np.where(s["impact_problems"] > 0, h * motion * _grip(run), 0.0)
         bound = bound + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
+    if run.joints:
+        bound = bound + reactions.unsteady(run)
     bound = bound + _unsteady(run) * np.abs(s["energy_work"])
     tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
 

@@ -102,9 +102,9 @@ def complementarity(block: Block, tally: Tally) -> None:
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
     bound = np.maximum(touching, np.where(block.large[c.k], block.pile_overlap[c.k] * length, 0.0))
-    # Of larger islands eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
+    # Eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
     left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
-    bound = bound + np.where(block.large[c.k], left, 0.0)
+    bound = bound + left
     bound = bound + np.where(single, 0.0, way)
     taken = np.zeros(len(c), dtype=bool)
     for w, wall in enumerate(run.walls):

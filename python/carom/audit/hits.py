@@ -105,16 +105,24 @@ def groups(block: Block, r: Hits) -> I64:
     second = np.where(r.b < run.bodies, r.k * run.bodies + run.linked[ball], first)
     nodes, where = np.unique(np.concatenate([first, second]), return_inverse=True)
     a, b = np.split(where, 2)
-    label = np.arange(len(nodes))
-    while True:
+    return np.asarray(np.unique(components(len(nodes), a, b)[a], return_inverse=True)[1])
+
+
+def components(count: int, a: I64, b: I64) -> I64:
+    """(count,) the lowest of all nodes that edges from `a` to `b` join each node with."""
+    label = np.arange(count)
+    while len(a):
         low = np.minimum(label[a], label[b])
         new = label.copy()
         np.minimum.at(new, a, low)
         np.minimum.at(new, b, low)
+        np.minimum.at(new, label[a], low)
+        np.minimum.at(new, label[b], low)
         new = new[new]  # a label names a node, which may have a lower one by now
         if np.array_equal(new, label):
-            return np.asarray(np.unique(label[a], return_inverse=True)[1])
+            break
         label = new
+    return label
 
 
 def pairs(block: Block, r: Hits, group: I64) -> F64:

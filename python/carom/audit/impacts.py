@@ -11,10 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import bounds, forces, hits, replay
+from carom.audit import bounds, forces, groups, hits, replay
 from carom.audit.block import Block
 from carom.audit.cones import struck
-from carom.audit.data import Run
 from carom.audit.gaps import closing
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -62,15 +61,10 @@ def judge(block: Block, tally: Tally) -> None:
     known = np.bincount(group, gone)[group] == 0
     seen, group = seen[known], group[known]
     whole = np.zeros(len(rows), dtype=bool)
-    # Of groups that were not seen whole nobody knows whom they touched.
-    answered = np.full(len(rows), coupled(run))
-    mine = rows.of(seen)
-    held = run.answering[mine.a] | (run.answering[np.minimum(mine.b, run.bodies - 1)] & (mine.b < run.bodies))
-    answered[seen] = np.bincount(group, held)[group] > 0
+    answered = groups.held(block)[rows.k, rows.a]
     whole[seen] = run.has_contacts
     whole &= ~piled & ~answered
-    why = "of bodies with joints, springs or drag, and those that they hit: these answer within the problem, off record"
-    tally.skip("impact", why, "leave out joints, springs and drag there", int((answered & ~piled).sum()))
+    tally.skip("impact", groups.HELD, groups.CURE, int((answered & ~piled).sum()))
     _recorded(block, tally, rows.of(~whole & ~piled & ~answered))
     _ends(block, tally, rows.of(seen), group)
     remained = np.zeros(len(rows), dtype=bool)
@@ -81,11 +75,6 @@ def judge(block: Block, tally: Tally) -> None:
         tally.measure("impact sum", value, bound, hits.place(block, some))
     if whole.any():
         replay.judge(block, tally, rows.of(whole), remained[whole], group[whole[seen]])
-
-
-def coupled(run: Run) -> bool:
-    """Whether joints, or loads that depend on the motion, answer impacts within their problem."""
-    return bool(run.answering.any())
 
 
 def _unit(block: Block, tally: Tally, r: Hits) -> None:
@@ -140,15 +129,11 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
 def _missing(block: Block, tally: Tally) -> None:
     """Whoever approached before the step and got an impulse in it has had an impact (rules R2, R3): it is in the table."""
     run, c = block.run, block.rows
-    if (
-        run.method == "penalty"
-        or run.options["impact"] == "sequence-paper"
-        or coupled(run)
-        or not run.has_contacts
-    ):
+    if run.method == "penalty" or run.options["impact"] == "sequence-paper" or not run.has_contacts:
         return
     judged = block.single & ~block.summed & block.there.all(axis=1) & block.kept
-    rows = np.flatnonzero(judged[c.k] & (dot(c.impulse, c.normal) > 0.0) & ~struck(block))
+    judged = judged[c.k] & ~groups.held(block)[c.k, c.a]
+    rows = np.flatnonzero(judged & (dot(c.impulse, c.normal) > 0.0) & ~struck(block))
     if not rows.size:
         return
     k, a, b = c.k[rows], c.a[rows], c.b[rows]

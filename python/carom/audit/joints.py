@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.formula import law
+from carom.audit.loads import of_loads
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, cross, dot, norm, rotated
 
@@ -68,11 +70,8 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
                 norm(at_a) + norm(at_b)
             )
             tally.measure("joint", np.abs(measure - value), bound, lambda i: _place(block, i, name))
-    floor = (
-        1e3
-        * t["tolerance"]
-        * (speed + norm(run.gravity) * run.h + 1e-3 * run.radius[a] / run.h * t["tolerance"])
-    )
+    pushed = sum(_kicked(block, body) for body in (a, b) if body >= 0)
+    floor = 1e3 * t["tolerance"] * (speed + pushed + 1e-3 * run.radius[a] / run.h * t["tolerance"])
     if (
         run.method == "moreau"
     ):  # rates hold where the smooth motion ends: directions turn by a step from there
@@ -84,6 +83,13 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
         turning = swing + fastest / np.maximum(norm(between), 1e-3 * run.radius[a])
         floor = floor + 4.0 * run.h * turning * speed * (kind != "rotation")
     tally.measure("joint speed", np.abs(off), floor + 64.0 * EPS * speed, lambda i: _place(block, i, name))
+
+
+def _kicked(block: Block, body: int) -> F64:
+    """(B,) speed that weight, loads and contacts may give a body in an interval, m/s: its joints are solved against all."""
+    loads, (struck, _) = of_loads(block), forces.strokes(block)
+    given = norm(loads.alone[:, body, :3]) + loads.alone_slack[:, body, 0] + struck[:, body]
+    return np.asarray(norm(block.run.gravity) * block.run.h + given / block.run.mass[body])
 
 
 def _place(block: Block, k: int, name: str) -> Place:

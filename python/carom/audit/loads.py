@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit.block import Block, once
-from carom.audit.corrections import corrections
+from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
-from carom.audit.forces import pushes, shifts
+from carom.audit.forces import pushes, shifts, strokes
 from carom.audit.formula import law
 from carom.audit.vectors import cross, dot, norm, rotated
 
@@ -27,12 +27,18 @@ class Loads:
     """(B, N, 2) what the impulse and the angular impulse may be off, N s and N m s."""
     spread: F64
     """(B, N, 2) sums over the steps of the sizes of impulses of given forces and moments, which may cancel in their sum."""
+    varied: F64
+    """(B, N, 2) sums over the steps of `h` times the changes of given forces and moments in each."""
     shift: F64
     """Displacement and turn in one step by loads that depend on the time, (B, N, 6), m and rad; nsga alone."""
     shift_slack: F64
     """(B, N, 2) m, rad."""
     unknown: NDArray[np.bool_]
     """(B, N) bodies of which the loads cannot be known."""
+    alone: F64
+    """(B, N, 6) the impulses of loads without joints."""
+    alone_slack: F64
+    """(B, N, 2) what these may be off."""
 
 
 @once
@@ -48,9 +54,9 @@ def of_loads(block: Block) -> Loads:
     run = block.run
     shape = (block.count, run.bodies)
     six, two = (*shape, 6), (*shape, 2)
-    found = Loads(
-        np.zeros(six), np.zeros(two), np.zeros(two), np.zeros(six), np.zeros(two), np.zeros(shape, dtype=bool)
-    )
+    impulse, slack, spread, varied, shift, shift_slack = (np.zeros(s) for s in (six, two, two, two, six, two))
+    unknown = np.zeros(shape, dtype=bool)
+    found = Loads(impulse, slack, spread, varied, shift, shift_slack, unknown, impulse, slack)
     for load in run.loads:
         if load["kind"] == "force":
             _applied(block, load, found)
@@ -59,6 +65,7 @@ def of_loads(block: Block) -> Loads:
         else:
             _of_motion(block, load, found)
     if run.joints:
+        found.alone, found.alone_slack = found.impulse.copy(), found.slack.copy()
         _joints(block, found)
     if run.method == "moreau":
         # The theta rule moves bodies by their velocities alone, whatever changed these.
@@ -73,12 +80,14 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
     scale = np.repeat([run.mass[body], run.inertia[body]], 3)
     impulse, shift = _filtered(run, (*load["force"], *load["torque"]))
     change = np.abs(np.diff(_at_steps(run, (*load["force"], *load["torque"])), axis=0))
+    # A step in parts runs the filter in parts, which later steps remember.
+    loose = remembered(run, change * (run.cut | (run.method == "penalty"))[:, None]) * run.h
     for j in range(6):
         out.impulse[:, body, j] += block.total(impulse[:, j])
         out.spread[:, body, j // 3] += block.total(np.abs(impulse[:, j]))
         out.shift[:, body, j] += block.total(shift[:, j]) / scale[j]
-        loose = block.cut | (run.method == "penalty")
-        slack = np.where(loose, block.total(change[:, j]) * run.h, 0.0)
+        out.varied[:, body, j // 3] += block.total(change[:, j]) * run.h
+        slack = block.total(loose[:, j])
         out.slack[:, body, j // 3] += slack
         out.shift_slack[:, body, j // 3] += slack * block.dt / scale[j]
 
@@ -237,6 +246,9 @@ def _joints(block: Block, out: Loads) -> None:
             out.shift_slack[:, bodies, k] += moved[:, None] / inert
             out.spread[:, bodies, k] += kicked[:, None] * inert  # what cancels within the interval
     given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])
+    struck = {
+        body: strokes(block)[0][:, bodies].sum(axis=1) for bodies, _ in groups(run.joints) for body in bodies
+    }
     rate = np.maximum(norm(block.w0), norm(block.w1))
     for j, joint in enumerate(run.joints):
         impulse, couple = given[:, j, :3], given[:, j, 3:]
@@ -244,8 +256,10 @@ def _joints(block: Block, out: Loads) -> None:
         # The filter of the scheme (eq. 6) carries reactions of a step, with its arms, into later ones.
         before = remembered(run, _reactions_before(block, j))[-block.count :]
         # Reactions of the smooth motion and of impacts are solved to the tolerance; those that hardly act against all
-        # others.
-        solved = 4.0 * block.tolerance * (size + run.mass.max() * norm(run.gravity) * run.h)
+        # others of their bodies.
+        radius = run.radius[joint["a"]]
+        own = size + norm(couple) / radius + struck[joint["a"]]
+        solved = 4.0 * block.tolerance * (own + run.mass.max() * norm(run.gravity) * run.h)
         for body, sign, arm in (
             (joint["a"], 1.0, joint["rows"][0][2]),
             (joint["b"], -1.0, joint["rows"][0][3]),

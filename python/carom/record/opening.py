@@ -60,10 +60,16 @@ def open_results(path: Path) -> h5py.File:
         if cut is not None:
             raise CaromError(f"{path} cannot be read as results of a run: {cut}") from error
         raise damaged(path, "/", error) from error
-    if found != FORMAT or not whole:
+    if found != FORMAT:
         file.close()
         raise CaromError(
             f"{path} is not a results file of this version of Carom (format {found}, wanted {FORMAT})"
+        )
+    if not whole:
+        lost = [f"/{name}" for name in (*TABLES, "commit") if name not in file]
+        file.close()
+        raise CaromError(
+            f"{path} has no whole {' and '.join(lost) or 'tables'}; restore the file, or run the scenario again"
         )
     return file
 
