@@ -239,6 +239,13 @@ def test_a_joint_elsewhere_leaves_the_impact_law_judged(tmp_path: Path) -> None:
     assert (verdict.word, len(verdict.unjudged)) == ("ok", 1)
     assert verdict.judged > 0
     assert "groups with joints" in verdict.unjudged[0].why
+    balance = carom.audit.check(run)["energy balance"]
+    assert (balance.word, len(balance.unjudged)) == ("ok", 1)
+    works = Path(shutil.copytree(run, tmp_path / "works"))
+    with h5py.File(works / "results.h5", "r+") as file:
+        row = int(np.flatnonzero(file["contacts/body"][:, 0] == 0)[0])
+        file["contacts/work_normal"][row] *= 1.01
+    assert carom.audit.check(works)["energy balance"].word == "violated"
     run = Path(shutil.copytree(run, tmp_path / "copy"))
     with h5py.File(run / "results.h5", "r+") as file:  # the law of the free ball is told apart from rounding
         row = int(np.flatnonzero(file["impacts/body"][:, 0] == 0)[0])
