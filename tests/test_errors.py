@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import carom
@@ -94,24 +91,13 @@ def test_a_call_names_place_cause_and_cure(cause: str) -> None:
     assert place in f"{problem.where} {problem.key}"
 
 
-@contextmanager
-def as_nobody() -> Iterator[Path]:
-    """A folder, and for its time a user who is not root, who may read every file."""
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder).chmod(0o777)
-        user = os.geteuid()
-        os.seteuid(user or 65534)
-        try:
-            yield Path(folder)
-        finally:
-            os.seteuid(user)
-
-
 @pytest.mark.parametrize("cause", FILES)
-def test_a_file_that_cannot_be_read(cause: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_cannot_be_read(cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if cause == "may not be read" and os.geteuid() == 0:
+        pytest.skip("root reads every file")
     monkeypatch.setattr(load, "MOST_BYTES", 100 if "larger" in cause else 10**6)
-    with as_nobody() as folder, pytest.raises(ScenarioError) as caught:
-        FILES[cause](folder)
+    with pytest.raises(ScenarioError) as caught:
+        FILES[cause](tmp_path)
     (problem,) = caught.value.problems
     assert any(m.matches(f"{problem.cause}; {problem.cure}") for m in meant(cause)), problem
     assert problem.where
