@@ -154,7 +154,7 @@ def recording(path: Path, repetitions: int, **options: Any) -> tuple[list[float]
     """
     import carom
     from carom import _core
-    from carom.run import CaromWarning
+    from carom.errors import CaromWarning
 
     scene = carom.Scene.from_toml(path).with_options(**options)
     steps = round(float(scene.run.until or 0.0) / scene.run.step)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from _solvers_programs import Call, Problem, Solver
+from carom.many.sheets import seconds
 from carom.problem import GlobalProblem
-from carom.sheets import seconds
 
 #: Widths of the columns: problem, contacts, a solver.
 NAME, COUNT, CELL = 42, 8, 18
@@ -206,9 +206,9 @@ class Report:
 
     def draw(self, folder: Path, name: str) -> str:
         """The profile of `auto` and of Siconos on problems of three rows; the name of the file, if there is one."""
-        from carom.plot.profile import performance
-        from carom.plot.style import legend, save, styled
         from carom.problem.profile import Profile
+        from carom.show.plot.profile import performance
+        from carom.show.plot.style import legend, save, styled
 
         mine = [v for v in self.of_problems().values() if v[0].rows_of_contact == 3]
         labels = [label for label in self.labels if all(any(e.label == label for e in v) for v in mine)]

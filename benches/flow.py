@@ -74,8 +74,9 @@ def request(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
 
 def carom_alone(path: str) -> None:
     """The run of Carom, in a process of its own."""
-    from carom import _core, summary
-    from carom.allocator import release_early
+    from carom import _core
+    from carom.run import summary
+    from carom.run.allocator import release_early
 
     ask = json.loads(Path(path).read_text())
     found, _ = model(**ask["scene"])

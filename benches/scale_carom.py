@@ -63,8 +63,9 @@ def with_start(found: dict[str, Any], start: Mapping[str, F64], side: float) -> 
 def run(ask: Mapping[str, Any]) -> dict[str, Any]:
     """One run; times are those of the core's steps alone."""
     from _measure import state_hash
-    from carom import _core, summary
-    from carom.allocator import release_early
+    from carom import _core
+    from carom.run import summary
+    from carom.run.allocator import release_early
 
     found, side = model(ask["grains"], ask["seed"], ask["options"])
     if ask.get("heap"):

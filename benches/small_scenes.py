@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import carom
 from carom.cli.examples import find
-from carom.run import CaromWarning
+from carom.errors import CaromWarning
 
 
 def main() -> None:

@@ -19,8 +19,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from carom.view import write_html
-from carom.view.browser import Browser, find_browser
+from carom.show.viewer import write_html
+from carom.show.viewer.browser import Browser, find_browser
 
 AIM_MS = 8.0
 RADIUS, RATE, SPIN = 0.01, 3.0, 10.0  # m, rad/s, rad/s

@@ -2,7 +2,7 @@
 the tests provoke them.
 
 A message is written where the mistake is found, as a cause and a cure; this module reads those places in the source of
-`carom.scenario`, `carom.problem` and `carom solve`. `python tests/error_catalogue.py` writes the lists of the page anew.
+`carom.scene`, `carom.problem` and `carom solve`. `python tests/error_catalogue.py` writes the lists of the page anew.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "reference" / "errors.md"
 PACKAGE = ROOT / "python" / "carom"
+SCENE = (".", "assembly", "builders", "checks", "tables", "toml")
 #: Calls that state a message, with the place of the cause among their arguments.
 CALLS = {"Finding": 1, "refuse": 0, "wrong": 0, "Problem": 2, "formulas.refuse": 1, "self.refuse": 1}
 #: The same about contact problems.
@@ -40,7 +41,7 @@ def _pattern(text: str) -> re.Pattern[str]:
 
 def messages() -> list[Message]:
     """Every message of the scenario format whose cause is written down in the source, sorted."""
-    found = _stated(sorted((PACKAGE / "scenario").glob("*.py")), CALLS)
+    found = _stated([f for part in SCENE for f in sorted((PACKAGE / "scene" / part).glob("*.py"))], CALLS)
     # More than what is found out elsewhere.
     return sorted(m for m in found if re.search(r"[a-z]{3}", m.cause))
 

@@ -11,8 +11,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.record.layout import TABLES
-from carom.sinks import Progress
+from carom.result.record.layout import TABLES
+from carom.run.sinks import Progress
 
 
 def everything(run: Path) -> dict[str, Any]:

@@ -319,19 +319,19 @@ class Scene:
 
 
 def install(patch: Any = None) -> None:
-    """Take the place of the compiled core and of `carom.scene`: for one test (`monkeypatch`), or for good."""
+    """Take the place of the compiled core and of `carom.scene.scene`: for one test (`monkeypatch`), or for good."""
     import carom
 
     this = sys.modules[__name__]
-    scene = ModuleType("carom.scene")
+    scene = ModuleType("carom.scene.scene")
     scene.Scene = Scene  # type: ignore[attr-defined]
     if patch is None:
-        sys.modules.update({"carom.scene": scene, "carom._core": this})
+        sys.modules.update({"carom.scene.scene": scene, "carom._core": this})
         carom._core = this  # type: ignore[attr-defined]
         return
-    patch.setitem(sys.modules, "carom.scene", scene)
+    patch.setitem(sys.modules, "carom.scene.scene", scene)
     patch.setitem(sys.modules, "carom._core", this)
-    from carom import summary
+    from carom.run import summary
 
     patch.setattr(summary, "versions", summary.versions.__wrapped__)  # they are asked once
     patch.setattr(carom, "_core", this, raising=False)

@@ -28,10 +28,10 @@ import carom
 import h5py
 import kill_scenes
 import numpy as np
-from carom import checkpoint
 from carom.errors import CaromError
-from carom.record import Segments
-from carom.rundir import RunDir
+from carom.result.directory import RunDir
+from carom.result.record import Segments
+from carom.run import checkpoint
 from kill_process import Forked
 from numpy.typing import NDArray
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from carom.record import Writer, blank
-from carom.rundir import RunDir
+from carom.result.directory import RunDir
+from carom.result.record import Writer, blank
 
 CHUNK_ROWS = 64
 BALLS = 3

@@ -10,7 +10,9 @@ import tempfile
 from pathlib import Path
 
 _CONTEXT = multiprocessing.get_context("forkserver")
-_CONTEXT.set_forkserver_preload(["kill_process", "carom.cli", "carom.run", "carom.scene", "pytest"])
+_CONTEXT.set_forkserver_preload(
+    ["kill_process", "carom.cli", "carom.run.simulate", "carom.scene.scene", "pytest"]
+)
 
 
 class Forked:

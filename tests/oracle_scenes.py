@@ -11,7 +11,7 @@ from carom.reference.contact import Impulse, gap_and_normal
 from carom.reference.joint import JointsAt, rates, read_joints
 from carom.reference.model import Model, State
 from carom.reference.pose import Pose, rotation_increment, rotation_matrices
-from carom.scenario.options import MOST_PROBLEMS
+from carom.scene.tables.options import MOST_PROBLEMS
 from joint_scenes import drag, held, locked, polynomial, push, rod, spring
 
 LAWS = ("sequence", "sequence", "sequence-paper", "one-shot")

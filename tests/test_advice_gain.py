@@ -11,9 +11,9 @@ import carom
 import numpy as np
 import pytest
 from carom.cli.summary import text
-from carom.gained import RISE_PILE, gained, unsettled
-from carom.run import CaromWarning
-from carom.scenario.gain_advice import Gain, Side, _compliance, largest_gain
+from carom.errors import CaromWarning
+from carom.result.gained import RISE_PILE, gained, unsettled
+from carom.scene.checks.energy_gain import Gain, Side, _compliance, largest_gain
 from typer.testing import CliRunner
 
 SPIN = 2.5  # m r^2/I of a homogeneous ball

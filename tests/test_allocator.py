@@ -7,13 +7,13 @@ import subprocess
 import sys
 
 import pytest
-from carom.allocator import MANY, release_early
+from carom.run.allocator import MANY, release_early
 
 #: Resident memory (B) that stays of seven freed arrays of 20 MB below one that is kept, with so many balls.
 STAYS = """
 import sys
 import numpy as np
-from carom.allocator import release_early
+from carom.run.allocator import release_early
 
 def resident():
     with open("/proc/self/statm") as file:

@@ -14,8 +14,8 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from carom.drive import identify
-from carom.record.layout import Rows
+from carom.result.record.layout import Rows
+from carom.run.loop import identify
 
 SCENARIOS = Path(carom.__file__).parent / "scenarios"
 

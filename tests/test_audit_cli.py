@@ -16,7 +16,7 @@ from carom.audit.data import Run
 from carom.audit.formula import law
 from carom.audit.rerun import rerun
 from carom.cli.app import app
-from carom.scenario.laws import value_at
+from carom.scene.tables.laws import value_at
 from typer.testing import CliRunner
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import tomli_w
 from carom.errors import ScenarioError
-from carom.scene import Scene
+from carom.scene.scene import Scene
 from carom.units import UnitError, parse
 from hypothesis import given
 from hypothesis import strategies as st

@@ -7,14 +7,14 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
-from carom.batching import Runner
 from carom.errors import CaromError, ScenarioError
+from carom.many.threads import Runner
 
 ROOT = Path(__file__).parent.parent
 BREAK = ROOT / "scenarios" / "paper" / "5.6_break.toml"
 STATE = ("position", "orientation", "velocity", "angular_velocity")
 
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
 
 def pair(until: float = 0.05) -> carom.Scene:

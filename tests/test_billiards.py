@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from billiards_values import BALL, IDEAL, G, laws
 from carom import billiards, events
-from carom.billiards import LAWS, TABLES, cue_impulse, strike, table
+from carom.billiards import LAWS, TABLES, cue_impulse, strike
 from carom.errors import CaromError
+from carom.scene.billiards import table
 
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
 
 # --- the cue ---------------------------------------------------------------------------------------------------------
@@ -184,7 +185,7 @@ def test_wrong_strikes_are_told() -> None:
     ):
         with pytest.raises(CaromError, match=said):
             strike(cue, **keys)  # type: ignore[arg-type]
-    with pytest.warns(carom.run.CaromWarning, match="miscue"):
+    with pytest.warns(carom.CaromWarning, match="miscue"):
         strike(cue, speed=1.0, height=0.6)
     with pytest.raises(CaromError, match="moves already"):
         strike(cue, speed=1.0)

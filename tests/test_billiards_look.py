@@ -14,21 +14,21 @@ import carom
 import numpy as np
 import pytest
 from carom import billiards
-from carom.billiards.look import COLOURS, IVORY, PLAIN, POOL, ball_looks
-from carom.billiards.marked import table_of
-from carom.billiards.shape import Shape
-from carom.billiards.solid import SURFACES, Part, parts
-from carom.billiards.walls import noses
 from carom.errors import ScenarioError
 from carom.export.frames import Selection
-from carom.film.look import Look
-from carom.scene import Scene
-from carom.view import codec, write_html
-from carom.view.browser import Browser, find_browser
+from carom.scene.billiards.look import COLOURS, IVORY, PLAIN, POOL, ball_looks
+from carom.scene.billiards.marked import table_of
+from carom.scene.billiards.shape import Shape
+from carom.scene.billiards.solid import SURFACES, Part, parts
+from carom.scene.billiards.walls import noses
+from carom.scene.scene import Scene
+from carom.show.film.look import Look
+from carom.show.viewer import codec, write_html
+from carom.show.viewer.browser import Browser, find_browser
 from test_view_page import Page
 from view_scenes import billiard
 
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
 KINDS = sorted(billiards.TABLES)
 ODD: list[dict[str, Any]] = [
@@ -289,7 +289,7 @@ def test_walls_besides_the_table_stay_and_other_tables_are_drawn_as_before(tmp_p
 @pytest.fixture
 def drawing() -> None:
     pytest.importorskip("vtkmodules.vtkRenderingOpenGL2", reason="the extra [video] is not installed")
-    from carom.film import window
+    from carom.show.film import window
 
     try:
         window._usable()
@@ -298,7 +298,7 @@ def drawing() -> None:
 
 
 def picture(result: carom.Result, **options: Any) -> np.ndarray:
-    from carom.film.shoot import pictures
+    from carom.show.film.shoot import pictures
 
     given = {"width": 640, "height": 360, "stamp": False, "at": 0.0, **options}
     [found] = pictures(Selection.of(result), Look.of("png", given))

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from billiards_values import IDEAL
 from carom import billiards, events
-from carom.billiards import LAWS, rack_places, strike, table
-from carom.billiards.racks import numbers_of, rows_of
+from carom.billiards import LAWS, rack_places, strike
 from carom.errors import CaromError
+from carom.scene.billiards import table
+from carom.scene.billiards.racks import numbers_of, rows_of
 
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
 
 # --- racks --------------------------------------------------------------------------------------------------------------
@@ -38,8 +39,8 @@ def test_racks_of_every_size_are_tight_and_do_not_overlap(balls: int) -> None:
 
 
 def test_full_racks_are_those_of_the_format() -> None:
-    from carom.scenario.balls import Rack
-    from carom.scenario.bodies import rack_centres
+    from carom.scene.assembly.bodies import rack_centres
+    from carom.scene.tables.balls import Rack
 
     for balls, shape in ((15, "triangle"), (10, "triangle"), (9, "diamond")):
         rack = Rack(

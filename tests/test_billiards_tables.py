@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from billiards_values import G, laws
 from carom import events
-from carom.billiards import TABLES, strike, table
-from carom.billiards.data import SNOOKER
-from carom.billiards.walls import outlets
+from carom.billiards import TABLES, strike
 from carom.errors import CaromError, ScenarioError
+from carom.scene.billiards import table
+from carom.scene.billiards.data import SNOOKER
+from carom.scene.billiards.walls import outlets
 
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
 
 # --- tables -------------------------------------------------------------------------------------------------------------

@@ -16,9 +16,9 @@ import carom
 import kill_scenes
 import numpy as np
 import pytest
-from carom import checkpoint
 from carom.errors import CaromError, ScenarioError
-from carom.sinks import Cadence
+from carom.run import checkpoint
+from carom.run.sinks import Cadence
 from kill_harness import differences, recorded
 
 
@@ -163,7 +163,7 @@ CUTS = {
 }
 
 
-@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 @pytest.mark.parametrize(
     "name",
     # Those left to the long tier are continued in two parts by test_kill.py all the same.

@@ -20,8 +20,8 @@ from carom.cli import main
 from carom.cli.options import settings
 from carom.cli.output import seconds
 from carom.cli.progress import facts
-from carom.demo import Row, as_table
-from carom.sinks import Progress
+from carom.reproduce.demo import Row, as_table
+from carom.run.sinks import Progress
 
 COMMANDS = ["demo", "run", "resume", "check", "plot", "view", "info", "schema", "doctor", "cite"]
 COMMANDS += ["compare", "converge", "reproduce", "solve", "examples list", "examples copy"]
@@ -427,7 +427,7 @@ def test_cite() -> None:
 
 def test_what_is_cited_is_what_a_scene_uses() -> None:
     from carom._core import choices
-    from carom.citing import FORCE_LAWS, SOURCES, sources
+    from carom.reproduce.citations import FORCE_LAWS, SOURCES, sources
 
     assert set(FORCE_LAWS) == set(choices()["penalty_law"])
     spring = carom.example("three_balls").with_options(method="penalty", penalty_law="flores")

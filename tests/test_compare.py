@@ -8,7 +8,7 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
-from carom.comparison import default_methods, method_options
+from carom.many.compare import default_methods, method_options
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"

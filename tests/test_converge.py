@@ -10,9 +10,9 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.convergence import error_of, order_of
-from carom.quantity import Quantity
-from carom.scene import Scene
+from carom.many.order import error_of, order_of
+from carom.many.quantity import Quantity
+from carom.scene.scene import Scene
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -345,7 +345,7 @@ def test_command_says_which_run_stopped() -> None:
     ],
 )
 def test_doubtful_orders_are_said_to_be(errors: list[float], told: str | None) -> None:
-    from carom.convergence import doubts
+    from carom.many.order import doubts
 
     found = doubts("velocity", [4e-3, 2e-3, 1e-3], errors)
     assert len(found) == (0 if told is None else 1)

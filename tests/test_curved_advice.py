@@ -10,8 +10,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.remarks import remarks
-from carom.run import CaromWarning
+from carom.errors import CaromWarning
+from carom.result.remarks import remarks
 
 SCENES = Path(__file__).parent / "data" / "wrong_cases"
 RADIUS = 0.02

@@ -9,8 +9,8 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
-from carom.cut_short import MORE, cut_short
-from carom.run import CaromWarning
+from carom.errors import CaromWarning
+from carom.result.cut_short import MORE, cut_short
 from typer.testing import CliRunner
 
 #: With so few problems the blow comes to rest among the balls of the cradle.
@@ -55,7 +55,7 @@ def test_a_long_cradle_is_not_cut_by_default(count: int) -> None:
     assert np.abs(last[:-1]).max() < 1e-9
 
 
-@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 def test_a_ball_that_falls_on_a_column_leaves_it() -> None:
     """Without losses the blow runs down the column and up again; cut after 50 problems it left 7 % of the speed."""
     r = 0.01

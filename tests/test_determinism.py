@@ -21,9 +21,10 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom import drive, sinks
 from carom.cli.examples import find
-from carom.record.layout import EVENTS, TABLES
+from carom.result.record.layout import EVENTS, TABLES
+from carom.run import loop as drive
+from carom.run import sinks
 from physics_scenes import R, balls
 from trials import Trials
 

@@ -11,8 +11,8 @@ import error_catalogue
 import pytest
 from carom.errors import Problem, ScenarioError
 from carom.problem import ContactProblemError
-from carom.scenario import load
-from carom.scene import Scene
+from carom.scene.scene import Scene
+from carom.scene.toml import load
 from error_cases import CALLED, PIECES
 from error_catalogue import Message, messages
 from problem_error_cases import PROBLEMS

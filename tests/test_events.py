@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from carom import events
 from carom.errors import CaromError
-from carom.record import Column
+from carom.result.record import Column
 
 R, G, MU = 0.028575, 9.8, 0.2
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
 
 def shot(speed: float = 2.0, spin: float = 0.0, rho: float = 0.0, **run: float | str) -> carom.Scene:

@@ -17,7 +17,7 @@ import pytest
 from carom.cli.app import app
 from carom.errors import CaromError
 from carom.export import FORMATS
-from carom.export.whole import whole_file, whole_folder
+from carom.export.atomic import whole_file, whole_folder
 from typer.testing import CliRunner
 from vtk_files import arrays, steps_of
 
@@ -119,7 +119,7 @@ def test_frames_are_written_many_at_a_time(
 ) -> None:
     """To read contacts frame by frame took most of 50 s for 3001 frames."""
     from carom.export import frames, glyphs
-    from carom.tables import Table
+    from carom.result.tables import Table
 
     reads: list[str] = []
     read = Table.__getitem__
@@ -466,7 +466,7 @@ class TestCommand:
         with h5py.File(run / "export" / "balls.vtkhdf") as file:
             assert file["VTKHDF/Steps/Values"][()].tolist() == list(column.time)
         assert {f.suffix for f in files} == {".vtkhdf", ".csv"}
-        from carom.rundir import RunDir
+        from carom.result.directory import RunDir
 
         with RunDir.create(run, force=True).writing():  # a new run leaves no export of the old one
             assert not (run / "export" / "balls.vtkhdf").exists()

@@ -15,9 +15,9 @@ import pytest
 from carom.cli.app import app
 from carom.errors import CaromError
 from carom.export.frames import Selection
-from carom.film import camera
-from carom.film.look import CAMERAS, Look
-from carom.film.playback import Playback, natural_speed, turned
+from carom.show.film import camera
+from carom.show.film.look import CAMERAS, Look
+from carom.show.film.playback import Playback, natural_speed, turned
 from typer.testing import CliRunner
 
 R, SPEED, SPIN = 0.03, 0.5, 40.0
@@ -189,7 +189,7 @@ def test_names_the_extra_that_is_missing(
 
 
 def test_without_opengl_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from carom.film import window
+    from carom.show.film import window
 
     monkeypatch.setattr(window, "vtk", lambda module: None)
     monkeypatch.setattr(window, "TRIAL", "import os; os.abort()  # {name}")  # VTK does not raise, it crashes
@@ -211,7 +211,7 @@ def test_the_command_refuses_options_of_films_for_tables(flight: carom.Result, t
 def drawing() -> None:
     pytest.importorskip("vtkmodules.vtkRenderingOpenGL2", reason="the extra [video] is not installed")
     pytest.importorskip("imageio_ffmpeg", reason="the extra [video] is not installed")
-    from carom.film import window
+    from carom.show.film import window
 
     try:
         window._usable()
@@ -223,7 +223,7 @@ SMALL: dict[str, Any] = {"width": 320, "height": 240, "stamp": False, "speed": 1
 
 
 def shot(result: carom.Result, at: float, **options: Any) -> Any:
-    from carom.film.shoot import pictures
+    from carom.show.film.shoot import pictures
 
     [picture] = pictures(Selection.of(result), Look.of("png", {**SMALL, "at": at, **options}))
     return picture.astype(int)
@@ -236,7 +236,7 @@ def blue(picture: Any) -> Any:
 
 def test_from_above_the_long_axis_runs_to_the_right_whichever_is_up() -> None:
     """As in the viewer; where y is up and z long, z once ran to the left."""
-    from carom.film.camera import whole
+    from carom.show.film.camera import whole
 
     for up, low, high in (
         ("y", (0, 0, 0), (1, 0.1, 3)),
@@ -320,7 +320,7 @@ class TestPictures:
 
 def probed(path: Path) -> tuple[int, tuple[int, int]]:
     """Frames and size of a film, by ffmpeg."""
-    from carom.film.encode import ffmpeg
+    from carom.show.film.encode import ffmpeg
 
     command = [ffmpeg(), "-i", str(path), "-map", "0:v:0", "-f", "null", "-"]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stderr
@@ -374,7 +374,7 @@ class TestFiles:
     def test_what_ffmpeg_says_is_told(
         self, flight: carom.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from carom.film import encode
+        from carom.show.film import encode
 
         monkeypatch.setattr(encode, "H264", ["-c:v", "nonsense", "-f", "mp4"])
         with pytest.raises(CaromError, match=r"cannot write .*film.mp4.*: ffmpeg: "):
@@ -399,7 +399,7 @@ class TestFiles:
         assert json.loads(done.stdout)["files"] == [str(tmp_path / "still-0.5s.png")]
 
     def test_a_new_run_leaves_no_film_of_the_old_one(self, flight: carom.Result, tmp_path: Path) -> None:
-        from carom.rundir import RunDir
+        from carom.result.directory import RunDir
 
         copy = flight.save(tmp_path / "copy")
         copy.export(None, "png", fps=2, **SMALL)

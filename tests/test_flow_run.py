@@ -11,9 +11,9 @@ import h5py
 import numpy as np
 import pytest
 from carom.cli.summary import text
-from carom.run import CaromWarning
-from carom.scene import Scene
-from carom.shut_out import shut_out
+from carom.errors import CaromWarning
+from carom.result.shut_out import shut_out
+from carom.scene.scene import Scene
 
 R = 0.009
 RATE = 60.0

@@ -135,7 +135,7 @@ def test_results_elsewhere_may_be_read_through_a_link(run: Path, tmp_path: Path)
 
 @pytest.mark.parametrize("folder", ["parts", "runs"])
 def test_a_study_stays_in_its_folder(folder: str, tmp_path: Path, victim: Path) -> None:
-    from carom.sweeps.folder import Folder
+    from carom.many.sweep.folder import Folder
 
     study = tmp_path / "study"
     (study / "parts").mkdir(parents=True)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from carom.errors import CaromError
-from carom.record import Segments
+from carom.result.record import Segments
 from trials import Trials
 
 from fuzz import campaign, material

@@ -10,9 +10,9 @@ import pytest
 from carom import granular
 from carom.errors import CaromError
 from carom.granular import Ball, Box, Contacts, Cylinder, Snapshot, cells, layers
-from carom.granular.contact import components
-from carom.granular.cut import WHOLE, cap, corner, edge
-from carom.packing.neighbours import pairs
+from carom.measure.granular.contact import components
+from carom.measure.granular.cut import WHOLE, cap, corner, edge
+from carom.scene.packing.neighbours import pairs
 
 CUBE = Box((0, 0, 0), (1, 1, 1))
 RANDOM = np.random.default_rng(2024)

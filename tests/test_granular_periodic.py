@@ -12,8 +12,8 @@ import pytest
 from carom import granular
 from carom.errors import CaromError
 from carom.granular import Ball, Box, Contacts, Cylinder, Snapshot
-from carom.granular.nearest import middle
-from carom.packing.neighbours import pairs, separation
+from carom.measure.granular.nearest import middle
+from carom.scene.packing.neighbours import pairs, separation
 
 PERIOD = np.array([1.0, 1.2, 0.0])
 WORLD = Box((0, 0, 0), (1.0, 1.2, 0.9))
@@ -154,7 +154,7 @@ def test_a_row_of_balls_between_weights_of_a_run() -> None:
 
 def test_the_live_view_shows_balls_of_a_periodic_world_within_it() -> None:
     """They had rolled out of the picture; films and pages bring them back."""
-    from carom.view.live import Live
+    from carom.show.viewer.live import Live
 
     scene = carom.Scene("away", periodic=(0.1, 0, 0), origin=(-0.05, 0, 0), run={"until": 0.01, "step": 1e-3})
     scene.sphere("b", radius=0.01, mass=0.1, position=(7.23, 3.0, 1.0), velocity=(0.1, 0, 0), material="m")

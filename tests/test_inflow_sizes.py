@@ -11,7 +11,7 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from carom.scenario.flow import Inflow
+from carom.scene.tables.flow import Inflow
 
 MANY = 20_000
 LOW, HIGH = 0.006, 0.014
@@ -127,8 +127,8 @@ def test_the_largest_ball_must_have_room_where_they_enter() -> None:
 
 
 def test_its_keys_of_sizes_are_those_of_packings() -> None:
-    from carom.scenario.packing import Packing
-    from carom.scenario.sizes import Sized
+    from carom.scene.tables.packing import Packing
+    from carom.scene.tables.sizes import Sized
 
     for name in Sized.model_fields:
         assert Inflow.model_fields[name].description == Packing.model_fields[name].description

@@ -9,8 +9,8 @@ import jsonschema
 import numpy as np
 import pytest
 from carom.errors import ScenarioError
-from carom.scenario.schema import json_schema
-from carom.scene import Scene
+from carom.scene.scene import Scene
+from carom.scene.toml.schema import json_schema
 from hypothesis import given
 from hypothesis import strategies as st
 from joint_format_scenes import TURNED, R, X, Y, Z, all_types, balls, unit_quaternion

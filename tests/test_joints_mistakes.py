@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from carom.errors import ScenarioError
-from carom.scene import Scene
+from carom.scene.scene import Scene
 from joint_format_scenes import R, balls
 
 HEAD = """\

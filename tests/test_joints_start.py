@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from carom.errors import ScenarioError
-from carom.scene import Scene
+from carom.scene.scene import Scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from joint_format_scenes import TURNED, X, Z, balls, unit_quaternion, vectors

@@ -8,8 +8,9 @@ import kill_harness
 import kill_scenes
 import numpy as np
 import pytest
-from carom import _core, checkpoint
-from carom.rundir import RunDir
+from carom import _core
+from carom.result.directory import RunDir
+from carom.run import checkpoint
 from trials import Trials
 
 SURVIVED = "runs continued bit for bit after kills at random moments"

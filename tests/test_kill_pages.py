@@ -20,9 +20,9 @@ import kill_long_columns
 import kill_scenes
 import numpy as np
 import pytest
-from carom.record import Segments, blank
-from carom.record.layout import TABLES
-from carom.rundir import RunDir
+from carom.result.directory import RunDir
+from carom.result.record import Segments, blank
+from carom.result.record.layout import TABLES
 from kill_long_columns import CHUNK_ROWS
 
 PROGRAM = Path(kill_long_columns.__file__)
@@ -111,7 +111,7 @@ def test_a_run_over_many_segments_is_the_same_run(tmp_path: Path, monkeypatch: p
     carom.simulate(scene, out=tmp_path / "whole")
     monkeypatch.setattr(blank, "MAX_CHUNK_ROWS", 64)
     monkeypatch.setattr(blank, "MAX_CHUNKS", 4)
-    monkeypatch.setattr("carom.record.writer.BATCH_SECONDS", 0.0)
+    monkeypatch.setattr("carom.result.record.writer.BATCH_SECONDS", 0.0)
     run = tmp_path / "run"
     fake_runs.interrupted(scene, run, 1000)
     first = RunDir(run).segments()

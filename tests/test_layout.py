@@ -13,7 +13,7 @@ import termios
 from pathlib import Path
 
 import pytest
-from carom.layout import TIE, table
+from carom.text import TIE, table
 from test_cli import cli
 
 ROWS = [

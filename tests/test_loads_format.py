@@ -10,14 +10,14 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from carom import changes
-from carom.drive import identify
 from carom.errors import CaromError, ScenarioError
-from carom.rundir import RunDir
-from carom.scenario.laws import slope_at_start, value_at
-from carom.scenario.literal import literal
-from carom.scenario.schema import json_schema
-from carom.scene import Scene
+from carom.result.directory import RunDir
+from carom.run import changes
+from carom.run.loop import identify
+from carom.scene.scene import Scene
+from carom.scene.tables.laws import slope_at_start, value_at
+from carom.scene.toml.literal import literal
+from carom.scene.toml.schema import json_schema
 from hypothesis import given
 from hypothesis import strategies as st
 

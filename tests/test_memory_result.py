@@ -10,10 +10,11 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom import Result, Scene, drive
+from carom import Result, Scene
 from carom.cli.examples import find
-from carom.record.layout import EVENTS, TABLES
-from carom.record.problem import FAILING
+from carom.result.record.layout import EVENTS, TABLES
+from carom.run import loop as drive
+from carom.run.problems import FAILING
 
 #: Scenes of balls, walls that move, balls that come and go, joints and contacts in every frame.
 NAMES = ["three_balls", "newtons_cradle", "slide_to_roll", "nine_ball_break", "hopper_slot", "rotating_drum"]

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from carom import _core
 from carom.cli import main
-from carom.run import CaromWarning
-from carom.scene import Scene
+from carom.errors import CaromWarning
+from carom.scene.scene import Scene
 
 H = 1e-3
 

@@ -30,7 +30,7 @@ def test_one_version_everywhere() -> None:
 
 
 def test_the_file_to_cite_by_names_the_works_that_the_command_names() -> None:
-    from carom.citing import SOURCES
+    from carom.reproduce.citations import SOURCES
 
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     named = re.findall(

@@ -24,9 +24,9 @@ from carom.packing import (
     draw,
     pack,
 )
-from carom.packing.neighbours import pairs, separation
-from carom.packing.numbers import cbrt, exp, log, normal_quantile
-from carom.scenario.bodies import uniform
+from carom.scene.assembly.bodies import uniform
+from carom.scene.packing.neighbours import pairs, separation
+from carom.scene.packing.numbers import cbrt, exp, log, normal_quantile
 from hypothesis import given
 from hypothesis import strategies as st
 

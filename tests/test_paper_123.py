@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from carom.paper.analytic import impact, single_collision, slip_error, table_motion, throw
-from carom.paper.analytic.sphere_pair import SpherePair
-from carom.paper.document import Context
+from carom.reproduce.analytic import impact, single_collision, slip_error, table_motion, throw
+from carom.reproduce.analytic.sphere_pair import SpherePair
+from carom.reproduce.document import Context
 
 R, MASS = 0.028575, 0.17
 
@@ -326,7 +326,7 @@ FIGURES = {
 
 @cache
 def reproduced(module):
-    example = importlib.import_module(f"carom.paper.examples.{module}")
+    example = importlib.import_module(f"carom.reproduce.examples.{module}")
     return example.reproduce(Context(quick=True))
 
 

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 from carom import CaromError, Scene
-from carom.paper import study
-from carom.paper.analytic.approach import Approach
-from carom.paper.analytic.bernoulli import Bernoulli
-from carom.paper.analytic.break_shot import impact_of
-from carom.paper.analytic.generalized_alpha import GeneralizedAlpha, radius_of, scaled
-from carom.paper.analytic.line import LineHit, solved
-from carom.paper.document import Context, Example
-from carom.paper.examples import NAMES, s54, s54_impact, s54_study, s55, s56, s56_rows, s56_study
-from carom.paper.memory import timed, trace
+from carom.reproduce import study
+from carom.reproduce.analytic.approach import Approach
+from carom.reproduce.analytic.bernoulli import Bernoulli
+from carom.reproduce.analytic.break_shot import impact_of
+from carom.reproduce.analytic.generalized_alpha import GeneralizedAlpha, radius_of, scaled
+from carom.reproduce.analytic.line import LineHit, solved
+from carom.reproduce.document import Context, Example
+from carom.reproduce.examples import NAMES, s54, s54_impact, s54_study, s55, s56, s56_rows, s56_study
+from carom.reproduce.memory import timed, trace
 
 EXAMPLES = ("5.4", "5.5", "5.6", "A")
 #: Figures of the paper; what an example adds of its own comes on top.
@@ -33,7 +33,7 @@ FIGURES = {
 
 @cache
 def reproduced(example: str) -> Example:
-    module = importlib.import_module(f"carom.paper.examples.{NAMES[example]}")
+    module = importlib.import_module(f"carom.reproduce.examples.{NAMES[example]}")
     return module.reproduce(Context(quick=True))  # type: ignore[no-any-return]
 
 
@@ -249,7 +249,7 @@ def test_a_trace_keeps_states_and_reports() -> None:
 
 def test_residual_histories_go_on_over_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = trace(s54_study.scene("frictional"), until=0.34)
-    monkeypatch.setattr("carom.drive.BLOCK_STEPS", 7)
+    monkeypatch.setattr("carom.run.loop.BLOCK_STEPS", 7)
     pieces = trace(s54_study.scene("frictional"), until=0.34)
     for step in (1, 284, 329):
         for a, b in zip(whole.histories(step, "position"), pieces.histories(step, "position"), strict=True):

@@ -15,9 +15,9 @@ import pytest
 from carom import ScenarioError, Scene, _core
 from carom.cli import main
 from carom.cli.run import run_name
-from carom.scenario.lines import LineMap
-from carom.scenario.load import cases
-from carom.scenario.schema import json_schema
+from carom.scene.toml.lines import LineMap
+from carom.scene.toml.load import cases
+from carom.scene.toml.schema import json_schema
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from carom import _core
 from carom.cli.examples import find
-from carom.record.layout import TABLES
+from carom.result.record.layout import TABLES
 
 R, MASS, G = 0.03, 0.2, 9.81
 
@@ -162,7 +162,9 @@ def test_a_run_in_parts_is_the_run_in_one(friction: str, breaks: carom.Scene, tm
     within = 0
     for until in (0.1143, 0.1144, 0.1145, 0.1172):
         carom.resume(tmp_path / "parts", until=until)
-        [state] = [carom.checkpoint.load(p).state for p in carom.checkpoint.found(tmp_path / "parts")[:1]]
+        [state] = [
+            carom.run.checkpoint.load(p).state for p in carom.run.checkpoint.found(tmp_path / "parts")[:1]
+        ]
         within += len(state["touch_key"]) > 4
     assert within > 0
     assert everything(tmp_path / "whole") == everything(tmp_path / "parts")

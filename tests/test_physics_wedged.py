@@ -13,7 +13,7 @@ from physics_scenes import below
 FOLDER = Path(__file__).parent / "data" / "wedged"
 
 
-@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 @pytest.mark.parametrize("level", ["position", "velocity"])
 def test_balls_that_wedge_one_another_go_on_with_less_friction(level: str) -> None:
     """States of falling towers (5 and 7 balls) of which no part of a step had a solution that the solvers found."""
@@ -33,7 +33,7 @@ def test_balls_that_wedge_one_another_go_on_with_less_friction(level: str) -> No
         assert as_it_is.summary["unconverged"] > 0
 
 
-@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 def test_no_ball_stays_where_it_is_while_its_velocity_grows() -> None:
     """Five of eleven balls fall with 0.9 m/s, and friction held them at the position level alone: the kinetic energy grew by
     the weight's power in every step, to eight times all that there was."""
@@ -49,7 +49,7 @@ def test_no_ball_stays_where_it_is_while_its_velocity_grows() -> None:
     assert carom.audit.check(result).ok
 
 
-@pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 def test_a_pile_that_another_solver_ends_has_frames_of_its_own() -> None:
     """Pairs that join in a second round are solved with those of the first: what a pile wrote of its frames is no start."""
     result = carom.simulate(FOLDER / "frame.toml", every=1, contacts=True, impacts="every")

@@ -16,9 +16,9 @@ pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
 
 from carom.cli.examples import find
 from carom.errors import CaromError
-from carom.plot import KINDS
-from carom.plot.solver import hardest_step, quadratic
-from carom.plot.style import COLOURS
+from carom.show.plot import KINDS
+from carom.show.plot.solver import hardest_step, quadratic
+from carom.show.plot.style import COLOURS
 
 sys.path.insert(0, str(Path(__file__).parent))
 import fake_sim
@@ -236,7 +236,7 @@ def test_the_impact_sequence_of_the_break(result: carom.Result) -> None:
 def test_a_figure_for_one_column_is_that_wide_and_nothing_is_cut(
     result: carom.Result, tmp_path: Path
 ) -> None:
-    from carom.plot.style import column_width
+    from carom.show.plot.style import column_width
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     for kind in KINDS:
@@ -292,7 +292,7 @@ def test_heights_above_a_floor_that_moves_are_above_where_it_is() -> None:
 def test_of_a_crowd_the_balls_at_the_end_are_drawn_from_the_lowest_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from carom.plot import table
+    from carom.show.plot import table
 
     scene = carom.Scene("stack", gravity=(0, -9.8, 0), run={"until": 0.01})
     scene.contact("m", "m", friction=0.1, restitution=0.0)
@@ -328,7 +328,7 @@ def test_of_many_bodies_the_spread_is_the_same_however_few_frames_fit_the_memory
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Runs of very many bodies are read in blocks; all frames at once did not fit."""
-    from carom.plot import motion
+    from carom.show.plot import motion
 
     scene = carom.Scene("many", run={"until": 0.05, "step": 1e-3})
     scene.contact("m", "m", friction=0.1, restitution=0.0)

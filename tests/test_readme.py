@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from carom.cli import main
-from carom.view.browser import Browser, find_browser
+from carom.show.viewer.browser import Browser, find_browser
 from docs_pages import DOCS, ROOT
 from prose import LINE, first_screen, long_lines, long_sentences, sentences, words
 

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import pytest
 from carom.cli import main
-from carom.paper import runner
-from carom.paper.document import Context, Curve, Example, Figure, Row, to_json
-from carom.paper.figures import _look, draw
-from carom.paper.page import MARKS, anchor, number, table
+from carom.reproduce import runner
+from carom.reproduce.document import Context, Curve, Example, Figure, Row, to_json
+from carom.reproduce.figures import _look, draw
+from carom.reproduce.page import MARKS, anchor, number, table
 from paper_fakes import good
 
 ROOT = Path(__file__).parent.parent
@@ -285,7 +285,7 @@ def test_interrupted_it_leaves_the_old_reproduction_and_no_process(tmp_path: Pat
     out, begun = tmp_path / "r", tmp_path / "begun"
     program = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
-        "from carom.paper import runner; runner.MODULES = {'5.1': 'paper_fakes.' + sys.argv[2]}\n"
+        "from carom.reproduce import runner; runner.MODULES = {'5.1': 'paper_fakes.' + sys.argv[2]}\n"
         "from carom.cli import main; main(['reproduce', '--quick', '-o', sys.argv[3]])\n"
     )
     command = [sys.executable, "-c", program, str(ROOT / "tests")]
@@ -310,7 +310,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     begun = tmp_path / "begun"
     program = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
-        "from carom.paper import runner; runner.MODULES = {'5.1': 'paper_fakes.lasts'}\n"
+        "from carom.reproduce import runner; runner.MODULES = {'5.1': 'paper_fakes.lasts'}\n"
         "from carom.cli import main; main(['reproduce', '--quick', '-o', sys.argv[2]])\n"
     )
     command = [sys.executable, "-c", program, str(ROOT / "tests"), str(tmp_path / "r")]

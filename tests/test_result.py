@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pytest
 from carom.errors import CaromError
-from carom.record import Column, reader
+from carom.result.record import Column, reader
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -269,10 +269,3 @@ def test_public_names_are_found_and_others_are_not() -> None:
             assert callable(getattr(carom, name))
     with pytest.raises(AttributeError, match="no attribute 'simulte'"):
         _ = carom.simulte
-
-
-def test_the_page_on_results_has_the_tables_of_the_layout() -> None:
-    from carom.record import reference
-
-    page = reference.PAGE.read_text(encoding="utf-8")
-    assert page == reference.filled(page), "run: python -m carom.record.reference"

@@ -12,10 +12,10 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError
-from carom.frames import chosen_frames
+from carom.result.kinematics import chosen_frames
 
 ROOT = Path(__file__).parent.parent
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,10 @@ from typing import Any
 import carom
 import fake_sim
 import pytest
-from carom import checkpoint
 from carom.errors import CaromError
-from carom.record import Rows
-from carom.sinks import Progress
+from carom.result.record import Rows
+from carom.run import checkpoint
+from carom.run.sinks import Progress
 from fake_runs import everything, interrupted
 
 
@@ -37,7 +37,7 @@ def about(run: Path) -> dict[str, Any]:
 def test_an_interrupted_run_continues_bit_for_bit(
     scene: Any, tmp_path: Path, every: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("carom.sinks.BLOCK_BYTES", 40_000)  # small blocks
+    monkeypatch.setattr("carom.run.sinks.BLOCK_BYTES", 40_000)  # small blocks
     carom.simulate(scene, until=1.0, every=every, out=tmp_path / "whole")
     run = tmp_path / "run"
     interrupted(scene, run, 300, until=1.0, every=every)
@@ -57,7 +57,7 @@ def test_an_interrupted_run_continues_bit_for_bit(
 def test_a_segment_without_a_checkpoint_of_its_own_is_overruled(
     scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("carom.sinks.BLOCK_BYTES", 40_000)
+    monkeypatch.setattr("carom.run.sinks.BLOCK_BYTES", 40_000)
     carom.simulate(scene, until=1.0, out=tmp_path / "whole")
     run = tmp_path / "run"
     interrupted(scene, run, 300, until=1.0)
@@ -86,7 +86,7 @@ def stopped_with_two_checkpoints(scene: Any, run: Path) -> tuple[Path, Path]:
 
 @pytest.fixture
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("carom.sinks.BLOCK_BYTES", 40_000)
+    monkeypatch.setattr("carom.run.sinks.BLOCK_BYTES", 40_000)
 
 
 @pytest.mark.usefixtures("small_blocks")
@@ -184,7 +184,7 @@ def test_another_build_of_the_same_version_is_mentioned(
     monkeypatch.setattr(checkpoint, "build", lambda: "one")
     carom.simulate(scene, until=0.1, out=run)
     monkeypatch.setattr(checkpoint, "build", lambda: "two")
-    with pytest.warns(carom.run.CaromWarning, match="was built anew since the checkpoint was written"):
+    with pytest.warns(carom.CaromWarning, match="was built anew since the checkpoint was written"):
         carom.resume(run, until=0.2)
 
 
@@ -195,7 +195,7 @@ def test_without_any_checkpoint_the_run_begins_again(scene: Any, tmp_path: Path)
     for path in checkpoint.found(run):  # as if killed before the first
         path.unlink()
     with pytest.warns(
-        carom.run.CaromWarning, match=r"there is no checkpoint \(yet\); the run begins anew"
+        carom.CaromWarning, match=r"there is no checkpoint \(yet\); the run begins anew"
     ) as told:
         carom.resume(run, until=0.2)
     assert [Path(warning.filename).name for warning in told] == [
@@ -305,7 +305,7 @@ def test_a_change_that_was_announced_and_never_came_true_is_taken_back(
         def kill(*_: object) -> None:
             raise SystemExit
 
-        killed.setattr("carom.rundir.RunDir.write_scenario", kill)
+        killed.setattr("carom.result.directory.RunDir.write_scenario", kill)
         with pytest.raises(SystemExit):
             carom.resume(run, until=0.2, tolerance=1e-7)
     assert noted(run) == [(100, 1e-7)]

@@ -16,13 +16,12 @@ import fake_sim
 import h5py
 import numpy as np
 import pytest
-from carom import checkpoint
-from carom.drive import Plan, thinned
-from carom.errors import CaromError
-from carom.record import Rows, Segments, Writer
-from carom.run import CaromWarning
-from carom.rundir import RunDir
-from carom.sinks import Progress
+from carom.errors import CaromError, CaromWarning
+from carom.result.directory import RunDir
+from carom.result.record import Rows, Segments, Writer
+from carom.run import checkpoint
+from carom.run.loop import Plan, thinned
+from carom.run.sinks import Progress
 from fake_runs import everything
 from hypothesis import given
 from hypothesis import strategies as st

@@ -14,7 +14,7 @@ import carom
 import numpy as np
 import pytest
 from carom.cli.examples import find
-from carom.record.layout import TABLES
+from carom.result.record.layout import TABLES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -94,7 +94,9 @@ def test_stopped_by_a_signal(number: signal.Signals, tmp_path: Path) -> None:
     if number == signal.SIGKILL:
         assert kept.status == "running"
         assert not kept.is_being_written
-        with pytest.warns(carom.result.UnfinishedRun, match=f"run did not finish; {frames} frames readable"):
+        with pytest.warns(
+            carom.result.result.UnfinishedRun, match=f"run did not finish; {frames} frames readable"
+        ):
             carom.load(run)
     else:
         assert process.returncode == 130
@@ -150,7 +152,7 @@ def test_joint_impulses_with_names_and_without_joints(breaks: carom.Scene) -> No
     assert np.sum(held.joint_impulse[:, :, 2], axis=0) == pytest.approx([weight, weight], rel=1e-6)
 
 
-@pytest.mark.filterwarnings("error::carom.run.CaromWarning")
+@pytest.mark.filterwarnings("error::carom.CaromWarning")
 def test_the_summary_of_a_failed_run_says_so(
     breaks: carom.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,7 +160,7 @@ def test_the_summary_of_a_failed_run_says_so(
     from carom.cli import summary
     from carom.cli.summary import text
 
-    for module in (carom.run, summary):
+    for module in (carom.run.simulate, summary):
         monkeypatch.setattr(module, "remarks", lambda result: ["rebounds are too low"])
 
     hard = {"max_iterations": 1, "gauss_seidel_sweeps": 0, "max_halvings": 0, "tolerance": 1e-15}
@@ -189,9 +191,9 @@ def test_the_summary_of_a_failed_run_says_so(
     ],
 )
 def test_the_command_that_leads_on_sets_what_the_core_advises_first(advice: str, option: str | None) -> None:
-    from carom.changes import CHANGEABLE
     from carom.cli.summary import _easier
-    from carom.tables import Outcome
+    from carom.result.tables import Outcome
+    from carom.run.changes import CHANGEABLE
 
     assert _easier(Outcome("not_converged", advice=advice)) == option
     assert option is None or option.split("=")[0] in CHANGEABLE

@@ -15,7 +15,7 @@ from carom.cli.examples import find
 from carom.errors import CaromError
 from carom.problem import ContactProblem, ContactProblemError, GlobalProblem
 from carom.problem.kept import ROWS, frames, multipliers, state
-from carom.record.problem import Choice, file_name, kept_files, write_kept
+from carom.run.problems import Choice, file_name, kept_files, write_kept
 from joint_scenes import AXES, held, scene, spring
 from test_run_core import simulate
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import functools
 import json
 import re
+import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,11 +16,10 @@ import jsonschema
 import numpy as np
 import pytest
 from carom import _core, units
-from carom.scenario import reference
-from carom.scenario.model import REPEATED, SINGLE, Scenario
-from carom.scenario.options import OPTIONS, Run
-from carom.scenario.schema import json_schema
-from carom.scene import Scene
+from carom.scene.scene import Scene
+from carom.scene.tables.model import REPEATED, SINGLE, Scenario
+from carom.scene.tables.options import OPTIONS, Run
+from carom.scene.toml.schema import json_schema
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -264,15 +265,16 @@ class TestQuantities:
             assert isinstance(units.parse(text, dimension), float)
 
 
-def test_reference_page_is_that_of_the_model() -> None:
-    page = reference.PAGE.read_text(encoding="utf-8")
-    assert reference.filled(page) == page, "run: python -m carom.scenario.reference"
-    for name in ("top", "units", *SINGLE, *REPEATED):
-        assert f"<!-- table {name} -->" in page
+def test_the_tables_of_the_reference_are_those_of_the_model_and_the_layout() -> None:
+    root = Path(__file__).parents[1]
+    done = subprocess.run(
+        [sys.executable, root / "tools/reference_tables.py", "--check"], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_examples_of_the_reference_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = reference.PAGE.read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "docs/reference/scenario.md").read_text(encoding="utf-8")
     toml, *tables = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     variants, code = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     scene = Scene.from_toml(toml)

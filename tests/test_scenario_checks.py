@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from carom import simulate
-from carom.errors import ScenarioError
-from carom.run import CaromWarning
-from carom.scenario.laws import LawValue
-from carom.scenario.overlap import overlaps
-from carom.scenario.wall_advice import first_jump
-from carom.scene import Scene
+from carom.errors import CaromWarning, ScenarioError
+from carom.scene.checks.moving_walls import first_jump
+from carom.scene.checks.overlap import overlaps
+from carom.scene.scene import Scene
+from carom.scene.tables.laws import LawValue
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from carom.errors import ScenarioError
-from carom.scenario.balls import Lattice, Rack
-from carom.scenario.bodies import lattice_centres, rack_centres, uniform
-from carom.scenario.overlap import overlaps
-from carom.scene import Scene
+from carom.scene.assembly.bodies import lattice_centres, rack_centres, uniform
+from carom.scene.checks.overlap import overlaps
+from carom.scene.scene import Scene
+from carom.scene.tables.balls import Lattice, Rack
 from hypothesis import given
 from hypothesis import strategies as st
 

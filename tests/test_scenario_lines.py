@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import tomli_w
-from carom.scenario.lines import LineMap
+from carom.scene.toml.lines import LineMap
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from carom import _core
 from carom.errors import CaromError, ScenarioError
-from carom.scene import Scene
+from carom.scene.scene import Scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import carom
 import pytest
-from carom.citing import SOURCES, sources
+from carom.reproduce.citations import SOURCES, sources
 from typer.testing import CliRunner
 
 ROOT = Path(__file__).parent.parent
@@ -88,7 +88,7 @@ def told_of_piles(scene: carom.Scene) -> list[str]:
     ("layers", "tolerance", "told"), [(4, 1e-7, True), (3, 1e-7, False), (4, 1e-4, False)]
 )
 def test_a_pile_is_told_which_tolerance_suits_its_size(layers: int, tolerance: float, told: bool) -> None:
-    """From 100 balls on; `carom.scenario.pile_advice.MANY_BALLS` has the times that were measured."""
+    """From 100 balls on; `carom.scene.checks.piles.MANY_BALLS` has the times that were measured."""
     found = told_of_piles(grains(tolerance, counts=(5, 5, layers)))
     assert bool(found) is told
     assert all("100 balls under gravity" in advice for advice in found)

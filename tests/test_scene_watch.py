@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from carom.errors import CaromError
 from carom.events import AtRest
-from carom.watching import View
+from carom.run.watch import View
 
 
 def falling(until: float = 1.0) -> carom.Scene:

@@ -220,8 +220,8 @@ def test_a_profile_by_hand() -> None:
 @pytest.mark.parametrize("times", [np.zeros((0, 2)), np.full((3, 2), np.inf)])
 def test_profiles_of_nothing_are_drawn(times: np.ndarray, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="figures need matplotlib")
-    from carom.plot import profile as drawn
-    from carom.plot.style import save
+    from carom.show.plot import profile as drawn
+    from carom.show.plot.style import save
 
     profile = Profile.of(["a", "b"], times)
     assert not profile.within(10.0).any()

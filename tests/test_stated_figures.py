@@ -11,7 +11,7 @@ import carom
 import numpy as np
 import pytest
 from carom import audit
-from carom.run import CaromWarning
+from carom.errors import CaromWarning
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]

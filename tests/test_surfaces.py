@@ -7,8 +7,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.record.walls import PARAMETERS
-from carom.surfaces import Surface, surfaces, wall_mesh
+from carom.result.record.walls import PARAMETERS
+from carom.show.surfaces import Surface, surfaces, wall_mesh
 
 LOW, HIGH = np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0])
 UP = np.array([0.0, 0.0, 9.8])

@@ -53,7 +53,7 @@ class TestInThisProcess:
     def test_rows_say_who_computed_them_and_a_study_of_two_versions_says_so(
         self, files: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from carom.sweeps import origin
+        from carom.many.sweep import origin
 
         def study(count: int) -> Path:
             (files / "study.toml").write_text(STUDY.replace("count = 16", f"count = {count}"))
@@ -69,7 +69,8 @@ class TestInThisProcess:
             carom.sweep(study(8), files / "out", workers=0)
         monkeypatch.setattr(origin, "here", lambda: origin.Origin("99.0.0", "ab" * 20))
         with pytest.warns(
-            carom.run.CaromWarning, match=r"8 cases by Carom .*; this is Carom 99.0.0 .*other versions"
+            carom.CaromWarning,
+            match=r"8 cases by Carom .*; this is Carom 99.0.0 .*other versions",
         ):
             mixed = carom.sweep(study(10), files / "out", workers=0)
         assert mixed["carom"].tolist() == [carom.__version__] * 8 + ["99.0.0"] * 2
@@ -97,7 +98,7 @@ class TestInThisProcess:
         assert again.progress.new == 0
         assert sum(again.origins.values()) == 16
         (files / "study.toml").write_text(STUDY.replace("count = 16", "count = 20"))
-        with pytest.warns(carom.run.CaromWarning, match="16 cases by a Carom that did not say its version"):
+        with pytest.warns(carom.CaromWarning, match="16 cases by a Carom that did not say its version"):
             more = carom.sweep(files / "study.toml", files / "out", workers=0)
         assert more.progress.new == 4
         assert np.array_equal(more["cue.position.x"][:16], first["cue.position.x"])
@@ -162,8 +163,8 @@ class TestInThisProcess:
         def anew(*_: object, **__: object) -> carom.Result:
             raise AssertionError("computed anew")
 
-        monkeypatch.setattr("carom.run.resume", fails)
-        monkeypatch.setattr("carom.run.simulate", anew)
+        monkeypatch.setattr("carom.run.simulate.resume", fails)
+        monkeypatch.setattr("carom.run.simulate.simulate", anew)
         assert len(carom.sweep(study, files / "out", workers=0)) == 1
 
     @pytest.mark.parametrize("name", ["v", "outcome", "time", "cue.position.x"])
@@ -208,7 +209,7 @@ class TestInThisProcess:
     def test_many_parts_become_one_and_lose_nothing(
         self, files: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from carom.sweeps import folder
+        from carom.many.sweep import folder
 
         monkeypatch.setattr(folder, "MOST_PARTS", 3)
         first = carom.sweep(files / "study.toml", files / "out", workers=0)
@@ -226,7 +227,7 @@ class TestInThisProcess:
         assert again.table.drop_columns("seconds").equals(first.table.drop_columns("seconds"))
 
     def test_two_drivers_at_once_are_refused(self, files: Path) -> None:
-        from carom.sweeps.folder import Folder
+        from carom.many.sweep.folder import Folder
 
         with (
             Folder(files / "out").driving(),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from carom.cli.app import app
 from carom.errors import CaromError
-from carom.sweeps.design import Axis, Design
+from carom.many.sweep.design import Axis, Design
 from sweep_studies import SCENARIO, STUDY, written
 from typer.testing import CliRunner
 

@@ -78,7 +78,7 @@ class TestOnACluster:
             n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
         ) as cluster:
 
-            def kill_one(now: carom.sweeps.Progress) -> None:
+            def kill_one(now: carom.many.sweep.Progress) -> None:
                 if not killed:
                     killed.append(next(iter(cluster.workers.values())).pid)
                     os.kill(killed[0], signal.SIGKILL)
@@ -171,7 +171,7 @@ def test_workers_that_die_while_they_start_are_started_again(files: Path) -> Non
 def test_a_scheduler_that_is_late_is_waited_for(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import distributed
 
-    monkeypatch.setattr("carom.sweeps.cluster.ANSWER_SECONDS", 0.5)
+    monkeypatch.setattr("carom.many.sweep.cluster.ANSWER_SECONDS", 0.5)
     with pytest.raises(CaromError, match="start one with `dask scheduler`"):
         carom.sweep(files / "study.toml", files / "out", scheduler="tcp://127.0.0.1:1")
     with socket.socket() as free:

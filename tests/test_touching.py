@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from carom import granular
 
-pytestmark = pytest.mark.filterwarnings("ignore::carom.run.CaromWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 R = 0.01
 LAW = {"friction": 0.3, "restitution": 0.0}
 

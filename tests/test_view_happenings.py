@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.scene import Scene
-from carom.view import codec, write_html
-from carom.view import happenings as module
+from carom.scene.scene import Scene
+from carom.show.viewer import codec, write_html
+from carom.show.viewer import happenings as module
 from test_view_page import Page
 from view_scenes import Table, billiard, struck
 

@@ -16,8 +16,8 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError
-from carom.view.live import HOST
-from carom.view.live_shapes import ball_halves
+from carom.show.viewer.live import HOST
+from carom.show.viewer.live_shapes import ball_halves
 
 
 def area_vectors(vertices: Any, faces: Any) -> Any:
@@ -39,7 +39,7 @@ def test_the_halves_of_a_ball_are_one_closed_sphere_seen_from_outside() -> None:
 
 
 def test_without_viser_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from carom.view.live import Live
+    from carom.show.viewer.live import Live
 
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(CaromError, match=r"pip install 'carom\[live\]'"):
@@ -49,7 +49,7 @@ def test_without_viser_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, 
 @pytest.mark.long
 def test_a_run_is_followed_while_it_is_computed(tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="needs viser (extra live)")
-    from carom.view.live import Live
+    from carom.show.viewer.live import Live
 
     run = tmp_path / "run"
     program = (
@@ -98,7 +98,7 @@ def _frames(run: Path) -> int:
 def test_who_does_not_know_the_address_gets_no_answer(tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="needs viser (extra live)")
     import viser
-    from carom.view.live import Live
+    from carom.show.viewer.live import Live
     from websockets.exceptions import InvalidStatus
     from websockets.sync.client import connect
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 from carom.errors import CaromError
-from carom.view import codec, write_html
-from carom.view import page as view_page
-from carom.view.page import MIN_FRAMES
+from carom.show.viewer import codec, write_html
+from carom.show.viewer import page as view_page
+from carom.show.viewer.page import MIN_FRAMES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

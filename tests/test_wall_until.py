@@ -137,7 +137,7 @@ def test_balls_enter_where_it_was() -> None:
 
 
 def test_pictures_leave_it_out(collapsed: carom.Result, tmp_path: Path) -> None:
-    from carom.view.scenery import scenery
+    from carom.show.viewer.scenery import scenery
 
     [tube] = scenery(collapsed, np.array([0, 100])).walls
     assert (tube["name"], tube["until"]) == ("tube", 0.06)

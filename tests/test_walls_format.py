@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from carom.audit.surfaces import Surface
 from carom.errors import ScenarioError
-from carom.record.walls import PARAMETERS
-from carom.scenario.arrays import walls
-from carom.scenario.bodies import expand
-from carom.scenario.distances import gaps
-from carom.scenario.overlap import overlaps
-from carom.scenario.placing import placed_walls
-from carom.scenario.schema import json_schema
-from carom.scenario.walls import PLANE, WALLS
-from carom.scene import Scene
+from carom.result.record.walls import PARAMETERS
+from carom.scene.assembly.arrays import walls
+from carom.scene.assembly.bodies import expand
+from carom.scene.assembly.distances import gaps
+from carom.scene.assembly.placing import placed_walls
+from carom.scene.checks.overlap import overlaps
+from carom.scene.scene import Scene
+from carom.scene.tables.walls import PLANE, WALLS
+from carom.scene.toml.schema import json_schema
 
 R = 0.01
 SINE = {"expression": "0.002*sin(100*t)"}

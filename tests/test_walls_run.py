@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from carom import audit
 from carom.errors import CaromError
-from carom.scenario.arrays import walls
-from carom.scenario.placing import motion_for_core
-from carom.scene import Scene
-from carom.tables import UnknownName
-from carom.walls import Poses
+from carom.result.tables import UnknownName
+from carom.result.walls import Poses
+from carom.scene.assembly.arrays import walls
+from carom.scene.assembly.placing import motion_for_core
+from carom.scene.scene import Scene
 
 G = 9.8
 R = 0.01

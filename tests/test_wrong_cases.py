@@ -6,7 +6,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.run import CaromWarning
+from carom.errors import CaromWarning
 
 SCENES = Path(__file__).parent / "data" / "wrong_cases"
 

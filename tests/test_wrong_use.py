@@ -9,7 +9,7 @@ import carom
 import pytest
 from carom import events, granular, packing
 from carom.errors import CaromError
-from carom.film.look import Look
+from carom.show.film.look import Look
 
 BOX = granular.Box((0, 0, 0), (1, 1, 1))
 

@@ -22,10 +22,10 @@ from typing import Any
 
 import carom
 from carom import _core
+from carom.errors import CaromWarning
 from carom.problem import GlobalProblem, rank_of, residual_of, write_fclib
 from carom.problem.kept import describe, multipliers, state
-from carom.record.problem import origin
-from carom.run import CaromWarning
+from carom.run.problems import origin
 from collection_scenes import SCENES, Source
 
 FOLDER = Path(__file__).parent.parent / "tests" / "data" / "contact_problems"

@@ -1,4 +1,4 @@
-"""Write python/carom/scenario/keywords.py: the keys of [run] and [record] as a typed dictionary, for completion and checks.
+"""Write python/carom/scene/tables/keywords.py: the keys of [run] and [record] as a typed dictionary.
 
 python tools/keywords.py [--check]
 """
@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from carom import _core
-from carom.scenario.fields import Quantity
-from carom.scenario.model import Record
-from carom.scenario.options import Run
+from carom.scene.tables.fields import Quantity
+from carom.scene.tables.model import Record
+from carom.scene.tables.options import Run
 
-FILE = Path(__file__).parent.parent / "python/carom/scenario/keywords.py"
+FILE = Path(__file__).parent.parent / "python/carom/scene/tables/keywords.py"
 HEAD = '''"""The keys of `[run]` and `[record]` as keywords of `carom.simulate`. Written by tools/keywords.py."""
 
 from __future__ import annotations

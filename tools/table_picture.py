@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 import carom
-from carom.view import write_html
-from carom.view.browser import Browser
+from carom.show.viewer import write_html
+from carom.show.viewer.browser import Browser
 from PIL import Image
 
 FILE = Path(__file__).parents[1] / "docs" / "table9.png"

@@ -16,9 +16,9 @@ from typing import Any
 
 import carom
 import numpy as np
-from carom.drive import Plan, advance, begin
-from carom.record import Memory
-from carom.sinks import Instants, Recorder
+from carom.result.record import Memory
+from carom.run.loop import Plan, advance, begin
+from carom.run.sinks import Instants, Recorder
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]

@@ -4,7 +4,7 @@ import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 
 const here = (path) => fileURLToPath(new URL(path, import.meta.url));
-const target = here("../python/carom/view/assets/viewer.js");
+const target = here("../python/carom/show/viewer/assets/viewer.js");
 // Every page carries three.js, so every page carries its licence.
 const licence = (await readFile(here("node_modules/three/LICENSE"), "utf8")).trim();
 

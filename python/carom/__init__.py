@@ -8,96 +8,177 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module  # noqa: TID251 the lazy names of the package
+from importlib.machinery import ModuleSpec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from types import ModuleType
+
     __version__: str
-    from carom.batch import Batch as Batch
-    from carom.batch import simulate_batch as simulate_batch
-    from carom.comparison import Comparison as Comparison
-    from carom.comparison import compare as compare
+    from carom import audit as audit
+    from carom import problem as problem
     from carom.errors import CaromError as CaromError
+    from carom.errors import CaromWarning as CaromWarning
     from carom.errors import ScenarioError as ScenarioError
-    from carom.examples import example as example
+    from carom.many.batch import Batch as Batch
+    from carom.many.batch import simulate_batch as simulate_batch
+    from carom.many.compare import Comparison as Comparison
+    from carom.many.compare import compare as compare
+    from carom.many.converge import Convergence as Convergence
+    from carom.many.converge import converge as converge
+    from carom.many.sweep import Study as Study
+    from carom.many.sweep import Sweep as Sweep
+    from carom.many.sweep import sweep as sweep
+    from carom.measure import events as events
+    from carom.measure import granular as granular
     from carom.problem import ContactProblem as ContactProblem
-    from carom.result import Result as Result
-    from carom.result import load as load
-    from carom.run import RunFailed as RunFailed
-    from carom.run import resume as resume
-    from carom.run import simulate as simulate
-    from carom.scene import Scene as Scene
-    from carom.stepping import Simulation as Simulation
-    from carom.study import Convergence as Convergence
-    from carom.study import converge as converge
-    from carom.sweeps import Study as Study
-    from carom.sweeps import Sweep as Sweep
-    from carom.sweeps import sweep as sweep
+    from carom.result.result import Result as Result
+    from carom.result.result import load as load
+    from carom.run.simulate import RunFailed as RunFailed
+    from carom.run.simulate import resume as resume
+    from carom.run.simulate import simulate as simulate
+    from carom.run.stepping import Simulation as Simulation
+    from carom.scene import billiards as billiards
+    from carom.scene import packing as packing
+    from carom.scene.examples import example as example
+    from carom.scene.scene import Scene as Scene
 
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
-    "Batch": "carom.batch",
-    "simulate_batch": "carom.batch",
-    "CaromError": "carom.errors",
-    "Comparison": "carom.comparison",
-    "compare": "carom.comparison",
-    "Convergence": "carom.study",
-    "ContactProblem": "carom.problem",
-    "converge": "carom.study",
-    "ScenarioError": "carom.errors",
-    "example": "carom.examples",
-    "Result": "carom.result",
-    "load": "carom.result",
-    "Scene": "carom.scene",
-    "RunFailed": "carom.run",
-    "Simulation": "carom.stepping",
-    "Study": "carom.sweeps",
-    "Sweep": "carom.sweeps",
-    "sweep": "carom.sweeps",
-    "resume": "carom.run",
-    "simulate": "carom.run",
+    "Batch": "many.batch",
+    "CaromError": "errors",
+    "CaromWarning": "errors",
+    "Comparison": "many.compare",
+    "ContactProblem": "problem",
+    "Convergence": "many.converge",
+    "Result": "result.result",
+    "RunFailed": "run.simulate",
+    "ScenarioError": "errors",
+    "Scene": "scene.scene",
+    "Simulation": "run.stepping",
+    "Study": "many.sweep",
+    "Sweep": "many.sweep",
+    "compare": "many.compare",
+    "converge": "many.converge",
+    "example": "scene.examples",
+    "load": "result.result",
+    "resume": "run.simulate",
+    "simulate": "run.simulate",
+    "simulate_batch": "many.batch",
+    "sweep": "many.sweep",
 }
 
-_MODULES = ("audit", "billiards", "events", "granular", "packing", "problem")
+# Modules whose parts are public, `carom.problem.Profile`, `carom.events.AtRest`, and where they live.
+_MODULES = {
+    "audit": "audit",
+    "billiards": "scene.billiards",
+    "events": "measure.events",
+    "granular": "measure.granular",
+    "packing": "scene.packing",
+    "problem": "problem",
+}
 
-__all__ = [
-    "Batch",
-    "CaromError",
-    "Comparison",
-    "ContactProblem",
-    "Convergence",
-    "Result",
-    "RunFailed",
-    "ScenarioError",
-    "Scene",
-    "Simulation",
-    "Study",
-    "Sweep",
-    "__version__",
-    "compare",
-    "converge",
-    "example",
-    "load",
-    "resume",
-    "simulate",
-    "simulate_batch",
-    "sweep",
-]
+# Modules, and names of those that are packages now, as they were called before 0.2; they go in 0.3. The longest name counts.
+_MOVED = {
+    "batch": "many.batch",
+    "comparison": "many.compare",
+    "convergence": "many.order",
+    "demo": "reproduce.demo",
+    "film": "show.film",
+    "paper": "reproduce",
+    "plot": "show.plot",
+    "record": "result.record",
+    "result.Body": "result.result",
+    "result.Result": "result.result",
+    "result.load": "result.result",
+    "run.CaromWarning": "errors",
+    "run.RunFailed": "run.simulate",
+    "scenario": "scene.tables",
+    "scenario.load": "scene.toml.load",
+    "scenario.schema": "scene.toml.schema",
+    "scene.Scene": "scene.scene",
+    "stepping": "run.stepping",
+    "study": "many.converge",
+    "sweeps": "many.sweep",
+    "tables": "result.tables",
+    "view": "show.viewer",
+    "walls": "result.walls",
+    "watching": "run.watch",
+}
+
+__all__ = [*sorted(_HOMES), "__version__"]
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return _version()
-    if name in _MODULES:  # whose parts are public: `carom.problem.Profile`, `carom.events.AtRest`
-        return import_module(f"carom.{name}")
+    if name in _MODULES:
+        return import_module(f"carom.{_MODULES[name]}")
     home = _HOMES.get(name)
     if home is None:
         # With both keywords a traceback says which name was meant.
         raise AttributeError(
             f"module 'carom' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
         )
-    value = getattr(import_module(home), name)
+    value = getattr(import_module(f"carom.{home}"), name)
     globals()[name] = value
     return value
+
+
+class _Elsewhere:
+    """Finds a module by another name than its own: `carom.events`, and what is in `_MOVED`, with a warning."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        package, _, name = fullname.partition(".")
+        if package != "carom":
+            return None
+        table = _MODULES | _MOVED
+        old = name
+        while old and old not in table:
+            old = old.rpartition(".")[0]
+        home = f"carom.{table[old]}{name[len(old) :]}" if old else fullname
+        if home == fullname:
+            return None
+        if old in _MOVED:
+            _warn(fullname, home)
+        loader: Any = self
+        return ModuleSpec(fullname, loader, origin=home)
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        module = import_module(str(spec.origin))
+        spec.loader_state = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        if module.__spec__ is not None:
+            module.__spec__ = module.__spec__.loader_state  # it keeps its own name
+
+
+# First, since a package by another name would let its modules be loaded a second time.
+sys.meta_path.insert(0, _Elsewhere())
+
+
+def _moved(package: str) -> Callable[[str], Any]:
+    """`__getattr__` of a package that was a module before: for the names of it in `_MOVED`."""
+
+    def get(name: str) -> Any:
+        home = _MOVED.get(f"{package.removeprefix('carom.')}.{name}")
+        if home is None:
+            raise AttributeError(f"module '{package}' has no attribute '{name}'", name=name)
+        _warn(f"{package}.{name}", f"carom.{home}.{name}")
+        return getattr(import_module(f"carom.{home}"), name)
+
+    return get
+
+
+def _warn(old: str, new: str) -> None:
+    import warnings
+
+    told = f"{old} is {new} now; the old name goes in the next minor version"
+    warnings.warn(told, DeprecationWarning, stacklevel=3)
 
 
 def _version() -> str:

@@ -22,6 +22,10 @@ class CaromError(ValueError):
     """Root of every error that Carom raises on purpose: the user can mend the cause."""
 
 
+class CaromWarning(UserWarning):
+    """Advice on a scene that can be simulated but may not mean what its author thinks."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing that is wrong (or, in a list of warnings, one piece of advice).

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import carom
-from carom import checkpoint
-from carom.scenario.shipped import shipped
+from carom.run import checkpoint
+from carom.scene.shipped import shipped
 
 #: Name of the run in the folder of material, and the files of it that a case may stand for: by their numbers.
 RUN = "run"

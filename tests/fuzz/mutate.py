@@ -314,7 +314,7 @@ def checkpoint(r: random.Random, good: bytes) -> bytes:
     """A checkpoint with other bytes, or one whose checksum holds and whose description does not."""
     if r.random() < 0.5:
         return damaged(r, good)
-    from carom import checkpoint as module
+    from carom.run import checkpoint as module
 
     with np.load(io.BytesIO(good), allow_pickle=False) as archive:
         arrays = [archive[str(i)] for i in range(len(archive.files) - 2)]

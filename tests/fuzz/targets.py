@@ -21,10 +21,11 @@ from typing import Any
 import carom
 import carom.packing
 import numpy as np
-from carom import _core, checkpoint
+from carom import _core
 from carom.errors import CaromError, ScenarioError
 from carom.problem.fclib import read_fclib
-from carom.scene import Scene
+from carom.run import checkpoint
+from carom.scene.scene import Scene
 
 from fuzz.material import FILES, RUN
 

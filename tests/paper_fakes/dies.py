@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 
-from carom.paper.document import Context, Example
+from carom.reproduce.document import Context, Example
 
 
 def reproduce(context: Context) -> Example:

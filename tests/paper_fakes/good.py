@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 import numpy as np
-from carom.paper.document import Context, Counts, Curve, Example, Figure, Row
+from carom.reproduce.document import Context, Counts, Curve, Example, Figure, Row
 
 ERRATUM = "eq. (46) has 4I/k where k/(4I) belongs, the *reciprocal* | as the limit from the left shows"
 

@@ -6,7 +6,7 @@ import os
 import time
 from pathlib import Path
 
-from carom.paper.document import Context, Example
+from carom.reproduce.document import Context, Example
 
 
 def reproduce(context: Context) -> Example:

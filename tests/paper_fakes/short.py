@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carom.paper.document import Context, Example, Row
+from carom.reproduce.document import Context, Example, Row
 
 
 def reproduce(context: Context) -> Example:

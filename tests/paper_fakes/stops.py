@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carom.paper.document import Context, Example, NotConverged
+from carom.reproduce.document import Context, Example, NotConverged
 
 
 def reproduce(context: Context) -> Example:

@@ -18,9 +18,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
-from carom import demo
-from carom.result import Result
-from carom.run import CaromWarning
+from carom.errors import CaromWarning
+from carom.reproduce import demo
+from carom.result.result import Result
 from common import SCENARIOS, model_of, run, table
 from measure import BALLS, LAWS, SCENARIO
 

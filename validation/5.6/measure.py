@@ -1,7 +1,7 @@
 """Section 5.6: the measurements of order.py, as data.
 
 Every run steps the compiled core from the scenario file; the closed form until the impact is that of
-`carom reproduce` (`carom.paper.analytic.approach`), the reference after it a run with a step of about 1e-6 s that
+`carom reproduce` (`carom.reproduce.analytic.approach`), the reference after it a run with a step of about 1e-6 s that
 ends on the impact.
 """
 
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from carom.convergence import error_of, order_of
-from carom.paper.analytic.approach import Approach
-from carom.paper.study import grid_steps
+from carom.many.order import error_of, order_of
+from carom.reproduce.analytic.approach import Approach
+from carom.reproduce.study import grid_steps
 from common import F64, Run, model_of, run
 
 LAWS = ("sequence", "sequence-paper")

@@ -32,7 +32,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
-from carom.drive import advance, begin
+from carom.run.loop import advance, begin
 from common import table
 
 RADIUS = 5e-3

@@ -1,4 +1,4 @@
-// Reads what carom/view/codec.py wrote: prediction errors, folded to unsigned, in byte planes.
+// Reads what carom/show/viewer/codec.py wrote: prediction errors, folded to unsigned, in byte planes.
 
 export interface Packed {
   offset: number;

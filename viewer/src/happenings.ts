@@ -1,4 +1,4 @@
-// What happened to the balls: impacts, contact forces, energies. Columns as carom/view/happenings.py wrote them.
+// What happened to the balls: impacts, contact forces, energies. Columns as carom/show/viewer/happenings.py wrote them.
 
 import { decode, type Packed } from "./codec";
 import type { Vec } from "./run";

@@ -2,7 +2,7 @@
 
 import type { Run } from "./run";
 
-/** The first four are carom/billiards/look.py's KINDS, in their order. */
+/** The first four are carom/scene/billiards/look.py's KINDS, in their order. */
 export const enum Kind {
   Cue,
   Solid,

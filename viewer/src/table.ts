@@ -1,4 +1,4 @@
-// A table of the billiards kit: its triangles come with the page (carom/billiards/shape.py), light and grain from here.
+// A table of the billiards kit: its triangles come with the page (carom/scene/billiards/shape.py), light and grain from here.
 
 import { BufferAttribute, BufferGeometry, Color, DoubleSide, GLSL3, Mesh, NoBlending, RawShaderMaterial, Vector2, Vector3, type IUniform } from "three";
 import type { Run, Vec } from "./run";

@@ -14,12 +14,12 @@ import numpy as np
 
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import rerun
-from carom.cut_short import cut_short
-from carom.gained import gained, unsettled
+from carom.result.cut_short import cut_short
+from carom.result.gained import gained, unsettled
 
 if TYPE_CHECKING:
     from carom.audit.data import Run
-    from carom.result import Result
+    from carom.result.result import Result
 
 __all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check", "rerun"]
 

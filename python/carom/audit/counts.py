@@ -19,7 +19,7 @@ from carom.audit.data import Run
 from carom.audit.near import Near
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot
-from carom.scenario.options import MOST_PROBLEMS
+from carom.scene.tables.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

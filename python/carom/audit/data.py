@@ -19,10 +19,10 @@ from carom.audit.formula import law
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
-from carom.record.walls import tables
+from carom.result.record.walls import tables
 
 if TYPE_CHECKING:
-    from carom.result import Result
+    from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -41,7 +41,7 @@ class Run:
     """What a run left behind, as arrays in SI units. N bodies, T frames, S steps."""
 
     def __init__(self, result: Result) -> None:
-        from carom.scene import Scene
+        from carom.scene.scene import Scene
 
         self.result = result
         self.path = Path(result.path)
@@ -255,7 +255,7 @@ class Run:
 
 def read(path: str | Path) -> Run:
     """Open a run directory, also one that did not reach its end."""
-    from carom.result import UnfinishedRun, load
+    from carom.result.result import UnfinishedRun, load
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnfinishedRun)

@@ -20,7 +20,7 @@ from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import EPS, dot, norm
-from carom.scenario.options import MOST_PROBLEMS
+from carom.scene.tables.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -16,7 +16,7 @@ from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
 from carom.audit.rates import compliance
 from carom.audit.vectors import norm
-from carom.packing.neighbours import pairs as neighbours
+from carom.scene.packing.neighbours import pairs as neighbours
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

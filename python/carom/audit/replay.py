@@ -28,7 +28,7 @@ from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, add_at, cross, dot, norm
-from carom.scenario.options import MOST_PROBLEMS
+from carom.scene.tables.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carom.audit.kinds import KINDS, Kind
 from carom.errors import did_you_mean
-from carom.tables import UnknownName
+from carom.result.tables import UnknownName
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 
 if TYPE_CHECKING:
-    from carom.record import Record
-    from carom.result import Result
+    from carom.result.record import Record
+    from carom.result.result import Result
 
 #: Bytes that are compared at a time.
 CHUNK = 32 * 1024 * 1024
@@ -81,7 +81,7 @@ class Rerun:
 
 def rerun(run: Result | str | Path, threads: Sequence[int] = (1,)) -> list[Rerun]:
     """Run the scenario of a run again, once for each number of threads, and compare all data bit for bit."""
-    from carom.result import UnfinishedRun, load
+    from carom.result.result import UnfinishedRun, load
 
     path = Path(run if isinstance(run, (str, Path)) else run.path)
     path = path.parent if path.is_file() else path
@@ -92,8 +92,8 @@ def rerun(run: Result | str | Path, threads: Sequence[int] = (1,)) -> list[Rerun
 
 
 def _once(original: Result, threads: int) -> Rerun:
-    from carom.run import RunFailed, simulate
-    from carom.scene import Scene
+    from carom.run.simulate import RunFailed, simulate
+    from carom.scene.scene import Scene
 
     scene = Scene.from_toml(original.path / "scenario.toml")
     if any(place.function is None for place in scene.load_functions):
@@ -121,7 +121,7 @@ def _once(original: Result, threads: int) -> Rerun:
 
 
 def _compare(original: Result, again: Result) -> tuple[int, int, tuple[Difference, ...]]:
-    from carom.record.layout import EVENTS, TABLES
+    from carom.result.record.layout import EVENTS, TABLES
 
     found: list[Difference] = []
     datasets = numbers = 0

@@ -14,7 +14,7 @@ from carom.cli.verdict import is_run, judge
 
 if TYPE_CHECKING:
     from carom.errors import Problem
-    from carom.scene import Scene
+    from carom.scene.scene import Scene
 
 
 @guarded
@@ -58,7 +58,7 @@ def check(
     if rerun or threads is not None:
         return fail(f"{what} is no run directory; --rerun and --threads are for runs", BAD_INPUT, as_json)
     scenario = what
-    from carom.scenario import load
+    from carom.scene.toml import load
 
     described = scene(scenario, case, set_)
     warnings = described.validate()

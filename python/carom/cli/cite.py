@@ -25,11 +25,11 @@ def cite(
     Example: carom cite runs/5.6_break-1
     """
     import carom
-    from carom.citing import bibtex, sources
+    from carom.reproduce.citations import bibtex, sources
 
     scene = None
     if what is not None:
-        from carom.scene import Scene
+        from carom.scene.scene import Scene
 
         scene = Scene.from_toml(what / "scenario.toml" if what.is_dir() else what)
     found = sources(scene)

@@ -9,10 +9,10 @@ import typer
 
 from carom.cli.options import Case, Json, Scenario, Set, number, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
-from carom.sheets import of_convergence
+from carom.many.sheets import of_convergence
 
 if TYPE_CHECKING:
-    from carom.study import Convergence
+    from carom.many.converge import Convergence
 
 
 @guarded
@@ -76,7 +76,7 @@ def converge(
 
     Example: carom converge 5.5_bernoulli.toml --steps 2e-3,1e-3,5e-4 --reference 1e-5
     """
-    from carom.study import converge as study_of
+    from carom.many.converge import converge as study_of
 
     described = scene(scenario, case, set_, until)
     if plot is not None:
@@ -120,17 +120,17 @@ def numbers(option: str, given: list[str]) -> list[float]:
 
 
 def _refuse_format(plot: Path) -> None:
-    from carom.plot import FORMATS
+    from carom.show.plot import FORMATS
 
     if plot.suffix.removeprefix(".") not in FORMATS:
         raise typer.BadParameter(f"--plot {plot}: give a name that ends in .{', .'.join(FORMATS)}")
 
 
 def _draw(found: Convergence, plot: Path) -> list[Path]:
-    from carom.plot import require_matplotlib
+    from carom.show.plot import require_matplotlib
 
     require_matplotlib()
-    from carom.plot.convergence import convergence
-    from carom.plot.style import save
+    from carom.show.plot.convergence import convergence
+    from carom.show.plot.style import save
 
     return save(convergence(found), plot.parent, plot.stem, [plot.suffix.removeprefix(".")])

@@ -11,7 +11,7 @@ import typer
 from carom.cli.options import Json, Quiet
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note, seconds
 from carom.cli.progress import progress_bar
-from carom.layout import columns
+from carom.text import columns
 
 
 @guarded
@@ -28,7 +28,7 @@ def demo(
 
     Example: carom demo -o /tmp/demo
     """
-    from carom import demo as story
+    from carom.reproduce import demo as story
 
     begin = time.perf_counter()
     document: dict[str, Any] = {"cases": {}}

@@ -99,7 +99,7 @@ def _a_run() -> str:
 def _machine() -> str:
     import platform
 
-    from carom.batch import usable_processors
+    from carom.many.batch import usable_processors
 
     return f"{platform.system()} {platform.machine()}, {usable_processors()} usable CPUs"
 
@@ -107,7 +107,7 @@ def _machine() -> str:
 def _viewer() -> str:
     from importlib.resources import files
 
-    script = files("carom") / "view" / "assets" / "viewer.js"
+    script = files("carom.show.viewer") / "assets" / "viewer.js"
     return f"{len(script.read_bytes()) / 1e6:.1f} MB in one file, no network needed"
 
 

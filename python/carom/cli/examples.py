@@ -10,14 +10,14 @@ import typer
 
 from carom.cli.options import Json
 from carom.cli.output import emit, guarded
-from carom.scenario.shipped import find as find
+from carom.scene.shipped import find as find
 
 examples = typer.Typer(no_args_is_help=True, help="List and copy the scenarios that come with Carom.")
 
 
 def _names(incomplete: str) -> list[str]:
     """What a shell offers for a name that has begun; the last part of a name is enough."""
-    from carom.scenario.shipped import shipped
+    from carom.scene.shipped import shipped
 
     return [n for name in shipped() for n in {name, name.rsplit("/", 1)[-1]} if n.startswith(incomplete)]
 
@@ -29,7 +29,7 @@ def list_(as_json: Json = False) -> None:
 
     Example: carom examples list
     """
-    from carom.scenario.shipped import shipped
+    from carom.scene.shipped import shipped
 
     rows = [(name, _title(path)) for name, path in shipped().items()]
     if as_json:

@@ -9,7 +9,7 @@ import numpy as np
 
 from carom.cli.options import Json, Run
 from carom.cli.output import emit, guarded
-from carom.layout import table
+from carom.text import table
 
 
 @guarded
@@ -20,8 +20,8 @@ def info(run: Run, as_json: Json = False) -> None:
 
     Example: carom info runs/break-1
     """
-    from carom.result import load
-    from carom.rundir import size_on_disk
+    from carom.result.directory import size_on_disk
+    from carom.result.result import load
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the state of the run is said below

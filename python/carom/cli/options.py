@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from carom.scene import Scene
+    from carom.scene.scene import Scene
 
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on standard output and nothing else.")
@@ -72,7 +72,7 @@ def overrides(set_: list[str] | None, until: str | None) -> tuple[dict[str, Any]
 
 def scene(scenario: Path, case: str | None, set_: list[str] | None, until: str | None = None) -> Scene:
     """The scene of a file, in the variant and with the settings given on the command line."""
-    from carom.scene import Scene
+    from carom.scene.scene import Scene
 
     parameters = _parameters(scenario, set_ or [])
     rest = [pair for pair in set_ or [] if pair.partition("=")[0].strip() not in parameters]
@@ -91,8 +91,8 @@ def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
     if not assigned:
         return {}
     from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
-    from carom.scenario import load
-    from carom.scenario.model import SINGLE
+    from carom.scene.tables.model import SINGLE
+    from carom.scene.toml import load
 
     known, _ = load.variants(scenario)
     options = {key: name for name in ("run", "record") for key in SINGLE[name].model_fields}

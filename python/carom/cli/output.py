@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TextIO
 
 import typer
 
-from carom.sheets import seconds as seconds
+from carom.many.sheets import seconds as seconds
 
 P = ParamSpec("P")
 
@@ -116,7 +116,7 @@ def note(message: str) -> None:
 
 
 def _leave_at_once_if_broken(code: int) -> None:
-    writer = sys.modules.get("carom.record.writer")
+    writer = sys.modules.get("carom.result.record.writer")
     if writer is not None and writer.Writer.unclosable:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -52,7 +52,7 @@ def plot(
     Example: carom plot runs/break-1 --what velocities --format pdf
     """
     from carom.files import inside
-    from carom.result import load
+    from carom.result.result import load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -69,7 +69,7 @@ def plot(
         step=step,
         width=width,
     )
-    from carom.plot.motion import MOST_LINES
+    from carom.show.plot.motion import MOST_LINES
 
     if bodies is None and len(result.names) > MOST_LINES:
         spread = "figures show median, 5 to 95 %, least and greatest"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from carom.sinks import Progress
+    from carom.run.sinks import Progress
 
 #: A run that is over sooner than this shows no bar, and does not pay for importing one.
 PATIENCE_S = 0.4

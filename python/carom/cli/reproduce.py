@@ -14,10 +14,10 @@ import typer
 
 from carom.cli.options import Json, Quiet
 from carom.cli.output import CRASH, DONE, NOT_CONVERGED, emit, guarded, note, seconds
-from carom.layout import table
+from carom.text import table
 
 if TYPE_CHECKING:
-    from carom.paper.runner import Report
+    from carom.reproduce.runner import Report
 
 
 @guarded
@@ -73,11 +73,11 @@ def reproduce(
 
     Example: carom reproduce 5.4 5.6 --format png,pdf
     """
-    from carom.batch import usable_processors
     from carom.errors import CaromError
-    from carom.paper import folder
-    from carom.paper.document import Context
-    from carom.paper.runner import Drawing, run
+    from carom.many.batch import usable_processors
+    from carom.reproduce import folder
+    from carom.reproduce.document import Context
+    from carom.reproduce.runner import Drawing, run
 
     chosen = _chosen(examples or ["all"])
     formats = _formats(format_, docs)
@@ -110,7 +110,7 @@ def reproduce(
 def _chosen(names: list[str]) -> list[str]:
     """The examples in the paper's order, each once."""
     from carom.errors import CaromError, did_you_mean
-    from carom.paper.runner import MODULES
+    from carom.reproduce.runner import MODULES
 
     known = list(MODULES)
     wanted = [name.upper() for name in names]
@@ -123,7 +123,7 @@ def _chosen(names: list[str]) -> list[str]:
 def _formats(text: str, docs: Path | None) -> tuple[str, ...]:
     """The formats asked for, and one that the page can show."""
     from carom.errors import CaromError, did_you_mean
-    from carom.paper.figures import FORMATS
+    from carom.reproduce.figures import FORMATS
 
     formats = [part.strip() for part in text.split(",") if part.strip()]
     for given in formats:
@@ -150,7 +150,7 @@ def _command(examples: list[str] | None, quick: bool) -> str:
 
 
 def _print(report: Report, out: Path) -> None:
-    from carom.paper.page import MARKS
+    from carom.reproduce.page import MARKS
 
     lines = [("", *MARKS, "")]
     for example in report.examples:

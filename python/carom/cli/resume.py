@@ -52,10 +52,10 @@ def resume(
 
     Example: carom resume runs/break-1 --until 6
     """
-    from carom.restart import Wish
-    from carom.run import relaunch
-    from carom.rundir import RunDir
-    from carom.sinks import Interrupt
+    from carom.result.directory import RunDir
+    from carom.run.restart import Wish
+    from carom.run.simulate import relaunch
+    from carom.run.sinks import Interrupt
 
     options, places = overrides(set_, until)
     stop = Interrupt()

@@ -14,7 +14,7 @@ from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, 
 from carom.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from carom.result import Result
+    from carom.result.result import Result
 
 
 @guarded
@@ -69,9 +69,9 @@ def run(
     Example: carom run corner.toml --save-problems 200:300:50,worst:5
     """
     from carom.errors import counted
-    from carom.run import chosen, launch
-    from carom.rundir import RunDir
-    from carom.sinks import Interrupt
+    from carom.result.directory import RunDir
+    from carom.run.simulate import chosen, launch
+    from carom.run.sinks import Interrupt
 
     if on_nonconvergence is not None:
         set_ = [*(set_ or []), f"run.on_nonconvergence={on_nonconvergence}"]
@@ -87,7 +87,7 @@ def run(
     with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
         result = launch(described, create, stop=stop, progress=bar, source=str(scenario), problems=problems)
     if problems is not None and not quiet:
-        from carom.record.problem import FOLDER, kept_files
+        from carom.run.problems import FOLDER, kept_files
 
         note(f"{counted(len(kept_files(result.path)), 'contact problem')} in {result.path / FOLDER}")
     return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
@@ -102,7 +102,7 @@ def run_name(scenario: Path, case: str | None) -> str:
 
 def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None = None) -> int:
     """Print how a run ended; returns the exit code."""
-    from carom.remarks import remarks
+    from carom.result.remarks import remarks
 
     summary = {**result.summary, "directory": str(result.path)}
     if scenario is not None:

@@ -14,6 +14,6 @@ def schema(as_json: Json = False) -> None:
 
     Example: carom schema > carom-scenario.schema.json
     """
-    from carom.scenario.schema import json_schema
+    from carom.scene.toml.schema import json_schema
 
     emit(json_schema())

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from carom.cli.output import seconds
 from carom.errors import counted, one_line
-from carom.layout import columns, table
+from carom.text import columns, table
 
 if TYPE_CHECKING:
+    from carom.many.sheets import Sheet
     from carom.problem import Profile
-    from carom.sheets import Sheet
 
 #: A column is as wide as its longest cell: names of files that are longer than this are cut in the middle.
 NAME_WIDTH = 48
@@ -120,8 +120,8 @@ def write(done: Sequence[Attempt], names: Sequence[str], out: Path, formats: Seq
     write_whole(files[0], _csv(done).encode(), durable=False, parents=True)
     profile = profile_of(done, names)
     if profile.problems > 1:
-        from carom.plot import profile as drawn
-        from carom.plot.style import save
+        from carom.show.plot import profile as drawn
+        from carom.show.plot.style import save
 
         tolerance = next((a.solution["tolerance"] for a in done if a.solution is not None), 0.0)
         title = f"{counted(profile.problems, 'contact problem')} to err <= {tolerance:g}"
@@ -184,7 +184,7 @@ SPARE = ("rows", "finished by", "iterations", "contacts")
 
 
 def _table(done: Sequence[Attempt], document: Mapping[str, Any]) -> Sheet:
-    from carom.sheets import Sheet
+    from carom.many.sheets import Sheet
 
     rows: list[dict[str, str]] = []
     before: Path | None = None

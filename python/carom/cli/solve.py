@@ -237,7 +237,7 @@ def _solvers(given: list[str]) -> list[str]:
 
 def _formats(text: str) -> list[str]:
     from carom.errors import CaromError, did_you_mean
-    from carom.plot import FORMATS, require_matplotlib
+    from carom.show.plot import FORMATS, require_matplotlib
 
     formats = [part.strip() for part in text.split(",") if part.strip()]
     for given in formats:

@@ -11,13 +11,13 @@ import numpy as np
 
 from carom.cli.output import seconds
 from carom.errors import counted
-from carom.gained import unsettled
-from carom.layout import table
-from carom.remarks import remarks
+from carom.result.gained import unsettled
+from carom.result.remarks import remarks
+from carom.text import table
 
 if TYPE_CHECKING:
-    from carom.result import Result
-    from carom.tables import Outcome
+    from carom.result.result import Result
+    from carom.result.tables import Outcome
 
 #: Counts that are zero where all went well, and what each is called in words, for one and for many.
 TROUBLES = {
@@ -158,7 +158,7 @@ def _phases(summary: Mapping[str, Any]) -> str:
 
 
 def _files(summary: Mapping[str, Any], result: Result) -> str:
-    from carom.rundir import size_on_disk
+    from carom.result.directory import size_on_disk
 
     path = summary["directory"]
     size = size_on_disk(result.path) / 1e6

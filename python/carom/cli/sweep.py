@@ -14,7 +14,7 @@ from carom.cli.options import Json, Quiet
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
 
 if TYPE_CHECKING:
-    from carom.sweeps import Progress, Sweep
+    from carom.many.sweep import Progress, Sweep
 
 #: Seconds between two lines of progress where there is no terminal.
 LINE_SECONDS = 15.0
@@ -73,8 +73,8 @@ def sweep(
 
     Example: carom sweep break_study.toml -o break_study --workers 2
     """
-    from carom.sweeps import Study
-    from carom.sweeps import sweep as compute
+    from carom.many.sweep import Study
+    from carom.many.sweep import sweep as compute
 
     described = Study.from_toml(study, _function(measure))
     folder = out or Path("sweeps") / study.stem
@@ -116,7 +116,7 @@ def _figures(found: Sweep, wanted: bool | None, columns: list[str]) -> list[Path
 
 def _print(found: Sweep, files: list[Path]) -> None:
     from carom.errors import counted
-    from carom.sweeps.origin import listed
+    from carom.many.sweep.origin import listed
 
     facts = found.summary
     text = f"{counted(facts['done'], 'case')} done, {facts['failed']} failed"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from carom.cli.output import BAD_INPUT, DONE, NOT_CONVERGED, emit, fail, note
 from carom.errors import counted
-from carom.layout import TIE
-from carom.sheets import Sheet
+from carom.many.sheets import Sheet
+from carom.text import TIE
 
 if TYPE_CHECKING:
     from carom.audit import Report

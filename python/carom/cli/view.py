@@ -38,13 +38,13 @@ def view(
     Example: carom view runs/break-1 --open
     """
     if live:
-        from carom.view.live import serve
+        from carom.show.viewer.live import serve
 
         serve(run, port, print)
         return
     import warnings
 
-    from carom.result import load
+    from carom.result.result import load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

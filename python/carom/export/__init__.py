@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carom.errors import CaromError, did_you_mean
-from carom.export.whole import writing_into
+from carom.export.atomic import writing_into
 from carom.files import inside
 
 if TYPE_CHECKING:
-    from carom.result import Result
+    from carom.result.result import Result
 
 #: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for; those of `FILMS` take the
 #: `Look` as a third argument.
@@ -82,7 +82,7 @@ def export(
 
     Films and pictures have further options: `width`, `height` (pixels), `fps`, `speed` (simulated s per s), `camera`,
     `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (s: one still), `progress`; see
-    `carom.film.look.Look`.
+    `carom.show.film.look.Look`.
     """
     check_format(format)
     from carom.export.frames import Selection
@@ -95,7 +95,7 @@ def export(
             raise CaromError(f"{next(iter(look))} is an option of films; {format} has none of that name")
         with writing_into(path):
             return write(selection, path)
-    from carom.film.look import Look
+    from carom.show.film.look import Look
 
     chosen = Look.of(format, look)
     if chosen.follow is not None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from carom.export.atomic import whole_file
 from carom.export.frames import Selection
 from carom.export.tables import sheets
-from carom.export.whole import whole_file
 
 
 def write(selection: Selection, directory: Path) -> list[Path]:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.export.atomic import whole_file, without
 from carom.export.frames import Frame, Selection
 from carom.export.glyphs import contact_glyphs
-from carom.export.whole import whole_file, without
 
 F64 = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 
 if TYPE_CHECKING:
-    from carom.record import Column
-    from carom.result import Result
+    from carom.result.record import Column
+    from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from carom.export.atomic import whole_file
 from carom.export.frames import Selection
-from carom.export.whole import whole_file
-from carom.film import encode
-from carom.film.look import Look
-from carom.film.shoot import pictures
+from carom.show.film import encode
+from carom.show.film.look import Look
+from carom.show.film.shoot import pictures
 
 
 def write(selection: Selection, directory: Path, look: Look) -> list[Path]:

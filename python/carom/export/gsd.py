@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from carom.errors import CaromError
+from carom.export.atomic import whole_file
 from carom.export.extxyz import box
 from carom.export.frames import Selection
 from carom.export.glyphs import contact_glyphs
-from carom.export.whole import whole_file
 
 #: What a bond has of its contact, in the file as `log/bonds/NAME`, with the shape of one; meaning and units: `GLYPHS`.
 CARRIED: dict[str, tuple[int, ...]] = {

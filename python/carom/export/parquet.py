@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from carom.errors import CaromError
+from carom.export.atomic import whole_file
 from carom.export.frames import Selection
 from carom.export.tables import Columns, Sheet, sheets
-from carom.export.whole import whole_file
 
 #: Rows of a group: pieces are collected until there are so many.
 GROUP = 200_000

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carom.export.frames import MOVING, Selection
 from carom.export.glyphs import GLYPHS, contact_glyphs
-from carom.record.layout import MEANINGS
+from carom.result.record.layout import MEANINGS
 
 Columns = Mapping[str, NDArray[Any]]
 

@@ -14,10 +14,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.export.atomic import whole_file, without
 from carom.export.frames import FIXED, MOVING, Selection
 from carom.export.glyphs import contact_glyphs
 from carom.export.walls import walls
-from carom.export.whole import whole_file, without
 
 VERSION = (2, 0)
 CELLS = ("Vertices", "Lines", "Polygons", "Strips")

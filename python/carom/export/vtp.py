@@ -14,10 +14,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.export.atomic import whole_file, whole_folder, without
 from carom.export.frames import FIXED, MOVING, Frame, Selection
 from carom.export.glyphs import contact_glyphs
 from carom.export.walls import walls
-from carom.export.whole import whole_file, whole_folder, without
 
 #: What the files in the folders of a series are called.
 OWN = "*.vtp"

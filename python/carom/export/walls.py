@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carom.export.extxyz import box
 from carom.export.frames import Selection
-from carom.surfaces import Surface, surfaces
+from carom.show.surfaces import Surface, surfaces
 
 F64 = NDArray[np.float64]
 

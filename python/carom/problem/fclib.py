@@ -13,7 +13,7 @@ which the first `nz` count, with the row in `i` and the column in `p` (as all fi
 header says the opposite). `docs/reference/problems.md` has the whole.
 
 The groups `solution` and `guesses` are not read: what stands there need not be a solution. Links and storage that lead
-out of the file are refused, and so are arrays larger than the bytes behind them (`carom.hdf5`).
+out of the file are refused, and so are arrays larger than the bytes behind them (`carom.result.record.untrusted`).
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.files import write_whole
-from carom.hdf5 import Untrusted, child, first_line, read
 from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
 from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
 from carom.problem.matrix import Csr
+from carom.result.record.untrusted import Untrusted, child, first_line, read
 
 #: (is global, rows of a contact) -> group; and back, in the order in which a file is searched.
 GROUPS = {

@@ -1,0 +1,188 @@
+"""Cases of one scene: what differs between them, as arrays laid over those of the core.
+
+The scene is resolved once. A case copies the few arrays that it changes and shares all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carom.errors import CaromError, did_you_mean, quoted
+from carom.scene.assembly.arrays import LAW_KEYS, resolved_tree
+
+if TYPE_CHECKING:
+    from carom.scene.scene import Scene
+
+Values = ArrayLike
+"""Numbers in SI, the first axis one row per case."""
+F64 = NDArray[np.float64]
+
+WIDTHS = {
+    "position": 3,
+    "orientation": 4,
+    "velocity": 3,
+    "angular_velocity": 3,
+    "radius": 0,
+    "mass": 0,
+    "inertia": 0,
+}
+"""Quantities of balls, and how many components each has; 0 for a number."""
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the values of a parameter go: `model[array][index]`."""
+
+    array: str
+    index: tuple[Any, ...]
+
+
+class Overrides:
+    """B cases of a scene. All names and shapes are checked at once; numbers are left to the core."""
+
+    def __init__(self, scene: Scene, parameters: Mapping[str, Values]) -> None:
+        self._scene = scene
+        self._base = scene.to_model()
+        self._names = {name: i for i, name in enumerate(scene.names)}
+        self._kappa = self._base["inertia"] / (self._base["mass"] * self._base["radius"] ** 2)
+        self.values: dict[str, F64] = {}
+        self._places: dict[str, _Place] = {}
+        self.cases = 1
+        for key, given in parameters.items():
+            self._add(str(key), given)
+
+    def _add(self, key: str, given: Values) -> None:
+        place, shape = self._place(key)
+        try:
+            values = np.array(given, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise CaromError(f"simulate_batch: {quoted(key)} must be numbers in SI ({error})") from None
+        if values.ndim == 0 or values.shape[1:] != shape:
+            wanted = ", ".join(["B", *map(str, shape)]) + ("," if not shape else "")
+            raise CaromError(
+                f"simulate_batch: {quoted(key)} has shape {values.shape}, wanted ({wanted}), one row per case"
+            )
+        if self.values and len(values) != self.cases:
+            first = next(iter(self.values))
+            raise CaromError(
+                f"simulate_batch: {quoted(key)} has {len(values)} rows and {quoted(first)} has {self.cases};"
+                " give one row per case of each"
+            )
+        if len(values) == 0:
+            raise CaromError(f"simulate_batch: {quoted(key)} has no rows; give one per case")
+        for other, taken in self._places.items():
+            if taken.array == place.array and _meet(taken.index, place.index):
+                raise CaromError(
+                    f"simulate_batch: {quoted(key)} and {quoted(other)} both give the same numbers"
+                )
+        self.cases = len(values)
+        self.values[key], self._places[key] = values, place
+
+    def _place(self, key: str) -> tuple[_Place, tuple[int, ...]]:
+        """Where a key points, and the shape of one case's values."""
+        if key == "gravity":
+            return _Place("gravity", ()), (3,)
+        if key in WIDTHS:
+            width = WIDTHS[key]
+            return _Place(key, ()), (len(self._names), *([width] if width else []))
+        owner, _, quantity = key.rpartition(".")
+        if quantity in ("w", "x", "y", "z") and owner:
+            letters = quantity
+            owner, _, quantity = owner.rpartition(".")
+            width = WIDTHS.get(quantity, 0)
+            axes = "wxyz" if width == 4 else "xyz"
+            if not width or letters not in axes:
+                raise CaromError(f"simulate_batch: {quoted(key)}: {quoted(quantity)} has no {letters}")
+            return _Place(quantity, (self._body(key, owner), axes.index(letters))), ()
+        if "/" in owner and owner not in self._names:
+            return self._law(key, owner, quantity), ()
+        if quantity not in WIDTHS:
+            known = [*WIDTHS, "gravity"]
+            raise CaromError(
+                f"simulate_batch: {quoted(key)} names no quantity; {did_you_mean(quantity or key, known)};"
+                ' write "velocity", "cue.velocity", "cue.velocity.x" or "ball/cloth.friction"'
+            )
+        width = WIDTHS[quantity]
+        return _Place(quantity, (self._body(key, owner),)), ((width,) if width else ())
+
+    def _body(self, key: str, owner: str) -> int:
+        if owner not in self._names:
+            cure = did_you_mean(owner, list(self._names)[:20])
+            raise CaromError(f"simulate_batch: {quoted(key)}: no ball is called {quoted(owner)}; {cure}")
+        return self._names[owner]
+
+    def _law(self, key: str, owner: str, quantity: str) -> _Place:
+        pair = set(owner.split("/", 1))
+        laws = [set(law.between) for law in self._scene._tree.contact]
+        if pair not in laws:
+            known = ", ".join("/".join(law.between) for law in self._scene._tree.contact)
+            raise CaromError(f"simulate_batch: {quoted(key)}: no contact law of {owner}; known: {known}")
+        if quantity not in LAW_KEYS:
+            raise CaromError(f"simulate_batch: {quoted(key)}: {did_you_mean(quantity, LAW_KEYS)}")
+        return _Place(quantity, (laws.index(pair),))
+
+    def model(self, case: int) -> dict[str, Any]:
+        """The argument of the core for one case."""
+        model = dict(self._base)
+        touched: set[str] = set()
+        for key, place in self._places.items():
+            if place.array not in touched:
+                model[place.array] = model[place.array].copy()
+                touched.add(place.array)
+            model[place.array][place.index] = self.values[key][case]
+            if place.array == "friction" and "friction_law" in model:
+                laws = list(model["friction_law"])
+                laws[place.index[0]] = None  # the number takes the place of the law
+                model["friction_law"] = laws
+        if touched & {"mass", "radius"}:
+            self._inertia(model, touched)
+        if "orientation" in touched:
+            q = model["orientation"]
+            model["orientation"] = q / np.linalg.norm(q, axis=1, keepdims=True)
+        return model
+
+    def _inertia(self, model: dict[str, Any], touched: set[str]) -> None:
+        """I / (m r^2) stays, where mass or radius changed and the moment of inertia was not given itself."""
+        changed = (model["mass"] != self._base["mass"]) | (model["radius"] != self._base["radius"])
+        for place in self._places.values():
+            if place.array == "inertia":
+                changed[place.index[0] if place.index else slice(None)] = False
+        scaled = self._kappa * model["mass"] * model["radius"] ** 2
+        model["inertia"] = np.where(changed, scaled, model["inertia"])
+
+    def scene(self, case: int) -> Scene:
+        """One case as a scene of its own: every ball single, every number written down."""
+        from carom.scene.scene import Scene
+
+        model, tree = self.model(case), resolved_tree(self._scene._tree)
+        if len(tree.sphere) != len(self._names):
+            raise CaromError("a case with inflows, or of more than 10 000 balls, is no scene of single balls")
+        spheres = [
+            sphere.model_copy(
+                update={
+                    **{key: tuple(model[key][i].tolist()) for key, width in WIDTHS.items() if width},
+                    **{key: float(model[key][i]) for key, width in WIDTHS.items() if not width},
+                    "density": None,
+                }
+            )
+            for i, sphere in enumerate(tree.sphere)
+        ]
+        changed = {
+            (place.array, place.index[0]) for place in self._places.values() if place.array in LAW_KEYS
+        }
+        laws = [
+            law.model_copy(update={key: float(model[key][i]) for key in LAW_KEYS if (key, i) in changed})
+            for i, law in enumerate(tree.contact)
+        ]
+        world = tree.world.model_copy(update={"gravity": tuple(model["gravity"].tolist())})
+        return Scene._of(tree.model_copy(update={"sphere": spheres, "contact": laws, "world": world}))
+
+
+def _meet(a: Sequence[Any], b: Sequence[Any]) -> bool:
+    """Whether two indices share an element: the shorter one is the beginning of the longer."""
+    return all(x == y for x, y in zip(a, b, strict=False))

@@ -1,0 +1,331 @@
+"""`carom.compare`: one scene by several methods in time, and how far apart they end.
+
+A method is written as the scenario writes it, with further choices after plus signs: `moreau+projection`,
+`nsga+one-shot`. All run on the same grid of steps, one after the other, so that their times can be compared.
+
+(The module is not called `compare`: importing it would hide the function of that name in the package.)
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.files import inside
+from carom.many.sheets import of_comparison, titled
+from carom.run.summary import plain
+from carom.scene.arguments import renamed
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+    from carom.run.simulate import OnProgress
+    from carom.scene.scene import Scene
+    from carom.scene.tables.keywords import Options
+
+F64 = NDArray[np.float64]
+
+#: What is compared, and its unit.
+QUANTITIES = {"position": "m", "velocity": "m/s", "angular_velocity": "rad/s"}
+#: Numbers of a run's summary that stand side by side, as far as the method has them.
+NUMBERS = (
+    *("wall_s", "core_s", "steps", "substeps", "halvings", "penetration_max", "penetration_max_relative"),
+    *("energy", "iterations", "impact_problems", "unconverged", "fallbacks", "missed_impacts"),
+)
+#: Frames of a run that is compared, besides those that are asked for, at most.
+FRAMES = 200
+#: Radii (radii per step) below which a position (velocity) is no size to compare with.
+SMALL = 1e-8
+_PROJECTION = "projection"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far a method is from the first one in one quantity at one time.
+
+    `greatest` is the largest difference of a vector, in the unit of the quantity, and `body` the one that has
+    it; `relative` is the measure of eq. 45 over all bodies, relative to the largest size that the sum below the
+    line has in any frame of the first run: at rest it would vanish. A size below `SMALL` radii (velocities: radii
+    per step) per body is taken as that.
+    """
+
+    time: float
+    quantity: str
+    greatest: float
+    body: str
+    relative: float
+
+
+@dataclass(frozen=True)
+class MethodRun:
+    """One method: its options beyond the scene's, its numbers, and its differences from the first method.
+
+    `states` has an array (K, N, 3) for each quantity; rows of times that the run did not reach are NaN. `numbers` are those
+    of `carom run --json` that compare, and `impacts`, the rows of its table of impacts.
+    """
+
+    name: str
+    options: Mapping[str, Any]
+    outcome: str
+    ok: bool
+    numbers: Mapping[str, Any]
+    states: Mapping[str, F64]
+    differences: tuple[Difference, ...]
+    directory: Path | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON; without the states."""
+        return {
+            "method": self.name,
+            "options": dict(self.options),
+            "outcome": self.outcome,
+            **plain(self.numbers),
+            "differences": [vars(d) for d in self.differences],
+            "directory": None if self.directory is None else str(self.directory),
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The runs of `carom.compare`, in the order of the methods; `comparison["moreau"]` is one of them.
+
+    `times` (K,), s, are the instants that are compared, the last one the end; `bodies` the names of the N spheres.
+    """
+
+    title: str
+    step: float
+    times: tuple[float, ...]
+    bodies: tuple[str, ...]
+    runs: tuple[MethodRun, ...]
+    case: str | None = None
+    remarks: tuple[str, ...] = ()
+    """What a reader must know of it: which method was left out, and why."""
+
+    def __getitem__(self, method: str) -> MethodRun:
+        for run in self.runs:
+            if run.name == method:
+                return run
+        raise CaromError(f"{method!r} was not compared; {did_you_mean(method, [r.name for r in self.runs])}")
+
+    def __iter__(self) -> Iterator[MethodRun]:
+        return iter(self.runs)
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    def __str__(self) -> str:
+        return str(of_comparison(self))
+
+    def __repr__(self) -> str:
+        names = ", ".join(run.name for run in self.runs)
+        return f"<Comparison {titled(self.title, self.case)!r}: {names} at t = {', '.join(f'{t:g}' for t in self.times)} s>"
+
+    @property
+    def ok(self) -> bool:
+        """Whether every run reached its end."""
+        return all(run.ok for run in self.runs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values: the document of `carom compare --json`."""
+        return {
+            "title": self.title,
+            "case": self.case,
+            "step": self.step,
+            "times": list(self.times),
+            "reference": self.runs[0].name,
+            "methods": [run.to_dict() for run in self.runs],
+            "remarks": list(self.remarks),
+        }
+
+
+def listed(times: float | Sequence[float]) -> list[float]:
+    """Times of which one may be given without a list."""
+    return [float(times)] if isinstance(times, (int, float)) else [float(t) for t in times]
+
+
+def default_methods() -> list[str]:
+    """Every method that the core has, the default one first, and Moreau-Jean with projection too."""
+    from carom import _core
+
+    return [
+        name
+        for m in _core.choices()["method"]
+        for name in ([m, f"{m}+{_PROJECTION}"] if m == "moreau" else [m])
+    ]
+
+
+def _able(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
+    """The default methods that can take the scene, and what is to be said of the others: contact forces know no joints."""
+    names = default_methods()
+    if "penalty" not in names or not scene.to_model().get("joints"):
+        return names, ()
+    names.remove("penalty")
+    return names, ("penalty is left out: the scene has joints, and the method of contact forces knows none",)
+
+
+def method_options(name: str) -> dict[str, Any]:
+    """The keys of `[run]` that a name such as `moreau+projection` stands for."""
+    from carom import _core
+
+    choices = _core.choices()
+    method, *modifiers = name.split("+")
+    if method not in choices["method"]:
+        raise CaromError(f"no method is called {method!r}; {did_you_mean(method, choices['method'])}")
+    options: dict[str, Any] = {"method": method}
+    values = {value: key for key, admitted in choices.items() if key != "method" for value in admitted}
+    for modifier in modifiers:
+        if modifier == _PROJECTION and method == "moreau":
+            options["position_projection"] = True
+        elif modifier in values:
+            options[values[modifier]] = modifier
+        else:
+            known = [_PROJECTION, *values] if method == "moreau" else list(values)
+            raise CaromError(
+                f"{name}: {modifier!r} is no choice of {method}; {did_you_mean(modifier, known)}"
+            )
+    return options
+
+
+@renamed
+def compare(
+    scene: Scene | str | Path,
+    methods: str | Sequence[str] | None = None,
+    *,
+    at: float | Sequence[float] = (),
+    out: str | Path | None = None,
+    force: bool = False,
+    progress: OnProgress | None = None,
+    case: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    **options: Unpack[Options],
+) -> Comparison:
+    """Simulate a scene, or a scenario file, by several methods and hold each against the first.
+
+    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at`
+    are times (s, on the grid of the steps) that are compared besides the end. `case` and `parameters` choose a variant of
+    a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
+    `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end is
+    no error here: its `outcome` says so.
+    """
+    import carom
+    from carom.errors import CaromWarning
+    from carom.run.loop import Plan
+    from carom.run.simulate import RunFailed, scene_of
+
+    scene = scene_of(scene, "compare", case=case, parameters=parameters)
+    at = listed(at)
+    names, remarks = (
+        _able(scene) if methods is None else ([methods] if isinstance(methods, str) else list(methods), ())
+    )
+    if not names:
+        raise CaromError("name at least one method to compare")
+    if len(dict.fromkeys(names)) < len(names):
+        raise CaromError(f"a method is named twice among {', '.join(names)}")
+    chosen = {name: method_options(name) for name in names}
+    if clash := sorted({"every", *(k for o in chosen.values() for k in o)} & options.keys()):
+        cure = "name it with the method, as nsga+one-shot" if clash != ["every"] else "give the times with at"
+        raise CaromError(f"{clash[0]} is set by the comparison; {cure}")
+    scene = scene.with_options(**options) if options else scene
+    if scene.run.until is None:
+        raise CaromError("the scenario does not say how long to simulate; give until")
+    h = scene.run.step
+    plan = Plan.of(scene.run.until, h, 1, False)
+    wanted = sorted({*(_grid(t, h, plan.steps) for t in at), plan.steps})
+    every = _spacing(math.gcd(*wanted), plan.steps)
+    for advice in scene.validate():
+        warnings.warn(str(advice), CaromWarning, stacklevel=3)
+    floors = _floors(scene)
+    sizes: Mapping[str, float] = {}
+    runs: list[MethodRun] = []
+    for name, extra in chosen.items():
+        directory = None if out is None else inside(Path(out), name)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CaromWarning)  # told above, once for all methods
+            try:
+                result = carom.simulate(
+                    scene, out=directory, force=force, progress=progress, every=every, **extra
+                )
+            except RunFailed as error:
+                result = error.result
+        sizes = sizes or {q: max(floor, _largest(getattr(result, q))) for q, floor in floors.items()}
+        runs.append(_measured(name, extra, result, [n // every for n in wanted], runs, sizes, directory))
+        result.close()
+    times = tuple(n * h for n in wanted)
+    return Comparison(scene.title, h, times, tuple(scene.names), tuple(runs), scene.case, remarks)
+
+
+def _spacing(most: int, steps: int) -> int:
+    """Steps between frames: a divisor of `most`, if one gives at most `FRAMES` of them."""
+    return next((n for n in range(1, most) if most % n == 0 and steps // n <= FRAMES), most)
+
+
+def _largest(column: Any) -> float:
+    """The largest sum below the line of eq. 45 of any frame, of a column (T, N, 3)."""
+    return float(np.max(np.sum(np.abs(np.asarray(column)), axis=(1, 2))))
+
+
+def _floors(scene: Scene) -> dict[str, float]:
+    """Sums of all bodies below which a quantity is at rest: `SMALL` radii, or radii per step."""
+    radius = np.asarray(scene.to_model()["radius"], dtype=np.float64)
+    length, h = SMALL * float(radius.sum()), scene.run.step
+    return {"position": length, "velocity": length / h, "angular_velocity": SMALL * len(radius) / h}
+
+
+def _grid(t: float, h: float, steps: int) -> int:
+    n = round(t / h)
+    if abs(n * h - t) > 1e-9 * max(t, h) or not 0 <= n <= steps:
+        raise CaromError(
+            f"at: {t:g} s is not among the steps of {h:g} s up to {steps * h:g} s; give a multiple of the step"
+        )
+    return n
+
+
+def _measured(
+    name: str,
+    options: Mapping[str, Any],
+    result: Result,
+    frames: Sequence[int],
+    before: Sequence[MethodRun],
+    sizes: Mapping[str, float],
+    directory: Path | None,
+) -> MethodRun:
+    reached = len(result.time)
+    states: dict[str, F64] = {}
+    for quantity in QUANTITIES:
+        column = getattr(result, quantity)
+        rows = [column[k] if k < reached else np.full((len(result.names), 3), np.nan) for k in frames]
+        states[quantity] = np.asarray(rows, dtype=np.float64)
+    times = [float(result.time[k]) if k < reached else math.nan for k in frames]
+    numbers = {key: result.summary[key] for key in NUMBERS if key in result.summary}
+    numbers["impacts"] = len(result.impacts)
+    reference = before[0].states if before else states
+    differences = tuple(_differences(times, result.names, states, reference, sizes))
+    outcome = str(result.outcome)
+    return MethodRun(
+        name, options, outcome, result.outcome.ok, numbers, states, differences if before else (), directory
+    )
+
+
+def _differences(
+    times: Sequence[float],
+    bodies: Sequence[str],
+    states: Mapping[str, F64],
+    reference: Mapping[str, F64],
+    sizes: Mapping[str, float],
+) -> Iterator[Difference]:
+    for k, time in enumerate(times):
+        for quantity in QUANTITIES:
+            found, first = states[quantity][k], reference[quantity][k]
+            if np.isnan(found).any() or np.isnan(first).any():
+                continue  # one of the runs stopped before
+            off = np.linalg.norm(found - first, axis=1)
+            worst = int(np.argmax(off))
+            relative = float(np.sum(np.abs(found - first))) / sizes[quantity]
+            yield Difference(time, quantity, float(off[worst]), bodies[worst], relative)

@@ -1,0 +1,304 @@
+"""`carom.converge`: how the error of a scene depends on the step h, and the order that this shows.
+
+Runs are made in memory, several at once in threads (the core releases the interpreter), and reported in the order
+of their steps: the result does not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.many.batch import usable_processors
+from carom.many.order import FINER, Order, clear_order, doubts, error_of
+from carom.many.quantity import QUANTITIES, Quantity
+from carom.many.reference_solution import Formulas, Frames, Function, Truth
+from carom.many.sheets import of_convergence, titled
+from carom.run import summary
+from carom.run.loop import Plan, begin, drive
+from carom.run.sinks import Instants
+from carom.scene.arguments import renamed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from carom.result.result import Result
+    from carom.scene.scene import Scene
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+#: What a study looks at if nothing else is said.
+DEFAULT = ("position", "velocity", "angular_velocity")
+#: Instants of one run that enter eq. 45, and numbers of their states, at most.
+MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000
+
+
+@dataclass(frozen=True)
+class StepRun:
+    """One run of a study: its step (s), how it ended, and what it cost."""
+
+    h: float
+    steps: int
+    outcome: str
+    unconverged: int
+    penetration_max: float
+    core_s: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether it reached its end with every sub-problem solved to its tolerance."""
+        return self.outcome == "done" and self.unconverged == 0
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Errors of each quantity at each step, coarse to fine, and the orders they show.
+
+    `errors["velocity"]` has one number for each of `steps` (s), by eq. 45 over the instants of that run up to
+    `until` (s), or over the instants `at` alone; NaN where a run stopped. `orders["velocity"]` is None where fewer
+    than two errors stand clear of rounding. `runs` are those of `steps`, then that of the reference if it was one.
+    """
+
+    title: str
+    steps: tuple[float, ...]
+    reference: str
+    until: float
+    at: tuple[float, ...]
+    errors: Mapping[str, tuple[float, ...]]
+    orders: Mapping[str, Order | None]
+    runs: tuple[StepRun, ...]
+    case: str | None = None
+    remarks: tuple[str, ...] = ()
+    """Why an order should not be believed, or the reference."""
+
+    def __str__(self) -> str:
+        return str(of_convergence(self))
+
+    def __repr__(self) -> str:
+        orders = ", ".join(f"{n} {'-' if o is None else f'{o.value:.3f}'}" for n, o in self.orders.items())
+        return f"<Convergence {titled(self.title, self.case)!r}, {len(self.steps)} steps: order of {orders}>"
+
+    @property
+    def ok(self) -> bool:
+        """Whether every run reached its end with every sub-problem solved."""
+        return all(run.ok for run in self.runs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values: the document of `carom converge --json`."""
+        quantities = {}
+        for name, errors in self.errors.items():
+            order = self.orders[name]
+            quantities[name] = {"errors": list(errors), "order": order and summary.plain(vars(order))}
+        return {
+            "title": self.title,
+            "case": self.case,
+            "steps": list(self.steps),
+            "reference": self.reference,
+            "until": self.until,
+            "at": list(self.at),
+            "quantities": quantities,
+            "runs": [vars(run) for run in self.runs],
+            "remarks": list(self.remarks),
+        }
+
+    def plot(self) -> Figure:
+        """Errors over steps with their fits, a figure of matplotlib."""
+        from carom.show.plot import require_matplotlib
+
+        require_matplotlib()
+        from carom.show.plot.convergence import convergence
+
+        return convergence(self).figure
+
+
+@renamed
+def converge(
+    scene: Scene | str | Path,
+    steps: Sequence[float],
+    reference: float | str | Path | Result | Function,
+    quantities: Sequence[str] | None = None,
+    *,
+    until: float | None = None,
+    at: float | Sequence[float] = (),
+    threads: int | None = None,
+    case: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    **options: Any,
+) -> Convergence:
+    """Simulate a scene, or a scenario file, with several steps (s) and fit the order of the error in h.
+
+    `reference` is a step finer than all others, which it must divide; or a run (`Result` or directory) whose frames
+    hold all instants; or a TOML file with formulas of t; or a function of the time (s) that returns values such as
+    `{"velocity:cue": (vx, vy, vz)}`. `quantities` are `position`, `velocity`, `angular_velocity` or `orientation`
+    of all spheres, or of one (`velocity:cue`), or one component (`velocity:cue:x`); by default the first three, or
+    what the formulas give. Errors are those of eq. 45 over the instants of each run up to `until` (s), or at the
+    times `at` (s) alone. `case` and `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of
+    `[run]`, for all runs. What makes an order doubtful is in `remarks` of the result.
+    """
+    from carom.run.simulate import scene_of
+
+    scene = scene_of(scene, "converge", case=case, parameters=parameters)
+    at = [float(at)] if isinstance(at, (int, float)) else [float(t) for t in at]
+    scene = scene.with_options(**options) if options else scene
+    chosen = sorted(dict.fromkeys(_positive(h) for h in steps), reverse=True)
+    if len(chosen) < 2:
+        raise CaromError("give at least two different steps: an order is a slope")
+    end = until if until is not None else max(at, default=scene.run.until or 0.0)
+    if not 0 < end < math.inf:
+        raise CaromError("the scenario does not say how long to simulate; give until")
+    scene = scene.with_options(until=end)
+    scene.validate()
+    if at and not all(0 <= t <= end for t in at):
+        raise CaromError(f"at: give times from 0 to the end of the runs, {end:g} s")
+    names = scene.names
+    instants = {h: _instants(h, end, at, len(names)) for h in chosen}
+    jobs = list(instants.items())
+    truth: Truth | None = None
+    if isinstance(reference, (int, float)):
+        jobs.append((float(reference), _shared(_positive(reference), instants)))
+    else:
+        truth = _truth(reference, scene)
+    wanted = [Quantity.of(text, names) for text in quantities or (truth and truth.offered()) or DEFAULT]
+    for quantity in wanted:
+        if truth:  # before anything runs
+            truth.values(quantity, np.array([0.0 if not at else min(at)]))
+    found = _run_all(scene, jobs, threads)
+    if truth is None:
+        h = float(reference)  # type: ignore[arg-type]
+        truth = Frames(f"h = {h:g} s", names, _times(h, jobs[-1][1]), found[-1][0], h)
+    errors = {}
+    for quantity in wanted:
+        row = []
+        for (h, numbers), (states, _) in zip(instants.items(), found, strict=False):
+            true = truth.values(quantity, _times(h, numbers))
+            row.append(error_of(quantity.aligned(quantity.of_states(states, names), true), true))
+        errors[quantity.text] = tuple(row)
+    return Convergence(
+        title=scene.title,
+        steps=tuple(chosen),
+        reference=truth.told,
+        until=end,
+        at=tuple(sorted(at)),
+        errors=errors,
+        orders={name: clear_order(chosen, row) for name, row in errors.items()},
+        runs=tuple(run for _, run in found),
+        case=scene.case,
+        remarks=(
+            *_coarse(truth, chosen[-1]),
+            *(told for name, row in errors.items() for told in doubts(name, chosen, row)),
+        ),
+    )
+
+
+def _coarse(truth: Truth, finest: float) -> list[str]:
+    """What is to be said of a reference whose own error is not small beside those that it measures."""
+    if truth.step is None or truth.step * FINER <= finest * (1 + 1e-9):
+        return []
+    return [
+        f"the step of the reference, {truth.step:g} s, is not {FINER} times finer than {finest:g} s: its own error"
+        " enters those of the finest steps"
+    ]
+
+
+def _times(h: float, numbers: I64) -> F64:
+    return np.asarray(h * numbers, dtype=np.float64)
+
+
+def _positive(h: float) -> float:
+    if not 0 < h < math.inf:
+        raise CaromError(f"a step of {h:g} s; steps must be above 0")
+    return float(h)
+
+
+def _instants(h: float, end: float, at: Sequence[float], spheres: int) -> I64:
+    """Numbers of the steps that enter eq. 45."""
+    if at:
+        numbers = np.unique(np.rint(np.asarray(at) / h).astype(np.int64))
+        off = [t for t in at if abs(round(t / h) * h - t) > 1e-9 * max(t, h)]
+        if off:
+            raise CaromError(
+                f"h = {h:g} s does not reach t = {off[0]:g} s in whole steps; give steps that do"
+            )
+        return numbers
+    last = math.floor(end / h * (1 + 1e-12) + 1e-9)
+    if last < 1:
+        raise CaromError(f"h = {h:g} s is longer than the whole simulation of {end:g} s")
+    each = sum(len(letters) for letters, _ in QUANTITIES.values()) * spheres
+    stride = -(-(last + 1) // max(1, min(MOST_INSTANTS, MOST_NUMBERS // each)))
+    return np.arange(0, last + 1, stride, dtype=np.int64)
+
+
+def _shared(h: float, instants: Mapping[float, I64]) -> I64:
+    """Steps of size `h` at which some run of the study has an instant."""
+    numbers = []
+    for coarse, own in instants.items():
+        ratio = round(coarse / h)
+        if ratio < 2 or abs(ratio * h - coarse) > 1e-9 * coarse:
+            raise CaromError(
+                f"the reference step {h:g} s must divide every step, and {coarse:g} s is not a multiple of it;"
+                " take steps and reference from one row, as 1e-2,5e-3,2e-3 and 1e-4"
+            )
+        numbers.append(own * ratio)
+    return np.unique(np.concatenate(numbers))
+
+
+def _truth(reference: object, scene: Scene) -> Truth:
+    from carom.result.result import Result, load
+
+    if isinstance(reference, (str, Path)):
+        path = Path(reference)
+        if not path.is_dir() and path.suffix == ".toml":
+            return Formulas.read(path, scene.names)
+        reference = load(path)
+    if isinstance(reference, Result):
+        return Frames.of(reference, scene)
+    if callable(reference):
+        return Formulas("function", reference, scene.names)
+    raise CaromError("reference must be a step, a run, a TOML file with formulas, or a function of the time")
+
+
+def _run_all(
+    scene: Scene, jobs: Sequence[tuple[float, I64]], threads: int | None
+) -> list[tuple[dict[str, F64], StepRun]]:
+    """All runs, in the order of the jobs. Those with most steps begin first, so that none is left alone at the end."""
+    models = {h: scene.with_options(step=h).to_model() for h, _ in jobs}
+    stop = threading.Event()
+    with ThreadPoolExecutor(threads or usable_processors()) as pool:
+        begun = {
+            h: pool.submit(_run, models[h], h, numbers, stop)
+            for h, numbers in sorted(jobs, key=lambda job: job[1][-1], reverse=True)
+        }
+        try:
+            return [begun[h].result() for h, _ in jobs]
+        except BaseException:
+            stop.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _run(
+    model: Mapping[str, Any], h: float, numbers: I64, stop: threading.Event
+) -> tuple[dict[str, F64], StepRun]:
+    """States after the steps `numbers`, each (T, N, components); NaN for those that were not reached."""
+    simulation, kept = begin(model), Instants(numbers)
+    ending = drive(simulation, Plan(int(numbers[-1]), kept.every, h, False), [kept], stop.is_set)
+    totals = simulation.monitors()
+    run = StepRun(
+        h,
+        simulation.step,
+        ending.kind,
+        int(totals["unconverged"]),
+        float(totals["penetration_max"]),
+        ending.core_s,
+    )
+    return {key: kept.frames[key] for key in QUANTITIES}, run

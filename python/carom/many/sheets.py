@@ -1,0 +1,135 @@
+"""Comparisons and convergence studies as tables of text: what the command line prints, and `str()` of them in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from carom.text import WIDTH, columns, table
+
+if TYPE_CHECKING:
+    from carom.many.compare import Comparison, MethodRun
+    from carom.many.converge import Convergence
+    from carom.many.order import Order
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A title, a table as `carom.text.table` has it, and remarks."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    remarks: Sequence[str] = ()
+    left: Collection[int] = (0,)
+
+    def __str__(self) -> str:
+        return "\n".join([self._text(WIDTH), *(f"note: {remark}" for remark in self.remarks)])
+
+    def show(self) -> None:
+        """Print title and table, as wide as the terminal; remarks are for standard error and left to the caller."""
+        print(self._text(columns()))
+
+    def _text(self, width: int) -> str:
+        return f"{self.title}\n\n{table([self.head, *self.rows], width, head=True, left=self.left)}"
+
+
+def titled(title: str, case: str | None) -> str:
+    """The title of a scene with its case."""
+    return f"{title} [{case}]" if case else title
+
+
+def seconds(value: float) -> str:
+    """A duration in the unit in which it is read."""
+    if value < 1e-3:
+        return f"{value * 1e6:.0f} us"
+    if value < 1:
+        return f"{value * 1e3:.3g} ms"
+    if value < 120:
+        return f"{value:.3g} s"
+    minutes, rest = divmod(round(value), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def of_comparison(found: Comparison) -> Sheet:
+    """A column for each method."""
+    from carom.many.compare import QUANTITIES
+
+    runs = list(found)
+    rows: list[list[str]] = []
+
+    def row(label: str, cell: Callable[[MethodRun], str]) -> None:
+        cells = [cell(run) for run in runs]
+        if any(c != "-" for c in cells):
+            rows.append([label, *cells])
+
+    def counts(label: str, key: str) -> None:
+        row(label, lambda run: f"{run.numbers[key]:d}" if run.numbers.get(key) else "-")
+
+    row("outcome", lambda r: "done" if r.ok else r.outcome.split(";")[0].split(" at ")[0])
+    row("wall time", lambda r: seconds(r.numbers["wall_s"]))
+    row("core time", lambda r: seconds(r.numbers["core_s"]))
+    for key in ("steps", "substeps", "halvings"):
+        counts(key, key)
+    row("penetration (m)", lambda r: f"{max(0.0, r.numbers['penetration_max']):.1e}")
+    row("final energy (J)", lambda r: f"{r.numbers['energy']['final']:.6g}")
+    row("energy rise (J)", lambda r: f"{max(0.0, r.numbers['energy']['max_rise']):.1e}")
+    counts("impulses of impacts", "impacts")
+    counts("unconverged", "unconverged")
+    counts("fallbacks", "fallbacks")
+    for time in found.times:
+        rows.append([f"off {runs[0].name} at {time:g} s, greatest, and relative"])
+        for quantity, unit in QUANTITIES.items():
+            row(f"  {quantity.replace('_', ' ')} ({unit})", lambda r, q=quantity, t=time: _off(r, q, t))  # type: ignore[misc]
+    title = titled(found.title or "comparison", found.case)
+    return Sheet(
+        f"{title}: h = {found.step:g} s to t = {found.times[-1]:g} s",
+        ["", *(run.name for run in runs)],
+        rows,
+        found.remarks,
+    )
+
+
+def _off(run: MethodRun, quantity: str, time: float) -> str:
+    for d in run.differences:
+        if d.quantity == quantity and abs(d.time - time) < 1e-12 + 1e-9 * time:
+            return f"{d.greatest:.1e}  {d.relative:.0e}"
+    return "-"
+
+
+def of_convergence(found: Convergence) -> Sheet:
+    """A row for each step: the errors and the orders between neighbours, and the fitted orders below."""
+    names = list(found.errors)
+    rows = []
+    for i, h in enumerate(found.steps):
+        cells = [f"{h:.4g}"]
+        for name in names:
+            cells += [f"{found.errors[name][i]:.3e}", _between(found, name, i)]
+        rows.append(cells)
+    fits: list[str] = []
+    for name in names:
+        order = found.orders[name]
+        fits += ["" if order is None else _fitted(order), ""]
+    rows += [["least squares", *fits]]
+    at = found.at
+    where = f"at t = {', '.join(f'{t:g}' for t in at)} s" if at else f"over 0 to {found.until:g} s"
+    head = ["h (s)", *(cell for name in names for cell in (name, "order"))]
+    title = titled(found.title or "convergence", found.case)
+    return Sheet(f"{title}: error by eq. 45 {where} against {found.reference}", head, rows, found.remarks)
+
+
+def _fitted(order: Order) -> str:
+    spread = f" +- {order.uncertainty:.3f}" if order.uncertainty == order.uncertainty else ""
+    return f"{order.value:.3f}{spread}"
+
+
+def _between(found: Convergence, name: str, i: int) -> str:
+    """The order between a step and the one before it, where both errors stand clear of rounding."""
+    from carom.many.order import pairwise_order
+
+    if i == 0:
+        return ""
+    order = pairwise_order(found.steps[i - 1 : i + 1], found.errors[name][i - 1 : i + 1])
+    return "-" if order is None else f"{order:.2f}"

@@ -1,0 +1,203 @@
+"""The folder of a study: parts with rows, one table of them all, and who may work in it.
+
+sweep.parquet   one row per case, in the order of the study
+sweep.json      what was computed, how fast, and what failed
+parts/          rows as workers wrote them; what a second call goes by
+runs/           run directories of the cases, if they are kept
+plots/          figures with their numbers
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import uuid
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.export.parquet import require_pyarrow
+from carom.files import RecordError, inside, opened, regular, unwritable, write_whole
+from carom.many.sweep import origin
+
+if TYPE_CHECKING:
+    from carom.many.sweep.study import Study
+
+#: Parts above which they are made one.
+MOST_PARTS = 64
+#: Seconds after which a file that was never renamed belongs to nobody.
+SCRAP_SECONDS = 3600.0
+UNITS = {"position": "m", "velocity": "m/s", "angular_velocity": "rad/s"}
+#: Columns of their own; what is not here and no place, velocity or energy has no unit that is known.
+OWN_UNITS = {"time": "s", "seconds": "s", "penetration_max": "m"}
+
+
+class Folder:
+    """The files of a study."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.parts = path / "parts"
+        self.table_file = path / "sweep.parquet"
+        self.about = path / "sweep.json"
+
+    def run(self, name: str) -> Path:
+        """The run directory of a case."""
+        return inside(self.path, "runs", name)
+
+    @contextmanager
+    def driving(self) -> Iterator[None]:
+        """Be the one driver of this study; a folder with anything else in it is refused."""
+        try:
+            if self.path.exists() and not self.parts.exists() and any(self.path.iterdir()):
+                raise CaromError(f"{self.path} holds other files and no study; choose another with -o")
+            inside(self.path, "parts").mkdir(parents=True, exist_ok=True)
+            lock = opened(self.parts / ".lock", os.O_WRONLY | os.O_APPEND | os.O_CREAT, "ab")
+        except OSError as error:
+            raise RecordError(f"cannot write {self.path}: {unwritable(error)}") from error
+        with lock:
+            if not _locked(lock):
+                raise CaromError(
+                    f"{self.path} is being computed by another process; wait for it, or interrupt it first"
+                )
+            for scrap in self.parts.glob(".*.tmp"):
+                with suppress(OSError):
+                    if time.time() - scrap.stat().st_mtime > SCRAP_SECONDS:
+                        scrap.unlink()
+            yield
+
+    def write_part(self, key: str, pieces: Sequence[Mapping[str, NDArray[Any]]]) -> None:
+        """Add rows, in one move and for good."""
+        arrow = require_pyarrow("a study", "cluster")
+        tables = [_table(arrow, piece) for piece in pieces]
+        self._write_part(key, arrow.concat_tables(tables, promote_options="permissive"))
+
+    def _write_part(self, key: str, table: Any) -> Path:
+        name = uuid.uuid4().hex[:12]
+        path = self.parts / f"{key}-{name}.parquet"
+        self._replace(path, table)
+        return path
+
+    def _replace(self, path: Path, table: Any) -> None:
+        from pyarrow import parquet
+
+        temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+        try:
+            with open(temporary, "wb") as file:
+                parquet.write_table(table, file, compression="zstd")
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+        except OSError as error:
+            raise RecordError(f"cannot write {path}: {unwritable(error)}") from error
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def outcomes(self, pattern: str = "*") -> dict[str, str]:
+        """Outcome by the name of the case, of all rows in parts whose names match."""
+        found: dict[str, str] = {}
+        for _, part in self._read(pattern, ["id", "outcome"]):
+            # A case that failed once and was tried again has two rows; what went well counts.
+            for name, outcome in zip(part["id"].to_pylist(), part["outcome"].to_pylist(), strict=True):
+                if found.get(name) != "done":
+                    found[name] = outcome
+        return found
+
+    def origins(self, names: Iterable[str]) -> Counter[origin.Origin]:
+        """How many of the cases of these names were computed by whom."""
+        wanted = set(names)
+        found: dict[str, tuple[str | None, ...]] = {}
+        for _, part in self._read("*", ["id", *origin.COLUMNS]):
+            blank = [None] * part.num_rows  # of parts from before the columns were written
+            columns = [
+                part[name].to_pylist() if name in part.column_names else blank for name in origin.COLUMNS
+            ]
+            found |= {row[0]: row[1:] for row in zip(part["id"].to_pylist(), *columns, strict=True)}
+        rows = [row for name, row in found.items() if name in wanted]
+        return origin.tally([row[0] for row in rows], [row[1] for row in rows])
+
+    def _read(self, pattern: str, columns: list[str] | None = None) -> Iterator[tuple[Path, Any]]:
+        """Whole parts, or those of the columns that they have, oldest first; one that a crash of the machine left damaged
+        is as if it were not there.
+        """
+        arrow = require_pyarrow("a study", "cluster")
+        from pyarrow import parquet
+
+        files = sorted(
+            self.parts.glob(f"{pattern}.parquet"), key=lambda path: (path.stat().st_mtime_ns, path.name)
+        )
+        for path in files:
+            try:
+                with parquet.ParquetFile(regular(path)) as file:
+                    there = file.schema_arrow.names
+                    table = file.read([name for name in columns or there if name in there])
+                yield path, table
+            except (arrow.ArrowInvalid, OSError, CaromError):
+                continue
+
+    def gather(self, study: Study) -> Any:
+        """All rows of a study as one table in the order of its cases, also written to `sweep.parquet`; None without rows."""
+        arrow = require_pyarrow("a study", "cluster")
+        read = list(self._read("*"))
+        if not read:
+            return None
+        whole = arrow.concat_tables([table for _, table in read], promote_options="permissive")
+        if (
+            len(read) > MOST_PARTS
+        ):  # first the one with all rows, then without the others: rows twice do no harm
+            kept = self._write_part("all", whole)
+            for path, _ in read:
+                if path != kept:
+                    path.unlink(missing_ok=True)
+        place: dict[str, int] = {}
+        outcome = whole["outcome"].to_pylist()
+        for row, name in enumerate(whole["id"].to_pylist()):
+            if name not in place or outcome[place[name]] != "done":
+                place[name] = row
+        cases = [k for k, name in enumerate(study.ids) if name in place]
+        table = whole.take([place[study.ids[k]] for k in cases])
+        table = table.add_column(0, arrow.field("case", arrow.int64()), arrow.array(cases, arrow.int64()))
+        self._replace(self.table_file, table)
+        return table
+
+    def note(self, facts: Mapping[str, Any]) -> None:
+        """Replace `sweep.json`."""
+        text = json.dumps(facts, indent=2, ensure_ascii=False, default=str) + "\n"
+        write_whole(self.about, text.encode(), durable=False)
+
+
+def _table(arrow: Any, columns: Mapping[str, NDArray[Any]]) -> Any:
+    arrays, fields = [], []
+    for name, values in columns.items():
+        text = values.dtype == object
+        arrays.append(
+            arrow.array(values.tolist(), arrow.string()) if text else arrow.array(np.asarray(values, float))
+        )
+        unit = OWN_UNITS.get(name) or ("J" if name.startswith("energy_") else _unit_of(name))
+        fields.append(arrow.field(name, arrays[-1].type, metadata={"unit": unit}))
+    return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
+
+
+def _unit_of(name: str) -> str:
+    """The unit of `cue.velocity.x`, at the end or (`cue.velocity.x.start`) as it was given."""
+    parts = name.removesuffix(".start").split(".")
+    return UNITS.get(parts[-2], "1") if len(parts) > 2 else "1"
+
+
+def _locked(file: Any) -> bool:
+    try:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except (ImportError, OSError):  # a system or file system without locks
+        return True
+    return True

@@ -1,0 +1,127 @@
+"""`carom.sweep`: computes what is missing of a study, and gathers its table."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from carom.errors import CaromError, CaromWarning
+from carom.many.batch import usable_processors
+from carom.many.sweep import cluster, origin
+from carom.many.sweep.cases import Job
+from carom.many.sweep.folder import Folder
+from carom.many.sweep.study import Measure, Study
+from carom.many.sweep.table import Sweep
+
+#: Pieces of a study per worker: few enough to cost nothing, enough that no worker is left alone at the end.
+PIECES = 16
+#: Cases of one piece at most.
+MOST_CASES = 250
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a study stands: cases that are there (with those of earlier calls), those of them that failed, all."""
+
+    done: int
+    failed: int
+    cases: int
+    new: int
+    """Cases computed by this call."""
+    wall_s: float
+
+    @property
+    def per_second(self) -> float:
+        """Cases a second."""
+        return self.new / self.wall_s if self.wall_s > 0 else 0.0
+
+    @property
+    def eta_s(self) -> float:
+        """Seconds to the end at this pace."""
+        return (self.cases - self.done) / self.per_second if self.new else float("inf")
+
+
+def sweep(
+    study: Study | str | Path,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    measure: Measure | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Sweep:
+    """Compute the cases of a study (or of the file of one) that the folder `out` does not hold yet.
+
+    `workers` processes of this machine compute, by default one per processor; 0: this process alone, without dask.
+    `scheduler` is the address of a running one (`tcp://host:8786`), whose workers must see `out` under the same path.
+    Cases that failed are rows like others and are not computed again without `retry_failed`. `measure(result)` gives
+    further columns, `{name: number}`, from the `Result` of each case, which is then simulated with a run directory of
+    its own and takes longer. `progress` is called after each piece.
+
+    A script that calls this with workers needs `if __name__ == "__main__":` around the call, as for all processes of Python.
+    """
+    if not isinstance(study, Study):
+        study = Study.from_toml(study, measure)
+    elif measure is not None:
+        raise CaromError("sweep: give measure to Study.of, or the path of a study and measure here")
+    if workers is not None and workers < 0:
+        raise CaromError(
+            f"sweep: workers = {workers}; give a number of processes, or 0 for this process alone"
+        )
+    count = usable_processors() if workers is None else workers
+    folder = Folder(Path(out).absolute())
+    with folder.driving():
+        return _compute(study, folder, count, scheduler, retry_failed, progress)
+
+
+def _compute(
+    study: Study,
+    folder: Folder,
+    workers: int,
+    scheduler: str | None,
+    retry_failed: bool,
+    progress: Callable[[Progress], None] | None,
+) -> Sweep:
+    before = folder.outcomes()
+    done = [name for name in study.ids if name in before and (before[name] == "done" or not retry_failed)]
+    there = set(done)
+    missing = [k for k, name in enumerate(study.ids) if name not in there]
+    if missing and (told := origin.remark(folder.origins(done), origin.here())):
+        warnings.warn(told, CaromWarning, stacklevel=3)
+    state = Progress(len(done), sum(before[name] != "done" for name in done), study.cases, 0, 0.0)
+    start = time.perf_counter()
+
+    def note(cases: int, failed: int) -> None:
+        nonlocal state
+        elapsed = time.perf_counter() - start
+        state = Progress(state.done + cases, state.failed + failed, state.cases, state.new + cases, elapsed)
+        if progress is not None:
+            progress(state)
+
+    try:
+        if missing:
+            jobs = _pieces(study, folder, missing, workers, retry_failed)
+            if workers == 0 and scheduler is None:
+                cluster.in_this_process(jobs, note)
+            else:
+                cluster.on_cluster(jobs, note, workers, scheduler)
+    finally:  # also after Ctrl-C: the table holds what there is
+        table = folder.gather(study)
+        found = Sweep(folder.path, study, table, state)
+        folder.note(found.summary)
+    return found
+
+
+def _pieces(study: Study, folder: Folder, missing: list[int], workers: int, retry: bool) -> list[Job]:
+    size = max(1, min(MOST_CASES, -(-len(missing) // (PIECES * max(1, workers)))))
+    if study.keep_runs or study.measure is not None:
+        size = max(1, size // 10)
+    whole = Job("", str(folder.path), study, tuple(study.ids))
+    jobs = [cluster.piece(whole, missing[k : k + size]) for k in range(0, len(missing), size)]
+    if retry:  # under another name: what failed is in the part of the old one
+        jobs = [Job(f"again{int(time.time()):x}{job.key}", job.folder, job.study, job.ids) for job in jobs]
+    return jobs

@@ -1,0 +1,276 @@
+"""What a study is: a scenario, what varies in it, how points are chosen, what is kept. As a file, or in Python."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.many.batch import KINEMATICS
+from carom.many.sweep.design import Axis, Design, number, read_table
+from carom.many.sweep.origin import COLUMNS as ORIGIN
+from carom.many.sweep.targets import Targets
+from carom.many.threads import ENERGIES, MONITORS
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+    from carom.scene.scene import Scene
+
+F64 = NDArray[np.float64]
+Measure = Callable[["Result"], Mapping[str, float]]
+
+FORMAT = 1
+#: Columns that are no parameters.
+RESERVED = (
+    "case",
+    "id",
+    "outcome",
+    "message",
+    "time",
+    "seconds",
+    *ORIGIN,
+    *MONITORS,
+    *(f"energy_{name}" for name in ENERGIES),
+)
+KEYS = {
+    "": ("format", "title", "scenario", "case", "parameters", "design", "set", "run", "keep"),
+    "design": ("kind", "count", "seed", "file"),
+    "keep": ("runs", "bodies"),
+}
+
+
+@dataclass(frozen=True)
+class Study:
+    """A scenario with parameters that vary. Made by `Study.of`, or `Study.from_toml`."""
+
+    text: str
+    """The scenario, TOML."""
+    axes: tuple[Axis, ...]
+    design: Design = field(default_factory=Design)
+    targets: Mapping[str, str] = field(default_factory=dict)
+    """Where values go: key of the scene (see `carom.many.sweep.targets`) to an expression of the parameters."""
+    run: Mapping[str, Any] = field(default_factory=dict)
+    """Keys of `[run]` and `[record]` for all cases."""
+    case: str | None = None
+    title: str = ""
+    source: str = "scenario"
+    """What messages call the scenario."""
+    keep_runs: bool = False
+    bodies: tuple[str, ...] | None = None
+    """Balls whose final state is kept; None: all, unless there are more than 100."""
+    measure: Measure | None = None
+    """Gives further columns from the `Result` of a case."""
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene | str | Path,
+        parameters: Mapping[str, Any] | None = None,
+        *,
+        design: str = "grid",
+        count: int | None = None,
+        seed: int = 0,
+        table: Mapping[str, Sequence[float]] | str | Path | None = None,
+        set: Mapping[str, str | float] | None = None,
+        case: str | None = None,
+        title: str = "",
+        keep_runs: bool = False,
+        bodies: Sequence[str] | None = None,
+        measure: Measure | None = None,
+        **options: Any,
+    ) -> Study:
+        """A study in Python; the arguments are the keys of a file, `options` those of `[run]`. `scene` may be the name of
+        an example that comes with Carom, too.
+
+        `Study.of("break.toml", {"v": (5.0, 12.0), "mu": [0.1, 0.2]}, design="sobol", count=1000)`: a pair is a range, a list
+        all its values. `set` says where values go: `{"cue.velocity.x": "= v*cos(aim)"}`.
+        """
+        from carom.scene.scene import Scene
+
+        if isinstance(scene, Scene):
+            text, source = scene.to_toml(), "scene"
+        else:
+            path = _example_or(Path(scene))
+            text, source = _read(path), str(scene)
+            Scene.from_toml(path, case=case)  # what is wrong with it is said with its lines
+        columns = read_table(Path(table)) if isinstance(table, (str, Path)) else table
+        study = cls(
+            text=text,
+            axes=tuple(Axis.of(name, given) for name, given in (parameters or {}).items()),
+            design=Design("table" if table is not None else design, count, seed, columns),
+            targets={
+                key: value if isinstance(value, str) else repr(number(f"set.{key}", value))
+                for key, value in (set or {}).items()
+            },
+            run=options,
+            case=case,
+            title=title,
+            source=source,
+            keep_runs=keep_runs,
+            bodies=None if bodies is None else (bodies,) if isinstance(bodies, str) else tuple(bodies),
+            measure=measure,
+        )
+        study.check()
+        return study
+
+    @classmethod
+    def from_toml(cls, path: str | Path, measure: Measure | None = None) -> Study:
+        """The study of a file. Its scenario is a path beside it, or the name of an example of Carom."""
+        path = Path(path)
+        text = _read(path)
+        try:
+            raw = tomllib.loads(text)
+        except ValueError as error:
+            raise CaromError(f"{path} is not TOML: {error}") from error
+        _known(path, "", raw)
+        for section in ("design", "keep", "parameters", "set", "run"):
+            if not isinstance(raw.get(section, {}), dict):
+                raise CaromError(f"{path}: expected a table, write [{section}] and its keys below")
+            _known(path, section, raw.get(section, {}))
+        if raw.get("format") != FORMAT:
+            raise CaromError(f"{path}: format = {raw.get('format')!r}; write format = {FORMAT} at the top")
+        if not isinstance(raw.get("scenario"), str):
+            raise CaromError(f'{path}: scenario is missing; write scenario = "FILE.toml"')
+        design, keep = dict(raw.get("design", {})), dict(raw.get("keep", {}))
+        file = design.pop("file", None)
+        kind = design.pop("kind", "grid" if file is None else "table")
+        for key in ("count", "seed"):
+            if key in design and (
+                isinstance(design[key], bool) or not isinstance(design[key], int) or design[key] < 0
+            ):
+                raise CaromError(f"{path}: design.{key}: expected a whole number, found {design[key]!r}")
+        if not isinstance(keep.get("runs", False), bool):
+            raise CaromError(f"{path}: keep.runs: expected true or false, found {keep['runs']!r}")
+        if (file is not None) != (kind == "table"):
+            raise CaromError(f"{path}: design.kind = table and design.file = FILE.csv belong together")
+        try:
+            return cls.of(
+                _scenario(path, raw["scenario"]), raw.get("parameters"), design=kind, **design,
+                table=None if file is None else path.parent / str(file), set=raw.get("set"), case=raw.get("case"),
+                title=str(raw.get("title", path.stem)), keep_runs=keep.get("runs", False), bodies=keep.get("bodies"),
+                measure=measure, **raw.get("run", {}),
+            )  # fmt: skip
+        except CaromError as error:
+            if type(error) is not CaromError or str(path) in str(error):
+                raise
+            raise CaromError(f"{path}: {error}") from error
+
+    def check(self) -> None:
+        """Refuse what cannot be computed, before anything is: names, expressions, the scene of the first case."""
+        for name in self.points:
+            if name in RESERVED:
+                raise CaromError(
+                    f"parameters.{name}: a column of the results is called so; choose another name"
+                )
+        self.targeting.check()
+        if self.bodies is not None:
+            names = self.targeting.base.names
+            for name in self.bodies:
+                if name not in names:
+                    raise CaromError(
+                        f"keep.bodies: no ball is called {name!r}; {did_you_mean(name, names[:20])}"
+                    )
+
+    @cached_property
+    def points(self) -> dict[str, F64]:
+        """Values of the parameters, (cases,) each."""
+        return self.design.points(self.axes)
+
+    @property
+    def columns(self) -> dict[str, F64]:
+        """The points under the names of their columns: a start value is not to be mistaken for the final one."""
+        return {column(name): values for name, values in self.points.items()}
+
+    @cached_property
+    def targeting(self) -> Targets:
+        """Where the values go."""
+        return Targets.of(self.text, self.source, self.case, self.run, self.targets, self.points)
+
+    @property
+    def cases(self) -> int:
+        """How many there are."""
+        return len(next(iter(self.points.values())))
+
+    @cached_property
+    def identity(self) -> str:
+        """A hash of all that determines a row beside the values of its case; comments in files do not count."""
+        content = {
+            "format": FORMAT,
+            "scenario": tomllib.loads(self.text),
+            "case": self.case,
+            "set": self.targeting.expressions,
+            "run": self.run,
+            "runs": self.keep_runs,
+            "bodies": self.bodies,
+            "measure": _source(self.measure),
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+
+    @cached_property
+    def ids(self) -> list[str]:
+        """A name for each case, a hash of its content: the same in every study that holds the case."""
+        names = sorted(self.points)
+        rows = zip(*(self.points[name].tolist() for name in names), strict=True)
+        return [
+            hashlib.sha256(f"{self.identity}{dict(zip(names, row, strict=True))!r}".encode()).hexdigest()[:16]
+            for row in rows
+        ]
+
+    def __repr__(self) -> str:
+        return f"<Study {self.title!r}: {self.cases} cases of {', '.join(self.points)}, design {self.design.kind}>"
+
+
+def column(name: str) -> str:
+    """What the column of a parameter is called."""
+    return f"{name}.start" if set(name.split(".")) & set(KINEMATICS) else name
+
+
+def _known(path: Path, section: str, table: Mapping[str, Any]) -> None:
+    for key in table if section in KEYS else ():
+        if key not in KEYS[section]:
+            place = f"{section}.{key}" if section else key
+            raise CaromError(f"{path}: unknown key {place}; {did_you_mean(key, KEYS[section])}")
+
+
+def _read(path: Path) -> str:
+    from carom.scene.toml.load import read_text
+
+    return read_text(path)
+
+
+def _example_or(path: Path) -> Path:
+    """The example that is called like a path where nothing is, else the path."""
+    from carom.scene.shipped import find, named
+
+    called = path.as_posix()
+    is_example = not path.exists() and path.suffix != ".toml" and len(named(called)) == 1
+    return find(called) if is_example else path
+
+
+def _scenario(study: Path, named: str) -> Path:
+    """The scenario of a study: beside it, or an example that comes with Carom."""
+    beside = study.parent / named
+    if beside.exists() or named.endswith(".toml"):
+        return beside
+    from carom.scene.shipped import find
+
+    return Path(find(named))
+
+
+def _source(measure: Measure | None) -> str | None:
+    if measure is None:
+        return None
+    try:
+        return inspect.getsource(measure)
+    except (OSError, TypeError):
+        return getattr(measure, "__qualname__", repr(type(measure)))

@@ -1,0 +1,175 @@
+"""`carom.Sweep`: the rows of a study, and what of it failed."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import carom
+from carom.errors import CaromError, counted, did_you_mean
+from carom.files import inside, write_whole
+from carom.many.sweep.origin import COLUMNS, Origin, tally
+
+if TYPE_CHECKING:
+    import pandas
+
+    from carom.many.sweep.run import Progress
+    from carom.many.sweep.study import Study
+
+#: Failures that are listed.
+LISTED = 1000
+
+
+class Sweep:
+    """One row per case. `sweep["ball3.position.x"]` is a column (cases,); `sweep.failures` lists what went wrong."""
+
+    def __init__(self, path: Path, study: Study, table: Any, progress: Progress) -> None:
+        self.path = path
+        self.study = study
+        self.table = table
+        """A table of pyarrow, None if no case is there."""
+        self.progress = progress
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return [] if self.table is None else list(self.table.column_names)
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        if column not in self.columns:
+            raise CaromError(f"the study has no column {column!r}; {did_you_mean(column, self.columns)}")
+        found = self.table[column]
+        return (
+            np.asarray(found.to_pylist(), dtype=object) if "string" in str(found.type) else np.asarray(found)
+        )
+
+    def label(self, column: str) -> str:
+        """A column with its unit, as figures and CSV name it: `cue.velocity.x (m/s)`."""
+        unit = (self.table.schema.field(column).metadata or {}).get(b"unit", b"1").decode()
+        return column if unit == "1" else f"{column} ({unit})"
+
+    def __len__(self) -> int:
+        return 0 if self.table is None else int(self.table.num_rows)
+
+    @cached_property
+    def ok(self) -> NDArray[np.bool_]:
+        """Which rows reached their end."""
+        return np.asarray(self["outcome"] == "done") if len(self) else np.zeros(0, dtype=bool)
+
+    @cached_property
+    def origins(self) -> Mapping[Origin, int]:
+        """How many rows were computed by which Carom: version of the core and identity of its build, if they are known."""
+        blank = [None] * len(self)  # of tables from before the columns were written
+        return tally(*(self.table[name].to_pylist() if name in self.columns else blank for name in COLUMNS))
+
+    @property
+    def parameters(self) -> list[str]:
+        """Columns of what varies."""
+        return list(self.study.columns)
+
+    @cached_property
+    def failures(self) -> list[dict[str, Any]]:
+        """Case, id, parameters, outcome and message of those that failed."""
+        if not len(self):
+            return []
+        rows = np.flatnonzero(~self.ok)[:LISTED].tolist()
+        if not rows:
+            return []
+        names = ("case", "id", *self.parameters, "outcome", "message")
+        return self.table.select(names).take(rows).to_pylist()  # type: ignore[no-any-return]
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Plain values: `sweep.json`, and the document of `carom sweep --json`."""
+        state = self.progress
+        return {
+            "title": self.study.title,
+            "directory": str(self.path),
+            "table": str(self.path / "sweep.parquet"),
+            "cases": self.study.cases,
+            "done": int(self.ok.sum()),
+            "failed": int((~self.ok).sum()),
+            "missing": self.study.cases - len(self),
+            "new": state.new,
+            "wall_s": state.wall_s,
+            "per_second": state.per_second,
+            "parameters": self.parameters,
+            "design": self.study.design.kind,
+            "failures": self.failures,
+            "carom": carom.__version__,
+            "computed_by": [{**who._asdict(), "cases": cases} for who, cases in self.origins.items()],
+        }
+
+    def scene(self, case: int) -> Any:
+        """The scene of a case, to simulate it again with everything recorded."""
+        return self.study.targeting.scene(range(self.study.cases)[case])
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as a data frame."""
+        try:
+            import pandas  # noqa: F401
+        except ImportError as error:
+            raise CaromError(
+                "to_pandas needs pandas: pip install 'carom[interop]'; to_csv needs nothing"
+            ) from error
+        return self.table.to_pandas()
+
+    def to_csv(self, path: str | Path | None = None, columns: Sequence[str] = ()) -> Path:
+        """The table as CSV, one line per case, to `path` (by default `sweep.csv` in the folder); returns the path.
+
+        Units stand in the headings, numbers are the shortest text that reads back as the same bits. `columns` are
+        those wanted, in this order; by default all. Raises `CaromError` for a column that is not there, and
+        of a study without a case.
+        """
+        if self.table is None:
+            raise CaromError(f"{self.path}: no case is there yet, so there is no table to write")
+        chosen = list(columns) or self.columns
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        values = [self[name].tolist() for name in chosen]
+        writer.writerow(self.label(name) for name in chosen)
+        writer.writerows(zip(*values, strict=True))
+        file = Path(path) if path is not None else self.path / "sweep.csv"
+        write_whole(file, text.getvalue().encode(), durable=False, parents=True)
+        return file
+
+    def plot(
+        self,
+        directory: str | Path | None = None,
+        columns: Sequence[str] = (),
+        formats: Sequence[str] = ("png",),
+    ) -> list[Path]:
+        """Histograms, each of the `columns` against each parameter, and where the balls end, to `plots` in the folder.
+
+        By default the columns of a measure, then of the places and velocities at the end those that the parameters
+        explain best, and the energy. Raises `CaromError` for a column that is not there, and where no case is done.
+        """
+        from carom.show.plot import require_matplotlib
+
+        require_matplotlib()
+        if not self.ok.any():
+            raise CaromError("no case reached its end, so there is nothing to draw; sweep.failures says why")
+        from carom.show.plot.style import save
+        from carom.show.plot.sweep import histograms, places, responses
+
+        where = Path(directory) if directory is not None else inside(self.path, "plots")
+        files = save(histograms(self, columns), where, "histograms", formats)
+        files += save(responses(self, columns), where, "responses", formats)
+        if not columns and any(name.endswith(".position.x") for name in self.columns):
+            files += save(places(self), where, "places", formats)
+        return files
+
+    def __repr__(self) -> str:
+        failed = int((~self.ok).sum())
+        rest = self.study.cases - len(self)
+        return (
+            f"<carom.Sweep {self.study.title!r}: {counted(int(self.ok.sum()), 'case')} done, {failed} failed,"
+            f" {rest} missing; {len(self.columns)} columns; {self.path}>"
+        )

@@ -1,0 +1,182 @@
+"""Where the values of a study go: parameters of the scenario file, keys of `[run]`, numbers of balls and contact laws.
+
+A key of `[set]` is one of these three, an expression of the study's parameters its value; a parameter of the study with
+the name of such a key goes there by itself. Numbers of balls and laws, `cue.velocity.x` or `ball/cloth.friction`, cost
+next to nothing per case (`carom.many.cases`); for the other two the scene is built anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean, quoted
+
+if TYPE_CHECKING:
+    from carom.scene.scene import Scene
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The expressions of a study, by what they set. `of_file`: parameters of the scenario file."""
+
+    text: str
+    case: str | None
+    run: Mapping[str, Any]
+    points: Mapping[str, F64]
+    base: Scene
+    """The scene of the file as it stands."""
+    of_file: Mapping[str, str]
+    of_run: Mapping[str, str]
+    of_arrays: Mapping[str, str]
+
+    @classmethod
+    def of(
+        cls,
+        text: str,
+        source: str,
+        case: str | None,
+        run: Mapping[str, Any],
+        given: Mapping[str, str],
+        points: Mapping[str, F64],
+    ) -> Targets:
+        """Sort the keys of `[set]`, and the parameters that need no `[set]`, by where they go."""
+        from carom.scene.scene import Scene
+        from carom.scene.tables.model import SINGLE
+
+        known = _parameters(text)
+        options = {key for name in ("run", "record") for key in SINGLE[name].model_fields}
+        base = Scene.from_toml(_as_text(text), case=case)
+        base = base.with_options(**run) if run else base
+        used = {name for expression in given.values() for name in _variables(expression, points)}
+        rest = {name: name for name in points if name not in used}
+        for name in rest:
+            if not (name in known or _option(name, options) or _is_array(name)):
+                cure = did_you_mean(name, [*known, *(f"run.{key}" for key in options)])
+                raise CaromError(
+                    f"parameters.{name} goes nowhere: {source} has no parameter of this name ({cure}); name it in [set],"
+                    f' as "cue.velocity.x" = "= {name}"'
+                )
+        sorted_: tuple[dict[str, str], ...] = ({}, {}, {})
+        for key, expression in {**rest, **given}.items():
+            kind = 0 if key in known else 1 if _option(key, options) else 2
+            sorted_[kind][key.removeprefix("run.").removeprefix("record.") if kind == 1 else key] = expression
+        return cls(text, case, run, points, base, *sorted_)
+
+    @property
+    def expressions(self) -> dict[str, dict[str, str]]:
+        """All of them, for the identity of a study."""
+        return {"file": dict(self.of_file), "run": dict(self.of_run), "arrays": dict(self.of_arrays)}
+
+    def check(self) -> None:
+        """Build the first case, so that what is wrong with all of them is said before anything is computed."""
+        if self.of_arrays:
+            from carom.many.cases import Overrides
+
+            try:
+                Overrides(self.base, self.values(self.of_arrays, range(1)))
+            except CaromError as error:
+                told = str(error).removeprefix("simulate_batch: ")
+                raise CaromError(f"set: {told}") from error
+        scene = self.scene(0)
+        if scene.run.until is None:
+            raise CaromError(
+                "the scenario does not say how long to simulate; write until = TIME below [run] of the study"
+            )
+        scene.validate()
+
+    def values(self, expressions: Mapping[str, str], cases: range) -> dict[str, F64]:
+        """Values of expressions at some points, (cases,) each."""
+        found = {}
+        for key, text in expressions.items():
+            if text in self.points:
+                found[key] = np.asarray(self.points[text][cases.start : cases.stop])
+            else:
+                found[key] = np.array([self._at(key, text, case) for case in cases])
+        return found
+
+    def _at(self, key: str, text: str, case: int) -> float:
+        here = {name: float(values[case]) for name, values in self.points.items()}
+        try:
+            return float(_parsed(text).evaluate(here))
+        except ValueError as error:
+            told = ", ".join(f"{name} = {value:g}" for name, value in here.items())
+            raise CaromError(
+                f"set: {quoted(key)} = {quoted(text)} has no value at {told}: {error}"
+            ) from error
+
+    @property
+    def fast(self) -> bool:
+        """Whether all cases are arrays laid over one scene."""
+        return not self.of_file and not self.of_run
+
+    def scene(self, case: int) -> Scene:
+        """The scene of a case, as it would be simulated by itself."""
+        from carom.many.cases import Overrides
+        from carom.scene.scene import Scene
+
+        one = range(case, case + 1)
+        scene = self.base
+        if not self.fast:
+            parameters = {key: float(values[0]) for key, values in self.values(self.of_file, one).items()}
+            scene = Scene.from_toml(_as_text(self.text), case=self.case, parameters=parameters)
+            options = {key: _whole(float(v[0])) for key, v in self.values(self.of_run, one).items()}
+            scene = scene.with_options(**{**self.run, **options}) if {**self.run, **options} else scene
+        if self.of_arrays:
+            scene = Overrides(scene, self.values(self.of_arrays, one)).scene(0)
+        return scene
+
+
+def _as_text(text: str) -> str:
+    return text if "\n" in text else text + "\n"
+
+
+def _parameters(text: str) -> list[str]:
+    import tomllib
+
+    from carom.scene.tables import parameters
+
+    return parameters.names(tomllib.loads(text))[0]
+
+
+def _option(key: str, options: set[str]) -> bool:
+    section, _, name = key.rpartition(".")
+    return name in options and section in ("", "run", "record")
+
+
+def _is_array(key: str) -> bool:
+    return "." in key
+
+
+def _whole(value: float) -> float | int:
+    return int(value) if value.is_integer() else value
+
+
+@cache
+def _parsed(text: str) -> Any:
+    from carom._core import Expression, ExpressionError
+
+    try:
+        return Expression(text.replace("=", " ", 1) if text.lstrip().startswith("=") else text)
+    except ExpressionError as error:
+        raise CaromError(f"set: cannot read {quoted(text)}: {error}") from error
+
+
+def _variables(text: str, points: Mapping[str, F64]) -> list[str]:
+    """The parameters of an expression, all of which must be of the study."""
+    if text in points:
+        return [text]
+    names = list(_parsed(text).variables)
+    for name in names:
+        if name not in points:
+            raise CaromError(
+                f"set: unknown name {name} in {quoted(text)}; {did_you_mean(name, list(points))}"
+            )
+    return names

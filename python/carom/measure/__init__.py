@@ -1,0 +1,1 @@
+"""Quantities measured from a result: events, closed contacts, granular measures."""

@@ -1,0 +1,44 @@
+"""Which contacts of a result are closed at a frame.
+
+`/contacts` has all contacts that were closed at any step since the frame before, with status, gap and normal as in the last
+of these steps: a ball that bounced in between is in the table, and far away at the frame. What is closed there follows from
+the places: bodies that are no further apart than they were in that step.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.scene.packing.neighbours import separation
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+#: Gap over radius up to which bodies touch, unless it was larger while their contact was closed, as piles leave it within
+#: their tolerance. Bodies that overlap touch.
+TOUCHING = 1e-6
+
+
+def closed(result: Result, body: I64, recorded: F64, place: tuple[F64, F64], time: F64) -> NDArray[np.bool_]:
+    """Whether the bodies of contacts touch at the times (K,), s; pairs (K, 2) and gaps (K,), m, are those of `/contacts`.
+
+    The centres of the first and of the second bodies are then at `place` (K, 3), m (of walls any). Balls that are absent,
+    whose place is not a number, touch nothing.
+    """
+    radius = np.append(np.asarray(result.bodies["radius"], dtype=np.float64), 0.0)
+    count = len(radius) - 1
+    a, b = body[:, 0], body[:, 1]
+    own, other = radius[a], radius[np.minimum(b, count)]
+    gap = np.linalg.norm(separation(place[0] - place[1], result.periodic), axis=1) - own - other
+    walls = list(result.walls.values()) if (b >= count).any() else []
+    for k in np.unique(b[b >= count]):
+        rows = b == k
+        gap[rows] = walls[k - count].gap(place[0][rows], own[rows], time[rows])
+    least = np.where(b < count, np.minimum(own, other), own)
+    return np.asarray(gap <= np.maximum(recorded, 0.0) + TOUCHING * least)

@@ -1,0 +1,331 @@
+"""Events in a result: first contacts, sliding that turns into rolling, rest, balls that left.
+
+`result.events` is what the core itself records, balls that enter and leave; this page finds in the columns of any result
+what happened between. Each bound is an argument, and each time says how well it is known: impacts carry the time of the end
+of their step, so they happened up to one step earlier; what is read off the frames is known to the time between frames.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.measure.contacts import TOUCHING
+from carom.result.tables import UnknownName
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+    from carom.run.watch import State
+
+F64 = NDArray[np.float64]
+
+#: Slip or speed below which a ball counts as rolling or at rest, m/s, unless the caller says otherwise.
+SPEED = 1e-3
+#: How long all must be quiet for the stop condition `AtRest`, s.
+HOLD = 0.05
+
+#: Numbers of a quantity that are read at a time: runs of many balls and frames do not fit the memory.
+BLOCK = 6_000_000
+
+AWAY, SLIDING, ROLLING, RESTING = range(4)
+"""What a ball does on a plane, as `phases` has it."""
+PHASES = ("away", "sliding", "rolling", "resting")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened: `kind` to `body` (with `other`) at `time` s, known to `within` s."""
+
+    kind: str
+    """ "contact", "roll", "rest" or "left"."""
+    time: float
+    within: float
+    body: str
+    other: str = ""
+    speed: float = float("nan")
+    """Closing speed of a contact; speed of the centre otherwise, m/s."""
+
+
+def detect(result: Result, *, speed: float = SPEED) -> list[Event]:
+    """First contact of each pair, slide-to-roll, rest and departures of all balls, in the order of time."""
+    found = [*first_contacts(result), *slip_to_roll(result, speed=speed), *rest(result, speed=speed)]
+    return _sorted([*found, *departures(result)])
+
+
+def first_contact(result: Result, body: str, other: str) -> Event | None:
+    """The first time that these two, balls or walls, met; None if they never did."""
+    if body == other:
+        raise CaromError(f"first_contact: {body!r} is given twice; a contact is of two")
+    known = [*result.names, *result.wall_names]
+    pair = {_index(name, known) for name in (body, other)}
+    return next((event for event in _first(result, pair)), None)
+
+
+def meeting(apart: F64, relative: F64, distance: float, slowing: float = 0.0) -> tuple[float, float]:
+    """Time (s) until two balls touch, and their closing speed (m/s) there, from a state shortly before.
+
+    `apart` and `relative` (3,) are the place (m) and velocity (m/s) of one less those of the other, `distance` that of the
+    centres at contact, m; `slowing` is the deceleration of the approach, m/s^2.
+    """
+    length = float(np.linalg.norm(apart))
+    closing, gap = -float(relative @ apart) / length, length - distance
+    speed = math.sqrt(closing**2 - 2 * slowing * gap)
+    return 2 * gap / (closing + speed), speed
+
+
+def first_contacts(result: Result) -> list[Event]:
+    """The first contact of every pair that met, in the order of time.
+
+    Of the table of impacts, and of the contacts of the frames, where those that touch from the start (or without any
+    impact, as one that rolls from piece to piece of a wall) appear.
+    """
+    return _first(result, None)
+
+
+def phases(result: Result, body: str, surface: str, *, speed: float = SPEED) -> NDArray[np.int8]:
+    """What a ball does on a plane that stands, per frame, (T,): `AWAY`, `SLIDING`, `ROLLING` or `RESTING`.
+
+    It slides where the material point at the contact moves along the plane faster than `speed`, m/s; it rests where its
+    centre is slower than that as well (a ball that spins in its place rests).
+    """
+    _bound(speed)
+    index = _index(body, result.names)
+    return _phases(result, _motion(result, [index]), [index], _plane(result, surface), speed)[0][:, 0]
+
+
+def slip_to_roll(
+    result: Result, body: str | None = None, surface: str | None = None, *, speed: float = SPEED
+) -> list[Event]:
+    """When balls that slid on a plane began to roll: their slip (m/s) came to `speed` or below.
+
+    Slip falls linearly under dry friction, so the time is found by its slope in the two frames before, within the frames
+    around it. Without `body` of all balls, without `surface` on all planes that stand.
+    """
+    _bound(speed)
+    names = result.names
+    bodies = list(range(len(names))) if body is None else [_index(body, names)]
+    known = result.plane_names
+    surfaces = [n for n in known if not _moves(result, n)] if surface is None else [surface]
+    planes = [_plane(result, name) for name in surfaces]
+    times = np.asarray(result.time)
+    found = []
+    for low, high in _windows(len(times), len(names)):
+        before = max(0, low - 2)  # the slope of slip is that of the two frames before
+        motion, time = _motion(result, bodies, rows=slice(before, high)), times[before:high]
+        for name, plane in zip(surfaces, planes, strict=True):
+            state, slip, fast = _phases(result, motion, bodies, plane, speed)
+            ends = (state[:-1] == SLIDING) & (state[1:] >= ROLLING)
+            ends[: max(0, low - before - 1)] = False  # those of the window before
+            for k, place in np.argwhere(ends).tolist():
+                at = _end_of_slip(time, slip[:, place], state[:, place], k, speed)
+                within = float(time[k + 1] - time[k])
+                found.append(Event("roll", at, within, names[bodies[place]], name, float(fast[k + 1, place])))
+    return _sorted(found)
+
+
+def rest(
+    result: Result, body: str | None = None, *, speed: float = SPEED, ignore_spin: bool = False
+) -> list[Event]:
+    """From when on balls lay still to the end: |v| and r |w| below `speed`, m/s, in all frames from there.
+
+    Balls that move at the end, or left, have no such event. With `ignore_spin` the spin about z does not count, as in
+    `AtRest`.
+    """
+    _bound(speed)
+    names, time = result.names, np.asarray(result.time)
+    bodies = list(range(len(names))) if body is None else [_index(body, names)]
+    radius = np.asarray(result.bodies["radius"])[bodies]
+    frames = len(time)
+    # From the end back: the frame after the last one in which a ball moved, and its speed there.
+    first, slowly = np.full(len(bodies), -1), np.zeros(len(bodies))
+    after = np.zeros(len(bodies))
+    for low, high in reversed(list(_windows(frames, len(names)))):
+        velocity, spin, there = _motion(result, bodies, MOTION[1:], slice(low, high))
+        spin = spin[..., : 2 if ignore_spin else 3]
+        v, w = np.linalg.norm(velocity, axis=2), radius * np.linalg.norm(spin, axis=2)
+        loud = ~((v <= speed) & (w <= speed) & there)
+        last = len(loud) - 1 - loud[::-1].argmax(axis=0)
+        ended = np.flatnonzero((first < 0) & loud.any(axis=0))
+        first[ended] = low + last[ended] + 1
+        slowly[ended] = np.vstack([v, after])[last[ended] + 1, ended]
+        after = v[0]
+        if (first >= 0).all():
+            break
+    always = first < 0
+    first[always], slowly[always] = 0, after[always]
+    return _sorted(
+        Event("rest", float(time[k]), float(time[k] - time[k - 1]) if k else 0.0, names[i], "", float(v))
+        for i, k, v in zip(bodies, first.tolist(), slowly.tolist(), strict=True)
+        if k < frames
+    )
+
+
+def departures(result: Result) -> list[Event]:
+    """Balls that left through an outlet, as one of a pocket."""
+    table = result.events
+    if not len(table):
+        return []
+    kind, time = np.asarray(table["kind"]), np.asarray(table["time"])
+    step = _step(result)
+    return [
+        Event("left", float(t), step, str(ball))
+        for t, k, ball in zip(time, kind, table["ball"], strict=True)
+        if k == 0
+    ]
+
+
+class AtRest:
+    """A stop condition for `carom.simulate(scene, stop=AtRest())`: all balls, or those named (one or several), lay still for
+    `hold` s.
+
+    Still is |v| and r |w| below `speed`, m/s. A ball at the top of its way is no slower than that for 2 speed/g, 0.2 ms:
+    that is what `hold` is for. With `ignore_spin` the spin about z does not count: a ball on a horizontal bed may turn on
+    the spot for seconds after all has come to rest.
+    """
+
+    def __init__(
+        self,
+        bodies: str | Sequence[str] | None = None,
+        *,
+        speed: float = SPEED,
+        hold: float = HOLD,
+        ignore_spin: bool = False,
+    ) -> None:
+        if not speed > 0 or not hold >= 0:
+            raise CaromError(f"AtRest: speed must be above 0 and hold not below, found {speed:g}, {hold:g}")
+        self.bodies = [bodies] if isinstance(bodies, str) else bodies
+        self.speed, self.hold, self.axes = speed, hold, 2 if ignore_spin else 3
+        self._since: float | None = None
+        self.__name__ = "AtRest"
+
+    def __call__(self, view: State) -> bool:
+        """Whether all are still, and were for long enough."""
+        chosen = slice(None) if self.bodies is None else [_index(n, view.names) for n in self.bodies]
+        v = np.linalg.norm(view.velocity[chosen], axis=1)
+        w = view.radius[chosen] * np.linalg.norm(view.angular_velocity[chosen, : self.axes], axis=1)
+        quiet = (v <= self.speed) & (w <= self.speed) | ~view.present[chosen]
+        if not quiet.all():
+            self._since = None
+            return False
+        if self._since is None or self._since > view.time:  # later than now: of another run
+            self._since = view.time
+        return view.time - self._since >= self.hold * (1 - 1e-9)
+
+
+def _bound(speed: float) -> None:
+    if not isinstance(speed, int | float | np.number) or not speed >= 0:
+        raise CaromError(
+            f"speed = {speed!r} is no bound of a speed; give a number from 0 in m/s, as {SPEED:g}"
+        )
+
+
+def _first(result: Result, pair: set[int] | None) -> list[Event]:
+    names = [*result.names, *result.wall_names]
+    earliest: dict[tuple[int, int], Event] = {}
+    step, frames = _step(result), np.asarray(result.time)
+    between = float(np.diff(frames).max()) if len(frames) > 1 else 0.0
+    impacts, contacts = result.impacts, result.contacts
+    tables: list[tuple[Any, Any, Any, float]] = []
+    if len(impacts):
+        tables.append((impacts["body"], impacts["time"], impacts["approach"], step))
+    if len(contacts):
+        tables.append((contacts["body"], contacts["time"], None, between))
+    for bodies, times, closing, within in tables:
+        body, time = np.asarray(bodies).astype(np.int64), np.asarray(times)
+        if pair is not None:
+            low, high = min(pair), max(pair)
+            chosen = np.flatnonzero((body.min(axis=1) == low) & (body.max(axis=1) == high))
+            body, time = body[chosen], time[chosen]
+            closing = None if closing is None else np.asarray(closing)[chosen]
+        # Rows are in the order of time. One number for each pair: rows as such are sorted ten times more slowly.
+        _, first = np.unique(body[:, 0] * len(names) + body[:, 1], return_index=True)
+        for row in first.tolist():
+            a, b = (int(i) for i in body[row])
+            speed = float("nan") if closing is None else max(0.0, -float(np.asarray(closing)[row]))
+            event = Event("contact", float(time[row]), within, names[a], names[b], speed)
+            # A contact of the frames is known less well than the impact that made it, which is no later than its frame.
+            if (a, b) not in earliest or event.time < earliest[a, b].time - 0.5 * step:
+                earliest[a, b] = event
+    return _sorted(earliest.values())
+
+
+MOTION = ("position", "velocity", "angular_velocity", "present")
+
+
+def _windows(frames: int, bodies: int) -> Iterator[tuple[int, int]]:
+    """Frames in windows of so many numbers that they fit the memory, one after the other."""
+    size = max(3, BLOCK // (3 * max(1, bodies)))
+    for low in range(0, frames, size):
+        yield low, min(frames, low + size)
+
+
+def _motion(
+    result: Result, bodies: list[int], columns: Sequence[str] = MOTION, rows: slice = slice(None)
+) -> tuple[NDArray[Any], ...]:
+    """Columns of some frames, (T, n, ...), of some balls."""
+    if len(bodies) == 1:
+        chosen = slice(bodies[0], bodies[0] + 1)
+        return tuple(np.asarray(getattr(result, name)[rows, chosen]) for name in columns)
+    return tuple(np.asarray(getattr(result, name)[rows])[:, bodies] for name in columns)
+
+
+def _phases(
+    result: Result, motion: tuple[NDArray[Any], ...], bodies: list[int], plane: int, speed: float
+) -> tuple[NDArray[np.int8], F64, F64]:
+    """Phases, slip and speed of the centre, m/s, (T, n) each, of balls on a plane, whose `motion` is given."""
+    normal = np.asarray(result.planes["normal"][plane])
+    point = np.asarray(result.planes["point"][plane])
+    radius = np.asarray(result.bodies["radius"])[bodies]
+    x, v, w, there = motion
+    with np.errstate(invalid="ignore"):  # absent balls are nowhere
+        touches = (x - point) @ normal - radius <= TOUCHING * radius
+    touches &= there
+    at_contact = v - radius[:, np.newaxis] * np.cross(w, normal)
+    slip = np.linalg.norm(at_contact - (at_contact @ normal)[:, :, np.newaxis] * normal, axis=2)
+    fast = np.linalg.norm(v, axis=2)
+    state = np.where(slip > speed, SLIDING, np.where(fast > speed, ROLLING, RESTING))
+    return np.where(touches, state, AWAY).astype(np.int8), slip, fast
+
+
+def _end_of_slip(time: F64, slip: F64, state: NDArray[np.int8], k: int, speed: float) -> float:
+    """When slip comes to `speed` between frames k and k + 1: by its slope before, or else on the straight line."""
+    if k > 0 and state[k - 1] == SLIDING and slip[k - 1] > slip[k]:
+        slope = (slip[k - 1] - slip[k]) / (time[k] - time[k - 1])
+        return float(np.clip(time[k] + (slip[k] - speed) / slope, time[k], time[k + 1]))
+    share = (slip[k] - speed) / (slip[k] - slip[k + 1])
+    return float(time[k] + share * (time[k + 1] - time[k]))
+
+
+def _plane(result: Result, name: str) -> int:
+    index = _index(name, result.plane_names)
+    if _moves(result, name):
+        raise CaromError(f"{name!r} moves; slip and rest are found on planes that stand")
+    return index
+
+
+def _moves(result: Result, name: str) -> bool:
+    if "motion" not in result.planes:
+        return False
+    return bool(str(result.planes["motion"][result.plane_names.index(name)]))
+
+
+def _index(name: str, known: Sequence[str]) -> int:
+    names = list(known)
+    if name not in names:
+        raise UnknownName(f"nothing is called {name!r} there; {did_you_mean(str(name), names[:20])}")
+    return names.index(name)
+
+
+def _step(result: Result) -> float:
+    times = result.steps["time"]
+    return float(times[0]) if len(times) else 0.0
+
+
+def _sorted(events: Iterable[Event]) -> list[Event]:
+    return sorted(events, key=lambda event: (event.time, event.kind, event.body, event.other))

@@ -1,0 +1,125 @@
+"""The same measure over many frames or many regions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.measure.granular.region import Region
+from carom.measure.granular.snapshot import F64, Snapshot, snapshot
+from carom.scene.packing.numeric import is_whole
+from carom.scene.packing.region import Box
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Series(Generic[T]):
+    """What a function found at each of some frames."""
+
+    time: F64
+    """Of the frames, (F,), s."""
+    interval: F64
+    """From the frame before to each, (F,), s: over this time its forces are means."""
+    values: tuple[T, ...]
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """An attribute of all values as one array, (F, ...)."""
+        return np.array([getattr(value, name) for value in self.values])
+
+    def mean(self, name: str | None = None) -> Any:
+        """Mean over time of an attribute, or of the values themselves. A frame counts for the time since the one before."""
+        found = np.array(self.values) if name is None else self[name]
+        return np.tensordot(self.interval / self.interval.sum(), found, axes=1)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Profile(Generic[T]):
+    """What a function found in each of some regions."""
+
+    regions: tuple[Region, ...]
+    values: tuple[T, ...]
+
+    @property
+    def centre(self) -> F64:
+        """Centres of the regions, (K, 3), m."""
+        middle = (
+            0.5 * np.add(r.low, r.high) if isinstance(r, Box) else np.asarray(r.point) for r in self.regions
+        )
+        return np.array([*middle], dtype=np.float64).reshape(-1, 3)
+
+    @overload
+    def __getitem__(self, which: str) -> NDArray[Any]: ...
+    @overload
+    def __getitem__(self, which: int) -> T: ...
+    def __getitem__(self, which: str | int) -> NDArray[Any] | T:
+        """An attribute of all values as one array, (K, ...), or the value of one region by its number."""
+        return (
+            np.array([getattr(v, which) for v in self.values])
+            if isinstance(which, str)
+            else self.values[which]
+        )
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+def over_frames(
+    result: Result,
+    function: Callable[..., T],
+    *arguments: Any,
+    start: float = 0.0,
+    stop: float = float("inf"),
+    every: int = 1,
+    **options: Any,
+) -> Series[T]:
+    """`function(snapshot, *arguments, **options)` at every `every`-th frame of the times from `start` to `stop` s.
+
+    Frame 0 is left out: nothing is known of forces before it.
+
+        over_frames(result, stress, box, start=1.0).mean("tensor")
+    """
+    times = np.asarray(result.time)
+    if not len(times):
+        raise CaromError("the result has no frames yet; wait until the run has written some")
+    if not is_whole(every) or every < 1:
+        raise CaromError(f"over_frames: every = {every!r}; 1 takes every recorded frame")
+    chosen = [k for k in range(1, len(times)) if start <= times[k] <= stop][::every]
+    if not chosen:
+        raise CaromError(f"no frames from {start:g} s to {stop:g} s; the result ends at {times[-1]:g} s")
+    values = tuple(function(snapshot(result, k), *arguments, **options) for k in chosen)
+    return Series(times[chosen], times[chosen] - times[np.array(chosen) - 1], values)
+
+
+def over_regions(
+    source: Result | Snapshot,
+    function: Callable[..., T],
+    regions: Iterable[Region],
+    frame: int = -1,
+    **options: Any,
+) -> Profile[T]:
+    """`function(snapshot, region=region, **options)` for each of the regions.
+
+    profile = over_regions(result, stress, layers(box, "z", 20))
+    profile.centre[:, 2], profile["pressure"]
+    """
+    s = snapshot(source, frame)
+    regions = tuple(regions)
+    return Profile(regions, tuple(function(s, region=region, **options) for region in regions))

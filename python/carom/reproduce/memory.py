@@ -1,0 +1,145 @@
+"""Runs kept in memory: nothing is written to disk, so a million steps of two balls take seconds.
+
+`trace` is what `carom.simulate` is without a run directory: a scene, keys of `[run]`, and the states and reports of
+the core as arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.reproduce.document import NotConverged
+from carom.result.record import Memory
+from carom.run.loop import Plan, advance, begin, drive
+from carom.run.sinks import Instants, Recorder
+
+if TYPE_CHECKING:
+    from carom.reproduce.document import Iterations
+    from carom.scene.scene import Scene
+
+F64 = NDArray[np.float64]
+Table = dict[str, NDArray[Any]]
+LEVELS = {"position": 1, "velocity": 2}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A run: states at T instants of N spheres, the first at t = 0, and what the core reports.
+
+    `time` (T,) s; `position` (T, N, 3) m; `orientation` (T, N, 4), w first; `velocity` (T, N, 3) m/s;
+    `angular_velocity` (T, N, 3) rad/s, fixed axes. `steps` and `residuals` are the core's tables, empty where only chosen
+    instants were kept; `impacts` is there always. `core_s` is the time in the core, s.
+    """
+
+    h: float
+    time: F64
+    position: F64
+    orientation: F64
+    velocity: F64
+    angular_velocity: F64
+    steps: Table
+    impacts: Table
+    residuals: Table
+    monitors: dict[str, Any]
+    names: tuple[str, ...]
+    core_s: float
+
+    def index(self, t: float) -> int:
+        """Index of the state at the time `t`, s; an error where none was kept."""
+        n = int(np.argmin(np.abs(self.time - t)))
+        if abs(float(self.time[n]) - t) > 1e-6 * self.h:
+            raise CaromError(f"no state was kept at t = {t:g} s; the nearest is at {self.time[n]:g} s")
+        return n
+
+    def body(self, name: str) -> int:
+        """Index of a sphere."""
+        return self.names.index(name)
+
+    def hits(self, a: str, b: str) -> Table:
+        """Rows of `impacts` between two spheres, one per impact problem; problem 0 only offsets loads and is left out."""
+        pair = sorted((self.body(a), self.body(b)))
+        rows = (np.asarray(self.impacts["body"]) == pair).all(axis=1) & (self.impacts["problem"] > 0)
+        return {key: column[rows] for key, column in self.impacts.items()}
+
+    def histories(self, step: int, level: Literal["position", "velocity"]) -> list[F64]:
+        """Relative residuals (eq. 44) of Newton's iterations, one array for each contact problem of a step and level."""
+        table = self.residuals
+        ends = np.concatenate([[0], table["end"]]).astype(np.int64)
+        rows = np.flatnonzero((table["step"] == step) & (table["level"] == LEVELS[level]))
+        return [np.asarray(table["value"][ends[r] : ends[r + 1]]) for r in rows]
+
+    @cached_property
+    def energy(self) -> F64:
+        """Kinetic and potential energy after every step, (S,), J."""
+        return np.asarray(self.steps["energy_kinetic"] + self.steps["energy_potential"])
+
+    @property
+    def unconverged(self) -> int:
+        """Sub-problems that were not solved to their tolerance."""
+        return int(self.monitors["unconverged"])
+
+    def iterations(self, level: Literal["smooth", "position", "velocity"]) -> Iterations:
+        """Greatest and mean number of iterations of a sub-problem over all steps."""
+        found = self.monitors["iterations"][level]
+        return float(found["max"]), float(found["mean"])
+
+
+def trace(
+    scene: Scene, *, at: Sequence[float] | None = None, until: float | None = None, **run: Any
+) -> Trace:
+    """Run a scene to its end (`until`, s; by default that of its file) and keep every state, or those at the times `at`, s.
+
+    `run` are keys of `[run]`. Times must lie on the grid of the steps. A run that stops before its end raises
+    `NotConverged`.
+    """
+    scene = scene.with_options(**run)
+    h = scene.run.step
+    end = max(at) if at else (until if until is not None else scene.run.until)
+    if end is None:
+        raise CaromError("how long to run? give until, or let the scenario say it")
+    simulation, steps = begin(scene.to_model()), _step(end, h)
+    chosen = Instants(range(steps + 1) if at is None else [0, *(_step(t, h) for t in at)])
+    memory = Memory(keep=("steps", "impacts", "residuals") if at is None else ("impacts",))
+    plan = Plan(steps, chosen.every, h, False)
+    ending = drive(simulation, plan, [chosen, Recorder(memory, plan, len(scene.names))])
+    if ending.kind != "done":
+        raise NotConverged(f"{scene.title}, h = {h:g} s: the run stopped, {ending.outcome}")
+    return Trace(
+        h=h,
+        **chosen.frames,
+        steps=memory.table("steps"),
+        impacts=memory.table("impacts"),
+        residuals=memory.table("residuals"),
+        monitors=simulation.monitors(),
+        names=tuple(scene.names),
+        core_s=ending.core_s,
+    )
+
+
+def timed(scene: Scene, runs: int, **run: Any) -> float:
+    """Least time of the core for the whole scene, s, over `runs` runs that keep no states."""
+    scene = scene.with_options(**run)
+    assert scene.run.until is not None
+    steps, model = _step(scene.run.until, scene.run.step), scene.to_model()
+
+    def once() -> float:
+        ending = advance(begin(model), steps, 0, [])
+        if ending.kind != "done":
+            raise NotConverged(f"{scene.title}: the run stopped, {ending.outcome}")
+        return ending.core_s
+
+    return min(once() for _ in range(runs))
+
+
+def _step(t: float, h: float) -> int:
+    n = round(t / h)
+    if abs(n * h - t) > 1e-9 * max(t, h):
+        raise CaromError(f"h = {h:g} s does not reach t = {t:g} s in whole steps")
+    return n

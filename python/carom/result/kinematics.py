@@ -1,0 +1,306 @@
+"""`Frames`: what can be told from the motion alone, of a whole result or of a part of one (`Result.sel`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carom.errors import CaromError, counted, did_you_mean
+from carom.result.tables import Contacts, Energy, Impacts, Static, Steps, UnknownName
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from carom.result.result import Body, Result
+
+F64 = NDArray[np.float64]
+_Pairs = TypeVar("_Pairs", Impacts, Contacts)
+
+QUANTITIES = {
+    "position": ("xyz", "m"),
+    "orientation": ("wxyz", "1"),
+    "velocity": ("xyz", "m/s"),
+    "angular_velocity": ("xyz", "rad/s"),
+}
+"""Components and units."""
+
+
+class Frames:
+    """T frames of N balls, and what follows from them: momentum, energy by ball, tables for other programs."""
+
+    # Given by those who derive from this; `Any` is an array, or a column that acts as one.
+    time: Any
+    step: Any
+    position: Any
+    orientation: Any
+    velocity: Any
+    angular_velocity: Any
+    present: Any
+    bodies: Any
+    impacts: Any
+    gravity: Any
+    title: Any
+    versions: Any
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the bodies, in the order of the second axis of all arrays."""
+        return list(self.bodies["name"])
+
+    @property
+    def momentum(self) -> F64:
+        """Momentum of all balls together, (T, 3), N s."""
+        return np.asarray(np.einsum("n,tni->ti", self._mass(), self._of_present("velocity")))
+
+    @property
+    def angular_momentum(self) -> F64:
+        """Angular momentum of all balls about the origin, orbital and of their spin, (T, 3), N m s."""
+        return self.angular_momentum_about((0.0, 0.0, 0.0))
+
+    def angular_momentum_about(self, point: ArrayLike) -> F64:
+        """The same about another fixed point (3,), m."""
+        arm = self._of_present("position") - np.asarray(point, dtype=np.float64)
+        orbit = np.cross(arm, self._mass()[:, np.newaxis] * self._of_present("velocity"))
+        spin = np.asarray(self.bodies["inertia"])[:, np.newaxis] * self._of_present("angular_velocity")
+        return np.asarray((orbit + spin).sum(axis=1))
+
+    @property
+    def kinetic_energy(self) -> F64:
+        """Of each ball, translation and rotation, (T, N), J."""
+        v, w = self._of_present("velocity"), self._of_present("angular_velocity")
+        inertia = np.asarray(self.bodies["inertia"])
+        return np.asarray(0.5 * (self._mass() * (v**2).sum(axis=2) + inertia * (w**2).sum(axis=2)))
+
+    @property
+    def potential_energy(self) -> F64:
+        """Of each ball in gravity, 0 at the origin, (T, N), J."""
+        height = np.einsum("tni,i->tn", self._of_present("position"), np.asarray(self.gravity))
+        return np.asarray(-self._mass() * height)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Motion as an `xarray.Dataset` with dimensions time, body, axis (and quaternion)."""
+        try:
+            import xarray
+        except ImportError as error:
+            raise CaromError("to_xarray needs xarray: pip install 'carom[interop]'") from error
+        data = {
+            name: (
+                ("time", "body", "quaternion" if len(letters) == 4 else "axis"),
+                np.asarray(getattr(self, name)),
+                {"units": unit},
+            )
+            for name, (letters, unit) in QUANTITIES.items()
+        }
+        coordinates = {
+            "time": ("time", np.asarray(self.time), {"units": "s"}),
+            "body": self.names,
+            "axis": list("xyz"),
+            "quaternion": list("wxyz"),
+            "radius": ("body", self.bodies["radius"], {"units": "m"}),
+            "mass": ("body", self.bodies["mass"], {"units": "kg"}),
+        }
+        return xarray.Dataset(data, coordinates, {"title": self.title, **self.versions})
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Motion as a `pandas.DataFrame`, one row per frame and body (index time, body); tables have a
+        `to_pandas` too.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+        index = pandas.MultiIndex.from_product([np.asarray(self.time), self.names], names=["time", "body"])
+        columns: dict[str, F64] = {}
+        for name, (letters, _) in QUANTITIES.items():
+            values = np.asarray(getattr(self, name)).reshape(len(index), len(letters))
+            columns |= {f"{name}_{letter}": values[:, i] for i, letter in enumerate(letters)}
+        return pandas.DataFrame(columns, index=index)
+
+    def _table_number(self, index: int) -> int:
+        """The number that a body has in tables, from its place in the arrays."""
+        return index
+
+    def __getitem__(self, name: str) -> Body:
+        from carom.result.result import Body
+
+        try:
+            return Body(self, self.names.index(name))
+        except ValueError:
+            raise UnknownName(
+                f"no body is called {name!r}; {did_you_mean(str(name), self.names[:20])}"
+            ) from None
+
+    def __iter__(self) -> Any:
+        from carom.result.result import Body
+
+        # Without this, `for body in result` would try result[0], result[1], ... by the old protocol.
+        return (Body(self, i) for i in range(len(self.names)))
+
+    def _mass(self) -> F64:
+        return np.asarray(self.bodies["mass"])
+
+    def _of_present(self, quantity: str) -> F64:
+        """A quantity (T, N, 3), 0 for balls that are absent."""
+        there = np.asarray(self.present)[:, :, np.newaxis]
+        return np.where(there, np.asarray(getattr(self, quantity)), 0.0)
+
+
+class Selection(Frames):
+    """Some frames and some balls of a result. Arrays are read when they are asked for."""
+
+    def __init__(self, result: Result, frames: NDArray[np.intp], bodies: NDArray[np.intp]) -> None:
+        self._result, self._frames, self._bodies = result, frames, bodies
+        table = result.bodies
+        self.bodies = Static({column: np.asarray(table[column])[bodies] for column in table.columns})
+        self.title, self.gravity, self.versions = result.title, result.gravity, result.versions
+
+    @property
+    def time(self) -> F64:
+        """Times of the frames, (T,), s."""
+        return np.asarray(self._result.time)[self._frames]
+
+    @property
+    def step(self) -> NDArray[Any]:
+        """Steps after which the frames were taken, (T,)."""
+        return np.asarray(self._result.step)[self._frames]
+
+    @property
+    def position(self) -> F64:
+        """Centres, (T, N, 3), m."""
+        return self._read("position")
+
+    @property
+    def orientation(self) -> F64:
+        """Unit quaternions, scalar part first, (T, N, 4)."""
+        return self._read("orientation")
+
+    @property
+    def velocity(self) -> F64:
+        """Velocities of the centres, (T, N, 3), m/s."""
+        return self._read("velocity")
+
+    @property
+    def angular_velocity(self) -> F64:
+        """Angular velocities in the world frame, (T, N, 3), rad/s."""
+        return self._read("angular_velocity")
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Which balls are there, (T, N)."""
+        return self._read("present")
+
+    @property
+    def impacts(self) -> Impacts:
+        """The impacts of these balls from the first to the last of these frames."""
+        return self._of_these(self._result.impacts)
+
+    @property
+    def contacts(self) -> Contacts:
+        """The contacts of these balls in these frames."""
+        table = self._of_these(self._result.contacts)
+        return table.where(np.isin(np.asarray(table["frame"]), self._frames))
+
+    @property
+    def steps(self) -> Steps:
+        """The steps from the first to the last of these frames."""
+        table = self._result.steps
+        return table.where(self._within(table["time"]))
+
+    @property
+    def energy(self) -> Energy:
+        """Energies of all balls after these steps, (S,), J; of single balls see `kinetic_energy`."""
+        return Energy(self.steps)
+
+    def _table_number(self, index: int) -> int:
+        """The number that a body has in tables, from its place in the arrays of this part."""
+        return int(self._bodies[index])
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __repr__(self) -> str:
+        names = self.names
+        shown = ", ".join(names[:4]) + (f", ... ({len(names)})" if len(names) > 4 else "")
+        span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no frames"
+        return f"<part of {self._result.label!r}: {counted(len(self), 'frame')}, {span}; {shown}>"
+
+    def _read(self, quantity: str) -> NDArray[Any]:
+        # The rows between are read in one piece: of a long file only what is needed, of a short one what is there already.
+        if not len(self._frames):
+            return np.asarray(getattr(self._result, quantity)[0:0])[:, self._bodies]
+        low, high = int(self._frames.min()), int(self._frames.max())
+        rows = np.asarray(getattr(self._result, quantity)[low : high + 1])
+        return rows[self._frames - low][:, self._bodies]
+
+    def _within(self, times: Any) -> NDArray[np.bool_]:
+        times, mine = np.asarray(times), self.time
+        if not len(mine):
+            return np.zeros(len(times), dtype=bool)
+        return np.asarray((times >= mine.min()) & (times <= mine.max()))
+
+    def _of_these(self, table: _Pairs) -> _Pairs:
+        mine = np.isin(np.asarray(table["body"]), self._bodies).any(axis=1)
+        return table.where(mine & self._within(table["time"]))
+
+
+def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
+    """Indices of the frames: of a slice of times (both ends count), of the times nearest to those given, or all (None)."""
+    if wanted is None:
+        return np.arange(len(time))
+    if isinstance(wanted, slice):
+        if wanted.step is not None and (isinstance(wanted.step, float) or wanted.step < 1):
+            raise CaromError("sel: the step of a slice of times counts frames, as time=slice(0.1, 0.5, 10)")
+        slack = 1e-9 * (float(time[-1]) if len(time) else 0.0)
+        low = -np.inf if wanted.start is None else _seconds(wanted.start) - slack
+        high = np.inf if wanted.stop is None else _seconds(wanted.stop) + slack
+        return np.flatnonzero((time >= low) & (time <= high))[:: wanted.step]
+    given = np.atleast_1d(np.asarray([_seconds(t) for t in np.atleast_1d(wanted)], dtype=np.float64))
+    if not len(time):
+        raise CaromError("sel: there are no frames yet")
+    outside = given[~((given >= time[0] - 1e-9) & (given <= time[-1] * (1 + 1e-9) + 1e-12))]
+    if len(outside):
+        raise CaromError(f"sel: {outside[0]:g} s is outside of the run, {time[0]:g} to {time[-1]:g} s")
+    after = np.clip(np.searchsorted(time, given), 1, max(1, len(time) - 1))
+    before = after - 1
+    after = np.minimum(after, len(time) - 1)
+    return np.where(np.abs(time[before] - given) <= np.abs(time[after] - given), before, after)
+
+
+def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
+    """Indices of the balls: of one name or several, of a slice of names or numbers, of numbers, or all (None)."""
+    if wanted is None:
+        return np.arange(len(names))
+    if isinstance(wanted, slice):
+        start, stop = wanted.start, wanted.stop
+        for end in (start, stop, wanted.step):
+            if end is not None and (isinstance(end, bool) or not isinstance(end, str | int | np.integer)):
+                raise CaromError(
+                    f'sel: a slice of bodies is of names or numbers, as slice("a", "c"), found {end!r}'
+                )
+        start = _number(names, start) if isinstance(start, str) else start
+        stop = _number(names, stop) + 1 if isinstance(stop, str) else stop  # of names both ends count
+        return np.arange(len(names))[start : stop : wanted.step]
+    several = [wanted] if isinstance(wanted, str | int | np.integer) else list(wanted)
+    known = {name: i for i, name in enumerate(names)}
+    return np.array([_number(names, name, known) for name in several], dtype=np.intp)
+
+
+def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None = None) -> int:
+    if isinstance(wanted, int | np.integer) and not isinstance(wanted, bool):
+        if not -len(names) <= wanted < len(names):
+            raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
+        return range(len(names))[int(wanted)]
+    known = {name: i for i, name in enumerate(names)} if known is None else known
+    if not isinstance(wanted, str) or wanted not in known:
+        raise UnknownName(f"no body is called {wanted!r}; {did_you_mean(str(wanted), list(names)[:20])}")
+    return known[wanted]
+
+
+def _seconds(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        raise CaromError(f"sel: times are numbers in s, found {value!r}")
+    return float(value)

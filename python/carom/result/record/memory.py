@@ -1,0 +1,110 @@
+"""The record of a run in memory: appended by blocks as to a `Writer`, read as from `Segments`."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Collection, Mapping
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError
+from carom.result.record.layout import ENDS, EVENTS, MEANINGS, TABLES, TEXTS, Meaning, Rows, count, tables
+from carom.result.record.reader import Column
+
+#: Blocks that wait before their columns are joined, and steps of a block that does not wait: a run of single steps would
+#: otherwise hold millions of small arrays, and a long one tables that are not kept.
+BLOCKS = 1000
+
+
+class Memory:
+    """All that a run records, or some of its `keep` tables alone. The other arguments are those of `Writer`."""
+
+    def __init__(self, *, keep: Collection[str] = (*TABLES, EVENTS), **described: Any) -> None:
+        self.first = self.rows = Rows()
+        self.last_frame: int | None = None  # step of the newest frame
+        self.described = described
+        self._keep = keep
+        self._parts: dict[str, dict[str, list[NDArray[Any]]]] = {}
+        self._pending: list[Mapping[str, Any]] = []
+
+    def append(self, block: Mapping[str, Any]) -> None:
+        """Take over a block as `Simulation.advance` returns it; the first one fixes the columns."""
+        self._pending.append(block)
+        if len(steps := block["frames"]["step"]):
+            self.last_frame = int(steps[-1])
+        if max(len(self._pending), len(block["steps"]["step"])) >= BLOCKS:
+            self.commit()
+
+    def commit(self) -> Rows:
+        """Join what was appended to the columns; the row counts."""
+        blocks, self._pending = self._pending, []
+        if not blocks:
+            return self.rows
+        before = list(accumulate(map(count, blocks), initial=self.rows))
+        for table in tables(blocks[0]):
+            columns = self._parts.setdefault(table, {})
+            for name in blocks[0][table]:
+                if (table, name) in self.described.get("leave_out", ()):
+                    continue
+                parts = [np.asarray(block[table][name]) for block in blocks]
+                if target := ENDS.get((table, name)):
+                    offsets = (np.uint64(getattr(rows, target)) for rows in before)
+                    parts = [np.asarray(part, np.uint64) + offset for part, offset in zip(parts, offsets)]
+                if table not in self._keep:
+                    parts = [part[:0] for part in parts[:1]]
+                columns.setdefault(name, []).append(np.concatenate(parts) if len(parts) > 1 else parts[0])
+        self.rows = before[-1]
+        return self.rows
+
+    def snapshot(self) -> Memory:
+        """What is here now: what is appended later is not in it."""
+        self.commit()
+        found = copy.copy(self)
+        found._parts = {
+            table: {name: list(parts) for name, parts in columns.items()}
+            for table, columns in self._parts.items()
+        }
+        return found
+
+    def table(self, table: str) -> dict[str, NDArray[Any]]:
+        """All columns of a table."""
+        return {name: np.asarray(self.column(table, name)) for name in self.columns(table)}
+
+    def blocks(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """All of it as one block."""
+        return {table: self.table(table) for table in self._parts}
+
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """Gravity, step, versions."""
+        found: Mapping[str, Any] = self.described["attributes"]
+        return found
+
+    def columns(self, table: str) -> list[str]:
+        """Names of the columns of a table; none of one that the run has not."""
+        return list(self._parts.get(table, ()))
+
+    def column(self, table: str, name: str) -> Column:
+        """One column."""
+        parts = self._parts[table][name]
+        if len(parts) > 1:
+            parts[:] = [np.concatenate(parts)]
+        parts[0].flags.writeable = False  # shared between all who index it
+        return Column([(parts[0], len(parts[0]))], MEANINGS.get(f"{table}/{name}", Meaning("", "")).unit)
+
+    def static(self, table: str) -> dict[str, NDArray[Any]]:
+        """The table `bodies`, `planes` or `walls` (empty if there are none); text as an array of `str`."""
+        return {
+            name: np.array(values, dtype=object) if name in TEXTS else np.asarray(values)
+            for name, values in sorted(self.described.get(table, {"name": []}).items())
+        }
+
+    def damage(self, place: str, cause: str) -> CaromError:
+        """What is said of a table that contradicts itself."""
+        return CaromError(f"the result in memory: {place} cannot be read ({cause})")
+
+    def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,492 @@
+"""`carom.Result`: what a run left behind, in memory or read from its directory as far as it is asked for.
+
+Arrays are `Column`s: they know their shape, read what is indexed, and act as NumPy arrays. Tables have one
+column per quantity: `result.impacts["time"]` or `result.impacts.time`. Units are SI throughout.
+"""
+
+from __future__ import annotations
+
+import copy
+import shutil
+import warnings
+import weakref
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, counted
+from carom.result.directory import RunDir, temporary
+from carom.result.kinematics import Frames, Selection, chosen_bodies, chosen_frames
+from carom.result.record import Column, Memory, Record, Segments, Writer
+from carom.result.run_json import checked
+from carom.result.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps
+from carom.run.loop import identify
+
+if TYPE_CHECKING:
+    from carom.result.walls import Walls
+    from carom.scene.scene import Scene
+    from carom.show.plot import Plots
+    from carom.show.viewer import ViewInfo
+
+F64 = NDArray[np.float64]
+
+
+class UnfinishedRun(UserWarning):
+    """The run did not reach its end, or has not yet; what is readable is whole."""
+
+
+def load(path: str | Path) -> Result:
+    """The result of a run directory, also of one that is still being written or was killed."""
+    directory = RunDir.open(path)
+    result = Result(checked(directory), Segments(directory.segments()), directory)
+    if result.status == "running":
+        why = "is still being written" if result.is_being_written else "did not finish"
+        cure = "" if result.is_being_written else f" (`carom resume {result.path}` continues it)"
+        warnings.warn(f"run {why}; {len(result.time)} frames readable{cure}", UnfinishedRun, stacklevel=2)
+    return result
+
+
+class Result(Frames):
+    """A run: its scene, T frames of N bodies, its impacts, contacts and steps. Obtained by `carom.simulate`,
+    `carom.Simulation.result` or `carom.load`.
+
+    What was committed when the object was made is what it shows; load again to see more of a run in progress.
+    """
+
+    def __init__(
+        self,
+        about: dict[str, Any],
+        record: Record,
+        directory: RunDir | None = None,
+        scene: Scene | None = None,
+        problem: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._about, self._segments, self._directory = about, record, directory
+        self._problem = problem  # of a result in memory: the one that could not be solved
+        if scene is not None:
+            self.scene = scene
+
+    @property
+    def path(self) -> Path:
+        """The run directory. A result in memory is written to a temporary one when this is first asked; it goes with it."""
+        return (self._directory or self._copy).path
+
+    @property
+    def origin(self) -> str:
+        """The run directory, or "memory"."""
+        return "memory" if self._directory is None else str(self._directory.path)
+
+    @property
+    def label(self) -> str:
+        """The title, or where there is none the name of the run directory."""
+        return self.title or Path(self.origin).name
+
+    @property
+    def segment_names(self) -> list[str]:
+        """The results files, in the order of the run."""
+        return [] if self._directory is None else [file.name for file in self._directory.segments()]
+
+    # Motion, one row per frame.
+
+    @property
+    def time(self) -> Column:
+        """Times of the frames, (T,), s."""
+        return self._segments.column("frames", "time")
+
+    @property
+    def step(self) -> Column:
+        """Steps after which the frames were taken, (T,); 0 is the start."""
+        return self._segments.column("frames", "step")
+
+    @property
+    def position(self) -> Column:
+        """Centres, (T, N, 3), m."""
+        return self._segments.column("frames", "position")
+
+    @property
+    def orientation(self) -> Column:
+        """Unit quaternions, scalar part first, (T, N, 4): body frame to world frame."""
+        return self._segments.column("frames", "orientation")
+
+    @property
+    def velocity(self) -> Column:
+        """Velocities of the centres, (T, N, 3), m/s."""
+        return self._segments.column("frames", "velocity")
+
+    @property
+    def angular_velocity(self) -> Column:
+        """Angular velocities in the world frame, (T, N, 3), rad/s."""
+        return self._segments.column("frames", "angular_velocity")
+
+    @property
+    def joint_impulse(self) -> Column:
+        """Impulse at each joint and moment on its first body since the last frame, (T, J, 6), N s and N m s, in the world
+        frame; over the time between frames it is the mean reaction. Without joints the shape is (T, 0, 6).
+        """
+        if "joint_impulse" not in self._segments.columns("frames"):
+            frames = len(self.time)
+            return Column([(np.zeros((frames, 0, 6)), frames)], "N s, N m s")
+        return self._segments.column("frames", "joint_impulse")
+
+    @property
+    def present(self) -> Column:
+        """Which bodies are there, (T, N): all, unless the scene has inflows or outlets."""
+        if "present" in self._segments.columns("frames"):
+            return self._segments.column("frames", "present")
+        shape = (len(self.time), len(self.names))
+        return Column([(np.broadcast_to(np.ones(1, dtype=bool), shape), shape[0])], "1")
+
+    # What the run is about.
+
+    @cached_property
+    def bodies(self) -> Static:
+        """One row per body: name, radius (m), mass (kg), inertia (kg m^2), material."""
+        return Static(self._segments.static("bodies"))
+
+    @cached_property
+    def planes(self) -> Static:
+        """One row per plane without end: name, point (m), normal, material."""
+        return Static(self._segments.static("planes"))
+
+    @cached_property
+    def walls(self) -> Walls:
+        """All walls by name: `result.walls["drum"].torque`, also `force`, `impulse`, `position`, `orientation`."""
+        from carom.result.walls import Walls
+
+        return Walls(self, [self._segments.static(table) for table in ("planes", "walls")])
+
+    @property
+    def plane_names(self) -> list[str]:
+        """Names of the planes without end."""
+        return list(self.planes["name"])
+
+    @property
+    def wall_names(self) -> list[str]:
+        """Names of all walls, planes without end first."""
+        return list(self.walls)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the joints, in the order of the second axis of `joint_impulse`; by default joint1, joint2 ..."""
+        return self.scene.joint_names
+
+    @property
+    def gravity(self) -> F64:
+        """Acceleration of gravity, (3,), m/s^2."""
+        return np.asarray(self._segments.attributes["gravity"], dtype=np.float64)
+
+    @property
+    def periodic(self) -> F64 | None:
+        """Periods of the world along x, y, z, m, 0 where it has none; None if it has none at all."""
+        found = self._segments.attributes.get("periodic")
+        return None if found is None else np.asarray(found, dtype=np.float64)
+
+    @property
+    def periodic_origin(self) -> F64:
+        """Lowest corner of the periodic box, (3,), m."""
+        return np.asarray(self._segments.attributes.get("periodic_origin", np.zeros(3)), dtype=np.float64)
+
+    @property
+    def title(self) -> str:
+        """Title of the scenario."""
+        return str(self._about.get("scenario", {}).get("title") or "")
+
+    @property
+    def case(self) -> str | None:
+        """Name of the case of the scenario file that was run, if it was one."""
+        found = self._about.get("scenario", {}).get("case")
+        return None if found is None else str(found)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the parameters of the scenario file, SI."""
+        return dict(self._about.get("scenario", {}).get("parameters", {}))
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene as it was run: every default spelled out, random numbers drawn."""
+        from carom.scene.scene import Scene
+
+        assert self._directory is not None
+        return Scene.from_toml(self._directory.scenario)
+
+    @property
+    def scenario(self) -> str:
+        """The scenario as it was run, as TOML."""
+        if self._directory is None:
+            return self.scene.to_toml(resolved=True)
+        path = self._directory.scenario
+        try:
+            return path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise CaromError(f"{path} cannot be read ({error}); a run keeps its scenario there") from error
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    # What happened.
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies after every step, (S,), J."""
+        return Energy(self.steps)
+
+    @cached_property
+    def impacts(self) -> Impacts:
+        """One row per contact and impact problem: time, step, problem, pair, impulse, status ..."""
+        return Impacts(self._segments, [*self.names, *self.wall_names])
+
+    @cached_property
+    def events(self) -> Events:
+        """One row per ball that entered or left; none without inflows and outlets."""
+        return Events(self._segments, self.names)
+
+    @property
+    def flows(self) -> bool:
+        """Whether the scene has inflows or outlets."""
+        return bool(self._segments.columns("events"))
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """One row per frame and contact: impulses of both levels and work by cause since the last frame."""
+        return Contacts(self._segments, [*self.names, *self.wall_names])
+
+    @cached_property
+    def steps(self) -> Steps:
+        """One row per step: iterations, residuals, counts, energies, penetration."""
+        return Steps(self._segments)
+
+    @cached_property
+    def residuals(self) -> Residuals:
+        """One row per recorded contact problem: the residual after each iteration."""
+        return Residuals(self._segments)
+
+    @property
+    def status(self) -> str:
+        """ "done", "stopped", "failed", "interrupted", or "running" (also for a run whose process was killed)."""
+        return str(self._about["status"])
+
+    @property
+    def is_being_written(self) -> bool:
+        """Whether the process that computes the run is alive, on this machine."""
+        return self._directory is not None and self._directory.is_being_written()
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended, with advice if it did not end well; `outcome.ok` is true if it reached its end."""
+        return Outcome.of(self._about.get("outcome") or {"kind": self.status})
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What `carom run --json` prints; empty while the run goes on."""
+        found: Mapping[str, Any] = self._about.get("summary", {})
+        return found
+
+    @property
+    def versions(self) -> Mapping[str, Any]:
+        """Versions of all that computed the run."""
+        found: Mapping[str, Any] = self._about.get("versions", {})
+        return found
+
+    # What can be done with it.
+
+    def sel(self, time: Any = None, body: Any = None) -> Selection:
+        """Some frames and some balls, with the same names for what they have.
+
+        `time` is a slice in s, of which both ends count (`slice(0.1, 0.5)`, every tenth frame of them
+        `slice(0.1, 0.5, 10)`), or one or several times, of which the nearest frames are taken. `body` is a name or a
+        number, several of them, or a slice (`slice("ball1", "ball4")`, of names both ends count):
+        `result.sel(slice(0, 1), ["cue", "ball8"]).velocity`.
+        """
+        frames = chosen_frames(np.asarray(self.time), time)
+        return Selection(self, frames, chosen_bodies(self.names, body))
+
+    @property
+    def plot(self) -> Plots:
+        """Figures: `result.plot.velocities()` returns one of matplotlib, `result.plot.save("figures")` writes
+        all.
+        """
+        from carom.show.plot import Plots
+
+        return Plots(self)
+
+    def view(self, path: str | Path | None = None, *, open_browser: bool = False, **options: Any) -> ViewInfo:
+        """Write the run as one HTML page that plays offline, by default `view.html` in the run directory."""
+        from carom.show.viewer import write_html
+
+        info = write_html(self, Path(path) if path else self.path / "view.html", **options)
+        if open_browser:
+            import webbrowser
+
+            webbrowser.open(info.path.resolve().as_uri())
+        return info
+
+    def export(
+        self, directory: str | Path | None = None, format: str = "vtkhdf", **options: Any
+    ) -> list[Path]:
+        """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz`, `gsd`, `mp4`, `gif` or `png`, by default in `export`
+        of the run.
+
+        `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`, and of films `speed`, `camera`,
+        `follow` and others. Returns the files to open.
+        """
+        from carom.export import export
+
+        return export(self, directory, format, **options)
+
+    def save(self, path: str | Path, *, force: bool = False) -> Result:
+        """Write a result that was simulated without `out` to a run directory, or copy its own; returns the copy."""
+        copy = RunDir.create(path, force=force)
+        try:
+            if self._directory is None:
+                self._write(copy)
+            else:
+                shutil.copytree(self.path, copy.path, dirs_exist_ok=True)
+        except (OSError, CaromError) as error:
+            copy.remove()
+            raise CaromError(f"cannot copy the run to {path}: {error}") from error
+        return load(copy.path)
+
+    @cached_property
+    def _copy(self) -> RunDir:
+        """The temporary directory of a result in memory."""
+        directory = temporary()
+        weakref.finalize(self, directory.remove)
+        self._write(directory)
+        return directory
+
+    def _write(self, directory: RunDir) -> None:
+        """Write a result in memory to a new directory."""
+        assert isinstance(self._segments, Memory)
+        about = copy.deepcopy(self._about)
+        about["scenario"]["identity"] = identify(self.scene.to_model())
+        with directory.writing():
+            directory.write_scenario(self.scenario)
+            writer = Writer(
+                directory.next_segment(),
+                **self._segments.described,
+                expected=self._segments.rows,
+                further=directory.next_segment,
+            )
+            writer.append(self._segments.blocks())
+            writer.close()
+            about["segments"][-1]["file"] = writer.paths[0].name
+            if len(writer.paths) > 1:
+                about["segments"][-1]["files"] = [file.name for file in writer.paths]
+            if self._problem is not None:
+                from carom.run.problems import keep_failing
+
+                keep_failing(directory, self._problem, about["outcome"])
+            directory.write(about)
+            directory.log("saved", status=self.status)
+
+    def close(self) -> None:
+        """Close the files. Columns that were read stay usable."""
+        self._segments.close()
+
+    def __reduce__(self) -> Any:
+        """Copies and other processes open the run anew; files that are open cannot be sent."""
+        if self._directory is None:
+            return Result, (self._about, self._segments, None, self.scene, self._problem)
+        return load, (self.path,)
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _repr_html_(self) -> str:
+        from carom.show.notebook import of_result
+
+        return of_result(self)
+
+    def __repr__(self) -> str:
+        frames, bodies = len(self.time), self.names
+        shown = ", ".join(bodies[:4]) + (f", ... ({len(bodies)})" if len(bodies) > 4 else "")
+        span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if frames else "no frames yet"
+        lines = [
+            f"<carom.Result {self.label!r}: {self.outcome.brief}>",
+            f"  {counted(frames, 'frame')}, {span}; {counted(len(self.steps), 'step')}",
+            f"  bodies    {shown}",
+            f"  impacts   {len(self.impacts)} rows; contacts {len(self.contacts)} rows",
+            "  kept in memory; save(path) writes it"
+            if self._directory is None
+            else f"  directory {self.path}",
+        ]
+        return "\n".join(lines)
+
+
+class Body:
+    """One body of a result or a part of one: `result["cue"].velocity` is (T, 3)."""
+
+    def __init__(self, result: Frames, index: int) -> None:
+        self._result = result
+        self.index = index
+        self.name = result.names[index]
+
+    @property
+    def time(self) -> Column | F64:
+        """Times of the frames, (T,), s."""
+        found: Column | F64 = self._result.time
+        return found
+
+    @property
+    def position(self) -> F64:
+        """Centre, (T, 3), m."""
+        return self._column("position")
+
+    @property
+    def orientation(self) -> F64:
+        """Unit quaternion, scalar part first, (T, 4)."""
+        return self._column("orientation")
+
+    @property
+    def velocity(self) -> F64:
+        """Velocity of the centre, (T, 3), m/s."""
+        return self._column("velocity")
+
+    @property
+    def angular_velocity(self) -> F64:
+        """Angular velocity in the world frame, (T, 3), rad/s."""
+        return self._column("angular_velocity")
+
+    @property
+    def speed(self) -> F64:
+        """Speed of the centre, (T,), m/s."""
+        return np.asarray(np.linalg.norm(self.velocity, axis=1))
+
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+        return float(self._result.bodies["radius"][self.index])
+
+    @property
+    def mass(self) -> float:
+        """Mass, kg."""
+        return float(self._result.bodies["mass"][self.index])
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about any diameter, kg m^2."""
+        return float(self._result.bodies["inertia"][self.index])
+
+    @property
+    def impacts(self) -> Impacts:
+        """The impacts that this body took part in."""
+        impacts: Impacts = self._result.impacts
+        number = self._result._table_number(self.index)
+        return impacts.where((np.asarray(impacts["body"]) == number).any(axis=1))
+
+    def _column(self, name: str) -> F64:
+        found: F64 = getattr(self._result, name)[:, self.index]
+        return found
+
+    def __repr__(self) -> str:
+        return (
+            f"<body {self.name!r}: radius {self.radius:g} m, mass {self.mass:g} kg, {len(self.time)} frames>"
+        )

@@ -1,0 +1,363 @@
+"""The tables of a result: columns by name, rows by index or condition, read as far as they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.result.record import Record
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[Any]
+
+
+class UnknownName(CaromError, KeyError):
+    """A body, wall or column that is not there: a `KeyError` whose text reads as a sentence."""
+
+    __str__ = CaromError.__str__
+
+
+class Table:
+    """Columns of equal length. `table["time"]`, `table.time`, `table.where(table.time > 1)`,
+    `table.to_pandas()`.
+    """
+
+    name = ""
+
+    def __init__(self, segments: Record, rows: Array | None = None) -> None:
+        self._segments = segments
+        self._chosen = rows  # indices of rows, or None for all
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns: those of the file, and those derived from them."""
+        return [*self._segments.columns(self.name), *self._derived()]
+
+    def __getitem__(self, column: str) -> Any:
+        derive = self._derived().get(column)
+        if derive is not None:
+            return derive()
+        if column not in self._segments.columns(self.name):
+            raise UnknownName(
+                f"{self.name} has no column {column!r}; {did_you_mean(str(column), self.columns)}"
+            )
+        values = self._segments.column(self.name, column)
+        return values if self._chosen is None else np.asarray(values)[self._chosen]
+
+    def __getattr__(self, column: str) -> Any:
+        if column.startswith("_"):
+            raise AttributeError(column)
+        try:
+            return self[column]
+        except KeyError as error:
+            raise AttributeError(str(error.args[0])) from None
+
+    def __contains__(self, column: object) -> bool:
+        return column in self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return self._all_rows() if self._chosen is None else len(self._chosen)
+
+    def where(self, rows: Any) -> Self:
+        """The rows for which a condition holds (a mask of `len(self)`), or with the given indices."""
+        kept = np.arange(self._all_rows()) if self._chosen is None else self._chosen
+        chosen = np.asarray(rows)
+        if chosen.dtype != bool and chosen.size == 0:
+            chosen = chosen.astype(np.intp)
+        return self._with_rows(kept[chosen])
+
+    def unit(self, column: str) -> str:
+        """Unit of a column of the file ("1" if it has none)."""
+        return self._segments.column(self.name, column).unit
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as a `pandas.DataFrame`; a vector becomes three columns with _x, _y, _z."""
+        try:
+            import pandas
+        except ImportError as error:
+            raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+        flat: dict[str, Array] = {}
+        for column in self.columns:
+            values = np.asarray(self[column])
+            if values.shape == (len(self),):
+                flat[column] = values
+            elif values.ndim == 2:
+                letters = "xyz" if values.shape[1] == 3 else "ab"
+                flat |= {f"{column}_{letter}": values[:, i] for i, letter in enumerate(letters)}
+        return pandas.DataFrame(flat)
+
+    def __repr__(self) -> str:
+        return f"<{self.name}: {len(self)} rows; columns {', '.join(self.columns)}>"
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        return {}
+
+    def _with_rows(self, rows: Array) -> Self:
+        return type(self)(self._segments, rows)
+
+    def _all_rows(self) -> int:
+        return int(getattr(self._segments.rows, self.name))
+
+
+class Steps(Table):
+    """One row per step."""
+
+    name = "steps"
+
+
+class _Pairs(Table):
+    """A table with two bodies a row, which also has their names."""
+
+    def __init__(self, segments: Record, names: Sequence[str], rows: Array | None = None) -> None:
+        super().__init__(segments, rows)
+        self._names = np.array([*names, "?"], dtype=object)
+
+    def between(self, first: str, second: str | None = None) -> Self:
+        """The rows with this body or wall, or with these two in any order."""
+        known = [str(n) for n in self._names[:-1]]
+        indices = []
+        for name in (first,) if second is None else (first, second):
+            if name not in known:
+                raise UnknownName(f"no body or wall is called {name!r}; {did_you_mean(name, known[:20])}")
+            indices.append(known.index(name))
+        body = np.asarray(self["body"])
+        return self.where(np.logical_and.reduce([(body == i).any(axis=1) for i in indices]))
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        return {"pair": self._pair}
+
+    def _pair(self) -> Array:
+        """(rows, 2) names."""
+        body = np.asarray(self["body"]).astype(np.int64)
+        return np.asarray(self._names[np.clip(body, 0, len(self._names) - 1)])
+
+    def _with_rows(self, rows: Array) -> Self:
+        return type(self)(self._segments, [str(n) for n in self._names[:-1]], rows)
+
+
+class Impacts(_Pairs):
+    """One row per contact and impact problem."""
+
+    name = "impacts"
+
+
+class Contacts(_Pairs):
+    """One row per frame and contact; `frame` and `time` say which frame, `at(frame)` gives the rows of one."""
+
+    name = "contacts"
+
+    @property
+    def ends(self) -> Array:
+        """Rows of each frame end here, (T,): those of frame k of the whole table are `ends[k - 1]` to `ends[k]`."""
+        return np.asarray(self._segments.column("frames", "contact_end"))
+
+    def at(self, frame: int) -> Contacts:
+        """The contacts of one frame (negative counts from the end)."""
+        ends = np.asarray(self._segments.column("frames", "contact_end"))
+        frame = range(len(ends))[frame]
+        start = int(ends[frame - 1]) if frame else 0
+        return Contacts(
+            self._segments, [str(n) for n in self._names[:-1]], np.arange(start, int(ends[frame]))
+        )
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        return {**super()._derived(), "frame": self._frame, "time": self._time}
+
+    def _frame(self) -> Array:
+        ends = np.asarray(self._segments.column("frames", "contact_end")).astype(np.int64)
+        rows = np.arange(self._all_rows()) if self._chosen is None else self._chosen
+        frames = np.searchsorted(ends, rows, side="right")
+        if frames.size and frames.max() >= len(ends):
+            raise self._segments.damage("/frames/contact_end", "contacts belong to no frame")
+        return frames
+
+    def _time(self) -> Array:
+        return np.asarray(np.asarray(self._segments.column("frames", "time"))[self._frame()])
+
+
+class Events(Table):
+    """One row per ball that entered or left: `step`, `time`, `body`, `kind` (1 enters, 0 leaves) and its name, `ball`."""
+
+    name = "events"
+
+    def __init__(self, segments: Record, names: Sequence[str], rows: Array | None = None) -> None:
+        super().__init__(segments, rows)
+        self._names = names
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        if self._segments.columns(self.name):
+            return {
+                "ball": lambda: np.array([self._names[i] for i in np.asarray(self["body"])], dtype=object)
+            }
+        return dict.fromkeys(
+            ("step", "time", "body", "kind", "ball"), lambda: np.zeros(0)
+        )  # nothing could happen
+
+    def _with_rows(self, rows: Array) -> Self:
+        return type(self)(self._segments, self._names, rows)
+
+
+class Residuals(Table):
+    """One row per recorded contact problem; `history(step)` gives the residual norms of its iterations."""
+
+    name = "residuals"
+    LEVELS: ClassVar[Mapping[str, int]] = {"position": 1, "velocity": 2}
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns; the histories themselves are not rows and come from `history`."""
+        return [c for c in super().columns if c not in ("end", "value")]
+
+    def history(self, step: int, level: str | None = None) -> list[Array]:
+        """Residual norms per iteration, an array for each contact problem of a step, of one level or of both."""
+        if level is not None and level not in self.LEVELS:
+            raise UnknownName(f"no level is called {level!r}; known: {', '.join(self.LEVELS)}")
+        chosen = np.asarray(self["step"]) == step
+        if level is not None:
+            chosen &= np.asarray(self["level"]) == self.LEVELS[level]
+        ends = np.concatenate([[0], np.asarray(self._segments.column("residuals", "end"))]).astype(np.int64)
+        rows = np.arange(self._all_rows()) if self._chosen is None else self._chosen
+        values = self._segments.column("residuals", "value")
+        return [np.asarray(values[ends[r] : ends[r + 1]]) for r in rows[chosen]]
+
+
+class Energy:
+    """Energies after every step, (S,), J: columns of the table of steps, or of some of its rows."""
+
+    def __init__(self, steps: Steps) -> None:
+        self._steps = steps
+
+    def __repr__(self) -> str:
+        if not len(self.time):
+            return "<energy: no steps>"
+        return f"<energy of {len(self.time)} steps: total {self.total[0]:.6g} J to {self.total[-1]:.6g} J>"
+
+    @cached_property
+    def time(self) -> Array:
+        """Times at the end of the steps, s."""
+        return self._read("time")
+
+    @cached_property
+    def kinetic(self) -> Array:
+        """Kinetic energy of translation and rotation."""
+        return self._read("energy_kinetic")
+
+    @cached_property
+    def potential(self) -> Array:
+        """Potential energy of gravity."""
+        return self._read("energy_potential")
+
+    @property
+    def total(self) -> Array:
+        """Kinetic and potential energy."""
+        return np.asarray(self.kinetic + self.potential)
+
+    def _read(self, column: str) -> Array:
+        return np.asarray(self._steps[column])
+
+
+class Static:
+    """A small table that does not change in a run: `bodies["radius"]`, `bodies.radius`."""
+
+    def __init__(self, columns: Mapping[str, Array]) -> None:
+        self._columns = dict(columns)
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return list(self._columns)
+
+    def __getitem__(self, column: str) -> Array:
+        if column not in self._columns:
+            raise UnknownName(f"no column {column!r}; {did_you_mean(str(column), self.columns)}")
+        return self._columns[column]
+
+    def __getattr__(self, column: str) -> Array:
+        if column.startswith("_") or column not in self._columns:
+            raise AttributeError(column)
+        return self._columns[column]
+
+    def __contains__(self, column: object) -> bool:
+        return column in self._columns
+
+    def __len__(self) -> int:
+        return len(self._columns["name"])
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} rows; columns {', '.join(self.columns)}>"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended. `kind` is "done", "stopped", "interrupted", "running", "error" or the core's word, as
+    "not_converged".
+    """
+
+    kind: str
+    step: int | None = None
+    time: float | None = None
+    level: str | None = None
+    bodies: tuple[str, ...] = ()
+    residual: float | None = None
+    advice: str = ""
+    message: str = ""
+    """What a function of the user raised, in its own words, or why it stopped the run."""
+    problem_file: str | None = None
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> Outcome:
+        """From the dictionary in `run.json`; keys that this version does not know are passed over."""
+        known = {k: v for k, v in facts.items() if k in cls.__dataclass_fields__ and v is not None}
+        return cls(**{**known, "bodies": tuple(known.get("bodies", ())), "kind": str(facts["kind"])})
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run reached its end, or the one that a stop condition set."""
+        return self.kind in ("done", "stopped")
+
+    @property
+    def brief(self) -> str:
+        """A few words: `done`, `not converged at t = 0.114 s`."""
+        place = "" if self.kind == "done" or self.time is None else f" at t = {self.time:g} s"
+        return self.kind.replace("_", " ") + place
+
+    @property
+    def failed(self) -> bool:
+        """Whether a step could not be computed: neither done nor interrupted nor still running."""
+        return self.kind not in ("done", "stopped", "interrupted", "running")
+
+    @property
+    def where(self) -> str:
+        """What went wrong and where, without advice."""
+        parts = [f"{self.kind.replace('_', ' ')}"]
+        if self.step is not None and self.time is not None:
+            parts.append(f"at step {self.step}, t = {self.time:g} s")
+        if self.level:
+            parts.append(f"in the {self.level} sub-problem")
+        if self.bodies:
+            names = list(dict.fromkeys(self.bodies))
+            parts.append(("between " if len(names) > 1 else "at ") + " and ".join(names))
+        if self.residual is not None:
+            parts.append(f"(residual {self.residual:.3g})")
+        if self.message:
+            parts.append(f"({self.message})")
+        return " ".join(parts)
+
+    def __str__(self) -> str:
+        if self.kind == "done":
+            return "done"
+        text = self.where
+        if self.problem_file:
+            text += f"; the contact problem is in {self.problem_file}"
+        return f"{text}; {self.advice}" if self.advice else text

@@ -1,0 +1,215 @@
+"""`result.walls`: where the walls of a run were, and what the balls did to them.
+
+Places follow from the laws of motion at the times of the frames; forces are means over the interval that ends at a frame.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean, quoted
+from carom.result.record.opening import DAMAGED
+from carom.result.record.untrusted import first_line
+from carom.result.record.walls import PARAMETERS
+from carom.result.tables import UnknownName
+from carom.scene.assembly.rotations import rotated, rotated_back
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+
+F64 = NDArray[np.float64]
+
+GONE = 1e-9
+"""Relative to the time at which a wall is taken away: times of frames are rounded."""
+
+
+class Poses:
+    """A prescribed motion as a file keeps it: JSON of what the core got (`wall_motion` in `_core.pyi`), "" for none."""
+
+    def __init__(self, text: str) -> None:
+        given: Mapping[str, Any] = json.loads(text) if text else {}
+        self._translation = given.get("translation")
+        self._rotation = given.get("rotation")
+        self.until = float(given.get("until", np.inf))
+        """When the wall is taken away, s."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether the shape moves, or is taken away."""
+        return self._translation is not None or self._rotation is not None or np.isfinite(self.until)
+
+    def there(self, time: F64) -> NDArray[np.bool_]:
+        """Whether the wall is there at several times, (T,): at the end of the step that ends at `until` it is."""
+        return np.asarray(time <= self.until * (1.0 + GONE))
+
+    def displacement(self, time: F64) -> F64:
+        """Displacement `d` by the translation, (T, 3), m."""
+        if self._translation is None:
+            return np.zeros((len(time), 3))
+        return np.stack([_values(law, time) for law in self._translation], axis=1)
+
+    def orientation(self, time: F64) -> F64:
+        """Rotation `R` since the start as unit quaternions, scalar part first, (T, 4)."""
+        found = np.zeros((len(time), 4))
+        found[:, 0] = 1.0
+        if self._rotation is not None:
+            axis, _, law = self._rotation
+            half = 0.5 * _values(law, time)
+            found[:, 0] = np.cos(half)
+            found[:, 1:] = np.outer(np.sin(half), axis)
+        return found
+
+    def position(self, point: F64, time: F64) -> F64:
+        """Where a point (3,) of the wall is: `c + d + R (point - c)`, (T, 3), m."""
+        displacement = self.displacement(time)
+        if self._rotation is None:
+            return point + displacement
+        centre = np.array(self._rotation[1])
+        return centre + displacement + rotated(self.orientation(time), point - centre)
+
+
+def _values(law: Sequence[Any], time: F64) -> F64:
+    """A law in the form of the core at several times, (T,)."""
+    from carom.scene.tables.laws import value_at
+
+    form, data = law
+    value = data if form == "constant" else {form: data}
+    return np.array([value_at(value, float(t)) for t in time])
+
+
+class Wall:
+    """One wall of a result: `result.walls["drum"].torque` is (T, 3)."""
+
+    def __init__(self, result: Result, index: int, facts: Mapping[str, Any]) -> None:
+        self._result = result
+        self.index = index
+        """Number among all walls, planes first."""
+        self.name = str(facts["name"])
+        self.shape = str(facts.get("shape", "plane"))
+        """ "plane", "rectangle", "disc", "cylinder", "sphere" or "cone"."""
+        self.facts = dict(facts)
+        """The row of `result.planes` or of `/walls` of the file: point, axis, radius ..."""
+        try:
+            self.motion = Poses(str(facts.get("motion", "")))
+            self.motion.position(np.zeros(3), np.zeros(1)).reshape(1, 3)
+        except (AttributeError, *DAMAGED) as error:
+            table = "planes" if self.shape == "plane" else "walls"
+            why = f"{quoted(self.name)}: {first_line(error)}"
+            raise result._segments.damage(f"/{table}/motion", why) from error
+
+    @property
+    def time(self) -> Any:
+        """Times of the frames, (T,), s."""
+        return self._result.time
+
+    @cached_property
+    def position(self) -> F64:
+        """The wall's point, (T, 3), m: `point` of its table as the motion carries it; of a side of a box, its middle."""
+        return self.motion.position(np.asarray(self.facts["point"], dtype=np.float64), np.asarray(self.time))
+
+    @cached_property
+    def orientation(self) -> F64:
+        """Rotation since the start as unit quaternions, scalar part first, (T, 4)."""
+        return self.motion.orientation(np.asarray(self.time))
+
+    @cached_property
+    def present(self) -> NDArray[np.bool_]:
+        """Whether it is there, (T,): until the time at which it is taken away."""
+        return self.motion.there(np.asarray(self.time))
+
+    def gap(self, centre: F64, radius: F64, time: F64) -> F64:
+        """Distance (K,), m, of balls with centres (K, 3) and radii (K,), m, from the wall as it is at the times (K,), s:
+        infinite where it has been taken away.
+        """
+        from carom.scene.assembly.distances import gaps
+
+        point = np.asarray(self.facts["point"], dtype=np.float64)
+        if self.motion.moves:
+            away = centre - self.motion.position(point, time)
+            centre = point + rotated_back(self.motion.orientation(time), away)
+        at_start: Any = SimpleNamespace(shape=self._shape(), point=point)
+        return np.where(self.motion.there(time), gaps(at_start, centre, radius), np.inf)
+
+    def _shape(self) -> tuple[Any, ...]:
+        """Name and parameters, as the core has them."""
+        if self.shape == "plane":
+            return ("plane", self.facts["normal"])
+        blank = {"length": np.inf, "hole": 0.0}  # a tube without end, a disc without hole
+        values = ((name, self.facts[name]) for name in PARAMETERS[self.shape])
+        return self.shape, *(
+            blank[name] if name in blank and np.isnan(value) else value for name, value in values
+        )
+
+    @property
+    def impulse(self) -> F64:
+        """Impulse of the balls on the wall since the last frame, (T, 3), N s."""
+        return self._recorded()[:, :3]
+
+    @property
+    def angular_impulse(self) -> F64:
+        """Its moment about the wall's point as it moves along, (T, 3), N m s."""
+        return self._recorded()[:, 3:]
+
+    @property
+    def force(self) -> F64:
+        """Mean force on the wall between this frame and the last, (T, 3), N; not a number at the first."""
+        return self.impulse / self._intervals()
+
+    @property
+    def torque(self) -> F64:
+        """Mean torque about the wall's point, (T, 3), N m; not a number at the first frame."""
+        return self.angular_impulse / self._intervals()
+
+    def _recorded(self) -> F64:
+        segments = self._result._segments
+        if "walls" not in segments.columns("frames"):
+            raise CaromError(
+                f"the forces on wall {quoted(self.name)} were not recorded;"
+                " run again with `walls = true` in [record], or carom.simulate(..., walls=True)"
+            )
+        found: F64 = segments.column("frames", "walls")[:, self.index]
+        return found
+
+    def _intervals(self) -> F64:
+        """Time since the last frame, (T, 1), s."""
+        time = np.asarray(self.time)
+        return np.diff(time, prepend=np.nan)[:, np.newaxis]
+
+    def __repr__(self) -> str:
+        how = "moving" if self.motion.moves else "fixed"
+        return f"<wall {self.name!r}: {how} {self.shape}, {len(self.time)} frames>"
+
+
+class Walls(Mapping[str, Wall]):
+    """All walls of a result by name, in the order of the core: planes without end first, then the others."""
+
+    def __init__(self, result: Result, tables: Sequence[Mapping[str, Any]]) -> None:
+        rows = [
+            {key: values[i] for key, values in table.items()}
+            for table in tables
+            for i in range(len(table["name"]))
+        ]
+        self._walls = {str(row["name"]): Wall(result, i, row) for i, row in enumerate(rows)}
+
+    def __getitem__(self, name: str) -> Wall:
+        try:
+            return self._walls[name]
+        except KeyError:
+            known = list(self._walls)
+            raise UnknownName(f"no wall is called {name!r}; {did_you_mean(str(name), known[:20])}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._walls)
+
+    def __len__(self) -> int:
+        return len(self._walls)
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} walls: {', '.join(self)}>"

@@ -1,0 +1,505 @@
+"""`carom.simulate` and `carom.resume`: from a scene to its `Result`, in memory or in a run directory.
+
+(The module is not called `simulate`: importing it would hide the function of that name in the package.)
+"""
+
+from __future__ import annotations
+
+import signal
+import warnings
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+import carom
+from carom.errors import CaromError, CaromWarning
+from carom.result.directory import RunDir, now, temporary
+from carom.result.record import Memory, Rows, Writer
+from carom.result.record.walls import tables
+from carom.result.remarks import remarks
+from carom.result.result import Result, load
+from carom.result.run_json import continued
+from carom.run import changes, checkpoint, restart, summary
+from carom.run.allocator import release_early
+from carom.run.loop import Ending, Plan, Sink, begin, drive, identify
+from carom.run.sinks import Cadence, Checkpoints, Interrupt, Progress, Recorder, Shown
+from carom.run.watch import Callback, Stop, Watch
+from carom.scene.arguments import renamed
+
+if TYPE_CHECKING:
+    from carom._core import Simulation
+    from carom.run.problems import Choice, Given
+    from carom.scene.scene import Scene
+    from carom.scene.tables.keywords import Options
+
+OnProgress = Callable[[Progress], None]
+LoadFunctions = Callable[..., Any] | Sequence[Callable[..., Any]]
+"""One Python function that gives loads, or several."""
+
+
+class RunFailed(CaromError):
+    """A run that stopped before its end. `result` holds all up to the last good step, `result.outcome` says
+    why.
+    """
+
+    def __init__(self, message: str, result: Result) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+@renamed
+def simulate(
+    scene: Scene | str | Path,
+    *,
+    out: str | Path | None = None,
+    force: bool = False,
+    progress: OnProgress | None = None,
+    case: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    save_problems: Given | None = None,
+    problem_form: str = "local",
+    callback: Callback | None = None,
+    stop: Stop | None = None,
+    callback_every: int | None = None,
+    **options: Unpack[Options],
+) -> Result:
+    """Simulate a scene, or the scenario file of that path, and return its result.
+
+    Of a file with `[parameters]`, `case` and `parameters` choose a variant, as in `Scene.from_toml`.
+    `options` are the keys of `[run]` and `[record]` of a scenario and override those of the scene, which is
+    not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The result is kept in memory, and `Result.save`
+    writes it; with `out` it is written to that run directory while the run goes on (an existing one is refused without
+    `force`), and Ctrl-C and SIGTERM leave a checkpoint. `progress` is called about ten times a second. Ctrl-C stops between
+    two steps, then raises `KeyboardInterrupt`.
+
+    `save_problems` keeps contact problems in `problems/` of the run directory (docs/reference/problems.md; without `out` a
+    temporary one), in
+    `problem_form` "local" or "global": of one step, of several (`[100, 200]`, `range(200, 301, 50)`, `"100,200:300:50"`,
+    `"all"`), or the hardest of the run (`"worst:10"`).
+
+    `callback` and `stop` are functions of a `carom.run.watch.View` of the state, `view.time`, `view["cue"].position`. They
+    are called after every `callback_every` steps, by default when a frame is kept. Where `stop` returns True or a text the
+    run ends well, with outcome "stopped". If one raises, the run ends between two steps and the exception goes on, with
+    all that was computed as its attribute `result`.
+
+    Raises `ScenarioError` if the scene is wrong, `RunFailed` if a step could not be solved (with the result
+    so far).
+    """
+    scene = scene_of(scene, case=case, parameters=parameters)
+    scene = scene.with_options(**options) if options else scene
+    for advice in scene.validate():
+        warnings.warn(str(advice), CaromWarning, stacklevel=3)
+    choice = chosen(scene, save_problems, problem_form)
+    watch = Watch.of(callback, stop, callback_every)
+    create: Callable[[], RunDir] | None = None if choice is None else temporary
+    if out is not None:
+        create = partial(RunDir.create, out, force=force)
+    halt = Interrupt()
+    with halt.listening(signal.SIGINT, *([] if out is None else [signal.SIGTERM])):
+        result = launch(
+            scene, create, stop=halt, progress=progress, keep=out is not None, problems=choice, watch=watch
+        )
+    if watch is not None:
+        watch.raise_with(result)
+    return _judged(result, halt, 4, kept=out is not None)
+
+
+def chosen(scene: Scene, problems: Given | None, form: str, label: str = "save_problems") -> Choice | None:
+    """The contact problems to keep of a run of `scene`; `label` is what messages call the argument."""
+    if problems is None:
+        return None
+    from carom.run.problems import Choice
+
+    if scene.run.method == "penalty":
+        raise CaromError(f"{label}: method penalty solves no contact problems; take method nsga or moreau")
+    return Choice.of(problems, form, label)
+
+
+def scene_of(
+    given: object,
+    caller: str = "simulate",
+    *,
+    case: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+) -> Scene:
+    """The scene, or that of the scenario file whose path is given, in the variant of `case` and `parameters`.
+
+    `caller` is what a message calls the function.
+    """
+    from carom.scene.scene import Scene
+
+    variant = {key: value for key, value in (("case", case), ("parameters", parameters)) if value is not None}
+    if isinstance(given, (str, Path)):
+        return Scene.from_toml(given, **variant)  # type: ignore[arg-type]
+    if variant and isinstance(given, Scene):
+        raise CaromError(
+            f"{caller}: {' and '.join(variant)} choose a variant of a file, and a scene is one already;"
+            " give the path of the file, or Scene.from_toml(path, case=..., parameters=...)"
+        )
+    if not isinstance(given, Scene):
+        found = "nothing" if given is None else f"{type(given).__name__}"
+        raise CaromError(
+            f"{caller} takes a Scene or the path of a scenario file, found {found}; make one with carom.Scene(...)"
+        )
+    return given
+
+
+def resume(
+    run: str | Path,
+    *,
+    until: float | str | None = None,
+    checkpoint: str = "newest",
+    any_version: bool = False,
+    progress: OnProgress | None = None,
+    load_functions: LoadFunctions = (),
+    callback: Callback | None = None,
+    stop: Stop | None = None,
+    callback_every: int | None = None,
+    **options: Any,
+) -> Result:
+    """Continue a run that was interrupted or killed, bit for bit as if nothing had happened; `until` (s)
+    extends it.
+
+    A run that failed goes on from its last good state with other numerical `options`, as `tolerance=1e-7`; what
+    describes the physics, and the step, cannot change within a run. A run that has reached its end already is
+    returned as it is. If the newest checkpoint cannot be used, `checkpoint` may be "previous", or "start" to compute
+    the run anew; with `any_version` one of another version of Carom is taken. A run whose scene has Python functions
+    (`Scene.load_function`) needs them again: `load_functions`, in the order in which they were added. `callback`, `stop` and
+    `callback_every` are those of `carom.simulate`.
+    """
+    watch = Watch.of(callback, stop, callback_every)
+    halt = Interrupt()
+    if until is not None:
+        options["until"] = until
+    with halt.listening(signal.SIGINT, signal.SIGTERM):
+        result = relaunch(
+            RunDir.open(run),
+            options,
+            stop=halt,
+            watch=watch,
+            progress=progress,
+            load_functions=load_functions,
+            wish=restart.Wish(
+                checkpoint, any_version, tell=lambda text: warnings.warn(text, CaromWarning, stacklevel=4)
+            ),
+        )
+    if watch is not None:
+        watch.raise_with(result)
+    return _judged(result, halt, 3)
+
+
+def launch(
+    scene: Scene,
+    create: Callable[[], RunDir] | None,
+    *,
+    stop: Interrupt,
+    progress: OnProgress | None = None,
+    source: str | None = None,
+    keep: bool = True,
+    problems: Choice | None = None,
+    watch: Watch | None = None,
+) -> Result:
+    """Run a validated scene to its end, failure or interruption: the result says which. Without `create` it is in memory.
+
+    The directory is created last, so that a wrong scene neither leaves one behind nor replaces an old one.
+    `source` is the scenario file, for the summary. Without `keep` no checkpoints are written (nobody could
+    use them), and the directory goes with the result.
+    """
+    run = Run(scene, source)
+    if problems is not None:  # a run that is continued goes on keeping them
+        run.about["save_problems"] = {"choice": problems.text, "form": problems.form}
+    if create is None:
+        return run.in_memory(stop, progress, watch)
+    directory = create()
+    with directory.writing():
+        try:
+            directory.write_scenario(run.scene.to_toml(resolved=True))
+            run.about["scenario"]["identity"] = identify(run.model)
+            writer = run.writer(directory)
+            run.open_segment(writer)
+            directory.write(run.about)
+        except BaseException:
+            directory.remove()
+            raise
+        run.in_directory(directory, writer, stop=stop, progress=progress, keep=keep, watch=watch)
+    result = load(directory.path)
+    result.scene = run.scene
+    if not keep:  # files that are still open go when they are closed
+        weakref.finalize(result._segments, directory.remove)
+    return result
+
+
+def relaunch(
+    directory: RunDir,
+    options: Mapping[str, Any] | None = None,
+    *,
+    places: Mapping[str, str] | None = None,
+    stop: Interrupt,
+    progress: OnProgress | None = None,
+    load_functions: LoadFunctions = (),
+    wish: restart.Wish | None = None,
+    watch: Watch | None = None,
+) -> Result:
+    """Continue the run in `directory` from its newest checkpoint, or from the start if it came to none.
+
+    `options` are `until` and numerical options of the core; `places` says how messages call them. With a `wish` it
+    goes on from another checkpoint.
+    """
+    from carom.scene.scene import Scene
+
+    wish = wish or restart.Wish()
+    options = dict(options or {})
+    changes.refuse_other_physics(options, places or {})
+    old = Scene.from_toml(directory.scenario)
+    changes.restore_functions(directory, old, load_functions)
+    scene = old
+    if options:
+        scene = old.overridden(options, places) if places else old.with_options(**options)
+    run = Run(scene)
+    about = continued(directory)
+    before = old.to_model()
+    was = identify(before)
+    if was not in changes.identities(about):
+        raise CaromError(
+            f"{directory.scenario} was changed since the run began, and a run continues only with the same scenario;"
+            " start a new one with `carom run`"
+        )
+    if directory.is_finished(run.plan.steps) and wish.checkpoint == "newest":
+        return load(directory.path)
+    if identify(run.model) == was:
+        changes.refuse_to_fail_again(directory, about)
+    with directory.writing():
+        about = continued(directory)
+        saved = restart.choose(directory, about, wish)
+        if saved is not None:
+            reached = max(saved.time, (about.get("outcome") or {}).get("time") or 0.0)
+            if run.plan.until < reached - 0.5 * run.plan.step:
+                raise CaromError(f"the run has reached t = {reached:g} s already; give --until a later time")
+            _restore(run.simulation, saved)
+        aside = restart.put_aside(directory, saved, wish)
+        if aside:
+            directory.log("put aside", files=aside)
+        for remark in restart.remarks(saved, wish):
+            wish.tell(remark)
+            directory.log("remark", message=remark)
+        if wish.anew:  # those of the old results, which are put aside
+            about["segments"] = []
+        changes.note_changes(directory, about, before, run.model, run.simulation.step)
+        about.update(status="running", outcome=None)
+        run.about = about
+        writer = run.writer(directory, saved.rows if saved else Rows())
+        run.open_segment(writer)
+        # Before the scenario: run.json knows the identity of the old one and of the new.
+        directory.write(about)
+        if options:
+            directory.write_scenario(run.scene.to_toml(resolved=True))
+        run.in_directory(directory, writer, stop=stop, progress=progress, keep=True, watch=watch)
+    return load(directory.path)
+
+
+def _restore(simulation: Simulation, saved: checkpoint.Checkpoint) -> None:
+    from carom import _core
+
+    try:
+        simulation.restore(dict(saved.state))
+    except _core.ModelError as error:  # the state of another version may be made otherwise
+        raise CaromError(f"the checkpoint of step {saved.step} does not fit this Carom: {error}") from error
+
+
+class Run:
+    """A scene in the core with the plan of its run, and what `run.json` says of it; the scene is a copy of its own."""
+
+    def __init__(self, scene: Scene, source: str | None = None) -> None:
+        if scene.run.until is None:
+            raise CaromError(
+                "the scenario does not say how long to simulate; set `until` in [run], or pass until=..."
+            )
+        self.model = scene.to_model()
+        release_early(len(self.model["radius"]))
+        self.simulation = begin(self.model)
+        self.plan = Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts)
+        # The frames are thinned once and for all: a run that is extended keeps its grid.
+        self.scene = scene.with_options(every=self.plan.every).resolved()
+        variant: dict[str, Any] = {}
+        if scene.parameters:
+            variant = {"case": scene.case, "parameters": scene.parameters}
+        self.about: dict[str, Any] = {
+            "format": 1,
+            "status": "running",
+            "outcome": None,
+            "scenario": {
+                "title": scene.title,
+                "file": source and Path(source).name,
+                **variant,
+            },
+            "seed": getattr(scene, "seed", None),
+            "versions": dict(summary.versions()),
+            "created": now(),
+            "segments": [],
+        }
+
+    def in_memory(self, stop: Interrupt, progress: OnProgress | None, watch: Watch | None) -> Result:
+        """The run and its result, without files."""
+        self.plan.refuse_to_fill_memory(len(self.scene.names))
+        memory = Memory(**self.described())
+        segment = {"from_step": self.simulation.step, "started": now()}
+        ending = self._drive(memory, [], stop, progress, watch)
+        problem = self.conclude(ending, segment)
+        return Result(self.about, memory, scene=self.scene, problem=problem)
+
+    def in_directory(
+        self,
+        directory: RunDir,
+        writer: Writer,
+        *,
+        stop: Interrupt,
+        progress: OnProgress | None,
+        keep: bool,
+        watch: Watch | None = None,
+    ) -> None:
+        """The run, into the segment of `writer`; `run.json` says how it ended."""
+        simulation, plan, about = self.simulation, self.plan, self.about
+        more: list[Sink] = []
+        kept = about.get("save_problems")
+        if kept is not None:
+            from carom.run.problems import Choice, Problems
+
+            more.append(Problems(directory, Choice.of(kept["choice"], kept["form"])))
+        if keep:
+            record = self.scene.record
+            cadence = Cadence(record.checkpoint_steps, record.checkpoint_time, record.checkpoint_wall)
+            more.append(Checkpoints(writer, directory, plan, cadence, about["scenario"]["identity"]))
+        segment = about["segments"][-1]
+        directory.log(
+            "start", step=simulation.step, steps=plan.steps, segment=writer.path.name, **about["versions"]
+        )
+        try:
+            ending = self._drive(writer, more, stop, progress, watch)
+            writer.close()
+            if len(writer.paths) > 1:
+                segment["files"] = [path.name for path in writer.paths]
+            problem = self.conclude(ending, segment)
+            if problem is not None:
+                from carom.run.problems import keep_failing
+
+                keep_failing(directory, problem, about["outcome"])
+            directory.write(about)
+            directory.log("end", status=about["status"], outcome=about["outcome"])
+        except BaseException as error:
+            _note_failure(directory, writer, about, error)
+            raise
+
+    def _drive(
+        self,
+        store: Writer | Memory,
+        more: Sequence[Sink],
+        stop: Interrupt,
+        progress: OnProgress | None,
+        watch: Watch | None,
+    ) -> Ending:
+        sinks: list[Sink] = [Recorder(store, self.plan, len(self.scene.names))]
+        if progress is not None:
+            sinks.append(Shown(progress, self.plan))
+        if watch is not None:
+            watch.begin(list(self.scene.names), self.model, self.plan)
+            sinks.append(watch)
+        return drive(self.simulation, self.plan, [*sinks, *more], stop.__bool__)
+
+    def described(self) -> dict[str, Any]:
+        """What a record says of the run besides its rows: arguments of `Writer` and `Memory`."""
+        scene, model, plan = self.scene, self.model, self.plan
+        bodies = {
+            "name": list(scene.names),
+            **{k: model[k] for k in ("radius", "mass", "inertia", "material")},
+        }
+        attributes: dict[str, Any] = {
+            "title": scene.title or "",
+            "carom_version": carom.__version__,
+            "step": plan.step,
+            "every": plan.every,
+            "gravity": np.asarray(model["gravity"], dtype=np.float64),
+            "start_step": self.simulation.step,
+            **{key: model[key] for key in ("periodic", "periodic_origin") if key in model},
+        }
+        return {
+            "bodies": bodies,
+            **tables(list(scene.wall_names), model),
+            "attributes": attributes,
+            "leave_out": [("frames", "walls")] if scene.record.walls is False else [],
+        }
+
+    def writer(self, directory: RunDir, first: Rows | None = None) -> Writer:
+        """The writer of the next segment, after the `first` rows."""
+        plan = self.plan
+        frames = plan.steps // plan.every + 2
+        balls = len(self.scene.names)
+        return Writer(
+            directory.next_segment(),
+            **self.described(),
+            first=first,
+            expected=Rows(frames, 2 * balls * frames, plan.steps, 256, plan.steps, 4 * plan.steps),
+            further=directory.next_segment,
+        )
+
+    def open_segment(self, writer: Writer) -> None:
+        """List the part of the run that begins in `about`: one that is killed stays there, without `to_step`."""
+        begun = {"file": writer.path.name, "from_step": self.simulation.step, "started": now()}
+        self.about["segments"].append({**begun, "wall_s": 0.0, "core_s": 0.0})
+
+    def conclude(self, ending: Ending, segment: dict[str, Any]) -> dict[str, Any] | None:
+        """Say in `about` how the run ended; returns the contact problem that could not be solved, if there is one."""
+        simulation, about, scene = self.simulation, self.about, self.scene
+        failed = ending.kind not in ("done", "stopped", "interrupted")
+        problem = simulation.failing_problem() if failed else None
+        segment |= {"to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
+        about["segments"] = [*(part for part in about["segments"] if part is not segment), segment]
+        about["status"] = "failed" if failed else ending.kind
+        about["outcome"] = summary.named(ending.outcome, scene.names, scene.wall_names)
+        about["finished"] = now()
+        about["summary"] = summary.summary(scene, simulation, self.plan, about)
+        return problem
+
+
+def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], error: BaseException) -> None:
+    """Leave a directory that does not claim to be more than it is, whatever the error; the error itself goes
+    on.
+    """
+    try:
+        writer.close()
+    except Exception:
+        writer.abandon()
+    kind = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+    message = str(error) or type(error).__name__
+    about.update(
+        status=kind,
+        outcome={"kind": "error" if kind == "failed" else kind, "advice": message},
+        finished=now(),
+    )
+    directory.log("end", status=kind, message=message)
+    try:
+        directory.write(about)
+    except CaromError:
+        directory.write_in_place(about)
+
+
+def _judged(result: Result, stop: Interrupt, level: int, *, kept: bool = True) -> Result:
+    outcome = result.outcome
+    told = remarks(result)
+    if not outcome.failed:
+        for remark in told:
+            warnings.warn(remark, CaromWarning, stacklevel=level)
+    if outcome.ok:
+        return result
+    if stop and outcome.kind == "interrupted":
+        if stop.signal == signal.SIGTERM:  # it now does what it would have done without us
+            signal.raise_signal(signal.SIGTERM)
+        where = f"what was computed is in {result.path}" if kept else "pass out=... to keep what was computed"
+        raise KeyboardInterrupt(f"interrupted at t = {outcome.time:g} s; {where}")
+    stopped = RunFailed(str(outcome), result)
+    for remark in told:  # behind the message: why there is no result comes before what may be wrong in it
+        stopped.add_note(f"warning: {remark}")
+    raise stopped

@@ -1,0 +1,145 @@
+"""`carom.Simulation`: a scene that is advanced step by step from Python, for controllers and learning."""
+
+from __future__ import annotations
+
+import copy
+import signal
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+from carom import _core
+from carom.errors import CaromError, CaromWarning
+from carom.result.directory import now
+from carom.result.record import Memory
+from carom.result.result import Result
+from carom.run.loop import Ending, Sink, advance
+from carom.run.simulate import Run, RunFailed, scene_of
+from carom.run.sinks import Interrupt, Recorder
+from carom.run.watch import State
+
+if TYPE_CHECKING:
+    from carom._core import Block
+    from carom.scene.scene import Scene
+    from carom.scene.tables.keywords import Options
+
+
+class _Last(Sink):
+    """The newest block: it counts the contacts."""
+
+    block: Block | None = None
+
+    def take(self, simulation: _core.Simulation, block: Block) -> None:
+        self.block = block
+
+
+class Simulation(State):
+    """A scene in the core: `sim.step(10)`, `sim.time`, `sim["cue"].position`, `sim.result()`.
+
+    Of a file with `[parameters]`, `case` and `parameters` choose a variant; `options` are keys of `[run]` and `[record]`, as
+    in `carom.simulate`. Without `until` the simulation has no end; with it, it may still be stepped further. What is
+    recorded stays in memory: a frame after every `every` steps; by default 1000 up to `until`, and without
+    `until` one after each step.
+    With `keep=False` nothing is recorded, which is faster, and `result()` holds the state as it stands alone.
+
+    Arrays are read-only copies. They keep their values when the simulation goes on.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | Path,
+        *,
+        case: str | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        keep: bool = True,
+        **options: Unpack[Options],
+    ) -> None:
+        scene = scene_of(scene, "Simulation", case=case, parameters=parameters)
+        scene = scene.with_options(**options) if options else scene
+        if scene.run.until is None:
+            scene = scene.with_options(until=scene.run.step, every=scene.record.every or 1)
+        for advice in scene.validate():
+            warnings.warn(str(advice), CaromWarning, stacklevel=2)
+        self._run, self._keep = Run(scene), keep
+        self._core = self._run.simulation
+        super().__init__(self._core, scene.names, self._run.model)
+        self._begin()
+
+    def _begin(self) -> None:
+        """A new record, from the state as it stands."""
+        self._frame = self._block = None
+        self._segment, self._ending = {"from_step": self.steps, "started": now()}, Ending({"kind": "done"})
+        self._memory = Memory(**self._run.described())
+        self._recorder = Recorder(self._memory, self._run.plan, len(self.names))
+        self._recorder.start(self._core)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps made."""
+        return int(self._core.step)
+
+    def step(self, n: int = 1) -> None:
+        """Advance by `n` steps. `RunFailed` where one cannot be solved: the state is then that of the last good step.
+
+        Ctrl-C ends it between two steps with `KeyboardInterrupt`, and it can go on from there.
+        """
+        if isinstance(n, bool) or n < 0:
+            raise CaromError(f"step: a number of steps from 0 on is needed, found {n!r}")
+        plan, target = self._run.plan, self.steps + int(n)
+        if self._keep:
+            replace(plan, steps=target).refuse_to_fill_memory(len(self.names))
+        last, halt = _Last(), Interrupt()
+        sinks, every = ([last, self._recorder], plan.every) if self._keep else ([last], 0)
+        self._frame = None
+        with halt.listening(signal.SIGINT):
+            ended = advance(
+                self._core, target, every, sinks, halt.__bool__, contacts=plan.contacts and self._keep
+            )
+        before, self._block = self._ending, last.block or self._block
+        self._ending = Ending(ended.outcome, before.wall_s + ended.wall_s, before.core_s + ended.core_s)
+        if halt:
+            raise KeyboardInterrupt(f"interrupted at t = {self.time:g} s")
+        if ended.kind != "done":
+            result = self.result()
+            raise RunFailed(str(result.outcome), result)
+
+    def state(self) -> dict[str, Any]:
+        """Everything that is needed to go on from here bit for bit, as a dictionary of arrays and numbers of its own."""
+        return self._core.state()
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back (or on) to a `state` of this scene. What is recorded begins anew there.
+
+        To strike a ball, change its row of `state["velocity"]` (N, 3), m/s, or `state["angular_velocity"]`, rad/s, before.
+        """
+        try:
+            self._core.restore(dict(state))
+        except _core.ModelError as error:
+            raise CaromError(
+                f"restore: {error}; give what state() of a simulation of this scene returned"
+            ) from error
+        self._begin()
+
+    def result(self) -> Result:
+        """All that was recorded so far, as `carom.simulate` up to this time returns it. Later steps do not change it.
+
+        Off the grid of frames the last frame has the state alone, without contacts and impulses.
+        """
+        run = copy.copy(self._run)
+        run.plan = replace(run.plan, steps=max(1, self.steps))
+        run.scene = run.scene.with_options(until=run.plan.until)
+        run.about = copy.deepcopy(run.about)
+        memory = self._memory.snapshot() if self._keep else Memory(**run.described())
+        recorder = Recorder(memory, run.plan, len(self.names))
+        if not self._keep:
+            recorder.start(self._core)
+        recorder.end(self._core)
+        here = {"step": self.steps, "time": self.time}
+        ending = replace(self._ending, outcome={**here, **self._ending.outcome})
+        return Result(run.about, memory, scene=run.scene, problem=run.conclude(ending, dict(self._segment)))
+
+    def __repr__(self) -> str:
+        place = f"step {self.steps}, t = {self.time:g} s"
+        return f"<carom.Simulation {self._run.scene.title!r}: {place}, {len(self.names)} balls>"

@@ -1,0 +1,321 @@
+"""Callbacks and stop conditions: Python functions that look at a run between two of its steps.
+
+They are given a `View` of the state, which holds while the function runs (or in its `with` block) and no longer. Its arrays
+are read-only and belong to it alone: nothing that a function does reaches the core, so that a run with a callback has the
+bits of one without.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.result.tables import UnknownName
+from carom.run.loop import Plan, Sink, thinned
+
+if TYPE_CHECKING:
+    from carom._core import Block
+    from carom._core import Simulation as Core
+    from carom.result.result import Result
+
+F64 = NDArray[np.float64]
+
+
+class State:
+    """The state of a simulation between two steps: `position` (N, 3), `["cue"].velocity` (3,). Arrays are read-only copies.
+
+    Only what is asked for is fetched from the core.
+    """
+
+    def __init__(
+        self, simulation: Core, names: Sequence[str], model: Any, block: Block | None = None
+    ) -> None:
+        self._simulation: Core | None = simulation
+        self._model = model
+        self._block = block
+        self._frame: dict[str, F64] | None = None
+        self.names = names
+        """Names of the balls."""
+
+    @property
+    def time(self) -> float:
+        """s."""
+        return float(self._fetch_allowed().time)
+
+    @property
+    def position(self) -> F64:
+        """Centres, (N, 3), m; NaN for balls that are absent."""
+        return self._array("position")
+
+    @property
+    def orientation(self) -> F64:
+        """Unit quaternions, scalar part first, (N, 4)."""
+        return self._array("orientation")
+
+    @property
+    def velocity(self) -> F64:
+        """Velocities of the centres, (N, 3), m/s."""
+        return self._array("velocity")
+
+    @property
+    def angular_velocity(self) -> F64:
+        """Angular velocities in the world frame, (N, 3), rad/s."""
+        return self._array("angular_velocity")
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Which balls are there, (N,): all, unless the scene has inflows or outlets."""
+        frame = self._fetch()
+        if "present" not in frame:
+            return np.ones(len(self.names), dtype=bool)
+        return np.array(frame["present"], dtype=bool)
+
+    @property
+    def radius(self) -> F64:
+        """Radii, (N,), m."""
+        return self._fixed("radius")
+
+    @property
+    def mass(self) -> F64:
+        """Masses, (N,), kg."""
+        return self._fixed("mass")
+
+    @property
+    def inertia(self) -> F64:
+        """Moments of inertia, (N,), kg m^2."""
+        return self._fixed("inertia")
+
+    @property
+    def kinetic_energy(self) -> float:
+        """Of translation and rotation, J."""
+        translation = self.mass @ (self.velocity**2).sum(axis=1)
+        return float(0.5 * (translation + self.inertia @ (self.angular_velocity**2).sum(axis=1)))
+
+    @property
+    def contacts(self) -> int:
+        """Closed contacts in the last step."""
+        self._fetch_allowed()
+        counts: Any = () if self._block is None else self._block["steps"].get("contacts", ())
+        return int(counts[-1]) if len(counts) else 0
+
+    def __getitem__(self, name: str) -> BodyView:
+        names = list(self.names)
+        if name not in names:
+            raise UnknownName(f"no body is called {name!r}; {did_you_mean(str(name), names[:20])}")
+        return BodyView(self, names.index(name))
+
+    def _fetch_allowed(self) -> Core:
+        assert self._simulation is not None
+        return self._simulation
+
+    def _fetch(self) -> dict[str, F64]:
+        simulation = self._fetch_allowed()
+        if self._frame is None:
+            self._frame = dict(simulation.frame())
+        return self._frame
+
+    def _fixed(self, name: str) -> F64:
+        """A column of the model that nobody can write to: the run has the same array."""
+        values = np.asarray(self._model[name]).view()
+        values.flags.writeable = False
+        return values
+
+    def _array(self, name: str) -> F64:
+        values = self._fetch()[name]
+        values.flags.writeable = False
+        return values
+
+
+class View(State):
+    """The state after a step, as callbacks and stop conditions see it: `view.time`, `view["cue"].velocity` (3,).
+
+    After the call a view is closed, and asking it raises `CaromError`; arrays that were fetched before keep their values.
+    """
+
+    def __init__(
+        self, simulation: Core, names: Sequence[str], model: Any, block: Block | None = None
+    ) -> None:
+        super().__init__(simulation, names, model, block)
+        self.step = int(simulation.step)
+        """Number of steps made."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the view."""
+        self._simulation = self._block = self._frame = None
+
+    def __repr__(self) -> str:
+        state = "closed" if self._simulation is None else f"t = {self.time:g} s"
+        return f"<view of step {self.step}, {state}, {len(self.names)} balls>"
+
+    def _fetch_allowed(self) -> Core:
+        if self._simulation is None:
+            raise CaromError(
+                f"the view of step {self.step} is over: it holds during the call only; keep what you need in it, as"
+                " kept.append(view.position)"
+            )
+        return self._simulation
+
+
+class BodyView:
+    """One ball of a state: `view["cue"].position` is (3,)."""
+
+    def __init__(self, view: State, index: int) -> None:
+        self._view, self.index, self.name = view, index, view.names[index]
+
+    @property
+    def position(self) -> F64:
+        """Centre, (3,), m."""
+        return np.asarray(self._view.position[self.index])
+
+    @property
+    def orientation(self) -> F64:
+        """Unit quaternion, scalar part first, (4,)."""
+        return np.asarray(self._view.orientation[self.index])
+
+    @property
+    def velocity(self) -> F64:
+        """(3,), m/s."""
+        return np.asarray(self._view.velocity[self.index])
+
+    @property
+    def angular_velocity(self) -> F64:
+        """(3,), world frame, rad/s."""
+        return np.asarray(self._view.angular_velocity[self.index])
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+        return float(np.linalg.norm(self.velocity))
+
+    @property
+    def present(self) -> bool:
+        """Whether the ball is there."""
+        return bool(self._view.present[self.index])
+
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+        return float(self._view.radius[self.index])
+
+    @property
+    def mass(self) -> float:
+        """Mass, kg."""
+        return float(self._view.mass[self.index])
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about any diameter, kg m^2."""
+        return float(self._view.inertia[self.index])
+
+    def __repr__(self) -> str:
+        return f"<body {self.name!r} of {self._view!r}>"
+
+
+Callback = Callable[[View], object]
+"""What it returns is not looked at."""
+Stop = Callable[[View], object]
+"""Ends the run where it returns True or a text, the reason that `outcome.message` gives; False, None and "" let it go on."""
+
+
+class Watch(Sink):
+    """A callback and a stop condition, and after which steps they are asked: all multiples of `every`."""
+
+    def __init__(
+        self, callback: Callback | None, stop: Stop | None, every: int | None, caller: str = "simulate"
+    ) -> None:
+        for name, function in (("callback", callback), ("stop", stop)):
+            if isinstance(function, type):
+                kind = function.__name__
+                raise CaromError(
+                    f"{caller}: {name} is the class {kind}; write {name}={kind}(), with parentheses"
+                )
+            if function is not None and not callable(function):
+                raise CaromError(
+                    f"{caller}: {name} must be a function of a view, as lambda view: view.time > 1, found {function!r}"
+                )
+        if every is not None and (isinstance(every, bool) or not isinstance(every, int) or every < 1):
+            raise CaromError(f"{caller}: callback_every must be a number of steps from 1 on, found {every!r}")
+        self._callback, self._stop, self.every = callback, stop, every
+        self.names: Sequence[str] = ()
+        self.model: Any = {}
+        self._last = 0
+        self.error: BaseException | None = None
+
+    @classmethod
+    def of(
+        cls, callback: Callback | None, stop: Stop | None, every: int | None, caller: str = "simulate"
+    ) -> Watch | None:
+        """None where there is nothing to ask. Messages name the `caller`."""
+        watch = cls(callback, stop, every, caller)
+        if callback is None and stop is None:
+            if every is not None:
+                what = "callback or stop" if caller == "simulate" else "stop"
+                raise CaromError(f"{caller}: callback_every is given without {what}")
+            return None
+        return watch
+
+    def begin(self, names: Sequence[str], model: Any, plan: Plan) -> None:
+        """The run that is watched; the plan's spacing of frames holds where no other was given."""
+        self.names, self.model, self._last = names, model, plan.steps
+        self.every = self.every or plan.every or thinned(plan.steps)
+
+    def next(self, step: int) -> float:
+        """The first step after `step` at which to ask."""
+        every = self.every or 1
+        return (step // every + 1) * every
+
+    def take(self, simulation: Core, block: Block) -> dict[str, Any] | None:
+        """The outcome if the run ends here: by the stop condition, or because a function raised (then `error` is set).
+
+        After the last step there is nothing to stop.
+        """
+        if block["outcome"] is not None or simulation.step % (self.every or 1):
+            return None
+        here = {"step": simulation.step, "time": simulation.time}
+        name = "callback"
+        try:
+            with View(simulation, self.names, self.model, block) as view:
+                if self._callback is not None:
+                    self._callback(view)
+                name = "stop"
+                reason = self._stop(view) if self._stop is not None else None
+                if not _ends(reason) or simulation.step >= self._last:
+                    return None
+        except BaseException as error:
+            self.error = error
+            told = f"{name} raised {type(error).__name__}" + (f": {error}" if str(error) else "")
+            return {"kind": "interrupted", **here, "message": told.splitlines()[0]}
+        called = getattr(self._stop, "__name__", type(self._stop).__name__)
+        return {"kind": "stopped", **here, "message": reason if isinstance(reason, str) else f"by {called}"}
+
+    def raise_with(self, result: Result) -> None:
+        """Raise what a function raised, with the result so far as its attribute `result`."""
+        if self.error is None:
+            return
+        with contextlib.suppress(AttributeError, TypeError):  # an exception with slots
+            self.error.result = result  # type: ignore[attr-defined]
+        self.error.add_note(
+            f"carom: the run ended at {result.outcome.time:g} s; error.result has all up to there"
+        )
+        raise self.error
+
+
+def _ends(answer: object) -> bool:
+    """Whether a stop condition ends the run. Any other object would be true, as a condition that was made and not asked."""
+    if answer is None or isinstance(answer, str | bool | np.bool_):
+        return bool(answer)
+    if isinstance(answer, np.ndarray) and answer.dtype == bool and answer.size == 1:
+        return bool(answer)
+    hint = "; of an array take .any() or .all()" if isinstance(answer, np.ndarray) else ""
+    raise CaromError(f"stop must return True, False, None or a text, found {type(answer).__name__}{hint}")

@@ -1,0 +1,1 @@
+"""From the tree of tables to the arrays that the core takes."""

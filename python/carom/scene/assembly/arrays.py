@@ -1,0 +1,164 @@
+"""From the tree to what the core takes: arrays without names, and every ball of every generator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from carom.scene.assembly.bodies import F64, Bodies, expand
+from carom.scene.assembly.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
+from carom.scene.assembly.placing import Placed, motion_for_core, placed_walls
+from carom.scene.tables.balls import Lattice, Rack, Sphere
+from carom.scene.tables.joints import default_name
+from carom.scene.tables.laws import LawValue, as_core
+from carom.scene.tables.model import Scenario
+from carom.scene.tables.packing import Packing
+from carom.scene.tables.walls import PLANE, WALLS
+
+EXPANDED = 10_000
+"""A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond it."""
+
+LAW_KEYS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
+
+
+def bodies(tree: Scenario) -> Bodies:
+    """All balls of a scenario."""
+    tree = with_packings_expanded(tree)
+    entries = {name: list(enumerate(getattr(tree, name))) for name in ("sphere", "rack", "lattice", "inflow")}
+    return expand(entries, [m.name for m in tree.material])
+
+
+def walls(tree: Scenario) -> list[Placed]:
+    """All walls of a scenario, in the order of the core."""
+    return placed_walls({name: list(enumerate(getattr(tree, name))) for name in WALLS})
+
+
+def to_arrays(tree: Scenario) -> dict[str, Any] | None:
+    """The argument of `carom._core.Simulation` (`_core.pyi` has names, units and shapes); None if a material is unknown."""
+    materials = {m.name: i for i, m in enumerate(tree.material)}
+    surfaces = walls(tree)
+    used = {wall.material for wall in surfaces} | {name for c in tree.contact for name in c.between}
+    balls = bodies(tree)
+    if not used <= set(materials) or balls.material.min(initial=0) < 0:
+        return None
+    mechanics = _mechanics(tree, balls)
+    if mechanics is None:
+        return None
+    laws = tree.contact
+    planes = [wall for wall in surfaces if wall.kind == PLANE]
+    return {
+        "gravity": np.array(tree.world.gravity),
+        "radius": balls.radius,
+        "mass": balls.mass,
+        "inertia": balls.inertia,
+        "position": balls.position,
+        "velocity": balls.velocity,
+        "angular_velocity": balls.angular_velocity,
+        "orientation": balls.orientation,
+        "material": balls.material,
+        "plane_point": _rows([p.point for p in planes]),
+        "plane_normal": _rows([p.shape[1] for p in planes]),
+        "plane_material": np.array([materials[p.material] for p in planes], dtype=np.int64),
+        "law_a": np.array([materials[c.between[0]] for c in laws], dtype=np.int64),
+        "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
+        **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in LAW_KEYS},
+        **mechanics,
+        **_surfaces(surfaces, len(planes), materials),
+        **_world(tree, balls),
+        "options": tree.run.options(),
+    }
+
+
+def _constant(value: LawValue) -> float:
+    """The number of a contact law, 0 where a law of the slip speed takes its place."""
+    return 0.0 if isinstance(value, dict) else value
+
+
+def _mechanics(tree: Scenario, balls: Bodies) -> dict[str, Any] | None:
+    """Joints, loads and friction laws, each only if there are any; None if a name or a function is unknown."""
+    found: dict[str, Any] = {}
+    if any(isinstance(c.friction, dict) for c in tree.contact):
+        found["friction_law"] = [
+            as_core(c.friction) if isinstance(c.friction, dict) else None for c in tree.contact
+        ]
+    if not (tree.joint or tree.load or tree.spring or tree.drag or tree.load_function):
+        return found
+    number = numbers(balls)
+    entries = {name: list(enumerate(getattr(tree, name))) for name in MECHANICS}
+    named = (reference.name for reference in references(entries))
+    if any(f.function is None for f in tree.load_function) or not all(name in number for name in named):
+        return None
+    joints = joints_for_core(tree.joint, balls, number)
+    loads = loads_for_core(tree.load, tree.spring, tree.drag, tree.load_function, balls, number)
+    return found | {key: rows for key, rows in (("joints", joints), ("loads", loads)) if rows}
+
+
+def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) -> dict[str, Any]:
+    """Walls that are no half-spaces, and the motion of all, each only if there are any."""
+    shapes = [
+        {"shape": wall.shape, "point": list(wall.point), "material": materials[wall.material]}
+        for wall in surfaces[planes:]
+    ]
+    motions = [(k, motion_for_core(wall)) for k, wall in enumerate(surfaces) if wall.motion is not None]
+    return {key: rows for key, rows in (("walls", shapes), ("wall_motion", motions)) if rows}
+
+
+def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
+    """Periods, inflows, outlets and the wishes on what to record, each only if there are any."""
+    found: dict[str, Any] = {"record_walls": True} if tree.record.walls else {}
+    if not tree.record.impacts:
+        found["drop_impacts"] = True
+    if tree.record.impacts == "every":
+        found["every_impact"] = True
+    if tree.world.periodic is not None and any(tree.world.periodic):
+        found["periodic"] = np.array(tree.world.periodic)
+        found["periodic_origin"] = np.array(tree.world.origin)
+    first = {s.index: s.start for s in balls.segments if s.section == "inflow"}
+    if tree.inflow:
+        found["inflow"] = [table.as_core(first[i]) for i, table in enumerate(tree.inflow)]
+    if tree.outlet:
+        found["outlet"] = [table.as_core() for table in tree.outlet]
+    return found
+
+
+def _rows(vectors: Sequence[Sequence[float]]) -> F64:
+    return np.array(vectors, dtype=np.float64).reshape(len(vectors), 3)
+
+
+def with_packings_expanded(tree: Scenario) -> Scenario:
+    """The same scenario with the balls of its packings behind its single spheres; `PackingError` if one cannot be had."""
+    if not tree.packing:
+        return tree
+    packed = [sphere for packing in tree.packing for sphere in packing.spheres()]
+    return tree.model_copy(update={"sphere": [*tree.sphere, *packed], "packing": []})
+
+
+def with_generators_expanded(tree: Scenario) -> Scenario:
+    """The same scenario with single spheres in place of all generators, in the same order and of the same bits."""
+    generators: list[Packing | Rack | Lattice] = [*tree.packing, *tree.rack, *tree.lattice]
+    if not generators or sum(g.size() for g in generators) > EXPANDED:
+        return tree
+    tree = with_packings_expanded(tree)
+    balls = bodies(tree)
+    spheres = list(tree.sphere)
+    for segment in balls.segments[len(spheres) :]:
+        if segment.section == "inflow":
+            continue  # what enters later is no sphere of the start
+        table = getattr(tree, segment.section)[segment.index]
+        same = table.model_dump(
+            include={"material", "radius", "mass", "density", "inertia"}, exclude_none=True
+        )
+        for k in range(segment.start, segment.stop):
+            position, velocity = balls.position[k].tolist(), balls.velocity[k].tolist()
+            spheres.append(Sphere(name=balls.names[k], position=position, velocity=velocity, **same))
+    return tree.model_copy(update={"sphere": spheres, "rack": [], "lattice": []})
+
+
+def resolved_tree(tree: Scenario) -> Scenario:
+    """The same scenario with generators expanded and the default names of joints written down."""
+    tree = with_generators_expanded(tree)
+    named = [j.name or default_name(i) for i, j in enumerate(tree.joint)]
+    joints = [j.model_copy(update={"name": name}) for j, name in zip(tree.joint, named, strict=True)]
+    return tree.model_copy(update={"joint": joints})

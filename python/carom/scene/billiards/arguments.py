@@ -1,0 +1,80 @@
+"""What callers give: numbers and places that can be computed with, or a sentence that says which is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+from carom.errors import CaromError
+from carom.units import UnitError, parse
+
+if TYPE_CHECKING:
+    from carom.scene.tables.balls import Sphere
+
+
+def number(
+    call: str, name: str, value: Any, dimension: str | None = None, unit: str = "in SI units"
+) -> float:
+    """A finite number in SI; `call` and `name` say in the message where it was given.
+
+    With a `dimension` (a key of `units.DIMENSIONS`) it may be a text with a unit; without one messages call for a number
+    `unit`.
+    """
+    if dimension is not None and isinstance(value, str):
+        try:
+            value = parse(value, dimension)
+        except UnitError as error:
+            raise CaromError(f"{call}: {name}: {error}") from None
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        cure = "; give a number, not a text" if isinstance(value, str) else ""
+        raise CaromError(f"{call}: {name} must be a finite number {unit}, found {value!r}{cure}")
+    return float(value)
+
+
+def angle(
+    call: str, name: str, value: Any, fits: Callable[[float], bool] = math.isfinite, span: str = ""
+) -> float:
+    """An angle in rad that `fits`: a number in rad, or a text with a unit; `span` says what fits.
+
+    More than a turn is taken for forgotten degrees.
+    """
+    found = number(call, name, value, "angle")
+    if not isinstance(value, str) and abs(found) > math.tau:
+        raise CaromError(f"{call}: {name}: {found:g} rad is more than a turn; write '{found:g} deg'")
+    if not fits(found):
+        meant = not isinstance(value, str) and fits(math.radians(found))
+        told = f"{found:g} rad; write '{found:g} deg'" if meant else f"{math.degrees(found):g} deg"
+        raise CaromError(f"{call}: {name} {span}, found {told}")
+    return found
+
+
+def sphere(call: str, name: str, value: Any) -> Sphere:
+    """A ball of a scene."""
+    from carom.scene.tables.balls import Sphere
+
+    if not isinstance(value, Sphere):
+        raise CaromError(
+            f"{call}: {name} must be a ball of a scene, as table.cue_ball(scene) returns it, found {value!r}"
+        )
+    return value
+
+
+def vector(call: str, name: str, value: Any, dimension: str | None = None) -> list[float]:
+    """A vector of two numbers (`number`), or of three."""
+    if (
+        isinstance(value, str)
+        or not (hasattr(value, "__len__") or isinstance(value, Sequence))
+        or len(value) not in (2, 3)
+    ):
+        raise CaromError(f"{call}: {name} must be (x, y), found {value!r}")
+    return [number(call, name, c, dimension) for c in tuple(value)]
+
+
+def place(call: str, name: str, value: Any, dimension: str | None = None) -> tuple[float, float]:
+    """The x and y of a vector of two numbers."""
+    found = vector(call, name, value, dimension)
+    if len(found) > 2:
+        raise CaromError(f"{call}: {name} must be (x, y), found {value!r}")
+    return found[0], found[1]

@@ -1,0 +1,18 @@
+"""The mark by which a scene, and every run of it, says that it is a table of the kit: `[billiard_table]`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from carom.errors import CaromError
+from carom.scene.billiards.data import Spec
+from carom.scene.billiards.table import Table
+
+
+def table_of(result: Any) -> Table | None:
+    """The table of the kit that a run was made on; None of any other run."""
+    try:
+        mark = result.scene.billiard_table
+    except (AttributeError, CaromError):
+        return None  # a lost or damaged copy of the scenario does not keep the motion from being seen
+    return None if mark is None else Table(Spec(**mark.written(everything=True)))

@@ -1,0 +1,58 @@
+"""Measures of a table: which can be, and how a scene writes them down, in `[billiard_table]`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from typing import Any
+
+from carom.errors import CaromError
+from carom.scene.billiards.arguments import angle, number
+from carom.scene.billiards.data import Spec
+
+
+def mark(spec: Spec) -> dict[str, Any]:
+    """The keys of `[billiard_table]`."""
+    return {field.name: getattr(spec, field.name) for field in fields(Spec) if field.name != "source"}
+
+
+def checked(spec: Spec) -> Spec:
+    """The measures as numbers in SI; a CaromError where no table can have them."""
+    given: dict[str, Any] = {}
+    for name in ("length", "width", "ball_radius", "ball_mass", "nose_height"):
+        given[name] = number("table", name, getattr(spec, name), "mass" if name == "ball_mass" else "length")
+        if not given[name] > 0:
+            raise CaromError(f"table: {name} must be above 0, found {getattr(spec, name)!r}")
+    for name in ("corner_mouth", "side_mouth", "corner_shelf", "side_shelf"):
+        given[name] = number("table", name, getattr(spec, name), "length")
+        if not given[name] >= 0:
+            raise CaromError(f"table: {name} must not be below 0, found {getattr(spec, name)!r}")
+    for name in ("corner_angle", "side_angle"):
+        given[name] = angle(
+            "table",
+            name,
+            getattr(spec, name),
+            lambda a: math.pi / 2 <= a < math.pi,
+            "is that between nose and facing, from 90 deg to below 180 deg",
+        )
+    spec = replace(spec, **given)
+    r = spec.ball_radius
+    if not 0 < r < spec.nose_height < 2 * r:
+        raise CaromError(
+            f"table: nose_height must be above the centre of the ball and below its top, {r:g} to {2 * r:g} m,"
+            f" found {spec.nose_height:g}"
+        )
+    if min(spec.length, spec.width) < 10 * r:
+        raise CaromError(f"table: {spec.length:g} m x {spec.width:g} m is too small for balls of {r:g} m")
+    if bool(spec.corner_mouth) != bool(spec.side_mouth):
+        raise CaromError(
+            "table: give corner_mouth and side_mouth both, or both 0 for a table without pockets"
+        )
+    # Each piece of nose must be longer than nothing.
+    a, b = spec.corner_mouth / math.sqrt(2), 0.5 * spec.side_mouth
+    if not (0.5 * spec.length > a + b and spec.width > 2 * a):
+        raise CaromError(
+            f"table: pockets of {spec.corner_mouth:g} m (corner_mouth) and {spec.side_mouth:g} m (side_mouth) leave"
+            f" no cushion on {spec.length:g} m x {spec.width:g} m"
+        )
+    return spec

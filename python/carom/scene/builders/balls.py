@@ -1,0 +1,260 @@
+"""`Builder`: the calls of a `carom.Scene` that add materials, contact laws and balls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from carom.errors import Problem, ScenarioError, quoted
+from carom.scene.arguments import explained
+from carom.scene.messages import from_python
+from carom.scene.tables.balls import Lattice, Rack, Sphere
+from carom.scene.tables.base import Table
+from carom.scene.tables.model import Contact, Material, Scenario
+from carom.scene.tables.packing import Packing
+
+Number = float | str
+"""A number in SI or a string with a unit."""
+Vector = Sequence[Number] | NDArray[np.float64]
+_T = TypeVar("_T", bound=Table)
+_V = TypeVar("_V")
+
+
+def make(table: type[_T], label: str, **given: Any) -> _T:
+    """A checked table; arguments that are None count as not given."""
+    given = {key: value for key, value in given.items() if value is not None}
+    try:
+        return table.model_validate(given)
+    except ValidationError as e:
+        raise from_python(e, table, label, given) from None
+
+
+def own(value: _V) -> _V:
+    """A copy that shares with `value` what cannot be changed, and functions: tables, lists and laws are new."""
+    if isinstance(value, Table):
+        tables = {name: own(part) for name, part in value.__dict__.items()}
+        value = value.model_copy()
+        value.__dict__.update(tables)
+    elif isinstance(value, list | tuple):
+        return type(value)(map(own, value))
+    elif isinstance(value, dict):
+        return type(value)((key, own(part)) for key, part in value.items())
+    return value
+
+
+class Builder:
+    """What a scene is made of; `carom.Scene` adds reading, writing and checking."""
+
+    _tree: Scenario
+    _names: set[str]  # of the single spheres and of the walls
+
+    @explained
+    def material(self, name: str) -> Material:
+        """Declare a material. Not needed before it is used: spheres, planes and contacts declare theirs."""
+        material = make(Material, f"Scene.material({quoted(name)})", name=name)
+        for known in self._tree.material:
+            if known.name == name:
+                return known
+        self._tree.material.append(material)
+        return material
+
+    @explained
+    def contact(
+        self,
+        a: str,
+        b: str,
+        *,
+        friction: float | str | Mapping[str, Any],
+        restitution: float,
+        tangential_restitution: float | None = None,
+        rolling_radius: Number | None = None,
+        spinning_radius: Number | None = None,
+    ) -> Contact:
+        """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
+
+        `friction` mu >= 0, a number or a law of the slip speed `v`, as "0.01 + 0.1*exp(-v)" or any `{"expression": ...}`;
+        `restitution` e_N in [0, 1]; `tangential_restitution` e_T in (-1, 1); `rolling_radius` rho and
+        `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m.
+        """
+        label = f"Scene.contact({quoted(a)}, {quoted(b)})"
+        contact = make(
+            Contact,
+            label,
+            between=(a, b),
+            friction={"expression": friction} if isinstance(friction, str) else friction,
+            restitution=restitution,
+            tangential_restitution=tangential_restitution,
+            rolling_radius=rolling_radius,
+            spinning_radius=spinning_radius,
+        )
+        if any({*known.between} == {a, b} for known in self._tree.contact):
+            cause = f"there is already a law for {quoted(a)} and {quoted(b)}"
+            raise ScenarioError([Problem(label, "", cause, "change the one that contact() returned")])
+        self.material(a)
+        self.material(b)
+        self._tree.contact.append(contact)
+        return contact
+
+    @explained
+    def sphere(
+        self,
+        name: str,
+        *,
+        radius: Number,
+        material: str,
+        position: Vector | None = None,
+        at: Vector | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Number | None = None,
+        velocity: Vector | None = None,
+        angular_velocity: Vector | None = None,
+        orientation: Vector | None = None,
+    ) -> Sphere:
+        """Add a ball and return it; its attributes may be changed (`cue.velocity = (2, 0, 0)`).
+
+        `radius` m; `mass` kg or `density` kg/m^3; `inertia` kg m^2, by default 2/5 m r^2; centre `position`
+        (or `at`) m; `velocity` m/s; `angular_velocity` rad/s in fixed axes; `orientation` unit quaternion, w
+        first.
+        """
+        label = f"Scene.sphere({quoted(name)})"
+        if position is not None and at is not None:
+            raise ScenarioError(
+                [Problem(label, "at", "both position and at are given", "give one, they mean the same")]
+            )
+        sphere = make(
+            Sphere,
+            label,
+            name=name,
+            material=material,
+            radius=radius,
+            mass=mass,
+            density=density,
+            inertia=inertia,
+            position=position if at is None else at,
+            velocity=velocity,
+            angular_velocity=angular_velocity,
+            orientation=orientation,
+        )
+        self._take_name(name, label)
+        self.material(material)
+        self._tree.sphere.append(sphere)
+        return sphere
+
+    @explained
+    def rack(
+        self,
+        name: str,
+        *,
+        apex: Vector,
+        direction: Vector,
+        radius: Number,
+        material: str,
+        balls: int | None = None,
+        rows: int | None = None,
+        shape: str | None = None,
+        up: Vector | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Number | None = None,
+        gap: Number | None = None,
+        jitter: Number | None = None,
+        seed: int | None = None,
+        first_number: int | None = None,
+    ) -> Rack:
+        """Add a billiard rack: `balls` (or `rows`) in a "triangle" or "diamond", from the `apex` along
+        `direction`.
+
+        The balls are called `name` + number, row by row from `first_number`, each row from left to right.
+        Neighbours are `gap` m apart; `jitter` m moves each centre at random along each axis of the table,
+        drawn with `seed`.
+        """
+        given = {k: v for k, v in locals().items() if k != "self"}
+        rack = make(Rack, f"Scene.rack({quoted(name)})", **given)
+        self.material(material)
+        self._tree.rack.append(rack)
+        return rack
+
+    @explained
+    def lattice(
+        self,
+        name: str,
+        *,
+        counts: Sequence[int],
+        origin: Vector,
+        radius: Number,
+        material: str,
+        kind: str | None = None,
+        spacing: Number | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Number | None = None,
+        velocity: Vector | None = None,
+        jitter: Number | None = None,
+        seed: int | None = None,
+        first_number: int | None = None,
+    ) -> Lattice:
+        """Add a grid of balls, "cubic", "bcc", "fcc" or "hcp": `counts` along x, y, z from the centre `origin`, `spacing` m
+        (default 2 r).
+
+        The balls are called `name` + number, x fastest; `jitter` m moves each centre at random along each
+        axis, drawn with `seed`; `velocity` m/s is that of all balls.
+        """
+        given = {k: v for k, v in locals().items() if k != "self"}
+        lattice = make(Lattice, f"Scene.lattice({quoted(name)})", **given)
+        self.material(material)
+        self._tree.lattice.append(lattice)
+        return lattice
+
+    @explained
+    def packing(
+        self,
+        name: str,
+        *,
+        material: str,
+        density: Number,
+        seed: int,
+        count: int | None = None,
+        fraction: float | None = None,
+        gap: Number | None = None,
+        sizes: str | None = None,
+        diameter: Number | None = None,
+        mean: Number | None = None,
+        deviation: Number | None = None,
+        smallest: Number | None = None,
+        largest: Number | None = None,
+        classes: Sequence[Sequence[float]] | None = None,
+        shares: str | None = None,
+        region: str | None = None,
+        low: Vector | None = None,
+        high: Vector | None = None,
+        periodic: str | None = None,
+        point: Vector | None = None,
+        axis: Vector | None = None,
+        region_radius: Number | None = None,
+        length: Number | None = None,
+        velocity: Vector | None = None,
+        first_number: int | None = None,
+    ) -> Packing:
+        """Add balls at random without overlaps: `count` of them, or as many as fill `fraction` of a region.
+
+        `sizes` "equal" (`diameter`), "uniform" (`smallest`, `largest`), "normal" or "lognormal" (`mean`, `deviation`, and
+        these limits) or "table" (`classes` of [diameter, share], `shares` by "number" or "mass"); `region` "box" (`low`,
+        `high`, and the axes that are `periodic`), "cylinder" (`point`, `axis`, `region_radius`, `length`) or "sphere"
+        (`point`, `region_radius`). Lengths in m. `packed()` of what is returned holds the balls and the fraction reached.
+        """
+        given = {k: v for k, v in locals().items() if k != "self"}
+        packing = make(Packing, f"Scene.packing({quoted(name)})", **given)
+        self.material(material)
+        self._tree.packing.append(packing)
+        return packing
+
+    def _take_name(self, name: str, label: str) -> None:
+        if name in self._names:
+            cause = f"there is already a sphere or wall {quoted(name)}"
+            raise ScenarioError([Problem(label, "name", cause, "give another name")])
+        self._names.add(name)

@@ -1,0 +1,66 @@
+"""`Taker`: the call of a `carom.Scene` that takes over the balls of a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.errors import CaromError
+from carom.scene.builders.balls import Builder
+from carom.scene.tables.balls import Sphere
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+
+
+class Taker(Builder):
+    """Balls from elsewhere; `carom.Scene` is one."""
+
+    def spheres_from(
+        self, result: Result, frame: int = -1, *, time: float | None = None
+    ) -> tuple[Sphere, ...]:
+        """Add the balls of a run as they are at a frame, and return them: to go on from there in another scene.
+
+        `frame` counts as in arrays, the last one by default; with `time` (s) it is the nearest one. Names, radii, masses,
+        inertias, materials (by name), positions and velocities are those of the run to the last bit, orientations to
+        rounding; absent balls are left out. Walls, laws, gravity, joints and loads are those of this scene, whose time
+        begins at 0.
+
+        Balls of a settled pile overlap by up to about the `pile_tolerance` of its run. Give this scene the same one, and
+        they count as touching.
+        """
+        times = np.asarray(result.time)
+        if time is not None and len(times):
+            frame = int(np.abs(times - time).argmin())
+        if not -len(times) <= frame < len(times):
+            cure = (
+                f"give one of {-len(times)} to {len(times) - 1}"
+                if len(times)
+                else "wait until the run has some"
+            )
+            raise CaromError(f"there is no frame {frame}; {cure}")
+        materials = [material.name for material in result.scene.materials]
+        state = {
+            name: np.asarray(getattr(result, name)[frame]).tolist()
+            for name in ("position", "velocity", "angular_velocity", "orientation")
+        }
+        bodies = {
+            name: np.asarray(result.bodies[name]).tolist()
+            for name in ("radius", "mass", "inertia", "material")
+        }
+        there = np.flatnonzero(np.isfinite(np.asarray(result.position[frame])).all(axis=1)).tolist()
+        taken = []
+        for k in there:
+            radius, mass, inertia = bodies["radius"][k], bodies["mass"][k], bodies["inertia"][k]
+            taken.append(
+                self.sphere(
+                    result.names[k],
+                    radius=radius,
+                    mass=mass,
+                    inertia=None if inertia == 0.4 * mass * radius * radius else inertia,
+                    material=materials[bodies["material"][k]],
+                    **{name: values[k] for name, values in state.items()},
+                )
+            )
+        return tuple(taken)

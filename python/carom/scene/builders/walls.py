@@ -1,0 +1,175 @@
+"""`Waller`: the calls of a `carom.Scene` that add walls, and what lets balls in and out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+from carom.errors import quoted
+from carom.scene.arguments import explained
+from carom.scene.builders.balls import Builder, Number, Vector, make
+from carom.scene.tables.flow import Inflow, Outlet
+from carom.scene.tables.motion import Motion
+from carom.scene.tables.walls import BallWall, Box, Cone, Cylinder, Plane, Wall
+
+MotionLike = Motion | Mapping[str, Any]
+"""`{"translation": [law, law, law], "rotation": {"axis", "point", "angle" or "rate"}, "surface_velocity": [x, y, z],
+"surface_rotation": {"axis", "point", "rate"}}`, any of them; a law of the time is a number or, for example,
+`{"expression": "0.1*sin(t)"}`.
+"""
+_W = TypeVar("_W", bound=Wall)
+
+
+class Waller(Builder):
+    """Walls: fixed, or moving by a prescribed `motion`; inflows and outlets."""
+
+    @explained
+    def plane(
+        self,
+        name: str,
+        *,
+        point: Vector,
+        normal: Vector,
+        material: str,
+        size: Sequence[Number] | None = None,
+        side: Vector | None = None,
+        radius: Number | None = None,
+        hole: Number | None = None,
+        motion: MotionLike | None = None,
+    ) -> Plane:
+        """Add a half-space through `point`; `normal` (any length) points to the side where spheres live.
+
+        With `size` (two lengths, m) it is a rectangle around `point`, the first length along `side` (by default x); with
+        `radius` m it is a disc, with `hole` m a ring. Both are sheets with two faces.
+        """
+        return self._wall(Plane, {k: v for k, v in locals().items() if k != "self"})
+
+    @explained
+    def cylinder(
+        self,
+        name: str,
+        *,
+        point: Vector,
+        axis: Vector,
+        radius: Number,
+        material: str,
+        length: Number | None = None,
+        inside: bool | None = None,
+        motion: MotionLike | None = None,
+    ) -> Cylinder:
+        """Add a tube around `axis`, `point` the middle of its axis; spheres live inside, unless `inside` is false.
+
+        `radius` m, `length` m (by default without end). Its ends are open: close them with discs (`plane` with `radius`).
+        """
+        return self._wall(Cylinder, {k: v for k, v in locals().items() if k != "self"})
+
+    @explained
+    def ball_wall(
+        self,
+        name: str,
+        *,
+        point: Vector,
+        radius: Number,
+        material: str,
+        inside: bool | None = None,
+        motion: MotionLike | None = None,
+    ) -> BallWall:
+        """Add a sphere as a wall, centre `point`, `radius` m; spheres live inside, unless `inside` is false."""
+        return self._wall(BallWall, {k: v for k, v in locals().items() if k != "self"})
+
+    @explained
+    def cone(
+        self,
+        name: str,
+        *,
+        point: Vector,
+        axis: Vector,
+        radius: Number,
+        radius_end: Number,
+        length: Number,
+        material: str,
+        inside: bool | None = None,
+        motion: MotionLike | None = None,
+    ) -> Cone:
+        """Add a piece of a cone with open ends; spheres live inside, unless `inside` is false.
+
+        It goes from the ring of `radius` m around `point` to that of `radius_end` m, `length` m further along `axis`.
+        """
+        return self._wall(Cone, {k: v for k, v in locals().items() if k != "self"})
+
+    @explained
+    def box(
+        self,
+        name: str,
+        *,
+        low: Vector,
+        high: Vector,
+        material: str,
+        open: Sequence[str] | None = None,
+        finite: bool | None = None,
+        motion: MotionLike | None = None,
+    ) -> Box:
+        """Add up to six planes around the room from corner `low` to corner `high`, which move together.
+
+        The walls are called `name.low_x`, `name.high_x` ... `name.high_z`; sides in `open` have none. They are planes
+        without end, or with `finite` rectangles that end at the edges.
+        """
+        return self._wall(Box, {k: v for k, v in locals().items() if k != "self"})
+
+    def _wall(self, kind: type[_W], given: dict[str, Any]) -> _W:
+        name = given["name"]
+        label = f"Scene.{kind.section}({quoted(name)})"
+        wall = make(kind, label, **given)
+        for one in wall.wall_names():
+            self._take_name(one, label)
+        self.material(wall.material)
+        getattr(self._tree, kind.section).append(wall)
+        return wall
+
+    @explained
+    def inflow(
+        self,
+        name: str,
+        *,
+        count: int,
+        region: Mapping[str, Any],
+        material: str,
+        seed: int,
+        radius: Number | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Number | None = None,
+        sizes: str | None = None,
+        diameter: Number | None = None,
+        mean: Number | None = None,
+        deviation: Number | None = None,
+        smallest: Number | None = None,
+        largest: Number | None = None,
+        classes: Sequence[Sequence[float]] | None = None,
+        shares: str | None = None,
+        rate: Number | None = None,
+        start: Number | None = None,
+        velocity: Vector | None = None,
+        spread: Number | None = None,
+        first_number: int | None = None,
+    ) -> Inflow:
+        """Let `count` balls enter in the course of the run, called `name` + number from `first_number`.
+
+        `region`: `{"low": ..., "high": ...}` of a box or `{"point": ..., "normal": ..., "radius": ...}` of a disc, where
+        their centres are then, at places drawn with `seed`; a ball waits until there is room. `rate` 1/s from the time
+        `start` s on, by default as fast as there is room; `velocity` m/s, of which each component is changed at random by
+        at most `spread` m/s. All have one `radius` or `diameter` m, or `sizes` and its keys as in `packing`, drawn with
+        `seed`.
+        """
+        given = {k: v for k, v in locals().items() if k != "self"}
+        inflow = make(Inflow, f"Scene.inflow({quoted(name)})", **given)
+        self.material(material)
+        self._tree.inflow.append(inflow)
+        return inflow
+
+    @explained
+    def outlet(self, *, low: Vector, high: Vector, inside: bool | None = None) -> Outlet:
+        """Remove balls whose centre gets into the box from corner `low` to `high`, or out of it if `inside` is false."""
+        outlet = make(Outlet, "Scene.outlet", low=low, high=high, inside=inside)
+        self._tree.outlet.append(outlet)
+        return outlet

@@ -1,0 +1,287 @@
+"""Warnings: what runs but may not be what was meant. Each says how to do better; none changes a number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import quoted
+from carom.run.loop import STEP_BYTES, Plan
+from carom.scene.assembly.bodies import F64, Bodies
+from carom.scene.assembly.placing import FLAT, Placed
+from carom.scene.assembly.vectors import dot
+from carom.scene.checks.attachments import advise_loads
+from carom.scene.checks.curved_walls import advise_curved, below
+from carom.scene.checks.energy_gain import advise_gain
+from carom.scene.checks.flow import advise_flow
+from carom.scene.checks.joint_contacts import advise_joint_contacts
+from carom.scene.checks.joint_start import advise_start
+from carom.scene.checks.moving_walls import advise_walls
+from carom.scene.checks.piles import advise_piles
+from carom.scene.checks.rules import Parts, steps
+from carom.scene.messages import Finding
+from carom.scene.tables.laws import value_at
+from carom.scene.tables.model import World
+from carom.scene.tables.walls import PLANE
+
+WARN_TRAVEL = 0.05
+"""Travel per step, in radii, above which hits are inaccurate (rule R6)."""
+FINE_TRAVEL = 0.02
+"""Travel per step, in radii, that accuracy runs should keep to."""
+MASS_RATIO = 1e4
+"""Heaviest over lightest ball up to which solvers work as they do among equals. Columns of 6 to 40 balls hit by a heavy one
+at 3 m/s: at 1e4 every step takes a fallback and the energy rises by up to 1e-6 of itself, at 1e8 by 1e-4, at 1e10 by 1e-2.
+"""
+MOST_FRICTION = 10.0
+"""Coefficient of friction above which a number is taken for a slip of the pen. Dry solids stay below 1.5 and rubber below 4;
+what adheres (clean metals in vacuum, gels) reaches more, but does not obey Coulomb. At 10 a contact slips only where it is
+loaded within 6 degrees of its plane: the run is that of contacts that stick.
+"""
+LARGE_RESULTS = 5e9
+"""Bytes of frames or of the table of steps that are announced before a run."""
+PLANE_TRAVEL = 0.5
+"""Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
+FEW_BALLS = 200
+"""Balls up to which falls are looked at before a run."""
+
+
+def advise(parts: Parts, world: World) -> Iterator[Finding]:
+    """All warnings of a scenario that `check` found nothing wrong with."""
+    yield from _step_length(parts, world)
+    if not _has_substeps(parts):
+        yield from advise_curved(parts, world)
+        yield from advise_piles(parts, world)
+    yield from _rounded_until(parts)
+    yield from _large_results(parts)
+    yield from _much_friction(parts)
+    yield from _never_rolls(parts)
+    yield from _bounces(parts, world)
+    yield from advise_gain(parts, world)
+    yield from _heavy_shell(parts)
+    yield from _mass_ratio(parts)
+    yield from advise_start(parts)
+    yield from advise_joint_contacts(parts)
+    yield from advise_loads(parts)
+    yield from advise_walls(parts)
+    yield from advise_flow(parts)
+
+
+def _has_substeps(parts: Parts) -> bool:
+    """Whether the method divides the steps by itself: what is said of their length does not hold for it."""
+    return parts.run is not None and parts.run.options()["method"] == "penalty"
+
+
+def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
+    run, bodies = parts.run, parts.bodies()
+    if run is None or not bodies.names or _has_substeps(parts):  # which see every contact
+        return
+    # the fastest ball relative to its size; another may come towards it as fast, which the limits allow for
+    rate = np.sqrt((bodies.velocity**2).sum(axis=1)) / bodies.radius
+    body = int(rate.argmax())
+    travel = float(rate[body]) * run.step
+    if len(bodies.names) > 1 and travel > WARN_TRAVEL:
+        ok, fine = below(WARN_TRAVEL / rate[body]), below(FINE_TRAVEL / rate[body])
+        name = quoted(bodies.names[body])
+        cause = f"a step of {run.step:g} s moves {name} by {travel:.2g} radii: oblique hits lose accuracy"
+        yield Finding(
+            ("run", "step"),
+            cause + " and grazing ones may be missed",
+            f"step = {ok:g} is safe, {fine:g} accurate",
+        )
+    else:
+        told = False
+        for finding in _step_before_planes(parts, run.step, world):
+            told = True
+            yield finding
+        if not told:
+            yield from _step_of_falls(parts, world)
+
+
+def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Finding]:
+    """Planes are flat, so that hits lose no accuracy; but a ball must not get far behind one in a step.
+
+    What gravity adds to the speed within the first step counts too; of later speeds tells the summary of the run.
+    """
+    bodies = parts.bodies()
+    safe, worst, met = math.inf, 0.0, ""
+    for plane in _planes(parts):
+        normal = np.array(plane.shape[1])
+        rate = np.maximum(0.0, -(bodies.velocity @ normal)) / bodies.radius
+        fall = max(0.0, -dot(world.gravity, plane.shape[1])) / bodies.radius
+        travel = (rate + fall * step) * step
+        body = int(travel.argmax())
+        if travel[body] > max(PLANE_TRAVEL, worst):
+            worst, met = float(travel[body]), f"{quoted(bodies.names[body])} towards {quoted(plane.name)}"
+        with np.errstate(
+            divide="ignore"
+        ):  # the root of fall h^2 + rate h = PLANE_TRAVEL, also without gravity
+            root = 2 * PLANE_TRAVEL / (rate + np.sqrt(rate * rate + 4 * fall * PLANE_TRAVEL))
+        safe = min(safe, float(root.min()))
+    if worst:
+        cause = f"a step of {step:g} s moves {met} by {worst:.2g} radii: impacts on planes may be missed"
+        yield Finding(("run", "step"), cause, f"step = {below(safe):g} is safe")
+
+
+def _step_of_falls(parts: Parts, world: World) -> Iterator[Finding]:
+    """What gravity will make of the speeds: a ball that falls freely onto a plane within the run, others not in its way.
+
+    Only in scenes of a few balls: in heaps balls fall less far than their height, and the summary of the run tells.
+    """
+    run, bodies = parts.run, parts.bodies()
+    if run is None or run.until is None or len(bodies.names) > FEW_BALLS:
+        return
+    worst = None
+    for plane in _planes(parts):
+        normal, point = np.array(plane.shape[1]), np.array(plane.point)
+        pull = -dot(world.gravity, plane.shape[1])
+        if pull <= 0:
+            continue
+        height = (bodies.position - point) @ normal - bodies.radius
+        towards = -(bodies.velocity @ normal)
+        speed = np.sqrt(np.maximum(0.0, towards**2 * (towards > 0) + 2 * pull * np.maximum(0.0, height)))
+        in_time = (speed - np.maximum(0.0, towards)) / pull <= run.until
+        travel = np.where(in_time & ~_held_up(bodies, normal), speed / bodies.radius * run.step, 0.0)
+        body = int(travel.argmax())
+        if travel[body] > PLANE_TRAVEL and (worst is None or travel[body] > worst[0]):
+            worst = (float(travel[body]), float(speed[body]), bodies.names[body], plane.name)
+    if worst is not None:
+        travel_, speed_, name, met = worst
+        cause = f"falling, {quoted(name)} reaches {speed_:.3g} m/s at {quoted(met)}"
+        cause += f": a step of {run.step:g} s moves it by {travel_:.2g} radii"
+        safe = below(PLANE_TRAVEL * run.step / travel_)
+        yield Finding(("run", "step"), cause, f"step = {safe:g} is safe")
+
+
+def _held_up(bodies: Bodies, normal: F64) -> NDArray[np.bool_]:
+    """Which balls have another one below them, (N,)."""
+    height = bodies.position @ normal
+    across = bodies.position - np.outer(height, normal)
+    near = (
+        np.linalg.norm(across[:, None] - across[None], axis=2) < bodies.radius[:, None] + bodies.radius[None]
+    )
+    return np.asarray((near & (height[None] < height[:, None])).any(axis=1))
+
+
+def _rounded_until(parts: Parts) -> Iterator[Finding]:
+    run = parts.run
+    if run is not None and run.until is not None:
+        end = steps(run) * run.step
+        if abs(end - run.until) > 1e-6 * run.step:
+            cause = f"until = {run.until:g} s is not a whole number of steps"
+            yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
+
+
+def _large_results(parts: Parts) -> Iterator[Finding]:
+    run, record = parts.run, parts.record
+    if run is None or run.until is None or record is None:
+        return
+    plan = Plan.of(run.until, run.step, record.every, record.contacts)
+    rows, frames = (
+        plan.steps * STEP_BYTES,
+        plan.steps // plan.every * plan.frame_bytes(len(parts.bodies().names)),
+    )
+    if rows > LARGE_RESULTS:
+        cause = (
+            f"{plan.steps:.3g} steps write about {rows / 1e9:.3g} GB: each has a row in the table of steps"
+        )
+        yield Finding(
+            ("run", "until"), cause, "give a longer step or a shorter until, or keep so much space free"
+        )
+    if frames > LARGE_RESULTS:
+        cause = f"frames with contacts and motion of every ball take up to about {frames / 1e9:.3g} GB"
+        yield Finding(
+            ("record", "every"), cause, "give a larger every, or contacts = false, or keep so much space free"
+        )
+
+
+def _much_friction(parts: Parts) -> Iterator[Finding]:
+    for i, law in parts.contacts():
+        mu = value_at(law.friction, 0.0)
+        if mu > MOST_FRICTION:
+            cause = (
+                f"{mu:g} is above {MOST_FRICTION:g}, more than any pair of solids has: such contacts stick"
+            )
+            yield Finding(
+                ("contact", i, "friction"), cause, "dry solids have 0.1 to 1.5 (0.3 for 30 %), rubber up to 4"
+            )
+
+
+def _never_rolls(parts: Parts) -> Iterator[Finding]:
+    bodies, names = parts.bodies(), parts.materials()
+    smallest = {
+        name: bodies.radius[bodies.material == i].min(initial=math.inf) for i, name in enumerate(names)
+    }
+    for i, law in parts.contacts():
+        radius = min(smallest.get(name, math.inf) for name in law.between)
+        if law.rolling_radius == 0 or not math.isfinite(radius):  # of two walls
+            continue
+        limit = value_at(law.friction, 0.0) * radius
+        if law.rolling_radius >= limit:
+            cause = f"{law.rolling_radius:g} m is not below friction times radius, {limit:.4g} m"
+            cause += ": a sliding ball never starts to roll"
+            yield Finding(("contact", i, "rolling_radius"), cause, f"values below {limit:.2g} let balls roll")
+
+
+def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
+    if _has_substeps(parts):
+        return
+    bodies, names = parts.bodies(), parts.materials()
+    kinds = {names[k] for k in np.unique(bodies.material) if k >= 0}
+    for i, law in parts.contacts():
+        if law.restitution < 1:
+            continue
+        for plane in parts.walls():
+            if plane.kind not in FLAT:
+                continue
+            a, b = law.between
+            meets = (a == plane.material and b in kinds) or (b == plane.material and a in kinds)
+            if meets and _presses(plane, world):
+                cause = f"e_N = 1 on plane {quoted(plane.name)} against gravity"
+                cause += ": each bounce loses energy of the order of the step"
+                yield Finding(
+                    ("contact", i, "restitution"),
+                    cause,
+                    "use a shorter step if heights of many bounces matter",
+                )
+                break
+
+
+def _mass_ratio(parts: Parts) -> Iterator[Finding]:
+    bodies = parts.bodies()
+    if _has_substeps(parts) or len(bodies.names) < 2:
+        return
+    heavy, light = int(bodies.mass.argmax()), int(bodies.mass.argmin())
+    ratio = bodies.mass[heavy] / bodies.mass[light]
+    if ratio > MASS_RATIO:
+        section, index = bodies.origin(heavy)
+        cause = (
+            f"{quoted(bodies.names[heavy])} has {ratio:.2g} times the mass of {quoted(bodies.names[light])}"
+        )
+        cause += f", more than {MASS_RATIO:g}: contacts of both are solved slowly, and energy may rise"
+        cure = "check the units; else look at energy.max_rise and unconverged of the summary"
+        yield Finding((section, index, "mass"), cause, cure)
+
+
+def _planes(parts: Parts) -> list[Placed]:
+    return [wall for wall in parts.walls() if wall.kind == PLANE]
+
+
+def _presses(plane: Placed, world: World) -> bool:
+    return dot(world.gravity, plane.shape[1]) < 0
+
+
+def _heavy_shell(parts: Parts) -> Iterator[Finding]:
+    bodies = parts.bodies()
+    for segment in bodies.segments:
+        k = segment.start
+        hollow = 2.0 / 3.0 * bodies.mass[k] * bodies.radius[k] ** 2
+        if bodies.inertia[k] > hollow * (1 + 1e-9):
+            cause = f"{bodies.inertia[k]:.4g} kg m^2 is more than that of a hollow sphere ({hollow:.4g})"
+            yield Finding(
+                (segment.section, segment.index, "inertia"),
+                cause,
+                "check the units; 2/5 m r^2 is homogeneous",
+            )

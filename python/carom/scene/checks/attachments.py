@@ -1,0 +1,185 @@
+"""Rules about joints and loads as parts of a scene: the names they refer to, and the laws they follow in the run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.errors import did_you_mean, quoted
+from carom.scene.assembly.mechanics import GROUND_INDEX, MECHANICS, numbers, references, spring_ends
+from carom.scene.messages import Finding
+from carom.scene.tables.joints import default_name
+from carom.scene.tables.laws import LawValue, fault_at, value_at
+from carom.scene.tables.loads import ALL, GROUND, Load, LoadFunction, Spring
+
+if TYPE_CHECKING:
+    from carom.scene.assembly.bodies import Bodies
+    from carom.scene.checks.rules import Parts
+
+MOST = 20
+"""Wrong names that are listed; more say nothing new."""
+LISTED = 2000
+"""Names among which the nearest is looked for."""
+SAMPLES = 200
+"""Times of a run at which its laws are looked at."""
+FEW_STEPS = 20
+"""Steps per period of a spring below which its motion is inaccurate."""
+
+
+def check_names(parts: Parts) -> Iterator[Finding]:
+    """What joints and loads refer to exists and is a sphere; joints have names of their own."""
+    if not any(parts.entries[section] for section in MECHANICS):
+        return
+    yield from _joint_names(parts)
+    yield from _functions(parts)
+    bodies = parts.bodies()
+    known = set(bodies.names)
+    walls = {wall.name: wall for wall in parts.walls()}
+    wrong = 0
+    for name, section, index, key, ground_admitted in references(parts.entries):
+        cause = cure = ""
+        if name == GROUND and ground_admitted:
+            if GROUND in known:
+                cause, cure = (
+                    'a sphere is called "ground", which here means what never moves',
+                    "rename the sphere",
+                )
+        elif name not in known:
+            if name in walls:
+                what = "joints act" if section == "joint" else f"a {section} acts"
+                cause = f"{quoted(name)} is a {walls[name].section.replace('_', ' ')}, and {what} on spheres"
+                stands = ground_admitted and walls[name].motion is None
+                cure = 'planes never move: write "ground"' if stands else _known(name, bodies)
+            elif name == GROUND:
+                cause = f"{quoted(name)} is no sphere"
+                cure = (
+                    f"name the sphere; {key} is joined to the ground without saying so"
+                    if key == "body"
+                    else _known(name, bodies)
+                )
+            elif not parts.balls_damaged():
+                cause, cure = f"unknown sphere {quoted(name)}", _known(name, bodies, ground_admitted)
+        if cause and wrong < MOST:
+            wrong += 1
+            yield Finding((section, index, key), cause, cure)
+    if ALL in known and any(getattr(t, "on", None) == ALL for _, t in parts.entries["drag"]):
+        index = next(i for i, t in parts.entries["drag"] if getattr(t, "on", None) == ALL)
+        cause = 'a sphere is called "all", which here means every sphere'
+        yield Finding(("drag", index, "on"), cause, "rename the sphere")
+
+
+def _known(name: str, bodies: Bodies, ground: bool = False) -> str:
+    """The nearest sphere, or which there are, the ground among them; of many spheres their first and last."""
+    if len(bodies.names) <= LISTED:
+        return did_you_mean(name, [*bodies.names, *([GROUND] if ground else [])])
+    groups = [
+        f"{bodies.names[s.start]} to {bodies.names[s.stop - 1]}"
+        for s in bodies.segments
+        if s.stop > s.start + 1
+    ]
+    singles = [bodies.names[s.start] for s in bodies.segments if s.stop == s.start + 1][:LISTED]
+    if not groups:
+        return did_you_mean(name, singles)
+    return f"known: {', '.join(singles[:5] + groups[:5])}"
+
+
+def _joint_names(parts: Parts) -> Iterator[Finding]:
+    seen: dict[str, int] = {}
+    for i, joint in parts.entries["joint"]:
+        name = getattr(joint, "name", None) or default_name(i)
+        if name in seen:
+            cause = f"there are two joints {quoted(name)}"
+            yield Finding(("joint", i, "name"), cause, "give one another name")
+        seen[name] = i
+
+
+def _functions(parts: Parts) -> Iterator[Finding]:
+    seen: set[str] = set()
+    for i, place in parts.entries["load_function"]:
+        assert isinstance(place, LoadFunction)
+        if place.name in seen:
+            cause = f"there are two load functions {quoted(place.name)}"
+            yield Finding(
+                ("load_function", i, "name"), cause, "give one another name: load_function(f, name=...)"
+            )
+        seen.add(place.name)
+        if place.function is None:
+            cause = f"the Python function {quoted(place.name)} is not there: no file can hold it"
+            cure = f"read the scene in Python and give it: scene.load_function(f, name={quoted(place.name)})"
+            yield Finding(("load_function", i), cause, cure)
+
+
+def advise_loads(parts: Parts) -> Iterator[Finding]:
+    """Advice on laws and springs."""
+    yield from _laws(parts)
+    yield from _fast_springs(parts)
+    yield from _friction(parts)
+
+
+def _laws(parts: Parts) -> Iterator[Finding]:
+    """Laws of the time that break off within the run, rods that vanish in it."""
+    run = parts.run
+    if run is None or run.until is None:
+        return
+    times = np.linspace(0.0, run.until, SAMPLES + 1)
+    for section, keys in (("joint", ("length", "displacement", "angle")), ("load", ("force", "torque"))):
+        for i, table in parts.entries[section]:
+            for key in keys:
+                given = getattr(table, key)
+                for law in given if isinstance(table, Load) else (given,):
+                    if isinstance(law, dict):
+                        yield from _broken((section, i, key), law, times, positive=key == "length")
+
+
+def _broken(
+    path: tuple[str, int, str], law: LawValue, times: np.ndarray, *, positive: bool
+) -> Iterator[Finding]:
+    for t in times.tolist():
+        value = value_at(law, t)
+        if not math.isfinite(value):
+            cause = f"has no finite value at t = {t:.4g} s{fault_at(law, t)}"
+            yield Finding(path, cause, "the run would stop there: change the law or until")
+            return
+        if positive and value <= 0:
+            cause = f"falls to {value:.4g} m at t = {t:.4g} s"
+            yield Finding(path, cause, "a rod has a positive length: change the law or until")
+            return
+
+
+def _fast_springs(parts: Parts) -> Iterator[Finding]:
+    run, bodies = parts.run, parts.bodies()
+    if run is None or not parts.entries["spring"]:
+        return
+    number = numbers(bodies)
+    for i, spring in parts.entries["spring"]:
+        assert isinstance(spring, Spring)
+        a, b, *_ = spring_ends(spring, bodies, number)
+        inverse = 1.0 / bodies.mass[a] + (1.0 / bodies.mass[b] if b != GROUND_INDEX else 0.0)
+        period = 2.0 * math.pi / math.sqrt(spring.stiffness * inverse) if spring.stiffness > 0 else math.inf
+        if run.step * FEW_STEPS > period:
+            cause = f"its period is about {period:.3g} s, {period / run.step:.2g} steps of {run.step:g} s"
+            cure = f"a step below {period / FEW_STEPS:.1g} s follows it"
+            yield Finding(("spring", i, "stiffness"), cause, cure)
+
+
+def _friction(parts: Parts) -> Iterator[Finding]:
+    """Laws of friction that are negative at speeds which the run may reach."""
+    bodies = parts.bodies()
+    laws = [(i, law) for i, law in parts.contacts() if isinstance(law.friction, dict)]
+    if not laws or not bodies.names:
+        return
+    surface = np.linalg.norm(bodies.velocity, axis=1)
+    surface += bodies.radius * np.linalg.norm(bodies.angular_velocity, axis=1)
+    fastest = 2.0 * float(surface.max())
+    for i, law in laws:
+        for v in np.linspace(0.0, fastest, SAMPLES + 1).tolist():
+            mu = value_at(law.friction, v)
+            if not mu >= 0:
+                cause = f"the coefficient is {mu:.4g} at a slip of {v:.4g} m/s"
+                yield Finding(
+                    ("contact", i, "friction"), cause, "write max(0, ...), or a table that ends at zero"
+                )
+                break

@@ -1,0 +1,188 @@
+"""Advice on walls: how they move, and what balls cannot pass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.scene.assembly.placing import FLAT, Placed
+from carom.scene.assembly.vectors import dot, norm
+from carom.scene.checks.walls import called
+from carom.scene.messages import Finding
+from carom.scene.tables.laws import LawValue, fault_at, value_at
+
+if TYPE_CHECKING:
+    from carom.scene.checks.rules import Parts
+    from carom.scene.tables.motion import Motion
+
+SAMPLES = 200
+"""Times of a run at which the motion of walls is looked at."""
+WALL_TRAVEL = 0.5
+"""Travel of a wall per step, in the smallest radii, above which a ball may be deep in it before it is noticed."""
+FASTEST = 1e12
+"""Speed of walls and balls, m/s, that no run goes beyond, as in the core (`outcome.rs`)."""
+ALONG = 1e-9
+"""Share of a velocity along a normal below which it is rounding."""
+MOST_LOOKS = 10_000
+"""Steps at whose ends jumps are looked for; of longer runs as many instants, evenly spread."""
+JUMP = 1e-3
+"""Jumps of a wall below this, in the smallest radii (of its angle: in radians), are none."""
+HALVINGS = 10
+"""A change in a step of which at least half happens in one part of it, halved so often, is a jump. What moves at one
+speed and passes `JUMP` in that part passes `WALL_TRAVEL` in the step.
+"""
+
+
+def _advise_narrow_cones(parts: Parts) -> Iterator[Finding]:
+    """Cones from inside whose narrow end holds a ball: it would touch a whole ring, and a wall is touched at one point."""
+    bodies = parts.bodies()
+    if not bodies.names:
+        return
+    largest = float(bodies.radius.max())
+    for wall in parts.walls():
+        if wall.shape[0] != "cone" or not wall.shape[5]:
+            continue
+        ends = {"radius": float(wall.shape[2]), "radius_end": float(wall.shape[3])}
+        key = min(ends, key=ends.__getitem__)
+        if ends[key] < largest:
+            cause = f"balls of radius {largest:g} m do not pass the narrow end of {called(wall)}"
+            yield Finding(
+                (wall.section, wall.index, key),
+                cause + ": one that sits on the whole ring stops the run",
+                f"give {largest:g} m or more, and close the end with a disc if balls should stay",
+            )
+
+
+def advise_walls(parts: Parts) -> Iterator[Finding]:
+    """Laws of motion that break off or jump within the run, walls that are fast for the step, slip that does nothing."""
+    yield from _advise_narrow_cones(parts)
+    told: set[tuple[str, int]] = set()
+    for wall in parts.walls():
+        motion, place = wall.motion, (wall.section, wall.index)
+        if motion is None or place in told:  # the sides of a box share one motion
+            continue
+        if wall.section != "box":
+            yield from _advise_slip(wall, motion)
+        told.add(place)
+        end = None if parts.run is None else parts.run.until
+        if motion.until is not None and end is not None and motion.until >= end:
+            cause = (
+                f"the wall stays: the run ends at {end:g} s, and it would be taken away at {motion.until:g} s"
+            )
+            yield Finding((*place, "motion"), cause, "give an earlier until of the motion, or a longer run")
+        broken = list(_advise_breaks(parts, wall, motion))
+        yield from broken
+        jumps = [] if broken else list(_advise_jumps(parts, wall, motion))
+        yield from jumps
+        if not broken and not jumps:  # no step is safe for a jump
+            yield from _advise_travel(parts, wall, motion)
+
+
+def _advise_slip(wall: Placed, motion: Motion) -> Iterator[Finding]:
+    """A surface slips within itself: the contacts take no notice of what a velocity has along the normal."""
+    slip = motion.surface_velocity
+    if wall.kind not in FLAT or slip is None:
+        return
+    across = dot(slip, wall.shape[1])
+    if abs(across) > ALONG * norm(slip):
+        cause = f"{across:.4g} m/s of it are along the normal of {called(wall)}: a surface slips only within itself"
+        cure = (
+            "contacts pass that part over: give a velocity within the plane, or move the plane by translation"
+        )
+        yield Finding((wall.section, wall.index, "motion", "surface_velocity"), cause, cure)
+
+
+def _laws(motion: Motion) -> list[tuple[LawValue, str]]:
+    laws = [(law, "translation") for law in motion.translation or ()]
+    return laws + ([(motion.rotation.law(), "rotation")] if motion.rotation is not None else [])
+
+
+def _advise_breaks(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Finding]:
+    run = parts.run
+    if run is None or run.until is None:
+        return
+    for law, key in _laws(motion):
+        for t in np.linspace(0.0, run.until, SAMPLES + 1).tolist():
+            if not math.isfinite(value_at(law, t)):
+                cause = f"{key} has no finite value at t = {t:.4g} s{fault_at(law, t)}"
+                cure = "the run would stop there: change the law or until"
+                yield Finding((wall.section, wall.index, "motion"), cause, cure)
+                break
+
+
+def _advise_travel(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Finding]:
+    run, bodies = parts.run, parts.bodies()
+    if run is None or run.until is None or motion.translation is None or not bodies.names:
+        return
+    times = np.linspace(0.0, run.until, SAMPLES + 1).tolist()
+    path = (wall.section, wall.index, "motion")
+    here = np.array([[value_at(law, t) for law in motion.translation] for t in times])
+    there = np.array([[value_at(law, t + run.step) for law in motion.translation] for t in times])
+    moves = np.abs(np.nan_to_num(there) - here)
+    fastest = float(moves.max()) / run.step
+    if fastest > FASTEST:
+        cause = f"{called(wall)} reaches {fastest:.2g} m/s, more than the {FASTEST:g} m/s of any run"
+        yield Finding(
+            path, cause, "the run would stop there: check the law and its units (t is in s, lengths in m)"
+        )
+        return
+    travel = float(np.linalg.norm(moves, axis=1).max()) / float(bodies.radius.min())
+    if travel > WALL_TRAVEL:
+        cause = f"a step of {run.step:g} s moves {called(wall)} by {travel:.2g} radii of the smallest ball"
+        step = run.step * WALL_TRAVEL / travel
+        yield Finding(path, cause, f"balls may be passed unnoticed: step = {step:.1g} is safe")
+
+
+def _advise_jumps(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Finding]:
+    run, bodies = parts.run, parts.bodies()
+    if run is None or run.until is None or not bodies.names:
+        return
+    for law, key in _laws(motion):
+        radius = float(bodies.radius.min()) if key == "translation" else 1.0
+        found = first_jump(law, run.until, run.step, JUMP * radius)
+        if found is None:
+            continue
+        time, size = found
+        unit = "m" if key == "translation" else "rad"
+        cause = f"the law jumps by {size:.4g} {unit} at t = {time:.4g} s"
+        cure = (
+            f"{called(wall)} would shift balls, whose energy rises without work: write a ramp over some steps"
+        )
+        yield Finding((wall.section, wall.index, "motion", key), cause, cure)
+        return
+
+
+def first_jump(law: LawValue, until: float, step: float, least: float) -> tuple[float, float] | None:
+    """When a law first changes by `least` or more in far less than a step, and by how much; None if it never does."""
+    if not isinstance(law, dict):
+        return None
+    ((form, data),) = law.items()
+    if form == "table":
+        for (begin, low), (end, high) in pairwise(data):
+            if 0.0 <= end <= until and end - begin <= step * 0.5**HALVINGS and abs(high - low) >= least:
+                return end, high - low
+    if form != "expression":
+        return None
+    looks = min(MOST_LOOKS, max(2, math.ceil(until / step)))
+    times = np.linspace(0.0, until, looks + 1)
+    values = np.array([value_at(law, t) for t in times.tolist()])
+    change = np.abs(np.diff(values))
+    for k in np.flatnonzero(change >= least).tolist():
+        begin, end, low, high = (float(x) for x in (times[k], times[k + 1], values[k], values[k + 1]))
+        for _ in range(HALVINGS):
+            middle = 0.5 * (begin + end)
+            value = value_at(law, middle)
+            # The half in which it changes most.
+            if abs(value - low) > abs(high - value):
+                end, high = middle, value
+            else:
+                begin, low = middle, value
+            if not abs(high - low) >= max(least, 0.5 * change[k]):
+                break
+        else:
+            return end, high - low
+    return None

@@ -1,0 +1,82 @@
+"""Advice on the tolerance of piles: what a run will cost that solves many contacts too finely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.scene.assembly.placing import FLAT
+from carom.scene.assembly.vectors import scaled
+from carom.scene.checks.walls import COARSE
+from carom.scene.messages import Finding
+from carom.scene.tables.flow import Inflow
+
+if TYPE_CHECKING:
+    from carom.scene.checks.rules import Parts
+    from carom.scene.tables.model import World
+
+MANY_BALLS = 100
+"""Balls from which a scene under gravity is taken for a pile. `carom run pile.toml --set N=100 --until 0.3` takes 0.3 s
+of CPU time at `residual=1e-4`, 4 s at 1e-6 and 73 s at 1e-7, the default.
+"""
+PILE_TOLERANCE = 1e-4
+"""What the benchmark of piles takes (docs/validation/scale.md)."""
+TIMES = "10 to 200"
+"""Factor of the time at 1e-6 and 1e-7 to that at `PILE_TOLERANCE`; 9 where grains already lie in layers."""
+SPARSE = 0.3
+"""Part of a cell of the ground that balls cover, seen along gravity, up to which they touch in small groups at most."""
+CELL = 10.0
+"""Side of such a cell, in the median of the radii."""
+LEVEL = 1e-6
+"""Cosine of the angle of a level or upright wall to the one that is exactly so, or one less it."""
+
+
+def advise_piles(parts: Parts, world: World) -> Iterator[Finding]:
+    """Many balls that gravity brings together: at the default tolerance of piles a run is slow, or stops."""
+    run = parts.run
+    if run is None or not any(world.gravity):
+        return
+    tolerance = run.options()["pile_tolerance"]
+    if tolerance >= COARSE or not parts.walls():
+        return
+    here, coming = int(parts.bodies().present.sum()), _entering(parts)
+    if here + coming >= MANY_BALLS and (coming or not _spread_out(parts, world)):
+        many = f"{here + coming} balls" + (f", {coming} of them by inflows," if coming else "")
+        cause = f"{many} under gravity make a pile"
+        cause += f": pile_tolerance = {tolerance:g} takes {TIMES} times as long as {PILE_TOLERANCE:g}, or stops unconverged"
+        cure = f"pile_tolerance = {PILE_TOLERANCE:g}; overlaps may then be as large, in radii"
+        yield Finding(("run", "pile_tolerance"), cause, cure)
+
+
+def _entering(parts: Parts) -> int:
+    """Balls that enter within the run, as far as the rates of the inflows say."""
+    until, total = (parts.run.until if parts.run is not None else None) or 0.0, 0
+    for _, inflow in parts.entries["inflow"]:
+        assert isinstance(inflow, Inflow)
+        if inflow.start <= until:
+            due = 1.0 + inflow.rate * (until - inflow.start)
+            total += inflow.count if inflow.rate == 0 else min(inflow.count, int(due))
+    return total
+
+
+def _spread_out(parts: Parts, world: World) -> bool:
+    """Whether the balls lie or fall side by side, too far apart to touch in numbers, where nothing leads them together.
+
+    Level floors and upright walls lead nothing together; slopes, bowls and funnels may.
+    """
+    bodies = parts.bodies()
+    up = np.array(scaled(world.gravity))
+    for wall in parts.walls():
+        slope = abs(float(np.array(wall.shape[1]) @ up)) if wall.kind in FLAT else 0.5
+        if LEVEL < slope < 1.0 - LEVEL:
+            return False
+    across = np.linalg.svd(up[None])[2][1:]
+    position, radius = bodies.position[bodies.present], bodies.radius[bodies.present]
+    side = CELL * float(np.median(radius))
+    cells = np.floor((position - position.min(axis=0)) @ across.T / side)
+    _, cell, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    covered = np.bincount(cell.ravel(), math.pi * radius**2) / side**2
+    return int(counts[covered > SPARSE].sum()) < MANY_BALLS // 2

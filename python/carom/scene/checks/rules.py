@@ -1,0 +1,302 @@
+"""Rules about a scenario as a whole, checked before a run: names, materials, contact laws, the starting
+positions.
+
+Each check yields `Finding`s; nothing is raised here. The tables may come from a file of which other tables
+could not be read (`Parts.damaged`): then rules that would only repeat that error are left out, so that one
+mistake gives one message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+
+import numpy as np
+
+from carom.errors import did_you_mean, quoted
+from carom.scene.assembly.bodies import Bodies, expand
+from carom.scene.assembly.mechanics import MECHANICS
+from carom.scene.assembly.placing import Placed, placed_walls
+from carom.scene.checks.attachments import check_names
+from carom.scene.checks.flow import check_flow
+from carom.scene.checks.joint_start import check_start
+from carom.scene.checks.overlap import overlaps
+from carom.scene.checks.walls import MOST, check_periodic, check_walls, start_overlap
+from carom.scene.messages import Finding
+from carom.scene.tables.balls import MOST_BALLS, Ball, Generator
+from carom.scene.tables.base import Table
+from carom.scene.tables.flow import Inflow
+from carom.scene.tables.model import Contact, Material, Record, Scenario, World
+from carom.scene.tables.options import RunBase
+from carom.scene.tables.walls import WALLS, Wall
+
+
+@dataclass
+class Parts:
+    """The tables of a scenario that could be read, each with its place in the file."""
+
+    run: RunBase | None
+    entries: Mapping[str, Sequence[tuple[int, Table]]]
+    damaged: frozenset[str] = frozenset()
+    """Sections with a table that could not be read."""
+    lost_materials: frozenset[str] = frozenset()
+    """Names of materials whose tables could not be read."""
+    world: World | None = None
+    record: Record | None = None
+    _walls: list[Placed] | None = field(default=None, repr=False)
+    _bodies: Bodies | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(cls, tree: Scenario) -> Parts:
+        entries = {name: list(enumerate(getattr(tree, name))) for name in SECTIONS}
+        return cls(tree.run, entries, world=tree.world, record=tree.record)
+
+    def materials(self) -> list[str]:
+        return [t.name for _, t in self.entries["material"] if isinstance(t, Material)]
+
+    def contacts(self) -> list[tuple[int, Contact]]:
+        return [(i, t) for i, t in self.entries["contact"] if isinstance(t, Contact)]
+
+    def walls(self) -> list[Placed]:
+        """All walls, in the order of the core."""
+        if self._walls is None:
+            self._walls = placed_walls(self.entries)
+        return self._walls
+
+    def balls_damaged(self) -> bool:
+        """Whether a ball is missing because its table could not be read."""
+        return bool(self.damaged & set(BALLS))
+
+    def bodies(self) -> Bodies:
+        if self._bodies is None:
+            self._bodies = expand(self.entries, self.materials())
+        return self._bodies
+
+    def place(self, body: int) -> tuple[str, int, str]:
+        """The key that says where a ball is, with its table."""
+        section, index = self.bodies().origin(body)
+        key = {"sphere": "position", "rack": "apex", "lattice": "origin", "inflow": "region"}[section]
+        return section, index, key
+
+
+BALLS = ("sphere", "rack", "lattice", "inflow")
+SECTIONS = ("material", "contact", *BALLS, *WALLS, "outlet", *MECHANICS)
+
+
+def check(parts: Parts) -> Iterator[Finding]:
+    """Everything that forbids a run."""
+    yield from _times(parts)
+    crowd = list(_crowd(parts))
+    yield from crowd
+    if crowd:
+        return  # before anything is allocated for so many
+    yield from _names(parts)
+    yield from _materials(parts)
+    yield from _pairs(parts)
+    wrong_names = list(check_names(parts))
+    yield from wrong_names
+    if len(parts.bodies().names) == 0:
+        if not parts.balls_damaged():
+            cure = "add a [[sphere]], [[packing]], [[rack]] or [[lattice]]"
+            yield Finding(("sphere",), "the scene has no spheres", cure, "add one with scene.sphere(...)")
+        return
+    bad_numbers = list(_usable_numbers(parts))
+    yield from bad_numbers
+    if not bad_numbers:
+        yield from check_walls(parts)
+        yield from check_periodic(parts, parts.world)
+        yield from check_flow(parts)
+        yield from _overlaps(parts)
+        if not wrong_names and not parts.balls_damaged():
+            yield from check_start(parts)
+
+
+def steps(run: RunBase) -> int:
+    """Number of steps of a run: `until` rounded to whole steps."""
+    ratio = (run.until or 0.0) / run.step
+    return round(ratio) if ratio < 2**62 else 2**62
+
+
+def _times(parts: Parts) -> Iterator[Finding]:
+    run = parts.run
+    if run is None:
+        return
+    if run.until is None:
+        cure = "add until = 3.0 (simulated time, s); it has no default"
+        yield Finding(
+            ("run", "until"), "is missing", cure, "pass until=... (simulated time, s); it has no default"
+        )
+    elif steps(run) < 1:
+        cause = f"until = {run.until:g} s is shorter than one step of {run.step:g} s"
+        yield Finding(("run", "until"), cause, "give a longer until or a shorter step")
+    elif steps(run) > 10**12:
+        cause = f"{run.until:g} s in steps of {run.step:g} s are more than 10^12 steps"
+        yield Finding(("run", "step"), cause, "give a longer step or a shorter until")
+
+
+def _crowd(parts: Parts) -> Iterator[Finding]:
+    """Every table may stand for `MOST_BALLS` balls, and all of them together."""
+    total = 0
+    for section in BALLS:
+        for i, table in parts.entries[section]:
+            total += table.size() if isinstance(table, Generator | Inflow) else 1
+            if total > MOST_BALLS:
+                cause = f"with this table there are more than {MOST_BALLS} balls"
+                yield Finding((section, i), cause, "reduce their number")
+                return
+
+
+def _names(parts: Parts) -> Iterator[Finding]:
+    seen: set[str] = set()
+    for i, table in parts.entries["material"]:
+        assert isinstance(table, Material)
+        if table.name in seen:
+            yield Finding(
+                ("material", i, "name"), f"{quoted(table.name)} is declared twice", "remove one of them"
+            )
+        seen.add(table.name)
+    bodies = parts.bodies()
+    balls = set(bodies.names)
+    if len(balls) < len(bodies.names):
+        for body in islice(_repeated(bodies.names), MOST):
+            section, index = bodies.origin(body)
+            cause = f"there are two spheres {quoted(bodies.names[body])}"
+            yield Finding((section, index, "name"), cause, _rename(section))
+    walls: dict[str, str] = {}
+    for wall in parts.walls():
+        if wall.name in balls or wall.name in walls:
+            what = "sphere" if wall.name in balls else walls[wall.name]
+            cause = f"there is already a {what} {quoted(wall.name)}"
+            yield Finding(
+                (wall.section, wall.index, "name"), cause, f"give the {_words(wall.section)} another name"
+            )
+        walls[wall.name] = _words(wall.section)
+
+
+def _words(section: str) -> str:
+    return section.replace("_", " ")
+
+
+def _repeated(names: Sequence[str]) -> Iterator[int]:
+    """Places of names that stood further up."""
+    met: set[str] = set()
+    for place, name in enumerate(names):
+        if name in met:
+            yield place
+        met.add(name)
+
+
+def _rename(section: str) -> str:
+    return "give one another name" if section == "sphere" else "change name (the prefix) or first_number"
+
+
+def _materials(parts: Parts) -> Iterator[Finding]:
+    known = parts.materials()
+    admitted = set(known) | parts.lost_materials
+    cure = 'add [[material]] name = "..."' if not known else ""
+    for section in (*BALLS, *WALLS):
+        for i, table in parts.entries[section]:
+            assert isinstance(table, Ball | Inflow | Wall)
+            if table.material not in admitted:
+                hint = cure or did_you_mean(table.material, known)
+                yield Finding((section, i, "material"), f"unknown material {quoted(table.material)}", hint)
+    for i, contact in parts.contacts():
+        for name in dict.fromkeys(contact.between):
+            if name not in admitted:
+                cause = f"unknown material {quoted(name)}"
+                yield Finding(("contact", i, "between"), cause, cure or did_you_mean(name, known))
+
+
+def _pairs(parts: Parts) -> Iterator[Finding]:
+    laws: set[frozenset[str]] = set()
+    for i, contact in parts.contacts():
+        pair = frozenset(contact.between)
+        if pair in laws:
+            names = " and ".join(quoted(n) for n in contact.between)
+            yield Finding(("contact", i, "between"), f"a second law for {names}", "remove one of the two")
+        laws.add(pair)
+    if "contact" in parts.damaged:
+        return
+    known = set(parts.materials())
+    for (a, b), why in meetings(parts).items():
+        if frozenset((a, b)) not in laws and {a, b} <= known:
+            place = max(
+                i for i, t in parts.entries["material"] if isinstance(t, Material) and t.name in (a, b)
+            )
+            cure = f'add [[contact]] between = ["{a}", "{b}"] with friction and restitution'
+            call = f'add scene.contact("{a}", "{b}", friction=..., restitution=...)'
+            yield Finding(
+                ("material", place), f"no contact law for {quoted(a)} and {quoted(b)}: {why}", cure, call
+            )
+
+
+def meetings(parts: Parts) -> dict[tuple[str, str], str]:
+    """Pairs of materials that can meet (walls do not meet walls), with two bodies that show it."""
+    first: dict[str, list[str]] = {}  # the first two balls of each material
+    bodies = parts.bodies()
+    names = parts.materials()
+    kinds, starts, counts = np.unique(bodies.material, return_index=True, return_counts=True)
+    for kind, start, count in zip(kinds, starts, counts, strict=True):
+        if kind >= 0:
+            second = np.flatnonzero(bodies.material == kind)[1] if count > 1 else start
+            first[names[kind]] = [bodies.names[start], bodies.names[second]][: int(count)]
+    found: dict[tuple[str, str], str] = {}
+    ordered = list(first)
+    for k, a in enumerate(ordered):
+        if len(first[a]) > 1:
+            found[a, a] = f"spheres {quoted(first[a][0])} and {quoted(first[a][1])} can meet"
+        for b in ordered[k + 1 :]:
+            found[a, b] = f"spheres {quoted(first[a][0])} and {quoted(first[b][0])} can meet"
+        for wall in parts.walls():
+            pair = (a, wall.material)
+            if pair not in found and pair[::-1] not in found:
+                what = f"{_words(wall.section)} {quoted(wall.name)}"
+                found[pair] = f"sphere {quoted(first[a][0])} can meet {what}"
+    return found
+
+
+def _usable_numbers(parts: Parts) -> Iterator[Finding]:
+    """Sizes at which squares and cubes neither overflow nor vanish, distances that doubles resolve."""
+    bodies = parts.bodies()
+    limits = (
+        ("radius", bodies.radius, 1e-12, 1e12),
+        ("mass", bodies.mass, 1e-60, 1e60),
+        ("inertia", bodies.inertia, 1e-90, 1e90),
+    )
+    unusable = False
+    for segment in bodies.segments:
+        for key, values, least, most in limits:
+            value = values[segment.start]
+            if not least <= value <= most:
+                cause = f"{key} comes to {value:g}, outside {least:g} to {most:g}"
+                yield Finding((segment.section, segment.index, key), cause, "check the units")
+                unusable = True
+                break  # mass and inertia follow from the radius
+    if unusable:
+        return
+    far = ~(np.abs(bodies.position).max(axis=1) <= 1e12 * bodies.radius)  # also catches nan
+    for body in np.flatnonzero(far)[:MOST]:
+        cause = f"{quoted(bodies.names[body])} is more than 10^12 radii from the origin"
+        yield Finding((*bodies.origin(int(body)), "position"), cause, "move the origin near the spheres")
+
+
+def _overlaps(parts: Parts) -> Iterator[Finding]:
+    bodies = parts.bodies()
+    there = np.flatnonzero(bodies.present)
+    position, radius = bodies.position[there], bodies.radius[there]
+    periods = parts.world.periodic if parts.world is not None else None
+    for first, second, gap in overlaps(position, radius, start_overlap(parts), MOST, periods):
+        a, b = int(there[first]), int(there[second])
+        names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
+        cause = f"spheres {names} overlap at the start, gap {gap:.4g} m"
+        section, index, key = parts.place(b)
+        if section == "sphere":
+            cure = f"move them {-gap:.4g} m further apart"
+        elif section == "rack" and bodies.origin(a) == (section, index):
+            cure = "give a larger gap or less jitter"
+        elif section == "lattice" and bodies.origin(a) == (section, index):
+            cure = "give a larger spacing or less jitter"
+        else:
+            cure = f"move the {section} by more than {-gap:.4g} m"
+        yield Finding((section, index, key), cause, cure)

@@ -1,0 +1,266 @@
+"""The tables of balls that come and go: `[[inflow]]` and `[[outlet]]`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from carom.scene.assembly.vectors import scaled
+from carom.scene.packing import Sizes, Stream
+from carom.scene.packing.sizes import Rare
+from carom.scene.tables.balls import MOST_BALLS, volume
+from carom.scene.tables.base import Table
+from carom.scene.tables.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Quantity, exactly_one, refuse
+from carom.scene.tables.lists import Direction
+from carom.scene.tables.quantities import (
+    ZEROS,
+    Density,
+    Inertia,
+    Length,
+    Mass,
+    Name,
+    Position,
+    Seed,
+    Vec3,
+    Velocity,
+    unit,
+)
+from carom.scene.tables.sizes import Sized
+
+F64 = NDArray[np.float64]
+
+_BOX, _DISC = ("low", "high"), ("point", "normal", "radius")
+_CURE = "give low and high (a box), or point, normal and radius (a disc)"
+
+
+class Region(Table):
+    """Where the centres of entering balls are: a box or a flat disc."""
+
+    section: ClassVar[str] = "region"
+
+    low: Position | None = Field(
+        None,
+        description="lowest corner of a box",
+        examples=[[0.0, 0.0, 0.3]],
+        json_schema_extra=unit("m"),
+    )
+    high: Position | None = Field(
+        None,
+        description="highest corner of a box; equal coordinates make it flat",
+        examples=[[0.1, 0.1, 0.3]],
+        json_schema_extra=unit("m"),
+    )
+    point: Position | None = Field(
+        None, description="centre of a disc", examples=[[0.0, 0.0, 0.3]], json_schema_extra=unit("m")
+    )
+    normal: Annotated[Vec3, Direction()] | None = Field(
+        None, description="normal of a disc, any length", examples=[[0.0, 0.0, 1.0]]
+    )
+    radius: Length | None = Field(
+        None, description="radius of a disc", examples=[0.05], json_schema_extra=unit("m")
+    )
+
+    @model_validator(mode="after")
+    def _box_or_disc(self) -> Self:
+        given = {key for key in (*_BOX, *_DISC) if getattr(self, key) is not None}
+        if given & set(_BOX) and given & set(_DISC):
+            raise refuse(f"{' and '.join(sorted(given))} do not go together", _CURE)
+        wanted = _DISC if given & set(_DISC) else _BOX
+        missing = [key for key in wanted if key not in given]
+        if missing:
+            raise refuse(f"is incomplete: {' and '.join(missing)} missing", _CURE)
+        if self.low is not None and self.high is not None:
+            for k, axis in enumerate("xyz"):
+                if self.high[k] < self.low[k]:
+                    raise refuse(
+                        f"is below low along {axis}", "give the highest corner of the box", ("high", k)
+                    )
+        return self
+
+    def centre(self) -> Vec3:
+        """Middle of the region, m."""
+        if self.low is not None and self.high is not None:
+            x, y, z = (0.5 * (a + b) for a, b in zip(self.low, self.high, strict=True))
+            return x, y, z
+        assert self.point is not None  # by _box_or_disc
+        return self.point
+
+    def as_core(self) -> tuple[Any, ...]:
+        """`("box", low, high)` or `("disc", point, normal, radius)`."""
+        if self.low is not None and self.high is not None:
+            return "box", list(self.low), list(self.high)
+        assert self.point is not None  # by _box_or_disc
+        assert self.normal is not None
+        assert self.radius is not None
+        return "disc", list(self.point), list(scaled(self.normal)), self.radius
+
+    def label(self) -> str:
+        return "region"
+
+
+class _Kind(Table):
+    """What an inflow says of its balls besides the laws of sizes."""
+
+    name: Name = Field(description="prefix of the names; the number is appended", examples=["grain"])
+    material: Name = Field(description="name of its material", examples=["grain"])
+    radius: Length | None = Field(
+        None,
+        description="radius r of all balls; or give `diameter`, or `sizes` and its keys",
+        examples=["5 mm"],
+        json_schema_extra=unit("m"),
+    )
+    mass: Mass | None = Field(
+        None,
+        description="mass m of each ball, if all have one size (or give density)",
+        examples=["1.3 g"],
+        json_schema_extra=unit("kg"),
+    )
+    density: Density | None = Field(
+        None, description="density, instead of mass", examples=[2500.0], json_schema_extra=unit("kg/m^3")
+    )
+    inertia: Inertia | None = Field(
+        None,
+        description="moment of inertia about any axis, if all have one size; if omitted, 2/5 m r^2 (homogeneous)",
+        examples=[5.2e-9],
+        json_schema_extra=unit("kg m^2"),
+    )
+
+
+class Inflow(Sized, _Kind):
+    """Balls that enter in the course of the run; `name = "grain"` makes grain1, grain2, ..."""
+
+    section: ClassVar[str] = "inflow"
+
+    first_number: Annotated[int, Integer(Bounds(ge=0))] = Field(1, description="number of the first ball")
+    count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] = Field(
+        description="number of balls that enter in all", examples=[1000]
+    )
+    region: Region = Field(
+        description="where they enter: `{ low, high }` of a box, or `{ point, normal, radius }` of a disc",
+        examples=[{"low": [0.0, 0.0, 0.3], "high": [0.1, 0.1, 0.3]}],
+    )
+    rate: Annotated[float, Quantity("frequency", NOT_NEGATIVE)] = Field(
+        0.0,
+        description="balls per second; 0: as fast as there is room",
+        examples=[500.0],
+        json_schema_extra=unit("1/s"),
+    )
+    start: Annotated[float, Quantity("time", NOT_NEGATIVE)] = Field(
+        0.0, description="when the first may enter", json_schema_extra=unit("s")
+    )
+    velocity: Velocity = Field(
+        ZEROS, description="velocity with which they enter", json_schema_extra=unit("m/s")
+    )
+    spread: Annotated[float, Quantity("speed", NOT_NEGATIVE)] = Field(
+        0.0,
+        description="each component of that velocity is changed at random by at most this",
+        json_schema_extra=unit("m/s"),
+    )
+    seed: Seed = Field(description="seed of sizes, places and velocities", examples=[1])
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        wrong = exactly_one(self.__dict__, "mass", "density")
+        if wrong:
+            raise wrong
+        if self.sizes != "equal":
+            for key in ("mass", "inertia"):
+                if getattr(self, key) is not None:
+                    raise refuse(f"{key} is that of one ball, and sizes differ", "give density alone")
+        try:
+            self.radii()
+        except Rare as error:
+            raise refuse(str(error), "widen smallest and largest, or move mean between them") from None
+        return self
+
+    def _sizes_given(self) -> Mapping[str, Any]:
+        given = self.__dict__
+        if self.radius is None:
+            if self.sizes == "equal" and self.diameter is None:
+                raise refuse("no size is given", "give radius, or diameter, or sizes and its keys")
+            return given
+        if self.sizes != "equal" or self.diameter is not None:
+            other = "diameter" if self.diameter is not None else "sizes"
+            raise refuse(f"both radius and {other} are given", "remove one of them")
+        return {**given, "diameter": 2.0 * self.radius}
+
+    def radii(self) -> F64:
+        """Radii of its balls in the order in which they enter, (count,), m: independent draws from the law of sizes."""
+        return _radii(self.law(), self.seed, self.count)
+
+    def masses(self) -> F64:
+        """Masses, (count,), kg."""
+        if self.mass is not None:
+            return np.full(self.count, self.mass)
+        assert self.density is not None  # by _consistent
+        return self.density * volume(self.radii())
+
+    def inertias(self) -> F64:
+        """Moments of inertia, (count,), kg m^2."""
+        if self.inertia is not None:
+            return np.full(self.count, self.inertia)
+        radius = self.radii()
+        return 0.4 * self.masses() * radius * radius
+
+    def size(self) -> int:
+        """Number of balls."""
+        return self.count
+
+    def ball_names(self) -> list[str]:
+        """Names of the balls, in the order in which they enter."""
+        return [f"{self.name}{k}" for k in range(self.first_number, self.first_number + self.count)]
+
+    def as_core(self, first: int) -> dict[str, Any]:
+        """As the core takes it; `first` is the index of its first ball."""
+        return {
+            "bodies": (first, self.count),
+            "region": self.region.as_core(),
+            "rate": self.rate,
+            "start": self.start,
+            "velocity": list(self.velocity),
+            "spread": self.spread,
+            "seed": self.seed,
+        }
+
+
+@lru_cache(maxsize=8)  # a scene is looked at several times before it runs
+def _radii(law: Sizes, seed: int, count: int) -> F64:
+    found = 0.5 * law.draw(count, Stream(seed))
+    found.flags.writeable = False
+    return found
+
+
+class Outlet(Table):
+    """A box: balls whose centre is in it (or outside of it) leave the run. In a periodic world any image counts."""
+
+    section: ClassVar[str] = "outlet"
+
+    low: Position = Field(
+        description="lowest corner", examples=[[-1.0, -1.0, -0.2]], json_schema_extra=unit("m")
+    )
+    high: Position = Field(
+        description="highest corner", examples=[[1.0, 1.0, -0.1]], json_schema_extra=unit("m")
+    )
+    inside: Annotated[bool, Flag()] = Field(
+        True,
+        description="true: balls inside (in a periodic world: an image inside) leave; false: all others leave",
+    )
+
+    @model_validator(mode="after")
+    def _has_room(self) -> Self:
+        for k, axis in enumerate("xyz"):
+            if self.high[k] <= self.low[k]:
+                raise refuse(f"is not above low along {axis}", "give the highest corner", ("high", k))
+        return self
+
+    def as_core(self) -> tuple[list[float], list[float], bool]:
+        """As the core takes it."""
+        return list(self.low), list(self.high), self.inside
+
+    def label(self) -> str:
+        return "scene.outlet"

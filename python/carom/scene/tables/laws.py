@@ -1,0 +1,252 @@
+"""Laws of one variable: a number, a polynomial, a table or an expression in `t` (time, s) or `v` (slip speed, m/s).
+
+A law is kept as it is written: a float, or a dict with one of the keys `polynomial`, `table`, `expression`. The core
+evaluates it in the steps; here it is only looked at before a run, to say what is wrong with it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic_core import PydanticCustomError
+
+from carom.errors import did_you_mean, quoted
+from carom.scene.tables.fields import ANY, Bounds, Checked, Quantity, inside, refuse
+from carom.scene.tables.lists import Vector, as_list, each
+
+if TYPE_CHECKING:
+    from carom._core import Expression
+
+LawValue = float | dict[str, Any]
+"""A float, `{"polynomial": [c0, ...]}`, `{"table": [[x, y], ...]}` or `{"expression": text}`."""
+
+FORMS = ("polynomial", "table", "expression")
+MOST_COEFFICIENTS, MOST_POINTS = 100, 100_000
+_NUMBER = Quantity()
+_POINT = Vector(size=2)
+
+
+@dataclass(frozen=True)
+class Law(Checked):
+    """A law of `variable` whose values have `dimension`; `bounds` hold for a constant and for the value at zero."""
+
+    variable: str
+    dimension: str = "number"
+    bounds: Bounds = ANY
+
+    def check(self, value: Any) -> LawValue:
+        if not isinstance(value, Mapping):
+            return self._constant(value)
+        unknown = [key for key in value if key not in FORMS]
+        if unknown:
+            cause = f"{quoted(str(unknown[0]))} is no kind of law"
+            raise refuse(cause, did_you_mean(str(unknown[0]), FORMS), (str(unknown[0]),))
+        if len(value) != 1:
+            cause = "a law has one key, found " + (" and ".join(value) or "none")
+            raise refuse(cause, f"write one of {self._examples()}")
+        ((form, given),) = value.items()
+        try:
+            law: LawValue = {form: _FORMS[form](given, self.variable)}
+        except PydanticCustomError as e:
+            raise inside(form, e) from None
+        start = value_at(law, 0.0)
+        if not math.isfinite(start):
+            cause = f"has no finite value at {self.variable} = 0{fault_at(law, 0.0)}"
+            raise refuse(cause, f"change the {form}", (form,))
+        if not self.bounds.hold(start):
+            wanted = self.bounds.words()
+            cause = f"must be {wanted} at {self.variable} = 0, found {start:.6g}"
+            raise refuse(cause, f"change the {form} so that its value there is {wanted}", (form,))
+        return law
+
+    def _constant(self, value: Any) -> float:
+        try:
+            return Quantity(self.dimension, self.bounds).check(value)
+        except PydanticCustomError as e:
+            if callable(value):
+                cure = "a Python function is a load of its own: scene.load_function(f)"
+                raise refuse("expected a number or a law, found a function", cure) from None
+            if isinstance(value, str) and _reads(value):
+                cause = f"expected a number or a law, found {quoted(value)}"
+                raise refuse(cause, f'write {{ expression = "{value}" }}') from None
+            if isinstance(value, str | int | float):
+                raise e
+            raise refuse(
+                f"expected a number or a law, found {quoted(value)}", f"write a number or {self._examples()}"
+            ) from None
+
+    def _examples(self) -> str:
+        x = self.variable
+        return f'{{ polynomial = [0.0, 20.0] }}, {{ table = [[0.0, 0.0], [1.0, 20.0]] }}, {{ expression = "20*{x}" }}'
+
+    def json_schema(self) -> dict[str, Any]:
+        pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        items: dict[str, Any] = {
+            "polynomial": {"type": "array", "items": {"type": "number"}, "minItems": 1},
+            "table": {"type": "array", "items": pair, "minItems": 2},
+            "expression": {"type": "string", "minLength": 1},
+        }
+        forms = [
+            {"type": "object", "properties": {key: item}, "required": [key], "additionalProperties": False}
+            for key, item in items.items()
+        ]
+        constant = Quantity(self.dimension, self.bounds).json_schema()
+        return {"anyOf": [*constant.get("anyOf", [constant]), *forms]}
+
+
+@dataclass(frozen=True)
+class LawVector(Checked):
+    """Three laws, one per fixed axis."""
+
+    variable: str
+    dimension: str
+
+    def check(self, value: Any) -> tuple[LawValue, ...]:
+        value = as_list(value)
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            cause = f"expected a list of 3 numbers or laws, found {found}"
+            raise refuse(cause, f'write for example [0.0, 0.0, {{ expression = "20*{self.variable}" }}]')
+        return tuple(each(value, self._item().check))
+
+    def _item(self) -> Law:
+        return Law(self.variable, self.dimension)
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": self._item().json_schema(), "minItems": 3, "maxItems": 3}
+
+
+def _listed(value: Any, what: str, least: int, most: int) -> list[Any]:
+    value = as_list(value)
+    if not isinstance(value, list | tuple):
+        raise refuse(f"expected a list of {what}, found {quoted(value)}", "write it in [ ]")
+    if not least <= len(value) <= most:
+        raise refuse(f"expected {least} to {most} {what}, found {len(value)}", "give as many")
+    return list(value)
+
+
+def _polynomial(value: Any, variable: str) -> list[float]:
+    """Coefficients in rising powers."""
+    return each(_listed(value, "coefficients", 1, MOST_COEFFICIENTS), _NUMBER.check)
+
+
+def _table(value: Any, variable: str) -> list[list[float]]:
+    """Points [x, y] with rising x."""
+    points = each(_listed(value, "points", 2, MOST_POINTS), _POINT.check)
+    for k in range(1, len(points)):
+        if points[k][0] <= points[k - 1][0]:
+            cause = (
+                f"{variable} must rise from point to point, found {points[k][0]:g} after {points[k - 1][0]:g}"
+            )
+            raise refuse(cause, "sort the points; for a jump, put two of them close together", (k,))
+    return list(map(list, points))
+
+
+def _expression(value: Any, variable: str) -> str:
+    example = f"0.5*sin(10*{variable})"
+    if not isinstance(value, str):
+        cure = f'write the formula in quotes: "{example}"'
+        raise refuse(f"expected a formula, found {quoted(value)}", cure)
+    try:
+        parsed = parse(value)
+    except ValueError as e:
+        cause, _, cure = str(e).partition("; ")
+        cure = cure or f'write a formula in {variable}, for example "{example}"'
+        raise refuse(f"cannot read {quoted(value)}: {cause}", cure) from None
+    strangers = [name for name in parsed.variables if name != variable]
+    if strangers:
+        cause = f"unknown name {quoted(strangers[0])} in {quoted(value)}"
+        raise refuse(cause, f"the variable is called {variable}; write numbers for all else")
+    return value
+
+
+_FORMS: dict[str, Callable[[Any, str], Any]] = {
+    "polynomial": _polynomial,
+    "table": _table,
+    "expression": _expression,
+}
+
+
+@lru_cache(maxsize=1024)
+def parse(text: str) -> Expression:
+    """The expression, read by the core; `ValueError` if it cannot be."""
+    from carom import _core
+
+    try:
+        return _core.Expression(text)
+    except _core.ExpressionError as e:
+        raise ValueError(str(e)) from None
+
+
+def _reads(text: str) -> bool:
+    """Whether a text in place of a number is an expression without its braces."""
+    try:
+        return bool(parse(text).variables)
+    except ValueError:
+        return False
+
+
+def value_at(law: LawValue, x: float) -> float:
+    """The value at `x`; not a number where an expression has none."""
+    if not isinstance(law, dict):
+        return law
+    ((form, data),) = law.items()
+    if form == "polynomial":
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(np.polynomial.polynomial.polyval(x, data))
+    if form == "table":
+        xs, ys = zip(*data, strict=True)
+        return float(np.interp(x, xs, ys))
+    expression = parse(data)
+    try:
+        return expression.evaluate(dict.fromkeys(expression.variables, x))
+    except ValueError:
+        return math.nan
+
+
+def fault_at(law: LawValue, x: float) -> str:
+    """Why an expression has no finite value at `x`, to be put behind a message that says so."""
+    if isinstance(law, dict) and "expression" in law:
+        expression = parse(law["expression"])
+        try:
+            expression.evaluate(dict.fromkeys(expression.variables, x))
+        except ValueError as e:
+            return f": {e}"
+    return ""
+
+
+def slope_at_start(law: LawValue, h: float) -> tuple[float, float]:
+    """Derivative from the right at 0 and how much it may be wrong.
+
+    That of an expression is a difference of fourth order over steps of `h`; it is compared with one over `h`/2.
+    """
+    if not isinstance(law, dict):
+        return 0.0, 0.0
+    ((form, data),) = law.items()
+    if form == "polynomial":
+        return (data[1] if len(data) > 1 else 0.0), 0.0
+    if form == "table":
+        for (x0, y0), (x1, y1) in itertools.pairwise(data):
+            if x0 <= 0.0 < x1:
+                return (y1 - y0) / (x1 - x0), 0.0
+        return 0.0, 0.0
+    weights = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25)
+    values = {k: value_at(law, 0.5 * k * h) for k in (0, 1, 2, 3, 4, 6, 8)}
+    coarse = sum(w * values[2 * k] for k, w in enumerate(weights)) / h
+    fine = sum(w * values[k] for k, w in enumerate(weights)) / (0.5 * h)
+    rounding = 64.0 * np.finfo(float).eps * max(map(abs, values.values())) / h
+    return fine, abs(fine - coarse) + rounding
+
+
+def as_core(law: LawValue) -> tuple[str, Any]:
+    """The law as it goes to the core: `("constant", x)`, `("polynomial", [...])`, ..."""
+    if not isinstance(law, dict):
+        return "constant", law
+    ((form, data),) = law.items()
+    return form, data

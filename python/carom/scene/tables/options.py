@@ -1,0 +1,212 @@
+"""The section `[run]`: what the numerical options of the core mean, in words and bounds.
+
+Names and defaults come from `carom._core.defaults()` and the admitted names from `carom._core.choices()`: the
+core states them once. Here each is given a unit, bounds and a sentence for the documentation. An option that
+the core has and this page lacks still works (its type is that of its default); a test demands that both lists
+agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import Field, create_model
+
+from carom import _core
+from carom.scene.tables.base import Table
+from carom.scene.tables.fields import (
+    ANY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Checked,
+    Choice,
+    Flag,
+    Integer,
+    Quantity,
+    Text,
+)
+from carom.units import DIMENSIONS
+
+
+@dataclass(frozen=True)
+class Option:
+    """One numerical option: meaning, bounds, and the dimension if it has a unit."""
+
+    meaning: str
+    bounds: Bounds = ANY
+    dimension: str = "number"
+
+
+_FRACTION = Bounds(gt=0, lt=1)
+_COUNT = Bounds(ge=1, le=1_000_000)
+_COUNT_OR_NONE = Bounds(ge=0, le=1_000_000)
+
+MOST_PROBLEMS = 100_000
+"""The last problem of an impact sequence whose length is by size; that of the core (`options.rs`)."""
+
+OPTIONS: dict[str, Option] = {
+    "step": Option("time step h", POSITIVE, "time"),
+    "method": Option(
+        "method in time; nsga is the nonsmooth generalized-alpha scheme, moreau Moreau-Jean time stepping,"
+        " penalty continuous contact forces"
+    ),
+    "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
+    "theta": Option(
+        "moreau only: weight of the new velocity in the step of the position", Bounds(gt=0, le=1)
+    ),
+    "position_projection": Option("moreau only: remove penetration after each step; velocities stay"),
+    "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
+    "pile_tolerance": Option(
+        "tol_r in islands of more than dense_contacts contacts, and of impacts in the smallest part of a step that"
+        " nothing solves better",
+        _FRACTION,
+    ),
+    "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
+    "position_friction": Option(
+        "law sequence of nsga only: once solves the loads of a step once, with friction, and corrects positions along"
+        " normals; paper has friction in a position sub-problem of its own, as printed"
+    ),
+    "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
+    "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
+    "contacts_per_thread": Option(
+        "contacts of an island for each thread that sweeps it; the result has the same bits for any number",
+        _COUNT,
+    ),
+    "shared_contacts_per_thread": Option(
+        "contacts and joints of smaller islands for each thread among which they are shared out; the result has the"
+        " same bits for any number",
+        _COUNT,
+    ),
+    "max_iterations": Option("Newton iterations per sub-problem before the fallbacks begin", _COUNT),
+    "penalty_scale": Option("p of eq. 5 in units of 1/D_cc (rule R1)", Bounds(gt=0, lt=2)),
+    "tolerance_floor": Option(
+        "absolute floor of eq. 44, relative to m r (larger islands: touching_tolerance)", POSITIVE
+    ),
+    "gap_tolerance": Option(
+        "largest gap of a closed contact after a solve, relative to r (an aim in larger islands)", _FRACTION
+    ),
+    "touching_tolerance": Option("gap below which a contact counts as touching, relative to r", _FRACTION),
+    "proximal_shift": Option("shift of the multiplier block where contacts are redundant", _FRACTION),
+    "line_search": Option("halve a Newton step that does not reduce the residual"),
+    "max_line_search": Option("halvings of one Newton step at most", _COUNT_OR_NONE),
+    "max_problems": Option(
+        "impact problems per island and step before one inelastic problem ends it; 0: by the size of the island",
+        Bounds(ge=0, le=100_000),
+    ),
+    "closing_tolerance_load": Option(
+        "closing speed that counts, relative to the speed that its bodies gain from loads in a step (R3)",
+        POSITIVE,
+    ),
+    "pile_closing_tolerance": Option(
+        "the same in islands of more than 100 contacts, if it is larger", POSITIVE
+    ),
+    "closing_tolerance_speed": Option(
+        "closing speed that counts, relative to the fastest body (R3)", POSITIVE
+    ),
+    "energy_safeguard": Option("scale restitution down where an impact problem would create energy (R4)"),
+    "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),
+    "dense_contacts": Option(
+        "largest island, in contacts, solved by the dense exact Newton method; larger ones by `auto`",
+        _COUNT_OR_NONE,
+    ),
+    "pile_contacts": Option(
+        "largest island, in contacts, not solved by sweeps over spheres from the impulses of the last step",
+        _COUNT_OR_NONE,
+    ),
+    "gauss_seidel_sweeps": Option(
+        "sweeps of the fallback before Newton is tried again; 0: no solver but Newton in islands of up to dense_contacts",
+        _COUNT_OR_NONE,
+    ),
+    "max_halvings": Option(
+        "halvings of a step that could not be solved, before the run stops; at 4 it is halved on, up to 8 times",
+        Bounds(ge=0, le=20),
+    ),
+    "penalty_law": Option(
+        "penalty only: damping of the contact force; exact has the restitution e_N, the others their own"
+    ),
+    "penalty_young_modulus": Option("penalty only: Young's modulus of every body", POSITIVE, "pressure"),
+    "penalty_poisson_ratio": Option("penalty only: Poisson's ratio of every body", Bounds(gt=-1, le=0.5)),
+    "penalty_stiffness": Option(
+        "penalty only: K of every contact (N/m^n) in place of Hertz's; 0 is Hertz's", NOT_NEGATIVE
+    ),
+    "penalty_exponent": Option("penalty only: n of the elastic force K d^n", Bounds(ge=1, le=4)),
+    "penalty_least_restitution": Option(
+        "penalty only: restitution as which laws without a finite damping at e_N = 0 read smaller ones",
+        _FRACTION,
+    ),
+    "penalty_friction": Option("penalty only: sliding friction; spring is a tangential spring that slips"),
+    "penalty_slip_speed": Option(
+        "penalty only: slip speed of regularised friction; over the radius that of rolling and spinning",
+        POSITIVE,
+        "speed",
+    ),
+    "penalty_resolution": Option("penalty only: substeps per contact time", Bounds(ge=4, le=100_000)),
+    "on_nonconvergence": Option("what to do with a step that could not be solved; warn goes on"),
+}
+
+
+def kind(name: str, default: float | int | bool | str) -> Checked:
+    """How values of the option `name` are checked: by its default's type and the table above."""
+    option = OPTIONS.get(name, Option(""))
+    if isinstance(default, bool):
+        return Flag()
+    if isinstance(default, int):
+        return Integer(option.bounds)
+    if isinstance(default, float):
+        return Quantity(option.dimension, option.bounds)
+    admitted = _core.choices().get(name)
+    return Choice(tuple(admitted)) if admitted else Text(1)
+
+
+#: Names of the options of the core.
+NAMES = tuple(_core.defaults())
+
+
+class RunBase(Table):
+    """The part of `[run]` that is not the core's."""
+
+    section: ClassVar[str] = "run"
+
+    until: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
+        None,
+        description="simulated time; rounded to a whole number of steps",
+        examples=[3.0],
+        json_schema_extra={"unit": "s"},
+    )
+    step: float = Field(
+        default_factory=lambda: float(_core.defaults()["step"])
+    )  # checked as the others, below
+
+    def options(self) -> dict[str, Any]:
+        """The options of the core, every one with its value."""
+        return {name: getattr(self, name) for name in NAMES}
+
+
+def _fields() -> dict[str, Any]:
+    found = {}
+    for name, default in _core.defaults().items():
+        option = OPTIONS.get(name, Option("(an option of the core that is not documented yet)"))
+        unit = DIMENSIONS[option.dimension][1]
+        extra = {"unit": unit} if unit else None
+        field = Field(default, description=option.meaning, examples=[default], json_schema_extra=extra)  # type: ignore[arg-type]
+        found[name] = (Annotated[type(default), kind(name, default)], field)
+    return found
+
+
+if TYPE_CHECKING:
+
+    class Run(RunBase):
+        """`[run]`; its further attributes are the options that `carom._core.defaults()` lists."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    Run = create_model(
+        "Run",
+        __base__=RunBase,
+        __module__=__name__,
+        __doc__="How to compute; keywords of `carom.simulate`.",
+        **_fields(),
+    )

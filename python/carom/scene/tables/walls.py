@@ -1,0 +1,296 @@
+"""The tables of what stands or moves as prescribed: `[[plane]]`, `[[box]]` and the others of `WALLS`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from carom.errors import quoted
+from carom.scene.assembly.vectors import cross, dot, norm, scaled
+from carom.scene.tables.base import Table
+from carom.scene.tables.fields import Checked, Choice, Flag, refuse
+from carom.scene.tables.lists import Direction, Lengths, as_list, each
+from carom.scene.tables.motion import Motion
+from carom.scene.tables.quantities import Distance, Length, Name, Position, Vec3, unit
+
+SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
+"""The sides of a box, in the order in which they become walls."""
+PARALLEL = 1e-6
+"""Sine of the angle below which two directions count as parallel."""
+PLANE = "plane"
+"""Kind of the half-spaces, which the core keeps apart from the other shapes."""
+X, Y, Z = AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+Shape = tuple[Any, ...]
+"""Kind and parameters: `("rectangle", normal, side, [a, b])` and so on, see `_core.pyi`. The last parameter is a truth
+value, whether spheres live inside, of shapes that have an inside and an outside, and of no others.
+"""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One surface that a table stands for, where it is at the start."""
+
+    name: str
+    shape: Shape
+    point: Vec3
+    motion: Motion | None
+    pivot: Vec3
+    """Point of the axis of rotation where the motion does not name one, m."""
+
+
+@dataclass(frozen=True)
+class Sides(Checked):
+    """Some of the sides of a box, each once."""
+
+    def check(self, value: Any) -> tuple[str, ...]:
+        value = as_list(value)
+        if not isinstance(value, list | tuple):
+            cure = 'write a list of sides, as ["high_z"]'
+            raise refuse(f"expected a list of sides, found {quoted(value)}", cure)
+        sides = each(value, Choice(SIDES).check)
+        if len(set(sides)) < len(sides):
+            twice = next(s for s in sides if sides.count(s) > 1)
+            raise refuse(f"names {quoted(twice)} twice", "name each side once")
+        return tuple(sides)
+
+    def json_schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": {"enum": list(SIDES)}, "uniqueItems": True}
+
+
+_MOTION: Any = Field(
+    None,
+    description="how it moves, see below; if omitted, it stands",
+    examples=[{"translation": [0.0, 0.0, {"expression": "0.002*sin(100*t)"}]}],
+)
+_INSIDE: Any = Field(True, description="true: spheres live inside; false: they live outside")
+
+
+class Wall(Table):
+    """What all walls have in common."""
+
+    name: Name = Field(description="name, unique among spheres and walls", examples=["bed"])
+    material: Name = Field(description="name of its material", examples=["cloth"])
+
+    def pieces(self) -> list[Piece]:
+        """The surfaces that the table stands for."""
+        raise NotImplementedError
+
+    def wall_names(self) -> list[str]:
+        """Their names."""
+        return [piece.name for piece in self.pieces()]
+
+
+class Plane(Wall):
+    """A half-space; spheres live on the side of its normal. With `size` or `radius` it is a piece of a plane."""
+
+    section: ClassVar[str] = "plane"
+
+    point: Position = Field(
+        description="any point of the plane; of a piece, its centre",
+        examples=[[0.0, 0.0, 0.0]],
+        json_schema_extra=unit("m"),
+    )
+    normal: Annotated[Vec3, Direction()] = Field(
+        description="points to the side where spheres live; any length but zero", examples=[[0.0, 0.0, 1.0]]
+    )
+    size: Annotated[tuple[float, float], Lengths(size=2)] | None = Field(
+        None,
+        description="lengths of a rectangle along `side` and across it; if omitted, the plane has no end",
+        examples=[[0.2, 0.1]],
+        json_schema_extra=unit("m"),
+    )
+    side: Annotated[Vec3, Direction(example="[1.0, 0.0, 0.0]")] | None = Field(
+        None,
+        description="direction of the first side of the rectangle, made perpendicular to the normal;"
+        " if omitted, x, or y where the normal is along x",
+        examples=[[1.0, 0.0, 0.0]],
+    )
+    radius: Length | None = Field(
+        None, description="radius of a disc", examples=[0.1], json_schema_extra=unit("m")
+    )
+    hole: Distance | None = Field(
+        None,
+        description="radius of the hole of a disc, which makes it a ring",
+        examples=[0.02],
+        json_schema_extra=unit("m"),
+    )
+    motion: Motion | None = _MOTION
+
+    @model_validator(mode="after")
+    def _one_outline(self) -> Self:
+        if self.size is not None and self.radius is not None:
+            cause = "both size (a rectangle) and radius (a disc) are given"
+            raise refuse(cause, "give one of them", ("radius",))
+        if self.side is not None and self.size is None:
+            raise refuse("side is given without size", "add size = [a, b] (m)", ("side",))
+        if self.hole is not None and (self.radius is None or self.hole >= self.radius):
+            cause = "hole is given without radius" if self.radius is None else "is not below radius"
+            raise refuse(cause, "give a radius greater than that of the hole", ("hole",))
+        if self.side is not None:
+            across = norm(cross(self.side, self.normal))
+            if across < PARALLEL * norm(self.side) * norm(self.normal):
+                raise refuse("is parallel to the normal", "give a direction within the plane", ("side",))
+        return self
+
+    def pieces(self) -> list[Piece]:
+        normal = direction_of(self.normal)
+        shape: Shape = (PLANE, normal)
+        if self.size is not None:
+            shape = ("rectangle", normal, _in_plane(self.side, normal), list(self.size))
+        elif self.radius is not None:
+            shape = ("disc", normal, self.radius, self.hole or 0.0)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+
+
+class Cylinder(Wall):
+    """A circular tube, with open ends; its covers are discs."""
+
+    section: ClassVar[str] = "cylinder"
+
+    point: Position = Field(
+        description="middle of its axis", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
+    )
+    axis: Annotated[Vec3, Direction(example="[0.0, 1.0, 0.0]")] = Field(
+        description="direction of its axis, any length", examples=[[0.0, 1.0, 0.0]]
+    )
+    radius: Length = Field(description="radius", examples=[0.1], json_schema_extra=unit("m"))
+    length: Length | None = Field(
+        None,
+        description="length; if omitted, the tube has no end",
+        examples=[0.2],
+        json_schema_extra=unit("m"),
+    )
+    inside: Annotated[bool, Flag()] = _INSIDE
+    motion: Motion | None = _MOTION
+
+    def pieces(self) -> list[Piece]:
+        length = math.inf if self.length is None else self.length
+        shape = ("cylinder", direction_of(self.axis), self.radius, length, self.inside)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+
+
+class BallWall(Wall):
+    """A sphere as a wall: a bowl that holds all, or a ball that stands or moves as prescribed."""
+
+    section: ClassVar[str] = "ball_wall"
+
+    point: Position = Field(description="centre", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m"))
+    radius: Length = Field(description="radius", examples=[0.1], json_schema_extra=unit("m"))
+    inside: Annotated[bool, Flag()] = _INSIDE
+    motion: Motion | None = _MOTION
+
+    def pieces(self) -> list[Piece]:
+        shape = ("sphere", self.radius, self.inside)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+
+
+class Cone(Wall):
+    """A circular cone or a piece of one between two rings, with open ends."""
+
+    section: ClassVar[str] = "cone"
+
+    point: Position = Field(
+        description="centre of its first ring", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
+    )
+    axis: Annotated[Vec3, Direction()] = Field(
+        description="from the first ring to the last, any length", examples=[[0.0, 0.0, 1.0]]
+    )
+    radius: Distance = Field(
+        description="radius of the first ring, 0 for a tip", examples=[0.02], json_schema_extra=unit("m")
+    )
+    radius_end: Distance = Field(
+        description="radius of the last ring, 0 for a tip", examples=[0.1], json_schema_extra=unit("m")
+    )
+    length: Length = Field(
+        description="distance of the rings along the axis", examples=[0.1], json_schema_extra=unit("m")
+    )
+    inside: Annotated[bool, Flag()] = _INSIDE
+    motion: Motion | None = _MOTION
+
+    @model_validator(mode="after")
+    def _is_a_cone(self) -> Self:
+        if self.radius == self.radius_end:
+            cure = "write a [[cylinder]], whose point is the middle of its axis"
+            raise refuse("radius and radius_end are equal: this is a cylinder", cure, ("radius_end",))
+        return self
+
+    def pieces(self) -> list[Piece]:
+        shape = ("cone", direction_of(self.axis), self.radius, self.radius_end, self.length, self.inside)
+        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+
+
+class Box(Wall):
+    """Up to six planes around a room; they move together. They are called `name.low_x`, `name.high_x` ..."""
+
+    section: ClassVar[str] = "box"
+
+    low: Position = Field(
+        description="lowest corner", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
+    )
+    high: Position = Field(
+        description="highest corner", examples=[[0.1, 0.1, 0.2]], json_schema_extra=unit("m")
+    )
+    open: Annotated[tuple[str, ...], Sides()] = Field(
+        (), description=f"sides without a wall, of {', '.join(SIDES)}", examples=[["high_z"]]
+    )
+    finite: Annotated[bool, Flag()] = Field(
+        False, description="true: the sides end at the edges of the box; false: they are planes without end"
+    )
+    motion: Motion | None = _MOTION
+
+    @model_validator(mode="after")
+    def _has_room(self) -> Self:
+        for k, axis in enumerate("xyz"):
+            if self.high[k] <= self.low[k]:
+                cause = f"is not above low along {axis}: {self.high[k]:g} m after {self.low[k]:g} m"
+                raise refuse(cause, "give the highest corner, each coordinate above that of low", ("high", k))
+        if len(self.open) == len(SIDES):
+            raise refuse("all six sides are open", "leave a side out of open, or remove the box", ("open",))
+        return self
+
+    def pieces(self) -> list[Piece]:
+        return [self._side(side) for side in SIDES if side not in self.open]
+
+    def _side(self, side: str) -> Piece:
+        """The wall on one side, a rectangle if it is finite. The box turns about its centre."""
+        end, _, letter = side.partition("_")
+        k = "xyz".index(letter)
+        x, y, z = (0.5 * (a + b) for a, b in zip(self.low, self.high, strict=True))
+        middle = [x, y, z]
+        sign, middle[k] = (1.0, self.low[k]) if end == "low" else (-1.0, self.high[k])
+        normal = [sign * c + 0.0 for c in AXES[k]]
+        shape: Shape = (PLANE, normal)
+        if self.finite:
+            first, second = (j for j in range(3) if j != k)
+            size = [self.high[j] - self.low[j] for j in (first, second)]
+            shape = ("rectangle", normal, list(AXES[first]), size)
+        return Piece(f"{self.name}.{side}", shape, (middle[0], middle[1], middle[2]), self.motion, (x, y, z))
+
+
+def _in_plane(side: Vec3 | None, normal: list[float]) -> list[float]:
+    """The direction of the first side of a rectangle: `side`, or x (y), made perpendicular to the normal."""
+    n = scaled(normal)
+    along = scaled(side) if side is not None else X
+    if side is None and math.hypot(*cross(X, n)) < PARALLEL:
+        along = Y
+    return direction_of([a - dot(along, n) * c for a, c in zip(along, n, strict=True)])
+
+
+def direction_of(direction: Sequence[float]) -> list[float]:
+    """The unit vector along a direction."""
+    return [c + 0.0 for c in scaled(direction)]  # no negative zeros
+
+
+WALLS: dict[str, type[Wall]] = {
+    "plane": Plane,
+    "box": Box,
+    "cylinder": Cylinder,
+    "ball_wall": BallWall,
+    "cone": Cone,
+}
+"""Tables of walls by section, in the order in which results and messages count walls."""

@@ -1,0 +1,1 @@
+"""Scenario files: TOML to the tree of tables and back, with the line of every key."""

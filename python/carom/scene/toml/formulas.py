@@ -1,0 +1,144 @@
+"""Expressions in place of numbers: reading them, and what is wrong with them, as findings with a path.
+
+An expression is a string that begins with `=`. The core reads it; a blank takes the place of the sign, so that columns in
+messages count the string as it is written.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from carom.errors import did_you_mean, quoted
+from carom.scene.messages import Finding
+from carom.scene.tables.laws import Law, LawVector, parse
+from carom.scene.toml.lines import Path
+
+_NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*", re.ASCII)
+
+Kind = Any
+"""How a value is checked: the `Checked` of its key, or None where a plain number is expected."""
+
+
+def is_formula(value: object) -> bool:
+    """Whether a value of a file is an expression."""
+    return isinstance(value, str) and value.lstrip().startswith("=")
+
+
+class Formulas:
+    """Reads the expressions of one file; collects findings and the names that occur."""
+
+    def __init__(self) -> None:
+        self.found: list[Finding] = []
+        self.damaged: set[Path] = set()
+        """Places whose value could not be had: findings of others about them are not worth having."""
+        self.used: set[str] = set()
+
+    def refuse(self, path: Path, cause: str, cure: str) -> None:
+        """Note a mistake."""
+        self.found.append(Finding(path, cause, cure))
+        self.damaged.add(path)
+
+    def names(self, text: str, path: Path, known: Iterable[str], later: Iterable[str] = ()) -> bool:
+        """Whether `text` can be read and has known names only. `later`: those that are defined further down."""
+        expression = self._read(text, path)
+        if expression is None:
+            return False
+        self.used |= set(expression.variables)
+        known = list(known)
+        for name in expression.variables:
+            if name not in known:
+                self._unknown(text, name, path, known, later)
+                return False
+        return True
+
+    def number(
+        self, text: str, path: Path, values: Mapping[str, float | None], kind: Kind = None
+    ) -> float | None:
+        """The value, or None and a finding. A parameter that is None was found wrong already."""
+        if isinstance(kind, Law | LawVector) and self._is_law(text, kind.variable, path, values):
+            return None
+        if not self.names(text, path, values):
+            return None
+        known = {name: value for name, value in values.items() if value is not None}
+        expression = parse(_blank(text))
+        if any(name not in known for name in expression.variables):
+            self.damaged.add(path)
+            return None
+        try:
+            return expression.evaluate(known)
+        except ValueError as e:
+            given = ", ".join(f"{name} = {known[name]:.6g}" for name in expression.variables)
+            self.refuse(
+                path,
+                f"{quoted(text)} has no finite value: {e}",
+                f"change it, or the parameters ({given})" if given else "change it",
+            )
+            return None
+
+    def law(self, text: str, path: Path, values: Mapping[str, float | None], kind: Law | LawVector) -> str:
+        """The formula of a law, with numbers in place of parameters; its own variable stays."""
+        if is_formula(text):
+            self.refuse(
+                path, f'the formula of a law has no "=" in front: {quoted(text)}', 'leave the "=" out'
+            )
+            return text
+        try:
+            names = parse(text).variables
+        except ValueError:
+            return text  # the law will say so
+        replaced = {name for name in names if name in values and name != kind.variable}
+        self.used |= replaced
+        if any(values[name] is None for name in replaced):
+            self.damaged.add(path)
+            return text
+        return _NAME.sub(lambda m: f"({values[m[0]]!r})" if m[0] in replaced else m[0], text)
+
+    def _read(self, text: str, path: Path) -> Any:
+        try:
+            return parse(_blank(text))
+        except ValueError as e:
+            cause, _, cure = str(e).partition("; ")
+            self.refuse(path, f"cannot read {quoted(text)}: {cause}", cure or "complete it")
+            return None
+
+    def _unknown(self, text: str, name: str, path: Path, known: list[str], later: Iterable[str]) -> None:
+        column = next((m.start() + 1 for m in _NAME.finditer(text) if m[0] == name), 1)
+        cause = f"unknown name {name} in {quoted(text)} at column {column}"
+        if name in later:
+            self.refuse(path, cause, f"an expression uses parameters above it: move {name} up")
+        elif known:
+            self.refuse(path, cause, did_you_mean(name, known))
+        else:
+            self.refuse(path, cause, f"define it: [parameters], and below it {name} = 1.0")
+
+    def _is_law(self, text: str, variable: str, path: Path, values: Mapping[str, float | None]) -> bool:
+        """Whether somebody wrote a law as an expression of parameters."""
+        try:
+            names = parse(_blank(text)).variables
+        except ValueError:
+            return False
+        if variable not in names or variable in values:
+            return False
+        formula = text.lstrip().removeprefix("=").strip()
+        self.refuse(
+            path,
+            f"{quoted(text)} is no number: it depends on {variable}",
+            f'write it as a law: {{ expression = "{formula}" }}',
+        )
+        return True
+
+
+def _blank(text: str) -> str:
+    return text.replace("=", " ", 1)
+
+
+def finite(value: object) -> bool:
+    """Whether a value, Python's or NumPy's, is a number that a parameter can have."""
+    try:
+        return not isinstance(value, bool) and isinstance(value, numbers.Real) and math.isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False

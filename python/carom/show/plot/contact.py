@@ -1,0 +1,191 @@
+"""Contacts: which pairs touched when, sticking or slipping, and how the impacts of one step followed each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, counted
+from carom.measure.contacts import closed
+from carom.show.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled, width
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+
+#: Pairs with a row of their own.
+MOST_PAIRS = 14
+#: Impulses below this share of the greatest are rounding.
+NOTHING = 1e-12
+STATUS = ("open", "stick", "slip")
+LOOKS = {"stick": COLOURS[0], "slip": COLOURS[1]}
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A pair in one status from one time to another, s."""
+
+    pair: str
+    begin: float
+    end: float
+    status: str
+
+
+def phases(result: Result) -> Chart:
+    """A strip per pair of bodies: when it sticks, when it slips, when there is a gap (nothing).
+
+    The status of a frame stands for the time since the frame before. A contact that closed and opened again between two
+    frames is a tick.
+    """
+    found, every = strips(result)
+    pairs = list(dict.fromkeys(strip.pair for strip in found))
+    time = np.asarray(result.time)
+    left = (
+        f"; {counted(every - len(pairs), 'further pair')} touched for a shorter time"
+        if every > len(pairs)
+        else ""
+    )
+    with styled():
+        indent = _indent(pairs)
+        figure, (axes,) = panels(1, 0.9 + 0.26 * len(pairs), f"{result.title}{left}", indent)
+        for status, colour in LOOKS.items():
+            for row, pair in enumerate(pairs):
+                spans = [(s.begin, s.end - s.begin) for s in found if (s.pair, s.status) == (pair, status)]
+                axes.broken_barh(spans, (row - 0.32, 0.64), color=colour, linewidth=0.7)
+            axes.plot([], [], color=colour, linewidth=6, label=status)
+        ticks = [(s.end, pairs.index(s.pair)) for s in found if s.status == "open"]
+        axes.plot(
+            *np.array(ticks).reshape(-1, 2).T, "|", color="black", markersize=7, label="touched in between"
+        )
+        axes.set_yticks(range(len(pairs)), pairs)
+        axes.set_ylim(len(pairs) - 0.4, -0.6)
+        axes.set_xlim(time[0], time[-1])
+        axes.grid(axis="y", visible=False)
+        axes.set_xlabel("time (s)")
+        figure.legend(loc="outside upper left", ncols=3)
+    columns = {"pair": "pair", "from (s)": "begin", "to (s)": "end", "status": "status"}
+    return Chart(figure, {head: np.array([getattr(s, key) for s in found]) for head, key in columns.items()})
+
+
+def strips(result: Result) -> tuple[list[Strip], int]:
+    """Times of equal status of the pairs that touch longest, pair by pair, and how many pairs there are in all."""
+    contacts = result.contacts
+    if not len(contacts):
+        raise CaromError(
+            "the run holds no contacts: nothing touched, or contacts = false in [record]; simulate with contacts = true"
+        )
+    time = np.asarray(result.time)
+    body = np.asarray(contacts["body"]).astype(np.int64)
+    frame, status = np.asarray(contacts["frame"]), np.asarray(contacts["status"])
+    size = np.linalg.norm(np.asarray(contacts["impulse"]), axis=1)
+    felt = (status > 0) | (size > NOTHING * size.max(initial=0.0))  # open, and nothing was felt: a gap
+    body, frame, status, gap = body[felt], frame[felt], status[felt], np.asarray(contacts["gap"])[felt]
+    names = [*result.names, *result.wall_names]
+    pairs, of_row = np.unique(body[:, 0] * len(names) + body[:, 1], return_inverse=True)
+    keys = np.stack(np.divmod(pairs, len(names)), axis=1)
+    # Those that are in contact for most frames, in the order of their first.
+    order = np.argsort(-np.bincount(of_row), kind="stable")[:MOST_PAIRS]
+    first = {k: int(frame[of_row == k].min()) for k in order}
+    found = []
+    for k in sorted(order, key=lambda k: (first[k], k)):
+        pair = " - ".join(names[i] for i in keys[k])
+        frames = frame[of_row == k]
+        # The table has the status of the last step in which the contact was closed, which may be before the frame.
+        states = np.where(_closed(result, keys[k], gap[of_row == k], frames), status[of_row == k], 0)
+        breaks = np.flatnonzero((np.diff(frames) > 1) | (np.diff(states) != 0) | (states[1:] == 0)) + 1
+        for run in np.split(np.arange(len(frames)), breaks):
+            begin = time[max(0, frames[run[0]] - 1)]
+            found.append(Strip(pair, float(begin), float(time[frames[run[-1]]]), STATUS[int(states[run[0]])]))
+    return found, len(keys)
+
+
+def _closed(
+    result: Result, pair: NDArray[np.int64], gap: NDArray[Any], frames: NDArray[Any]
+) -> NDArray[np.bool_]:
+    """Whether two bodies touch at some frames, where their contact had the recorded `gap`, m, when it was closed."""
+    first, second = (
+        np.asarray(result.position[:, end])[frames]
+        for end in np.minimum(pair, len(result.names) - 1).tolist()
+    )
+    time = np.asarray(result.time)[frames]
+    return closed(result, np.tile(pair, (len(frames), 1)), gap, (first, second), time)
+
+
+def impacts(result: Result, step: int | None = None) -> Chart:
+    """The impact problems of one step, by default of that with most: for each, the pairs that take part and their impulses.
+
+    The area of a disc is the size of the normal impulse. Problem 0 is that of the loads in a step with an impact.
+    """
+    step = busiest_step(result) if step is None else step
+    rows = result.impacts.where(np.asarray(result.impacts["step"]) == step)
+    if not len(rows):
+        raise CaromError(f"there was no impact in step {step}; the busiest step is {busiest_step(result)}")
+    normal, impulse = np.asarray(rows["normal"]), np.asarray(rows["impulse"])
+    along = np.sum(normal * impulse, axis=1)
+    across = np.linalg.norm(impulse - along[:, None] * normal, axis=1)
+    problem = np.asarray(rows["problem"]).astype(np.int64)
+    pairs = np.array([" - ".join(pair) for pair in np.asarray(rows["pair"])])
+    strength = {pair: float(along[pairs == pair].sum()) for pair in pairs}
+    shown = sorted(strength, key=lambda pair: -strength[pair])[:MOST_PAIRS]
+    listed = [pair for pair in dict.fromkeys(pairs) if pair in shown]
+    status = [STATUS[int(k)] for k in np.asarray(rows["status"])]
+    time = float(np.asarray(rows["time"])[0])
+    most = float(max(along.max(), 1e-300))
+    with styled():
+        title = f"{result.title}: impacts of step\u00a0{step}, t\u00a0=\u00a0{time:.5g}\u00a0s"
+        figure, (axes,) = panels(1, 1.1 + 0.42 * len(listed), title, _indent(listed))
+        for k, pair in enumerate(pairs):
+            if pair not in listed:
+                continue
+            place = (int(problem[k]), listed.index(pair))
+            colour = LOOKS.get(status[k], GREY)
+            axes.scatter(*place, s=12 + 130 * max(0.0, along[k]) / most, color=colour, linewidth=0, zorder=3)
+            digits = 3 if width() > 5 else 2
+            text = f"{along[k]:.{digits}g}" if along[k] > NOTHING * most else "0"
+            look: dict[str, Any] = {
+                "textcoords": "offset points",
+                "ha": "center",
+                "va": "bottom",
+                "fontsize": 8,
+            }
+            axes.annotate(text, place, xytext=(0, 3 + 5 * np.sqrt(max(0.0, along[k]) / most)), **look)
+        for name, colour in (*LOOKS.items(), ("open", GREY)):
+            if name in status:
+                axes.plot([], [], "o", color=colour, label=name)
+        axes.set_yticks(range(len(listed)), listed)
+        axes.set_ylim(len(listed) - 0.5, -0.8)
+        axes.set_xlim(problem.min() - 0.5, problem.max() + 0.5)
+        axes.set_xticks(np.unique(problem))
+        axes.set_xlabel(
+            fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(listed))
+        )
+        figure.legend(loc="outside upper left", ncols=3)
+    numbers: dict[str, NDArray[Any]] = {
+        "problem": problem,
+        "pair": pairs,
+        "status": np.array(status),
+        "normal impulse (N s)": along,
+        "friction impulse (N s)": across,
+        "approach (m/s)": np.asarray(rows["approach"]),
+        "separation (m/s)": np.asarray(rows["separation"]),
+    }
+    return Chart(figure, numbers)
+
+
+def _indent(names: list[str]) -> float:
+    """Room that names take at the left, in."""
+    return 0.2 + max(map(len, names), default=0) / LETTERS_PER_INCH
+
+
+def busiest_step(result: Result) -> int:
+    """The first of the steps with most impact problems."""
+    if not len(result.impacts):
+        raise CaromError("the run holds no impacts: nothing hit anything, or impacts = false in [record]")
+    step, problem = np.asarray(result.impacts["step"]), np.asarray(result.impacts["problem"])
+    # Among equals, the one with most contacts.
+    steps, of_row = np.unique(step, return_inverse=True)
+    last = np.zeros(len(steps))
+    np.maximum.at(last, of_row.ravel(), problem)
+    return int(steps[np.lexsort((-np.bincount(of_row.ravel()), -last))[0]])

@@ -1,0 +1,145 @@
+"""How figures look, and how they are written: for print and for eyes that confuse red and green."""
+
+from __future__ import annotations
+
+import csv
+import io
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.files import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: The colours of Okabe and Ito, those that are dark enough on white first.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+GREY = "#888888"
+#: Every other line is dashed: mirror images coincide, and both shall be seen.
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)))
+
+#: Widths of figures, in: one and two columns of a journal page.
+WIDTHS = {"single": 3.4, "double": 7.0}
+#: Of text in the size of a title.
+LETTERS_PER_INCH = 13.0
+_width: ContextVar[str] = ContextVar("width", default="double")
+DPI = 200
+
+RC: Any = {
+    "font.size": 8.5,
+    "axes.labelsize": 9,
+    "axes.titlesize": 9,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.3,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.direction": "out",
+    # Letters stay letters: editors of a journal change fonts, and search finds text.
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "carom",
+    "path.simplify": True,
+}
+
+
+@dataclass
+class Chart:
+    """A figure and the numbers it shows: one dictionary of equally long columns, headed with their units."""
+
+    figure: Figure
+    data: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+
+@contextmanager
+def column_width(name: str) -> Iterator[None]:
+    """Draw figures as wide as one column of a page (`single`) or two (`double`)."""
+    if name not in WIDTHS:
+        raise CaromError(f"no width is called {name!r}; {did_you_mean(name, list(WIDTHS))}")
+    token = _width.set(name)
+    try:
+        yield
+    finally:
+        _width.reset(token)
+
+
+def width() -> float:
+    """Width of a figure, in."""
+    return WIDTHS[_width.get()]
+
+
+def fitted(text: str, indent: float = 0.6) -> str:
+    """Text broken into lines that the figure is wide enough for, less `indent` in; not at no-break spaces."""
+    lines = textwrap.fill(text, max(16, int(LETTERS_PER_INCH * (width() - indent))))
+    return lines.replace("\u00a0", " ")
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """The style of Carom's figures, without changing matplotlib for anybody else."""
+    import matplotlib
+
+    with matplotlib.rc_context(RC):
+        yield
+
+
+def panels(count: int, height: float, title: str, indent: float = 0.6) -> tuple[Figure, list[Axes]]:
+    """A figure of `count` panels above each other that share the horizontal axis; `indent`: room at the left, in."""
+    from carom.show.plot.figure import Drawing
+
+    figure = Drawing(figsize=(width(), height), layout="constrained")
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    if title:
+        axes[0].set_title(fitted(title, indent), loc="left")
+    return figure, list(axes)
+
+
+def legend(figure: Figure, axes: Axes, columns: int = 8) -> None:
+    """One legend for all panels, above them."""
+    handles, labels = axes.get_legend_handles_labels()
+    # As many beside each other as there is room for.
+    longest = max(map(len, labels), default=1)
+    columns = max(1, min(columns, int(11 * width() / (longest + 6))))
+    figure.legend(handles, labels, loc="outside upper left", ncols=min(columns, len(labels)))
+
+
+def save(chart: Chart, directory: Path, name: str, formats: Sequence[str]) -> list[Path]:
+    """Write a chart as `<name>.<format>` and `<name>.csv`; the same chart gives the same bytes."""
+    files = []
+    # Without these the files would hold the time at which they were made.
+    dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
+    with styled():
+        for chosen in formats:
+            buffer = io.BytesIO()
+            chart.figure.savefig(buffer, format=chosen, dpi=DPI, metadata=dates[chosen])
+            files.append(directory / f"{name}.{chosen}")
+            write_whole(files[-1], buffer.getbuffer(), durable=False, parents=True)
+    files.append(directory / f"{name}.csv")
+    write_whole(files[-1], _csv(chart.data).encode(), durable=False, parents=True)
+    return files
+
+
+def _csv(data: Mapping[str, NDArray[Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(data)
+    # Python writes the shortest number that reads back as the same bits.
+    writer.writerows(zip(*(np.asarray(column).tolist() for column in data.values()), strict=True))
+    return text.getvalue()

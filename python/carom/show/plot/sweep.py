@@ -1,0 +1,304 @@
+"""A study at a glance: histograms of its columns, and each of them against what varied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, did_you_mean
+from carom.many.sweep.study import RESERVED
+from carom.scene.assembly.rotations import upward
+from carom.show.plot.motion import level_axes
+from carom.show.plot.style import COLOURS, GREY, Chart, styled, width
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from carom.many.sweep.table import Sweep
+
+F64 = NDArray[np.float64]
+
+#: Columns that are drawn if nothing else is said.
+MOST_COLUMNS = 6
+#: Points of a scatter plot: of more an evenly spread part is drawn.
+MOST_DOTS = 4000
+#: The same of places, whose dots are many small ones.
+MOST_PLACES = 20_000
+MOST_BALLS = 4
+BINS = 40
+#: Bands of a parameter.
+BANDS = 15
+#: Kinds of columns of the final state that are drawn, the simplest first.
+END = ("position", "velocity")
+#: Share that is explained of a column by chance, with few cases and many parameters.
+TOLD = 0.3
+#: What is left out of the choice: spans below this, in SI units or of the widest of the kind, and greater rank correlations.
+LEAST, LEAST_SHARE, ALIKE = 1e-9, 0.01, 0.97
+#: Cases from which on medians are drawn.
+LINED = 20
+
+
+def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
+    """How the values of each column spread over the cases that reached their end."""
+    chosen = chosen_columns(sweep, columns)
+    numbers: dict[str, NDArray[Any]] = {}
+    with styled():
+        figure, axes = _sheet(len(chosen), 1.7)
+        for axis, name in zip(axes, chosen, strict=False):
+            values = _finite(sweep, name)
+            counts, edges = np.histogram(values, bins=_bins(values))
+            axis.stairs(counts, edges, fill=True, color=COLOURS[0], alpha=0.75)
+            middle = float(np.median(values)) if len(values) else np.nan
+            axis.axvline(middle, color=COLOURS[1], linewidth=1.0)
+            axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
+            axis.set_xlabel(sweep.label(name))
+            axis.set_ylabel("cases")
+            unit = sweep.label(name).removeprefix(name)
+            numbers[f"{name}: from{unit}"] = _filled(edges[:-1], BINS)
+            numbers[f"{name}: to{unit}"] = _filled(edges[1:], BINS)
+            numbers[f"{name}: cases"] = _filled(counts.astype(float), BINS)
+        figure.suptitle(_title(sweep), x=0.01, ha="left", fontsize=9)
+    return Chart(figure, numbers)
+
+
+def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
+    """Each column against each parameter that varies: one dot per case, the median in bands of it, and what it explains.
+
+    The number above a panel is the share of the variance of the column's ranks that lies between bands of the parameter.
+    """
+    chosen = chosen_columns(sweep, columns)[:4]
+    varied = [name for name in sweep.parameters if np.ptp(np.asarray(sweep[name], float)) > 0][:4]
+    varied = varied or sweep.parameters[:1]
+    stride = max(1, -(-int(sweep.ok.sum()) // MOST_DOTS))
+    rows = np.flatnonzero(sweep.ok)[::stride]
+    lined = int(sweep.ok.sum()) >= LINED
+    size = 1.6 if len(rows) > 1000 else 3.0 if lined else 7.0  # points; a few dots are to be seen
+    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows]}
+    with styled():
+        from carom.show.plot.figure import Drawing
+
+        height = 1.5 * len(chosen) + 0.7
+        figure = Drawing(figsize=(width(), height), layout="constrained")
+        grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
+        for i, column in enumerate(chosen):
+            y = np.asarray(sweep[column], float)
+            numbers[sweep.label(column)] = y[rows]
+            for j, name in enumerate(varied):
+                x = np.asarray(sweep[name], float)
+                numbers[sweep.label(name)] = x[rows]
+                axis = grid[i, j]
+                axis.plot(
+                    x[rows], y[rows], ".", color=COLOURS[0], markersize=size, alpha=0.45, rasterized=True
+                )
+                _median(axis, x[sweep.ok], y[sweep.ok])
+                if lined:
+                    share = explained(_some(sweep, name), _ranks(_some(sweep, column)))
+                    numbers[f"{column}: explained by {name}"] = _filled(np.array([share]), len(rows))
+                    axis.set_title(f"{share:.0%}", loc="right", color=GREY, fontsize=8, pad=2)
+                if j == 0:
+                    axis.set_ylabel(sweep.label(column))
+                if i == len(chosen) - 1:
+                    axis.set_xlabel(sweep.label(name))
+                    axis.locator_params(axis="x", nbins=_ticks(len(varied)))
+        figure.align_ylabels()
+        figure.suptitle(
+            _title(sweep) + "; line: median; %: what the parameter explains" * lined,
+            x=0.01,
+            ha="left",
+            fontsize=9,
+        )
+    return Chart(figure, numbers)
+
+
+def places(sweep: Sweep, by: str | None = None) -> Chart:
+    """Where up to four balls end, seen from above, m: dots coloured by the parameter `by`, or that which tells most."""
+    from carom.show.plot.figure import Drawing
+
+    names = [name.removesuffix(".position.x") for name in sweep.columns if name.endswith(".position.x")][
+        :MOST_BALLS
+    ]
+    if not names:
+        raise CaromError("the study kept no positions; name balls in keep.bodies")
+    by = _telling(sweep, [f"{name}.position.{x}" for name in names for x in "xyz"]) if by is None else by
+    colour = np.asarray(sweep[by], float)
+    letters = ["xyz"[k] for k in level_axes(upward(sweep.study.targeting.base.gravity))]
+    rows = np.flatnonzero(sweep.ok)[:: max(1, -(-int(sweep.ok.sum()) // MOST_PLACES))]
+    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], sweep.label(by): colour[rows]}
+    columns = 1 if len(names) == 1 else 2
+    with styled():
+        lines = -(-len(names) // columns)
+        spans = [np.ptp(np.concatenate([sweep[f"{n}.position.{x}"][rows] for n in names])) for x in letters]
+        tall = float(np.clip(spans[1] / max(spans[0], 1e-12), 0.3, 1.2))
+        figure = Drawing(
+            figsize=(width(), 0.9 + lines * (0.45 + tall * 0.85 * width() / columns)), layout="constrained"
+        )
+        axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+        for axis, name in zip(axes, names, strict=False):
+            x, y = (sweep[f"{name}.position.{letter}"][rows] for letter in letters)
+            numbers |= {f"{name} {letters[0]} (m)": x, f"{name} {letters[1]} (m)": y}
+            dots = axis.scatter(x, y, c=colour[rows], s=1.5, cmap="viridis", linewidth=0, rasterized=True)
+            axis.set_aspect("equal")
+            axis.set_title(name, loc="left")
+        for axis in axes[len(names) :]:
+            axis.set_visible(False)
+        figure.supxlabel(f"${letters[0]}$ (m)", fontsize=9)
+        figure.supylabel(f"${letters[1]}$ (m)", fontsize=9)
+        figure.colorbar(dots, ax=list(axes), label=sweep.label(by), aspect=40, shrink=0.8)
+        figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
+    return Chart(figure, numbers)
+
+
+def _telling(sweep: Sweep, columns: Sequence[str]) -> str:
+    """The parameter that explains most of some columns, on the average over them."""
+    ranks = [_ranks(_some(sweep, column)) for column in columns]
+    return max(sweep.parameters, key=lambda name: sum(explained(_some(sweep, name), rank) for rank in ranks))
+
+
+def explained(x: F64, y: F64) -> float:
+    """The share of the variance of `y`, (n,), that its means in bands of `x`, (n,), have: its first-order Sobol' index.
+
+    Of ranks as `y`, outliers weigh no more than others. Source: Saltelli et al., Global Sensitivity Analysis (2008), 4.5.
+    """
+    keep = np.isfinite(x) & np.isfinite(y)
+    x, y = x[keep], y[keep]
+    if len(y) == 0 or np.var(y) == 0:
+        return 0.0
+    distinct, place = np.unique(x, return_inverse=True)
+    if len(distinct) > BANDS:
+        edges = np.unique(np.quantile(x, np.linspace(0, 1, BANDS + 1)))[1:-1]
+        place = np.searchsorted(edges, x, side="right")
+    count = np.bincount(place)
+    mean = np.bincount(place, y) / np.maximum(count, 1)
+    return float(np.var(mean[place]) / np.var(y))
+
+
+def _ranks(values: F64) -> F64:
+    """From 1; equal values share the mean of theirs, and what is not a number has none."""
+    found = np.full(len(values), np.nan)
+    finite = np.isfinite(values)
+    _, place, count = np.unique(values[finite], return_inverse=True, return_counts=True)
+    found[finite] = (np.cumsum(count) - 0.5 * (count - 1))[place]
+    return found
+
+
+def _some(sweep: Sweep, name: str) -> F64:
+    """A column over the cases that reached their end; of very many an evenly spread part, enough to rank columns by."""
+    rows = np.flatnonzero(sweep.ok)
+    return np.asarray(sweep[name], float)[rows[:: max(1, -(-len(rows) // MOST_DOTS))]]
+
+
+def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
+    """The columns to draw: those named, or what a measure gave and of the end what the parameters tell most about."""
+    if columns:
+        for name in columns:
+            if name not in sweep.columns:
+                raise CaromError(f"the study has no column {name!r}; {did_you_mean(name, sweep.columns)}")
+            if sweep[name].dtype == object:
+                raise CaromError(f"the column {name!r} holds text, which no figure shows")
+        return list(columns)
+    free = [name for name in sweep.columns if name not in {*RESERVED, *sweep.parameters} - {"energy_final"}]
+    measured = [name for name in free if name.count(".") < 2 and name != "energy_final"]
+    found = [name for name in measured if len(_finite(sweep, name))]
+    varying = [name for name in found if _span(sweep, name) > LEAST]
+    return ((varying or found) + _of_the_end(sweep, free))[:MOST_COLUMNS]
+
+
+def _of_the_end(sweep: Sweep, free: Sequence[str]) -> list[str]:
+    """Places and velocities at the end, that first whose order over the cases the parameters explain best, and the energy.
+
+    The energy follows from the speeds that were given, whatever happened; so it comes after all of which something is told.
+
+    Left out are columns that hardly vary beside others of their kind, and those that repeat one before them, as the
+    velocity of a ball that rolled on does its place.
+    """
+    order: dict[str, F64] = {}
+    for kind in END:
+        spans = {name: _span(sweep, name) for name in free if f".{kind}." in name}
+        least = max(LEAST, LEAST_SHARE * max(spans.values(), default=0.0))
+        order |= {name: _ranks(_some(sweep, name)) for name, span in spans.items() if span > least}
+    varied = {name: _some(sweep, name) for name in sweep.parameters}
+    # Rounded, so that of equally well explained ones the simpler kind comes first.
+    worth = {name: round(sum(explained(x, y) for x in varied.values()), 2) for name, y in order.items()}
+    chosen: list[str] = []
+    for name in sorted(order, key=lambda name: -worth[name]):
+        if len(chosen) == MOST_COLUMNS - 1:
+            break
+        if not any(_alike(order[name], order[other]) for other in chosen):
+            chosen.append(name)
+    told = [name for name in chosen if worth[name] > TOLD]
+    energy = ["energy_final"] * (not chosen or _span(sweep, "energy_final") > LEAST)
+    return told + energy + chosen[len(told) :]
+
+
+def _span(sweep: Sweep, name: str) -> float:
+    return float(np.ptp(values)) if len(values := _finite(sweep, name)) else 0.0
+
+
+def _alike(a: F64, b: F64) -> bool:
+    keep = np.isfinite(a) & np.isfinite(b)
+    if keep.sum() < LINED:  # a few cases are alike by chance
+        return False
+    return bool(abs(np.corrcoef(a[keep], b[keep])[0, 1]) > ALIKE)
+
+
+def _title(sweep: Sweep) -> str:
+    failed = int((~sweep.ok).sum())
+    return f"{sweep.study.title}: {int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
+
+
+def _finite(sweep: Sweep, name: str) -> F64:
+    values = np.asarray(sweep[name], dtype=float)[sweep.ok]
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _bins(values: F64) -> NDArray[Any] | int:
+    distinct = np.unique(values[: 10 * MOST_DOTS])
+    if 1 < len(distinct) <= BINS and np.allclose(distinct, np.round(distinct)):  # counts
+        return np.arange(distinct[0] - 0.5, distinct[-1] + 1.0) if distinct[-1] - distinct[0] < BINS else BINS
+    return int(np.clip(2 * np.sqrt(len(values)), 8, BINS))
+
+
+def _filled(values: F64, rows: int) -> F64:
+    return np.concatenate([values, np.full(rows - len(values), np.nan)])
+
+
+def _median(axis: Axes, x: F64, y: F64) -> None:
+    keep = np.isfinite(x) & np.isfinite(y)
+    x, y = x[keep], y[keep]
+    if len(x) < LINED:
+        return
+    distinct = np.unique(x)
+    bands = min(BANDS, max(2, len(x) // 20))
+    edges = (
+        np.quantile(x, np.linspace(0, 1, bands + 1)) if len(distinct) > 15 else np.append(distinct, np.inf)
+    )
+    band = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    places = [k for k in range(len(edges) - 1) if (band == k).sum() >= 3]
+    axis.plot(
+        [float(np.median(x[band == k])) for k in places], [float(np.median(y[band == k])) for k in places],
+        color=COLOURS[1], linewidth=1.3, marker="o" if len(places) < 8 else "", markersize=3,
+    )  # fmt: skip
+
+
+def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
+    from carom.show.plot.figure import Drawing
+
+    columns = 1 if count == 1 else 2 if count in (2, 4) else 3
+    rows = -(-count // columns)
+    figure = Drawing(figsize=(width(), height * rows + 0.4), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    for axis in axes:
+        axis.grid(color=GREY, alpha=0.2)
+        axis.locator_params(axis="x", nbins=_ticks(columns))
+    return figure, axes
+
+
+def _ticks(columns: int) -> int:
+    """Numbers below a panel at most, so that those with five digits do not run into each other."""
+    return max(2, int(1.4 * width() / columns))

@@ -1,0 +1,19 @@
+"""Meshes of the live view's balls: two halves, by whose colours the rotation shows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carom.show.surfaces import Faces, Floats, revolved
+
+BALL_ROUND = 16
+
+
+def ball_halves() -> tuple[tuple[str, Floats, Faces], tuple[str, Floats, Faces]]:
+    """Name, vertices and faces of what lies below and above a third of the radius of a unit ball."""
+    cut = np.arccos(1 / 3)
+    parts = []
+    for name, first, last, rings in (("lower", np.pi, cut, 7), ("cap", cut, 0.0, 5)):
+        angle = np.linspace(first, last, rings)
+        parts.append((name, *revolved(np.sin(angle), np.cos(angle), np.eye(3), BALL_ROUND)))
+    return parts[0], parts[1]
