@@ -24,7 +24,7 @@ from hypothesis.extra import numpy as hnp
 from view_scenes import billiard, drum, turn
 
 ROOT = Path(__file__).parents[1]
-ASSETS = ROOT / "python" / "carom" / "view" / "assets"
+ASSETS = ROOT / "python" / "carom" / "show" / "viewer" / "assets"
 
 
 @dataclass
