@@ -41,7 +41,10 @@ def _pattern(text: str) -> re.Pattern[str]:
 
 def messages() -> list[Message]:
     """Every message of the scenario format whose cause is written down in the source, sorted."""
-    found = _stated([f for part in SCENE for f in sorted((PACKAGE / "scene" / part).glob("*.py"))], CALLS)
+    found = _stated(
+        [f for part in SCENE for f in sorted((PACKAGE / "scene" / part).glob("*.py")) if f.stem != "scene"],
+        CALLS,
+    )
     # More than what is found out elsewhere.
     return sorted(m for m in found if re.search(r"[a-z]{3}", m.cause))
 
