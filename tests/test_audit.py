@@ -304,9 +304,9 @@ def test_impacts_of_piles_are_judged_where_every_problem_is_recorded(run: Maker,
         assert any("piles" in u.why for u in report[kind].unjudged) is not every
         assert every or all("every" in u.cure for u in report[kind].unjudged if "piles" in u.why)
     assert not every or report["impact"].judged >= len(result.impacts)
-    # Sequences that were cut are said to be, and their last problem is judged as what it is.
+    # Sequences that were cut are said to be, and their last problem is judged like the others.
     assert result.steps["truncated"].any()
-    assert any("ended by one problem without restitution" in words for words in report.warnings)
+    assert any("ended by one problem with all contacts" in words for words in report.warnings)
 
 
 def test_impacts_slower_than_what_loads_may_do_between_the_recorded_speeds_are_not_judged(

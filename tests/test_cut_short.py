@@ -1,4 +1,4 @@
-"""Impact sequences that are cut short lose restitution: a run in which most were says so first, wherever it is read."""
+"""Impact sequences that are cut short end by another law: a run in which most were says so first, wherever it is read."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from carom.errors import CaromWarning
 from carom.result.cut_short import MORE, cut_short
 from typer.testing import CliRunner
 
-#: With so few problems the blow comes to rest among the balls of the cradle.
-FEW = 3
+#: With so few problems the last three balls of the cradle share what is left of the blow.
+FEW = 2
 TOLD = "impact sequences were cut short in 1 of 1 steps with impacts"
 
 
@@ -57,7 +57,7 @@ def test_a_long_cradle_is_not_cut_by_default(count: int) -> None:
 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 def test_a_ball_that_falls_on_a_column_leaves_it() -> None:
-    """Without losses the blow runs down the column and up again; cut after 50 problems it left 7 % of the speed."""
+    """Without losses the blow runs down the column and up again; cut after 50 problems the ball leaves with 30 % of its speed."""
     r = 0.01
     scene = carom.Scene("a column", gravity=(0, 0, -9.8), run={"until": 0.05, "step": 1e-4})
     scene.contact("steel", "steel", friction=0.0, restitution=1.0)
@@ -68,7 +68,7 @@ def test_a_ball_that_falls_on_a_column_leaves_it() -> None:
         "falls", radius=r, mass=0.1, at=(0, 0, 61 * r + 0.005), velocity=(0, 0, -1), material="steel"
     )
     arrives = np.sqrt(1.0 + 2 * 9.8 * 0.005)
-    for most, least, greatest in ((50, 0.0, 0.2), (0, 0.99, 1.0)):
+    for most, least, greatest in ((50, 0.25, 0.35), (0, 0.99, 1.0)):
         result = carom.simulate(scene, max_problems=most)
         leaves = np.asarray(result["falls"].velocity)[:, 2].max()
         assert least * arrives <= leaves <= greatest * arrives, most
@@ -81,7 +81,7 @@ def test_the_summary_begins_with_it(cut: Path, tmp_path: Path) -> None:
     command = ["run", str(tmp_path / "cradle.toml"), "-o", str(tmp_path / "run"), "--force"]
     few = [*command, "--set", f"max_problems={FEW}"]
     shown = CliRunner().invoke(app, few).stdout
-    assert " ".join(shown.split()).startswith(f"warning {TOLD}: restitution is lost there")
+    assert " ".join(shown.split()).startswith(f"warning {TOLD}: what still closed there")
     assert max(map(len, shown.splitlines()[:3])) <= 100
     assert f"warning: {TOLD}" in CliRunner().invoke(app, [*few, "--quiet"]).stderr
     [warning] = json.loads(CliRunner().invoke(app, [*few, "--json"]).stdout)["warnings"]

@@ -188,3 +188,22 @@ def test_a_slow_hit_goes_through_a_row_of_any_length(balls: int) -> None:
     last = np.asarray(carom.simulate(scene).velocity[-1])[:, 0]
     assert last[0] == pytest.approx(-0.05, rel=1e-3)
     assert np.abs(last[1:balls]).max() < 1e-3  # the ball that leans there pushes one of them aside
+
+
+@pytest.mark.parametrize("pile_contacts", [1, 10_000], ids=["spheres", "rows"])
+@pytest.mark.parametrize("restitution", [1.0, 0.6])
+def test_a_sequence_that_is_cut_ends_in_a_collective_impact(pile_contacts: int, restitution: float) -> None:
+    """A blow through a cradle of 60 balls, cut on its way: the rest of it is one impact, and elastic balls keep their energy."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"until": 0.003, "step": 1e-4})
+    scene.contact("b", "b", friction=0.0, restitution=restitution)
+    scene.sphere("in", radius=0.02, mass=0.1, at=(-0.0402, 0, 0), velocity=(1, 0, 0), material="b")
+    for k in range(60):
+        scene.sphere(f"b{k}", radius=0.02, mass=0.1, at=(0.04 * k, 0, 0), material="b")
+    result = carom.simulate(scene, max_problems=20, pile_contacts=pile_contacts)
+    kinetic = np.append(0.05, np.asarray(result.steps["energy_kinetic"]))
+    momentum = np.sum(np.asarray(result.velocity)[:, :, 0], axis=1)
+    assert np.asarray(result.steps["truncated"]).sum() >= 1
+    assert np.ptp(momentum) < 1e-12 * momentum[0]
+    assert np.diff(kinetic).max() <= 1e-12 * kinetic[0]
+    if restitution == 1.0:
+        assert kinetic.min() > (1 - 1e-12) * kinetic[0]

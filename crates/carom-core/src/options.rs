@@ -249,7 +249,7 @@ options! {
     impact: Impact = Impact::Sequence,
     /// Whether positions have a sub-problem with friction of their own.
     position_friction: PositionFriction = PositionFriction::Paper,
-    /// Impact problems per island and step before one simultaneous problem with e = 0; 0: by the size of the island
+    /// Impact problems per island and step before one simultaneous problem ends them; 0: by the size of the island
     /// ([`Options::problems`]).
     max_problems: u32 = 0,
     /// Closing tolerance of a contact over the change that loads make to the velocities of its bodies in the step (rule R3).

@@ -96,7 +96,7 @@ def _warnings(run: Run) -> list[str]:
         ("missed_impacts", "impacts were missed: bodies overlapped while separating"),
         (
             "truncated",
-            "impact sequences were cut and ended by one problem without restitution, which is judged as such",
+            "impact sequences were cut and ended by one problem with all contacts",
         ),
     ):
         count = int((run.steps[column] > 0).sum())

@@ -19,7 +19,6 @@ from carom.audit.data import Run
 from carom.audit.near import Near
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot
-from carom.scene.tables.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -56,8 +55,8 @@ def _works(run: Run) -> bool:
 def _impacts(run: Run, tally: Tally) -> None:
     table, s = run.result.impacts, run.steps
     step, problem = (np.asarray(table[name]).astype(np.int64) for name in ("step", "problem"))
-    # The last resort of a sequence that was cut has a number of its own beyond the bound.
-    ended = np.flatnonzero(problem > (run.options["max_problems"] or MOST_PROBLEMS))
+    # The problem that ends a sequence that was cut has a number of its own beyond the bound.
+    ended = np.flatnonzero(run.ends(problem))
     problem[ended] = 0
     highest, least = np.zeros(len(s["step"]), dtype=np.int64), np.ones(len(s["step"]))
     np.maximum.at(highest, step - 1, problem)
@@ -65,7 +64,7 @@ def _impacts(run: Run, tally: Tally) -> None:
     if run.method == "penalty":
         tally.measure("counts", (least != 1.0).sum(), 0.0, lambda i: run.frame_place(0))
         return
-    # It has no restitution: where no sequence was cut there is none.
+    # Where no sequence was cut there is none.
     uncut = s["truncated"][step[ended] - 1] == 0
     tally.measure("counts", uncut, 0.0, lambda i: run.step_place(int(step[ended[i]])))
     beyond = np.maximum(0, highest - s["impact_problems"].astype(np.int64))

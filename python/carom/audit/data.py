@@ -20,6 +20,7 @@ from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
 from carom.result.record.walls import tables
+from carom.scene.tables.options import MOST_PROBLEMS
 
 if TYPE_CHECKING:
     from carom.result.result import Result
@@ -251,6 +252,10 @@ class Run:
         """(S,) steps that were made in parts: halved for convergence, or cut for travel."""
         parts = np.zeros(len(self.steps["step"])) if self.method == "penalty" else self.steps["substeps"]
         return np.asarray((self.steps["halvings"] > 0) | (parts > 0))
+
+    def ends(self, problem: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether an impact problem of this number ends a sequence that was cut."""
+        return np.asarray(problem > (self.options["max_problems"] or MOST_PROBLEMS))
 
 
 def read(path: str | Path) -> Run:

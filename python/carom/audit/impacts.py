@@ -20,7 +20,6 @@ from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import EPS, dot, norm
-from carom.scene.tables.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -183,7 +182,7 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
         block.skip(tally, "impact", why, r.k, missing)
         return
     e = run.coefficient("restitution", run.law_index(r.a, r.b))
-    e = np.where((r.problem == 0) | (r.problem > (run.options["max_problems"] or MOST_PROBLEMS)), 0.0, e)
+    e = np.where(r.problem == 0, 0.0, e)
     slow = -r.approach < run.options["restitution_threshold"]
     load = norm(run.gravity) * run.h
     for w, wall in enumerate(run.walls):

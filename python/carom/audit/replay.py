@@ -8,8 +8,8 @@ recorded approach, after it the recorded separation must be those of `V`; and wh
 with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` the recorded share of restitution. Where
 0 < s < 1 this is the least that `gamma_N^+` may be, and friction is anywhere in its cone. Else friction is held against
 `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together (rule R4), the first one
-counted from the motion that problem 0 has left. Problems beyond `max_problems` (0: `MOST_PROBLEMS`) end a sequence that
-was cut, without restitution.
+counted from the motion that problem 0 has left. The problem that ends a sequence which was cut obeys the same law; that of
+`sequence-paper` has no restitution.
 Bounds: `bounds`.
 """
 
@@ -28,7 +28,6 @@ from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, add_at, cross, dot, norm
-from carom.scene.tables.options import MOST_PROBLEMS
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -227,7 +226,7 @@ class Replay:
         every = np.arange(rows.start, rows.stop)
         self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * left)
         o, index = run.options, self.law[rows]
-        acts = (r.problem > 0) & (r.problem <= (o["max_problems"] or MOST_PROBLEMS))
+        acts = (r.problem > 0) & ~(run.ends(r.problem) & (o["impact"] == "sequence-paper"))
         e_n = np.where(acts, run.coefficient("restitution", index), 0.0)
         e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal

@@ -249,11 +249,12 @@ def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: F64, res
         if not members:
             break
         solved += len(members) if number > 1 or paper else 0
+        u_minus = island.u_n + jump - offset_jump if number > 1 else island.u_n
         if (number > most) if most else (solved > PROBLEMS_PER_CONTACT * len(island.elements)):
-            # the sequence does not end: one problem that leaves nothing approaching and cannot gain energy
+            # the sequence does not end: one problem with all contacts, after which nothing approaches
             everything = list(range(len(island.elements)))
             added, record = impact_problem(
-                island, everything, impulses, impulses, None, tolerance, "truncated"
+                island, everything, impulses, impulses, None if paper else u_minus, tolerance, "truncated"
             )
             result.truncated = True
             result.problems.append(record)
@@ -263,7 +264,6 @@ def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: F64, res
             members |= loaded
             for i in members:
                 impulses[island.layout.slices[i]] = 0.0
-        u_minus = island.u_n + jump - offset_jump if number > 1 else island.u_n
         added, record = impact_problem(
             island, sorted(members), impulses, before, u_minus, tolerance, str(number), paper=paper
         )

@@ -1,4 +1,4 @@
-"""What a finished run says of impact sequences that were cut short: the rebound they would have made is missing."""
+"""What a finished run says of impact sequences that were cut short: another law ends them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from carom.result.result import Result
 
 MOST = 0.5
-"""Share of the steps with impacts: where more of them were cut, the rebounds of the run are wrong as a whole."""
+"""Share of the steps with impacts: where more of them were cut, the rebounds of the run are those of another law."""
 MORE = 20
 """Factor on `max_problems` in the advice; a smaller one cures fewer runs, a larger one may cost more time than it saves."""
 
@@ -30,6 +30,6 @@ def cut_short(result: Result) -> str | None:
         longest = int(np.max(np.asarray(steps["impact_problems"])))
         cure = f"set max_problems in [run], for example to {MORE * longest} (the longest had {longest})"
     return (
-        f"impact sequences were cut short in {cut} of {hit} steps with impacts: restitution is lost there, and"
-        f" rebounds are too low; {cure}"
+        f"impact sequences were cut short in {cut} of {hit} steps with impacts: what still closed there was one impact of"
+        f" all contacts, which keeps the energy but spreads it over more balls; {cure}"
     )

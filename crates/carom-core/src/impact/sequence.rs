@@ -125,7 +125,7 @@ pub fn loads_first(island: &mut impl ImpactIsland) -> bool {
         }
     }
     let later = island.later(Law::Later, 2);
-    end(island, later)
+    end(island, Law::Later, later)
 }
 
 /// Stage 0: the load of this step on contacts that were not approaching, without restitution. Which contacts these are, and which of
@@ -154,7 +154,7 @@ pub fn loads(island: &mut impl ImpactIsland) -> Option<[Vec<bool>; 2]> {
 #[must_use]
 pub fn as_printed(island: &mut impl ImpactIsland) -> bool {
     let later = island.later(Law::Printed, 1);
-    end(island, later)
+    end(island, Law::Plastic, later)
 }
 
 /// Newton's law on all closed contacts at once.
@@ -164,14 +164,14 @@ pub fn one_shot(island: &mut impl ImpactIsland) -> bool {
     solve_problem(island, Law::First, 1, Start::Nothing)
 }
 
-/// What a sequence that does not die out leaves is solved at once without restitution: then nothing closes, and that is dissipative.
-/// `later` as [`ImpactIsland::later`] has it.
-fn end(island: &mut impl ImpactIsland, later: Option<bool>) -> bool {
+/// What a sequence that does not die out leaves is solved at once, with all contacts: then nothing closes. `later` as
+/// [`ImpactIsland::later`] has it.
+fn end(island: &mut impl ImpactIsland, law: Law, later: Option<bool>) -> bool {
     if later != Some(false) {
         return later.is_some();
     }
     island.report().truncated += 1;
     island.choose(|_| true);
     let number = island.bounds().most + 1;
-    solve_problem(island, Law::Plastic, number, Start::Positions)
+    solve_problem(island, law, number, Start::Positions)
 }

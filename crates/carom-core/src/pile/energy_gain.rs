@@ -95,8 +95,9 @@ impl Pile {
     }
 
     /// Notes the work that the residual of the solution at hand explains at each chosen contact.
-    pub(super) fn explain(&mut self, model: &Model, law: Law) {
+    pub(super) fn explain(&mut self, model: &Model) {
         let (memory, u, moments) = (&self.velocity, &self.corrections, &self.moments);
+        let law = self.law;
         let impulses = &self.impulses;
         chunks::refill(
             self.sweeps.threads,
@@ -129,8 +130,7 @@ impl Pile {
     pub(super) fn gains(&mut self, model: &Model, problem: u32, report: &mut StepReport) -> bool {
         let gains = |pile: &Self, admit| pile.limits(pile.found(), admit).is_some();
         if gains(self, Admit::Rounding) && !gains(self, Admit::Explained) {
-            // Only the first problem of a pile comes here: later ones are those of clusters.
-            self.solve_finely(model, Law::First, problem, report);
+            self.solve_finely(model, problem, report);
         }
         gains(self, Admit::Tolerance(tolerance(model)))
     }
@@ -144,14 +144,24 @@ impl Pile {
         }
     }
 
-    /// Restitution scale of each node between the solution at hand and one `with` restitution, judged from the velocities that the loads have
-    /// left; nothing if none gains energy beyond what is admitted.
+    /// Jump of the velocities from which the problem at hand is judged, and whether it solves contacts of the loads anew.
+    fn judged_from(&self) -> (&[[DVec3; 2]], bool) {
+        match self.law {
+            Law::First => (&self.velocity.offset, true),
+            _ => (&self.velocity.jump, false),
+        }
+    }
+
+    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy beyond what is
+    /// admitted.
     fn limits(&self, with: SolutionView, admit: Admit) -> Option<Vec<f64>> {
         let memory = &self.velocity;
+        let (from, anew) = self.judged_from();
         let since = |m: &ClosedContact| {
             let of = |jump| Velocities::relative(m, jump);
-            of(&memory.jump) - of(&memory.offset)
+            of(&memory.jump) - of(from)
         };
+        let had = |load: DVec3| if anew { load } else { DVec3::ZERO };
         let works = memory.chosen.iter().enumerate().map(|(k, &slot)| {
             let m = &memory.closed[slot as usize];
             let mut work = ContactWork {
@@ -159,23 +169,23 @@ impl Pile {
                 ..ContactWork::between(m.a, m.b)
             };
             let impulses = [self.impulses[k], with.impulses[k]].map(DVec3::from);
-            let loaded = m.load != DVec3::ZERO;
+            let loaded = had(m.load) != DVec3::ZERO;
             work.is_pressed = loaded || impulses.iter().any(|r| *r != DVec3::ZERO);
             let since = since(m);
             let before = memory.now(m) - since;
             let changes = [&self.corrections[..], with.corrections].map(|u| since + change(m, u));
-            let given = impulses.map(|r| r - m.load);
+            let given = impulses.map(|r| r - had(m.load));
             for axis in 0..3 {
                 let at = |v: DVec3| v[axis];
                 work.add(at(before), given.map(at), changes.map(at));
             }
             if let Some(turning) = memory.turning.get(slot as usize) {
-                let since = roll::relative(m, &memory.jump) - roll::relative(m, &memory.offset);
+                let since = roll::relative(m, &memory.jump) - roll::relative(m, from);
                 let before = memory.turn(slot) - since;
                 let changes = [&self.corrections[..], with.corrections];
                 let changes = changes.map(|u| since + roll::change(m, u));
                 let moments = [&self.moments[..], with.moments];
-                let given = moments.map(|of| DVec3::from(of[k]) - turning.load);
+                let given = moments.map(|of| DVec3::from(of[k]) - had(turning.load));
                 for axis in 0..3 {
                     let at = |v: DVec3| v[axis];
                     work.add(at(before), given.map(at), changes.map(at));
@@ -185,7 +195,7 @@ impl Pile {
         });
         let works: Vec<ContactWork> = works.collect();
         scales(&works, admit, || {
-            memory.kinetic(self, |node| memory.offset[node])
+            memory.kinetic(self, |node| from[node])
         })
     }
 

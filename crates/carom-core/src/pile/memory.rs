@@ -4,6 +4,7 @@ use super::cascade::memory::CascadeMemory;
 use super::velocities::Velocities;
 use super::{chunks, problem_nodes};
 use crate::contact::Contact;
+use crate::impact::law::Law;
 use crate::model::Model;
 use crate::pile::limits::{is_huge, threads};
 use crate::problem::Keeper;
@@ -42,6 +43,8 @@ pub struct Pile {
     pub(super) explained: Vec<f64>,
     /// What is left of restitution at the contacts of each node; empty: all.
     pub(super) scales: Vec<f64>,
+    /// The law of the velocity problem at hand.
+    pub(super) law: Law,
     pub(super) velocity: Velocities,
     pub(super) cascade: CascadeMemory,
     pub(super) problem_nodes: problem_nodes::ProblemNodes,
@@ -72,6 +75,7 @@ impl Pile {
             corrections: Vec::new(),
             explained: Vec::new(),
             scales: Vec::new(),
+            law: Law::default(),
             velocity: Velocities::default(),
             cascade: CascadeMemory::default(),
             problem_nodes: problem_nodes::ProblemNodes::default(),

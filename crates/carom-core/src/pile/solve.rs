@@ -30,6 +30,7 @@ impl Pile {
         let (bodies, places) = (&self.bodies, &self.places);
         (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, places);
         self.scales.clear();
+        self.law = law;
         self.write(model, law);
         self.load_sweeps().ok()?;
         self.forget_contacts();
@@ -47,7 +48,7 @@ impl Pile {
             }
         }
         self.keep_velocity(model, contacts, law, problem, &progress);
-        self.explain(model, law);
+        self.explain(model);
         self.take(&progress, report)
     }
 
@@ -71,7 +72,6 @@ impl Pile {
     pub(super) fn solve_finely(
         &mut self,
         model: &Model,
-        law: Law,
         problem: u32,
         report: &mut StepReport,
     ) {
@@ -79,7 +79,7 @@ impl Pile {
         let progress = self.sweeps.settle(&goal);
         report.sweeps_velocity += progress.sweeps as u32;
         self.take_solution();
-        self.explain(model, law);
+        self.explain(model);
     }
 
     /// Whether what was found is taken, solved or not.
