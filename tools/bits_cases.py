@@ -60,9 +60,10 @@ def hashes(values: NDArray[Any], steps: NDArray[np.int64]) -> Column:
     return steps[starts], np.array([digest(part) for part in parts], dtype=np.uint64)
 
 
-def spread(ends: NDArray[np.int64], steps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The step of each row of a table whose parts end at `ends` and belong to `steps`."""
-    return np.repeat(steps.astype(np.int64), np.diff(ends.astype(np.int64), prepend=0))
+def spread(ends: NDArray[np.int64], steps: NDArray[np.int64], rows: int) -> NDArray[np.int64]:
+    """The step of each of `rows` rows of a table whose parts end at `ends`, counted over all files, and belong to `steps`."""
+    before = ends.astype(np.int64)[-1:] - rows
+    return np.repeat(steps.astype(np.int64), np.diff(ends.astype(np.int64), prepend=before))
 
 
 def table(group: h5py.Group, steps: NDArray[np.int64]) -> Iterator[tuple[str, Column]]:
@@ -72,19 +73,30 @@ def table(group: h5py.Group, steps: NDArray[np.int64]) -> Iterator[tuple[str, Co
             yield f"{group.name[1:]}/{name}", hashes(data[()], steps)
 
 
+def tables(path: Path) -> Iterator[tuple[str, Column]]:
+    """The columns of all tables of a results file."""
+    with h5py.File(path) as file:
+        for group in file.values():
+            if isinstance(group, h5py.Group) and "step" in group:
+                yield from table(group, group["step"][()].astype(np.int64))
+        frames = file["frames"]
+        if "contact_end" in frames and "contacts" in file:
+            rows = len(next(iter(file["contacts"].values())))
+            yield from table(file["contacts"], spread(frames["contact_end"][()], frames["step"][()], rows))
+        if "residuals" in file:
+            group = file["residuals"]
+            rows = spread(group["end"][()], group["step"][()], len(group["value"]))
+            yield "residuals/value", hashes(group["value"][()], rows)
+
+
 def recorded(folder: Path) -> Columns:
     """All that a run wrote: every column of its results, and the arrays of its last state."""
     found: Columns = {}
-    with h5py.File(folder / "results.h5") as file:
-        for group in file.values():
-            if isinstance(group, h5py.Group) and "step" in group:
-                found.update(table(group, group["step"][()].astype(np.int64)))
-        frames = file["frames"]
-        if "contact_end" in frames and "contacts" in file:
-            found.update(table(file["contacts"], spread(frames["contact_end"][()], frames["step"][()])))
-        if "residuals" in file:
-            group = file["residuals"]
-            found["residuals/value"] = hashes(group["value"][()], spread(group["end"][()], group["step"][()]))
+    # Long recordings fill several files.
+    for path in sorted(folder.glob("results*.h5"), key=lambda path: (len(path.name), path.name)):
+        for name, column in tables(path):
+            before = found.get(name, (column[0][:0], column[1][:0]))
+            found[name] = np.concatenate([before[0], column[0]]), np.concatenate([before[1], column[1]])
     checkpoints = sorted(folder.glob("checkpoint-*.npz"), key=lambda path: int(path.stem.split("-")[1]))
     with np.load(checkpoints[-1]) as state:
         for name in sorted(set(state.files) - {"head", "sha256"}, key=int):
