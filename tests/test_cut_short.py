@@ -57,7 +57,7 @@ def test_a_long_cradle_is_not_cut_by_default(count: int) -> None:
 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 def test_a_ball_that_falls_on_a_column_leaves_it() -> None:
-    """Without losses the blow runs down the column and up again; cut after 50 problems the ball leaves with 30 % of its speed."""
+    """Without losses the blow runs down the column and up again; cut after 50 problems it leaves with 30 %."""
     r = 0.01
     scene = carom.Scene("a column", gravity=(0, 0, -9.8), run={"until": 0.05, "step": 1e-4})
     scene.contact("steel", "steel", friction=0.0, restitution=1.0)

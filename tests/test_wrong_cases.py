@@ -193,7 +193,7 @@ def test_a_slow_hit_goes_through_a_row_of_any_length(balls: int) -> None:
 @pytest.mark.parametrize("pile_contacts", [1, 10_000], ids=["spheres", "rows"])
 @pytest.mark.parametrize("restitution", [1.0, 0.6])
 def test_a_sequence_that_is_cut_ends_in_a_collective_impact(pile_contacts: int, restitution: float) -> None:
-    """A blow through a cradle of 60 balls, cut on its way: the rest of it is one impact, and elastic balls keep their energy."""
+    """A blow through a cradle of 60 balls, cut on its way: the rest is one impact, and elastic balls keep their energy."""
     scene = carom.Scene(gravity=(0, 0, 0), run={"until": 0.003, "step": 1e-4})
     scene.contact("b", "b", friction=0.0, restitution=restitution)
     scene.sphere("in", radius=0.02, mass=0.1, at=(-0.0402, 0, 0), velocity=(1, 0, 0), material="b")

@@ -61,7 +61,7 @@ def hashes(values: NDArray[Any], steps: NDArray[np.int64]) -> Column:
 
 
 def spread(ends: NDArray[np.int64], steps: NDArray[np.int64], rows: int) -> NDArray[np.int64]:
-    """The step of each of `rows` rows of a table whose parts end at `ends`, counted over all files, and belong to `steps`."""
+    """The step of each of `rows` rows of a table whose parts, of `steps`, end at `ends`, counted over all files."""
     before = ends.astype(np.int64)[-1:] - rows
     return np.repeat(steps.astype(np.int64), np.diff(ends.astype(np.int64), prepend=before))
 

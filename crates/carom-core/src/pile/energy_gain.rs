@@ -194,9 +194,7 @@ impl Pile {
             work
         });
         let works: Vec<ContactWork> = works.collect();
-        scales(&works, admit, || {
-            memory.kinetic(self, |node| from[node])
-        })
+        scales(&works, admit, || memory.kinetic(self, |node| from[node]))
     }
 
     /// Goes from the solution at hand towards `with` as far as [`Self::limits`] says.

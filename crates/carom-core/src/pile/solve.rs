@@ -69,12 +69,7 @@ impl Pile {
     }
 
     /// Sweeps on to a finer solution of the problem at hand.
-    pub(super) fn solve_finely(
-        &mut self,
-        model: &Model,
-        problem: u32,
-        report: &mut StepReport,
-    ) {
+    pub(super) fn solve_finely(&mut self, model: &Model, problem: u32, report: &mut StepReport) {
         let goal = finer(&self.goal(model, problem));
         let progress = self.sweeps.settle(&goal);
         report.sweeps_velocity += progress.sweeps as u32;
