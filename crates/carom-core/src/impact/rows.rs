@@ -223,6 +223,11 @@ impl ImpactIsland for RowIsland<'_, '_> {
         self.report.restitution_scale = self.report.restitution_scale.min(least);
     }
 
+    fn give_up_restitution(&mut self) {
+        self.work.scale.fill(0.0);
+        self.report.restitution_scale = 0.0;
+    }
+
     fn drop_chosen(&mut self) {
         self.work.drop_chosen(self.scratch.contacts);
     }

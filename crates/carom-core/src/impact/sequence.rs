@@ -64,6 +64,8 @@ pub trait ImpactIsland: Sync {
     fn take_solution(&mut self) -> Self::Solution;
     /// Takes from the solution `with` restitution what gives a group energy: the one at hand has none.
     fn limit(&mut self, with: Self::Solution);
+    /// Says of the solution at hand that it has no restitution although the law has.
+    fn give_up_restitution(&mut self);
     /// Forgets the impulses of the chosen contacts, which the next problem solves anew.
     fn drop_chosen(&mut self);
     /// Forgets all impulses, and what `problem` told.
@@ -173,5 +175,20 @@ fn end(island: &mut impl ImpactIsland, law: Law, later: Option<bool>) -> bool {
     island.report().truncated += 1;
     island.choose(|_| true);
     let number = island.bounds().most + 1;
-    solve_problem(island, law, number, Start::Positions)
+    let before = *island.report();
+    if solve_problem(island, law, number, Start::Positions) {
+        return true;
+    }
+    if law == Law::Plastic {
+        return false;
+    }
+    // Wedged spheres may have no velocities that Newton's law asks for. What was tried is no part of the step.
+    *island.report() = before;
+    island.report().fallbacks += 1;
+    let solved = island.solve(Law::Plastic, number, Start::Positions);
+    if solved {
+        island.give_up_restitution();
+        island.add(number);
+    }
+    solved
 }

@@ -372,6 +372,10 @@ impl ImpactIsland for SphereIsland<'_> {
         self.pile.limit(self.model, with);
     }
 
+    fn give_up_restitution(&mut self) {
+        self.pile.scales = vec![0.0; self.pile.bodies.len()];
+    }
+
     fn drop_chosen(&mut self) {
         self.pile.drop_chosen();
     }
