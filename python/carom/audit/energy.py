@@ -170,6 +170,12 @@ def _balance(block: Block, tally: Tally) -> None:
     top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
     bound = summed(_forced(block), solved + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top
+    # Groups on record may have been solved together, and what that leaves is in the size of all of them.
+    squares = (
+        np.bincount(c.k, moved**2, minlength=block.count),
+        np.bincount(c.k, (impulse * at) ** 2, minlength=block.count),
+    )
+    bound = bound + 4.0 * (block.tolerance * (np.sqrt(squares[0]) + np.sqrt(squares[1])))[:, None]
     root = label == np.arange(bodies).reshape(label.shape)
     busy = np.bincount(mine, minlength=bodies).reshape(label.shape) > 0
     busy[outer] = True

@@ -219,7 +219,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
         );
         let scales = scales.unwrap_or_else(|| vec![1.0; self.work.full.nodes()]);
         self.work.mix(&with, &scales);
-        let least = self.work.scale.iter().copied().fold(1.0, f64::min);
+        let least = self.work.least_scale();
         self.report.restitution_scale = self.report.restitution_scale.min(least);
     }
 
