@@ -34,6 +34,7 @@ def test_a_name_is_the_same_in_its_old_module(old: str) -> None:
 
 def test_parts_of_public_modules_need_no_folder() -> None:
     assert import_module("carom.billiards.table") is import_module("carom.scene.billiards.table")
+    assert callable(carom.billiards.table)
     assert carom.events is import_module("carom.measure.events")
     with pytest.raises(ModuleNotFoundError, match=r"carom\.nowhere"):
         import_module("carom.nowhere")

@@ -153,8 +153,15 @@ class _Elsewhere:
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        if module.__spec__ is not None:
-            module.__spec__ = module.__spec__.loader_state  # it keeps its own name
+        spec = module.__spec__
+        if spec is None:
+            return
+        # What it has loaded is known by this name, too: an import would put `table`, the module, in place of the function.
+        for name, loaded in list(sys.modules.items()):
+            part = name.removeprefix(f"{spec.origin}.")
+            if part != name and f"{spec.name}.{part}".removeprefix("carom.") not in _MOVED:
+                sys.modules.setdefault(f"{spec.name}.{part}", loaded)
+        module.__spec__ = spec.loader_state  # it keeps its own name
 
 
 # First, since a package by another name would let its modules be loaded a second time.
