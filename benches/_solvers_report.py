@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from _solvers_programs import Call, Problem, Solver
-from carom.many.sheets import seconds
 from carom.problem import GlobalProblem
+from carom.text import seconds
 
 #: Widths of the columns: problem, contacts, a solver.
 NAME, COUNT, CELL = 42, 8, 18

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import pytest
 from carom.result.record.layout import Rows
-from carom.run.loop import identify
+from carom.scene.assembly.arrays import identify
 
 SCENARIOS = Path(carom.__file__).parent / "scenarios"
 

@@ -13,7 +13,7 @@ import pytest
 from carom.errors import CaromError, ScenarioError
 from carom.result.directory import RunDir
 from carom.run import changes
-from carom.run.loop import identify
+from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
 from carom.scene.tables.laws import slope_at_start, value_at
 from carom.scene.toml.literal import literal

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from carom import Result, Scene
 from carom.cli.examples import find
+from carom.problem.run_files import FAILING
 from carom.result.record.layout import EVENTS, TABLES
-from carom.run import loop as drive
-from carom.run.problems import FAILING
+from carom.scene import plan
 
 #: Scenes of balls, walls that move, balls that come and go, joints and contacts in every frame.
 NAMES = ["three_balls", "newtons_cradle", "slide_to_roll", "nine_ball_break", "hopper_slot", "rotating_drum"]
@@ -109,6 +109,6 @@ def test_what_would_fill_the_memory_is_refused_before_it_runs(monkeypatch: pytes
         carom.CaromError, match=r"in memory \(at most 8 GiB\); write it to a directory \(out=...\)"
     ):
         carom.simulate(scene, until=1e6)
-    monkeypatch.setattr(drive, "MOST_BYTES", 10**4)
+    monkeypatch.setattr(plan, "MOST_BYTES", 10**4)
     with pytest.raises(carom.CaromError, match=r"keep fewer frames \(every=...\)"):
         carom.simulate(scene)

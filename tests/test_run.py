@@ -20,8 +20,8 @@ from carom.errors import CaromError, CaromWarning
 from carom.result.directory import RunDir
 from carom.result.record import Rows, Segments, Writer
 from carom.run import checkpoint
-from carom.run.loop import Plan, thinned
 from carom.run.sinks import Progress
+from carom.scene.plan import Plan, thinned
 from fake_runs import everything
 from hypothesis import given
 from hypothesis import strategies as st

@@ -15,7 +15,8 @@ from carom.cli.examples import find
 from carom.errors import CaromError
 from carom.problem import ContactProblem, ContactProblemError, GlobalProblem
 from carom.problem.kept import ROWS, frames, multipliers, state
-from carom.run.problems import Choice, file_name, kept_files, write_kept
+from carom.problem.run_files import file_name, kept_files, write_kept
+from carom.run.problems import Choice
 from joint_scenes import AXES, held, scene, spring
 from test_run_core import simulate
 

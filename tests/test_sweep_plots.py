@@ -29,7 +29,7 @@ def extras() -> None:
 
 def test_the_numbers_beside_the_figures_have_units_and_those_below_panels_stand_apart(files: Path) -> None:
     pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
-    from carom.show.plot.sweep import histograms, places, responses
+    from carom.many.sweep.plot import histograms, places, responses
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     def long_number(result: carom.Result) -> dict[str, float]:
@@ -79,7 +79,7 @@ def test_the_command_says_what_failed_and_draws(files: Path) -> None:
 
 
 def test_what_a_parameter_explains_is_its_share_of_the_variance() -> None:
-    from carom.show.plot.sweep import explained
+    from carom.many.sweep.plot import explained
 
     a, b, c = (values.ravel() for values in np.meshgrid(*[np.arange(5.0)] * 3))
     assert [explained(x, a + 2 * b) for x in (a, b, c)] == pytest.approx([1 / 5, 4 / 5, 0])
@@ -92,7 +92,7 @@ def test_what_a_parameter_explains_is_its_share_of_the_variance() -> None:
 
 def test_columns_that_the_parameters_tell_of_come_first(files: Path) -> None:
     """Final energy and places once stood first, in the order of the table, whatever had happened."""
-    from carom.show.plot.sweep import chosen_columns, responses
+    from carom.many.sweep.plot import chosen_columns, responses
 
     along_y = (
         STUDY.replace("cue.velocity.x", "cue.velocity.w")

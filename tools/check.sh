@@ -20,6 +20,7 @@ step "rustfmt" cargo fmt --all --check
 step "clippy" cargo clippy --workspace --all-targets $locked --quiet -- -D warnings
 step "ruff check" "$python" -m ruff check --no-cache
 step "ruff format" "$python" -m ruff format --check
+step "layers" .venv/bin/lint-imports --no-cache --no-logo
 step "circles" "$python" tools/circles.py
 step "mypy" "$python" -m mypy
 step "audit" tools/audit.sh
@@ -28,4 +29,4 @@ if [ ${#failed[@]} -gt 0 ]; then
     printf 'check failed: %s\n' "$(IFS=, && echo "${failed[*]}")"
     exit 1
 fi
-echo "check passed: rustfmt, clippy, ruff, circles, mypy, audit"
+echo "check passed: rustfmt, clippy, ruff, layers, circles, mypy, audit"

@@ -25,7 +25,7 @@ from carom import _core
 from carom.errors import CaromWarning
 from carom.problem import GlobalProblem, rank_of, residual_of, write_fclib
 from carom.problem.kept import describe, multipliers, state
-from carom.run.problems import origin
+from carom.problem.run_files import origin
 from collection_scenes import SCENES, Source
 
 FOLDER = Path(__file__).parent.parent / "tests" / "data" / "contact_problems"

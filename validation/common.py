@@ -17,8 +17,9 @@ from typing import Any
 import carom
 import numpy as np
 from carom.result.record import Memory
-from carom.run.loop import Plan, advance, begin
+from carom.run.loop import advance, begin
 from carom.run.sinks import Instants, Recorder
+from carom.scene.plan import Plan
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]

@@ -88,6 +88,7 @@ _MOVED = {
     "film": "show.film",
     "paper": "reproduce",
     "plot": "show.plot",
+    "plot.sweep": "many.sweep.plot",
     "record": "result.record",
     "result.Body": "result.result",
     "result.Result": "result.result",

@@ -92,3 +92,16 @@ def _block(
         if head and number == 0:
             lines.append("-" * (sum(widths.values()) + len(GAP) * (len(widths) - 1)))
     return "\n".join(lines)
+
+
+def seconds(value: float) -> str:
+    """A duration in the unit in which it is read."""
+    if value < 1e-3:
+        return f"{value * 1e6:.0f} us"
+    if value < 1:
+        return f"{value * 1e3:.3g} ms"
+    if value < 120:
+        return f"{value:.3g} s"
+    minutes, rest = divmod(round(value), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"

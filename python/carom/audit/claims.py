@@ -21,7 +21,7 @@ from carom.audit.data import Run
 from carom.audit.references import at
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, norm
-from carom.run.loop import identify
+from carom.scene.assembly.arrays import identify
 
 F64 = NDArray[np.float64]
 Claim = tuple[str, Any, Any, float]

@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TextIO
 
 import typer
 
-from carom.many.sheets import seconds as seconds
+from carom.text import seconds as seconds
 
 P = ParamSpec("P")
 

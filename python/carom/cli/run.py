@@ -87,7 +87,7 @@ def run(
     with stop.listening(signal.SIGINT, signal.SIGTERM), progress_bar(not (quiet or as_json)) as bar:
         result = launch(described, create, stop=stop, progress=bar, source=str(scenario), problems=problems)
     if problems is not None and not quiet:
-        from carom.run.problems import FOLDER, kept_files
+        from carom.problem.run_files import FOLDER, kept_files
 
         note(f"{counted(len(kept_files(result.path)), 'contact problem')} in {result.path / FOLDER}")
     return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))

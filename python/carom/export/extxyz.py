@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from carom.export.atomic import whole_file, without
 from carom.export.frames import Frame, Selection
 from carom.export.glyphs import contact_glyphs
+from carom.show.surfaces import box
 
 F64 = NDArray[np.float64]
 
@@ -109,17 +110,3 @@ def _cell(selection: Selection) -> str:
     corner = np.where(periods > 0, selection.result.periodic_origin, low)
     values, origin = (" ".join(map(repr, part.tolist())) for part in (lattice, corner))
     return f'Lattice="{values}" Origin="{origin}" pbc="{flags}" '
-
-
-def box(selection: Selection) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corner, (3,) each, m, of what the balls take up in all frames."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for block in selection.blocks():
-        stack = block.stack()
-        if len(stack.body):
-            position, radius = stack.quantities["position"], stack.quantities["radius"][:, None]
-            low = np.minimum(low, (position - radius).min(axis=0))
-            high = np.maximum(high, (position + radius).max(axis=0))
-    if not np.isfinite(low).all():
-        return np.zeros(3), np.ones(3)
-    return low, high

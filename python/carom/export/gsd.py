@@ -20,9 +20,9 @@ import numpy as np
 
 from carom.errors import CaromError
 from carom.export.atomic import whole_file
-from carom.export.extxyz import box
 from carom.export.frames import Selection
 from carom.export.glyphs import contact_glyphs
+from carom.show.surfaces import box
 
 #: What a bond has of its contact, in the file as `log/bonds/NAME`, with the shape of one; meaning and units: `GLYPHS`.
 CARRIED: dict[str, tuple[int, ...]] = {

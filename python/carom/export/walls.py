@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.export.extxyz import box
 from carom.export.frames import Selection
-from carom.show.surfaces import Surface, surfaces
+from carom.show.surfaces import Surface, box, surfaces
 
 F64 = NDArray[np.float64]
 

@@ -216,8 +216,8 @@ def compare(
     """
     import carom
     from carom.errors import CaromWarning
-    from carom.run.loop import Plan
     from carom.run.simulate import RunFailed, scene_of
+    from carom.scene.plan import Plan
 
     scene = scene_of(scene, "compare", case=case, parameters=parameters)
     at = listed(at)

@@ -24,9 +24,10 @@ from carom.many.quantity import QUANTITIES, Quantity
 from carom.many.reference_solution import Formulas, Frames, Function, Truth
 from carom.many.sheets import of_convergence, titled
 from carom.run import summary
-from carom.run.loop import Plan, begin, drive
+from carom.run.loop import begin, drive
 from carom.run.sinks import Instants
 from carom.scene.arguments import renamed
+from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from carom.text import WIDTH, columns, table
+from carom.text import WIDTH, columns, seconds, table
 
 if TYPE_CHECKING:
     from carom.many.compare import Comparison, MethodRun
@@ -38,19 +38,6 @@ class Sheet:
 def titled(title: str, case: str | None) -> str:
     """The title of a scene with its case."""
     return f"{title} [{case}]" if case else title
-
-
-def seconds(value: float) -> str:
-    """A duration in the unit in which it is read."""
-    if value < 1e-3:
-        return f"{value * 1e6:.0f} us"
-    if value < 1:
-        return f"{value * 1e3:.3g} ms"
-    if value < 120:
-        return f"{value:.3g} s"
-    minutes, rest = divmod(round(value), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
 
 
 def of_comparison(found: Comparison) -> Sheet:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.many.batch import ENDED, KINEMATICS, Batch
 from carom.many.cases import Overrides
-from carom.run.loop import MOST_BYTES, Plan, Sink, begin, drive
+from carom.run.loop import Sink, begin, drive
 from carom.scene.checks.walls import touching
+from carom.scene.plan import MOST_BYTES, Plan
 
 if TYPE_CHECKING:
     from carom._core import Block, Simulation

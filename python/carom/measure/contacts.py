@@ -12,17 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.scene.packing.neighbours import separation
+from carom.scene.packing.neighbours import TOUCHING, separation
 
 if TYPE_CHECKING:
     from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-
-#: Gap over radius up to which bodies touch, unless it was larger while their contact was closed, as piles leave it within
-#: their tolerance. Bodies that overlap touch.
-TOUCHING = 1e-6
 
 
 def closed(result: Result, body: I64, recorded: F64, place: tuple[F64, F64], time: F64) -> NDArray[np.bool_]:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
-from carom.measure.contacts import TOUCHING
 from carom.result.tables import UnknownName
+from carom.scene.packing.neighbours import TOUCHING
 
 if TYPE_CHECKING:
     from carom.result.result import Result
@@ -168,16 +168,8 @@ def rest(
 
 def departures(result: Result) -> list[Event]:
     """Balls that left through an outlet, as one of a pocket."""
-    table = result.events
-    if not len(table):
-        return []
-    kind, time = np.asarray(table["kind"]), np.asarray(table["time"])
     step = _step(result)
-    return [
-        Event("left", float(t), step, str(ball))
-        for t, k, ball in zip(time, kind, table["ball"], strict=True)
-        if k == 0
-    ]
+    return [Event("left", time, step, ball) for ball, time in result.events.left()]
 
 
 class AtRest:

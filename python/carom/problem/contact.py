@@ -66,8 +66,8 @@ class ContactProblem:
         step that was halved the `part` (0: none). Without anything it is the one that could not be solved, if there is
         one. An error lists what there is.
         """
+        from carom.problem.run_files import find
         from carom.result.directory import RunDir  # reads and writes runs; files of problems need none of it
-        from carom.run.problems import find
 
         directory = RunDir.open(run_dir)
         failed = (directory.read().get("outcome") or {}).get("step")

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError, counted, did_you_mean, one_line
 from carom.files import write_whole
-from carom.many.sheets import seconds
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.fclib import write_fclib
 from carom.problem.global_ import GlobalProblem, invert
 from carom.problem.residual import Residual, residual_of
+from carom.text import seconds
 
 if TYPE_CHECKING:
     from carom.problem.contact import ContactProblem

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.reproduce.document import NotConverged
 from carom.result.record import Memory
-from carom.run.loop import Plan, advance, begin, drive
+from carom.run.loop import advance, begin, drive
 from carom.run.sinks import Instants, Recorder
+from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
     from carom.reproduce.document import Iterations

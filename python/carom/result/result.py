@@ -24,7 +24,7 @@ from carom.result.kinematics import Frames, Selection, chosen_bodies, chosen_fra
 from carom.result.record import Column, Memory, Record, Segments, Writer
 from carom.result.run_json import checked
 from carom.result.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps
-from carom.run.loop import identify
+from carom.scene.assembly.arrays import identify
 
 if TYPE_CHECKING:
     from carom.result.walls import Walls
@@ -378,7 +378,7 @@ class Result(Frames):
             if len(writer.paths) > 1:
                 about["segments"][-1]["files"] = [file.name for file in writer.paths]
             if self._problem is not None:
-                from carom.run.problems import keep_failing
+                from carom.problem.run_files import keep_failing
 
                 keep_failing(directory, self._problem, about["outcome"])
             directory.write(about)

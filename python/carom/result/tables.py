@@ -204,6 +204,11 @@ class Events(Table):
             ("step", "time", "body", "kind", "ball"), lambda: np.zeros(0)
         )  # nothing could happen
 
+    def left(self) -> list[tuple[str, float]]:
+        """Name and time (s) of each ball that left."""
+        rows = zip(self["ball"], np.asarray(self["time"]), np.asarray(self["kind"]), strict=True)
+        return [(str(ball), float(time)) for ball, time, kind in rows if kind == 0]
+
     def _with_rows(self, rows: Array) -> Self:
         return type(self)(self._segments, self._names, rows)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from carom.errors import CaromError, nearest
 from carom.result.directory import RunDir
 from carom.run import summary
-from carom.run.loop import identify
+from carom.scene.assembly.arrays import identify
 
 if TYPE_CHECKING:
     from carom.scene.scene import Scene

@@ -6,16 +6,14 @@ core decides nothing about files, and this page nothing about physics.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from carom.errors import CaromError
+from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
     from carom._core import Block, Simulation
@@ -34,59 +32,6 @@ def begin(model: Mapping[str, Any]) -> Simulation:
         return _core.Simulation(dict(model))
     except _core.ModelError as error:
         raise CaromError(str(error)) from error
-
-
-#: Bytes of results in memory above which a run or a batch is refused rather than left to the system's killer.
-MOST_BYTES = 8 * 1024**3
-#: About the bytes of a row of the table of steps.
-STEP_BYTES = 250
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What to compute and keep: steps in all, steps between frames, step size (s), whether contacts are kept."""
-
-    steps: int
-    every: int
-    step: float
-    contacts: bool
-
-    @property
-    def until(self) -> float:
-        """Time at the last step, s."""
-        return self.steps * self.step
-
-    @property
-    def grid_end(self) -> int:
-        """Where the last step is no frame of the grid, it is computed by itself and framed: results then end at `until`."""
-        return self.steps - bool(self.every and self.steps % self.every)
-
-    def frame_bytes(self, bodies: int) -> int:
-        """About the bytes of a frame: states, and about three contacts a body."""
-        return bodies * (104 + (3 * 250 if self.contacts else 0))
-
-    def refuse_to_fill_memory(self, bodies: int) -> None:
-        """Raise where frames and the table of steps are more than memory should hold."""
-        size = self.steps // self.every * self.frame_bytes(bodies) + self.steps * STEP_BYTES
-        if size > MOST_BYTES:
-            raise CaromError(
-                f"a result of about {size / 1024**3:.0f} GiB is not kept in memory (at most {MOST_BYTES >> 30} GiB); write"
-                " it to a directory (out=...), or keep fewer frames (every=...)"
-            )
-
-    @classmethod
-    def of(cls, until: float, step: float, every: int | None, contacts: bool) -> Plan:
-        """The plan for `until` seconds; without `every` about 1000 frames are kept."""
-        steps = max(1, math.ceil(until / step - 1e-9))
-        return cls(steps, every or thinned(steps), step, contacts)
-
-
-def thinned(steps: int, frames: int = 1000) -> int:
-    """Steps between frames for about `frames` of them; if possible a divisor of `steps`, so that the last
-    step is one.
-    """
-    least = max(1, math.ceil(steps / frames))
-    return next((n for n in range(least, 2 * least) if steps % n == 0), least)
 
 
 class Sink:
@@ -166,22 +111,3 @@ def advance(
         kind = "done" if simulation.step >= steps else "interrupted"
         outcome = {"kind": kind, "step": simulation.step, "time": simulation.time}
     return Ending(dict(outcome), time.perf_counter() - start, core_s)
-
-
-def identify(model: Mapping[str, Any]) -> str:
-    """SHA-256 of everything a state depends on: the arrays and options of the model, threads aside."""
-    digest = hashlib.sha256()
-
-    def feed(name: str, value: Any) -> None:
-        if isinstance(value, Mapping):
-            for key in sorted(value):
-                feed(f"{name}/{key}", value[key])
-        elif isinstance(value, list):  # joints, loads, laws: numbers and texts; functions show their names
-            digest.update(f"{name} {value!r}".encode())
-        elif name != "/options/threads":
-            array = np.asarray(value)
-            digest.update(f"{name} {array.dtype.kind} {array.shape}".encode())
-            digest.update(repr(array.tolist()).encode() if array.dtype.kind in "OU" else array.tobytes())
-
-    feed("", model)
-    return digest.hexdigest()

@@ -25,10 +25,12 @@ from carom.result.result import Result, load
 from carom.result.run_json import continued
 from carom.run import changes, checkpoint, restart, summary
 from carom.run.allocator import release_early
-from carom.run.loop import Ending, Plan, Sink, begin, drive, identify
+from carom.run.loop import Ending, Sink, begin, drive
 from carom.run.sinks import Cadence, Checkpoints, Interrupt, Progress, Recorder, Shown
 from carom.run.watch import Callback, Stop, Watch
 from carom.scene.arguments import renamed
+from carom.scene.assembly.arrays import identify
+from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
     from carom._core import Simulation
@@ -384,7 +386,7 @@ class Run:
                 segment["files"] = [path.name for path in writer.paths]
             problem = self.conclude(ending, segment)
             if problem is not None:
-                from carom.run.problems import keep_failing
+                from carom.problem.run_files import keep_failing
 
                 keep_failing(directory, problem, about["outcome"])
             directory.write(about)

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.run import checkpoint
-from carom.run.loop import Plan, Sink
+from carom.run.loop import Sink
+from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
     from carom._core import Block, Simulation

@@ -13,7 +13,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from carom._core import Simulation
-    from carom.run.loop import Plan
+    from carom.scene.plan import Plan
     from carom.scene.scene import Scene
 
 #: Final states are listed by name up to this many bodies.

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
 from carom.result.tables import UnknownName
-from carom.run.loop import Plan, Sink, thinned
+from carom.run.loop import Sink
+from carom.scene.plan import Plan, thinned
 
 if TYPE_CHECKING:
     from carom._core import Block

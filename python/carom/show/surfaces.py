@@ -17,6 +17,7 @@ import numpy.typing as npt
 from carom.scene.assembly.rotations import rotated
 
 if TYPE_CHECKING:
+    from carom.export.frames import Selection
     from carom.result.walls import Wall
 
 Floats = npt.NDArray[np.float64]
@@ -219,3 +220,17 @@ def _lines(shape: str, facts: Mapping[str, Any], vertices: Floats, faces: Faces)
     along = rings[:, :: ROUND // MERIDIANS]
     found.append(np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1))
     return np.concatenate(found).astype(np.int32)
+
+
+def box(selection: Selection) -> tuple[Floats, Floats]:
+    """Lowest and highest corner, (3,) each, m, of what the balls take up in all frames."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for block in selection.blocks():
+        stack = block.stack()
+        if len(stack.body):
+            position, radius = stack.quantities["position"], stack.quantities["radius"][:, None]
+            low = np.minimum(low, (position - radius).min(axis=0))
+            high = np.maximum(high, (position + radius).max(axis=0))
+    if not np.isfinite(low).all():
+        return np.zeros(3), np.ones(3)
+    return low, high

@@ -156,8 +156,8 @@ class Sweep:
         require_matplotlib()
         if not self.ok.any():
             raise CaromError("no case reached its end, so there is nothing to draw; sweep.failures says why")
+        from carom.many.sweep.plot import histograms, places, responses
         from carom.show.plot.style import save
-        from carom.show.plot.sweep import histograms, places, responses
 
         where = Path(directory) if directory is not None else inside(self.path, "plots")
         files = save(histograms(self, columns), where, "histograms", formats)

@@ -15,8 +15,9 @@ from carom.reproduce.analytic.generalized_alpha import GeneralizedAlpha, radius_
 from carom.reproduce.document import Context, Curve, Example, Figure, NotConverged, Row
 from carom.reproduce.memory import trace
 from carom.result.record import Memory
-from carom.run.loop import Plan, advance, begin, drive
+from carom.run.loop import advance, begin, drive
 from carom.run.sinks import Recorder
+from carom.scene.plan import Plan
 from carom.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -162,3 +163,22 @@ def resolved_tree(tree: Scenario) -> Scenario:
     named = [j.name or default_name(i) for i, j in enumerate(tree.joint)]
     joints = [j.model_copy(update={"name": name}) for j, name in zip(tree.joint, named, strict=True)]
     return tree.model_copy(update={"joint": joints})
+
+
+def identify(model: Mapping[str, Any]) -> str:
+    """SHA-256 of everything a state depends on: the arrays and options of the model, threads aside."""
+    digest = hashlib.sha256()
+
+    def feed(name: str, value: Any) -> None:
+        if isinstance(value, Mapping):
+            for key in sorted(value):
+                feed(f"{name}/{key}", value[key])
+        elif isinstance(value, list):  # joints, loads, laws: numbers and texts; functions show their names
+            digest.update(f"{name} {value!r}".encode())
+        elif name != "/options/threads":
+            array = np.asarray(value)
+            digest.update(f"{name} {array.dtype.kind} {array.shape}".encode())
+            digest.update(repr(array.tolist()).encode() if array.dtype.kind in "OU" else array.tobytes())
+
+    feed("", model)
+    return digest.hexdigest()

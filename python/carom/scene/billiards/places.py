@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from carom.errors import CaromError
-from carom.measure.contacts import TOUCHING
 from carom.scene.billiards.data import BAULK, BLACK, D_RADIUS, SNOOKER, Spec
 from carom.scene.billiards.walls import nearest_cushion, outlets
+from carom.scene.packing.neighbours import TOUCHING
 
 if TYPE_CHECKING:
     from carom.scene.billiards.table import Table

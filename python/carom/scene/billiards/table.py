@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from carom.errors import CaromError, did_you_mean
-from carom.measure.events import departures
 from carom.scene.billiards.aim import direction_of_cut, direction_to
 from carom.scene.billiards.arguments import number, place, sphere, vector
 from carom.scene.billiards.data import LAWS, TABLES, Laws, Spec
@@ -237,14 +236,14 @@ class Table:
     def _pocketed(self, result: Result) -> list[Pocketed]:
         time = np.asarray(result.time)
         found = []
-        for event in departures(result):
-            index = result.names.index(event.body)
-            last = int(np.searchsorted(time, event.time, side="left")) - 1
+        for ball, at in result.events.left():
+            index = result.names.index(ball)
+            last = int(np.searchsorted(time, at, side="left")) - 1
             while last > 0 and not result.present[last, index]:
                 last -= 1
-            ahead = event.time - float(time[last])
+            ahead = at - float(time[last])
             x = np.asarray(result.position[last, index]) + ahead * np.asarray(result.velocity[last, index])
-            found.append(Pocketed(event.body, self._where(x), event.time))
+            found.append(Pocketed(ball, self._where(x), at))
         return found
 
     def _where(self, x: Any) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import quoted
-from carom.run.loop import STEP_BYTES, Plan
 from carom.scene.assembly.bodies import F64, Bodies
 from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot
@@ -23,6 +22,7 @@ from carom.scene.checks.moving_walls import advise_walls
 from carom.scene.checks.piles import advise_piles
 from carom.scene.checks.rules import Parts, steps
 from carom.scene.messages import Finding
+from carom.scene.plan import STEP_BYTES, Plan
 from carom.scene.tables.laws import value_at
 from carom.scene.tables.model import World
 from carom.scene.tables.walls import PLANE

@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
+#: Gap over radius up to which bodies touch, unless it was larger while their contact was closed, as piles leave it within
+#: their tolerance. Bodies that overlap touch.
+TOUCHING = 1e-6
+
 _SIDE = 1 << 20  # cells along an axis at most: three of them fit one integer
 _ALL = np.array(
     list(product((-1, 0, 1), repeat=2))

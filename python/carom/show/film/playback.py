@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.export.extxyz import box
 from carom.show.film.look import MOST_PICTURES, Look
+from carom.show.surfaces import box
 
 if TYPE_CHECKING:
     from carom.export.frames import Selection

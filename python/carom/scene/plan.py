@@ -1,0 +1,60 @@
+"""What a run computes and keeps: steps, frames, and the memory that they take."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from carom.errors import CaromError
+
+#: Bytes of results in memory above which a run or a batch is refused rather than left to the system's killer.
+MOST_BYTES = 8 * 1024**3
+#: About the bytes of a row of the table of steps.
+STEP_BYTES = 250
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to compute and keep: steps in all, steps between frames, step size (s), whether contacts are kept."""
+
+    steps: int
+    every: int
+    step: float
+    contacts: bool
+
+    @property
+    def until(self) -> float:
+        """Time at the last step, s."""
+        return self.steps * self.step
+
+    @property
+    def grid_end(self) -> int:
+        """Where the last step is no frame of the grid, it is computed by itself and framed: results then end at `until`."""
+        return self.steps - bool(self.every and self.steps % self.every)
+
+    def frame_bytes(self, bodies: int) -> int:
+        """About the bytes of a frame: states, and about three contacts a body."""
+        return bodies * (104 + (3 * 250 if self.contacts else 0))
+
+    def refuse_to_fill_memory(self, bodies: int) -> None:
+        """Raise where frames and the table of steps are more than memory should hold."""
+        size = self.steps // self.every * self.frame_bytes(bodies) + self.steps * STEP_BYTES
+        if size > MOST_BYTES:
+            raise CaromError(
+                f"a result of about {size / 1024**3:.0f} GiB is not kept in memory (at most {MOST_BYTES >> 30} GiB); write"
+                " it to a directory (out=...), or keep fewer frames (every=...)"
+            )
+
+    @classmethod
+    def of(cls, until: float, step: float, every: int | None, contacts: bool) -> Plan:
+        """The plan for `until` seconds; without `every` about 1000 frames are kept."""
+        steps = max(1, math.ceil(until / step - 1e-9))
+        return cls(steps, every or thinned(steps), step, contacts)
+
+
+def thinned(steps: int, frames: int = 1000) -> int:
+    """Steps between frames for about `frames` of them; if possible a divisor of `steps`, so that the last
+    step is one.
+    """
+    least = max(1, math.ceil(steps / frames))
+    return next((n for n in range(least, 2 * least) if steps % n == 0), least)
