@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 from carom import _core
-from carom.reference import Reference, judge_step
-from carom.reference.conditions import split_impulse
-from carom.reference.contact import Impulse, gap_and_normal
-from carom.reference.joint import JointsAt, rates, read_joints
-from carom.reference.model import Model, State
-from carom.reference.pose import Pose, rotation_increment, rotation_matrices
 from carom.scene.tables.options import MOST_PROBLEMS
 from joint_scenes import drag, held, locked, polynomial, push, rod, spring
+from oracle import Reference, judge_step
+from oracle.conditions import split_impulse
+from oracle.contact import Impulse, gap_and_normal
+from oracle.joint import JointsAt, rates, read_joints
+from oracle.model import Model, State
+from oracle.pose import Pose, rotation_increment, rotation_matrices
 
 LAWS = ("sequence", "sequence", "sequence-paper", "one-shot")
 

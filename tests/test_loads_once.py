@@ -7,7 +7,7 @@ import carom
 import numpy as np
 import pytest
 from carom import _core
-from carom.reference import Reference
+from oracle import Reference
 from oracle_scenes import nullity, random_scene
 
 G = 9.81

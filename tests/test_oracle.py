@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from carom import _core
-from carom.reference import NotConverged, Reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from joint_scenes import held, scene
+from oracle import NotConverged, Reference
 from oracle_scenes import (
     core_state,
     joints_of,

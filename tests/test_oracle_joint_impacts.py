@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.reference import Impulse, Reference, judge_step
-from carom.reference.pose import rotation_increment
 from joint_scenes import AXES, G, constant, drag, held, locked, polynomial, push, rod, scene, spring
+from oracle import Impulse, Reference, judge_step
+from oracle.pose import rotation_increment
 
 R = 0.1
 FLOOR = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))

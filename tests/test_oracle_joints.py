@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.reference import Reference
-from carom.reference.pose import rotation_increment
 from joint_scenes import (
     AXES,
     G,
@@ -20,6 +18,8 @@ from joint_scenes import (
     scene,
     spring,
 )
+from oracle import Reference
+from oracle.pose import rotation_increment
 
 R, L = 0.1, 0.5
 I_SPHERE = 0.4 * R**2

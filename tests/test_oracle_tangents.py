@@ -4,15 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.reference.contact import element
-from carom.reference.joint import JointsAt, read_joints
-from carom.reference.law import PolynomialLaw, TableLaw, extrapolated
-from carom.reference.load import applied_force, read_loads
-from carom.reference.model import Model, State
-from carom.reference.pose import Carried, Pose, rotate, rotation_matrices
-from carom.reference.problem import Layout, PositionProblem, VelocityProblem
-from carom.reference.smooth import SmoothProblem, free_motion
 from joint_scenes import drag, held, locked, polynomial, push, rod, scene, spring
+from oracle.contact import element
+from oracle.joint import JointsAt, read_joints
+from oracle.law import PolynomialLaw, TableLaw, extrapolated
+from oracle.load import applied_force, read_loads
+from oracle.model import Model, State
+from oracle.pose import Carried, Pose, rotate, rotation_matrices
+from oracle.problem import Layout, PositionProblem, VelocityProblem
+from oracle.smooth import SmoothProblem, free_motion
 
 N = 3
 CLOSE = 1e-7
@@ -209,7 +209,7 @@ def test_laws_of_expressions() -> None:
     _core = pytest.importorskip("carom._core")
     if not hasattr(_core, "Expression"):
         pytest.skip("the core is built without expressions")
-    from carom.reference.law import read_law
+    from oracle.law import read_law
 
     law = read_law(("expression", "0.3*sin(40*t) + t^2"))
     assert law.value(0.2) == pytest.approx(0.3 * np.sin(8.0) + 0.04, rel=1e-15)

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.reference import Reference, judge_step
-from carom.reference.conditions import rotation_increment
-from carom.reference.contact import element
-from carom.reference.impact import Island, solve_island
-from carom.reference.model import Model
-from carom.reference.problem import Layout, PositionProblem, VelocityProblem
-from carom.reference.step import smooth
+from oracle import Reference, judge_step
+from oracle.conditions import rotation_increment
+from oracle.contact import element
+from oracle.impact import Island, solve_island
+from oracle.model import Model
+from oracle.problem import Layout, PositionProblem, VelocityProblem
+from oracle.step import smooth
 
 G = 9.8
 FLOOR = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))

@@ -1,7 +1,7 @@
 //! How time passes: the decoupled nonsmooth generalized-alpha scheme for rigid spheres.
 //!
-//! Start at [`step`]: it is the page of the time step. `docs/theory/algorithm.md` states it in formulas; the oracle
-//! `carom.reference` states it in NumPy.
+//! Start at [`step`]: it is the page of the time step. `docs/theory/algorithm.md` states it in formulas; the oracle in
+//! `tests/oracle` states it in NumPy.
 
 mod all_islands;
 pub mod blow_up;
