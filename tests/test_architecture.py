@@ -100,6 +100,7 @@ def sources() -> list[Path]:
     return [
         *sorted((ROOT / "crates").rglob("*.rs")),
         *sorted((ROOT / "python" / "carom").rglob("*.py")),
+        *sorted((ROOT / "tests" / "oracle").rglob("*.py")),
         *sorted((ROOT / "docs").glob("[!_]*/**/*.md")),
     ]
 
