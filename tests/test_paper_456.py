@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from carom import CaromError, Scene
+from carom.measure.events import hits
 from carom.reproduce import study
 from carom.reproduce.analytic.approach import Approach
 from carom.reproduce.analytic.bernoulli import Bernoulli
@@ -234,10 +235,10 @@ def test_a_trace_keeps_states_and_reports() -> None:
     assert whole.time[-1] == pytest.approx(0.34)
     assert chosen.time == pytest.approx([0.0, 0.1, 0.34])
     np.testing.assert_array_equal(chosen.velocity[1:], whole.velocity[[100, 340]])
-    assert len(whole.energy) == 340
+    assert len(whole.energy.total) == 340
     assert whole.unconverged == 0
-    assert whole.hits("ball2", "ball1")["step"].tolist() == [329, 334, 338]
-    [history] = whole.histories(329, "position")
+    assert hits(whole, "ball2", "ball1")["step"].tolist() == [329, 334, 338]
+    [history] = whole.residuals.history(329, "position")
     assert len(history) == 6
     assert history[-1] < 1e-8
     with pytest.raises(CaromError, match=r"no state was kept at t = 0\.2 s"):
@@ -252,7 +253,9 @@ def test_residual_histories_go_on_over_blocks(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("carom.run.loop.BLOCK_STEPS", 7)
     pieces = trace(s54_study.scene("frictional"), until=0.34)
     for step in (1, 284, 329):
-        for a, b in zip(whole.histories(step, "position"), pieces.histories(step, "position"), strict=True):
+        for a, b in zip(
+            whole.residuals.history(step, "position"), pieces.residuals.history(step, "position"), strict=True
+        ):
             np.testing.assert_array_equal(a, b)
 
 

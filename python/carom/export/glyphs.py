@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.export.frames import Block, Selection
+from carom.measure.contacts import along_and_across
 
 #: What `contact_glyphs` gives beside the points, in this order, with units.
 GLYPHS = {
@@ -98,13 +99,13 @@ def _glyphs(
     index = frames[part]
     elapsed = np.where(index > 0, selection.time[index] - selection.time[index - 1], np.inf)
     force = column["impulse"] / elapsed[own][:, None]
-    along = np.sum(force * column["normal"], axis=1)
+    along, across = along_and_across(force, column["normal"])
     found = {
         **column,
         "branch": branch,
         "force": force,
         "normal_force": along,
-        "friction_force": np.linalg.norm(force - along[:, None] * column["normal"], axis=1),
+        "friction_force": across,
         "status": column["status"].astype(np.int64),
         "body_a": a,
         "body_b": b,

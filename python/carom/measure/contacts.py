@@ -38,3 +38,9 @@ def closed(result: Result, body: I64, recorded: F64, place: tuple[F64, F64], tim
         gap[rows] = walls[k - count].gap(place[0][rows], own[rows], time[rows])
     least = np.where(b < count, np.minimum(own, other), own)
     return np.asarray(gap <= np.maximum(recorded, 0.0) + TOUCHING * least)
+
+
+def along_and_across(vector: F64, normal: F64) -> tuple[F64, F64]:
+    """Forces or impulses (C, 3) of contacts: along the normal (C, 3), and the size of the rest, (C,) each."""
+    along = np.sum(vector * normal, axis=1)
+    return along, np.asarray(np.linalg.norm(vector - along[:, np.newaxis] * normal, axis=1))

@@ -10,17 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from carom.errors import CaromError, did_you_mean
 from carom.result.tables import UnknownName
 from carom.scene.packing.neighbours import TOUCHING
 
 if TYPE_CHECKING:
+    from carom.result.kinematics import Frames
     from carom.result.result import Result
+    from carom.result.tables import Impacts
     from carom.run.watch import State
 
 F64 = NDArray[np.float64]
@@ -67,16 +69,49 @@ def first_contact(result: Result, body: str, other: str) -> Event | None:
     return next((event for event in _first(result, pair)), None)
 
 
-def meeting(apart: F64, relative: F64, distance: float, slowing: float = 0.0) -> tuple[float, float]:
-    """Time (s) until two balls touch, and their closing speed (m/s) there, from a state shortly before.
+class Meeting(NamedTuple):
+    """Two balls meet: time (s) and closing speed (m/s) of the contact, and the step that has its impact."""
 
-    `apart` and `relative` (3,) are the place (m) and velocity (m/s) of one less those of the other, `distance` that of the
-    centres at contact, m; `slowing` is the deceleration of the approach, m/s^2.
+    time: float
+    speed: float
+    step: int
+
+
+def hits(run: Frames, a: str, b: str, after: int = 0) -> Impacts:
+    """The impacts of two balls after a step. Problem 0, which has only the loads of a step, is left out."""
+    rows: Impacts = run.impacts.between(a, b)
+    return rows.where((np.asarray(rows["problem"]) > 0) & (np.asarray(rows["step"]) > after))
+
+
+def frame_before(run: Frames, step: int) -> int:
+    """The last frame before the end of a step."""
+    return int(np.searchsorted(np.asarray(run.step), step)) - 1
+
+
+def meeting(run: Frames, a: str, b: str, slowing: float = 0.0, after: int = 0) -> Meeting:
+    """When two balls first meet after a step. They must have met: `hits` has rows.
+
+    The scheme has the impact at the end of a step. The time inside of it follows from gap and closing speed in the frame
+    before, with the deceleration `slowing` of the approach, m/s^2.
     """
+    step = int(hits(run, a, b, after)["step"][0])
+    frame, first, second = frame_before(run, step), run[a], run[b]
+    apart = first.position[frame] - second.position[frame]
     length = float(np.linalg.norm(apart))
-    closing, gap = -float(relative @ apart) / length, length - distance
+    closing = -float((first.velocity[frame] - second.velocity[frame]) @ apart) / length
+    gap = length - (first.radius + second.radius)
     speed = math.sqrt(closing**2 - 2 * slowing * gap)
-    return 2 * gap / (closing + speed), speed
+    return Meeting(float(run.time[frame]) + 2 * gap / (closing + speed), speed, step)
+
+
+def slip(velocity: F64, spin: F64, radius: ArrayLike, normal: ArrayLike) -> F64:
+    """Velocity along a surface of the point where a ball touches it, (..., 3), m/s.
+
+    `velocity` (..., 3) of the centre, m/s; `spin` (..., 3), rad/s; `radius` (...), m; `normal` (3,) from the surface.
+    """
+    arm, normal = np.asarray(radius)[..., np.newaxis], np.asarray(normal)
+    point = velocity - arm * np.cross(spin, normal)
+    return np.asarray(point - (point @ normal)[..., np.newaxis] * normal)
 
 
 def first_contacts(result: Result) -> list[Event]:
@@ -119,18 +154,18 @@ def slip_to_roll(
         before = max(0, low - 2)  # the slope of slip is that of the two frames before
         motion, time = _motion(result, bodies, rows=slice(before, high)), times[before:high]
         for name, plane in zip(surfaces, planes, strict=True):
-            state, slip, fast = _phases(result, motion, bodies, plane, speed)
+            state, slides, fast = _phases(result, motion, bodies, plane, speed)
             ends = (state[:-1] == SLIDING) & (state[1:] >= ROLLING)
             ends[: max(0, low - before - 1)] = False  # those of the window before
             for k, place in np.argwhere(ends).tolist():
-                at = _end_of_slip(time, slip[:, place], state[:, place], k, speed)
+                at = _end_of_slip(time, slides[:, place], state[:, place], k, speed)
                 within = float(time[k + 1] - time[k])
                 found.append(Event("roll", at, within, names[bodies[place]], name, float(fast[k + 1, place])))
     return _sorted(found)
 
 
 def rest(
-    result: Result, body: str | None = None, *, speed: float = SPEED, ignore_spin: bool = False
+    result: Frames, body: str | None = None, *, speed: float = SPEED, ignore_spin: bool = False
 ) -> list[Event]:
     """From when on balls lay still to the end: |v| and r |w| below `speed`, m/s, in all frames from there.
 
@@ -147,9 +182,8 @@ def rest(
     after = np.zeros(len(bodies))
     for low, high in reversed(list(_windows(frames, len(names)))):
         velocity, spin, there = _motion(result, bodies, MOTION[1:], slice(low, high))
-        spin = spin[..., : 2 if ignore_spin else 3]
-        v, w = np.linalg.norm(velocity, axis=2), radius * np.linalg.norm(spin, axis=2)
-        loud = ~((v <= speed) & (w <= speed) & there)
+        loud = ~(_still(velocity, spin, radius, speed, ignore_spin) & there)
+        v = np.linalg.norm(velocity, axis=2)
         last = len(loud) - 1 - loud[::-1].argmax(axis=0)
         ended = np.flatnonzero((first < 0) & loud.any(axis=0))
         first[ended] = low + last[ended] + 1
@@ -192,22 +226,26 @@ class AtRest:
         if not speed > 0 or not hold >= 0:
             raise CaromError(f"AtRest: speed must be above 0 and hold not below, found {speed:g}, {hold:g}")
         self.bodies = [bodies] if isinstance(bodies, str) else bodies
-        self.speed, self.hold, self.axes = speed, hold, 2 if ignore_spin else 3
+        self.speed, self.hold, self.ignore_spin = speed, hold, ignore_spin
         self._since: float | None = None
         self.__name__ = "AtRest"
 
     def __call__(self, view: State) -> bool:
         """Whether all are still, and were for long enough."""
         chosen = slice(None) if self.bodies is None else [_index(n, view.names) for n in self.bodies]
-        v = np.linalg.norm(view.velocity[chosen], axis=1)
-        w = view.radius[chosen] * np.linalg.norm(view.angular_velocity[chosen, : self.axes], axis=1)
-        quiet = (v <= self.speed) & (w <= self.speed) | ~view.present[chosen]
-        if not quiet.all():
+        motion = view.velocity[chosen], view.angular_velocity[chosen], view.radius[chosen]
+        if not (_still(*motion, self.speed, self.ignore_spin) | ~view.present[chosen]).all():
             self._since = None
             return False
         if self._since is None or self._since > view.time:  # later than now: of another run
             self._since = view.time
         return view.time - self._since >= self.hold * (1 - 1e-9)
+
+
+def _still(velocity: F64, spin: F64, radius: F64, speed: float, ignore_spin: bool) -> NDArray[np.bool_]:
+    """Whether |v| and r |w| are `speed`, m/s, at most, (...), of balls with velocities (..., 3)."""
+    turning = radius * np.linalg.norm(spin[..., : 2 if ignore_spin else 3], axis=-1)
+    return np.asarray((np.linalg.norm(velocity, axis=-1) <= speed) & (turning <= speed))
 
 
 def _bound(speed: float) -> None:
@@ -258,7 +296,7 @@ def _windows(frames: int, bodies: int) -> Iterator[tuple[int, int]]:
 
 
 def _motion(
-    result: Result, bodies: list[int], columns: Sequence[str] = MOTION, rows: slice = slice(None)
+    result: Frames, bodies: list[int], columns: Sequence[str] = MOTION, rows: slice = slice(None)
 ) -> tuple[NDArray[Any], ...]:
     """Columns of some frames, (T, n, ...), of some balls."""
     if len(bodies) == 1:
@@ -278,11 +316,9 @@ def _phases(
     with np.errstate(invalid="ignore"):  # absent balls are nowhere
         touches = (x - point) @ normal - radius <= TOUCHING * radius
     touches &= there
-    at_contact = v - radius[:, np.newaxis] * np.cross(w, normal)
-    slip = np.linalg.norm(at_contact - (at_contact @ normal)[:, :, np.newaxis] * normal, axis=2)
-    fast = np.linalg.norm(v, axis=2)
-    state = np.where(slip > speed, SLIDING, np.where(fast > speed, ROLLING, RESTING))
-    return np.where(touches, state, AWAY).astype(np.int8), slip, fast
+    slides, fast = np.linalg.norm(slip(v, w, radius, normal), axis=2), np.linalg.norm(v, axis=2)
+    state = np.where(slides > speed, SLIDING, np.where(fast > speed, ROLLING, RESTING))
+    return np.where(touches, state, AWAY).astype(np.int8), slides, fast
 
 
 def _end_of_slip(time: F64, slip: F64, state: NDArray[np.int8], k: int, speed: float) -> float:

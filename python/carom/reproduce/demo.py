@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.measure.events import meeting, rest
+from carom.measure import events
+from carom.reproduce.analytic.approach import Approach
 from carom.text import WIDTH, table
 
 if TYPE_CHECKING:
@@ -88,33 +89,25 @@ def simulate(case: str, out: Path, *, progress: Callable[..., None] | None = Non
 def compare(result: Result) -> list[Row]:
     """The lines of the comparison for either case."""
     rows = [*_contact(result), *_after(result), _mirror(result)]
-    rows += _rest(result) if _has_rolling_resistance(result) else [_rolling(result)]
+    rows += _rest(result) if _way(result).rho > 0 else [_rolling(result)]
     return [*rows, *_solver(result), _penetration(result), _energy(result), _computing_time(result)]
 
 
-def first_contact(result: Result, a: str, b: str) -> tuple[float, float, int]:
-    """When two balls first meet: time (s) and closing speed (m/s) at the contact, and the first step that has it.
-
-    The scheme finds the contact at the end of a step; the time inside the step follows from gap and speed before it.
-    """
-    hits = result.impacts.between(a, b)
+def first_contact(result: Result, a: str, b: str) -> events.Meeting:
+    """When two balls first meet."""
+    hits = events.hits(result, a, b)
     if not len(hits):
         raise CaromError(f"{a} and {b} never met in {result.origin}")
-    step = int(hits["step"][0])
-    frame = int(np.searchsorted(np.asarray(result.step), step)) - 1  # the last one before the hit
-    apart = result[a].position[frame] - result[b].position[frame]
-    relative = result[a].velocity[frame] - result[b].velocity[frame]
     # The cue ball slides and loses speed on the way: its own deceleration makes the time exact to rounding.
-    slowing = _deceleration(result, a, frame)
-    time, speed = meeting(apart, relative, result[a].radius + result[b].radius, slowing)
-    return float(result.time[frame]) + time, speed, step
+    slides = slip(result, a)[events.frame_before(result, int(hits["step"][0]))] > REST_SPEED
+    return events.meeting(result, a, b, _way(result).slowing if slides else 0.0)
 
 
 def slip(result: Result, name: str) -> F64:
     """Speed of the lowest point of a ball relative to the bed, (T,), m/s; NaN while the ball is in the air."""
     body = result[name]
-    up = _up(result)
-    speed = np.linalg.norm(body.velocity + np.cross(body.angular_velocity, -body.radius * up), axis=1)
+    along = events.slip(body.velocity, body.angular_velocity, body.radius, _up(result))
+    speed = np.linalg.norm(along, axis=1)
     return np.where(height(result, name) < TOUCHING * body.radius, speed, np.nan)
 
 
@@ -132,43 +125,25 @@ def _up(result: Result) -> F64:
 
 def _contact(result: Result) -> list[Row]:
     time, speed, _ = first_contact(result, CUE, APEX)
-    exact_time, exact_speed = exact_contact(result)
+    way = _way(result)
     return [
         _number(
-            "contact of balls 2 and 3 (s)", f"{PAPER_CONTACT_TIME:g}", time, exact_time, "exact {:.5f}", ".5f"
+            "contact of balls 2 and 3 (s)",
+            f"{PAPER_CONTACT_TIME:g}",
+            time,
+            way.contact_time,
+            "exact {:.5f}",
+            ".5f",
         ),
-        _number("speed of ball 2 there (m/s)", "below 10.729", speed, exact_speed, "exact {:.4f}", ".4f"),
+        _number(
+            "speed of ball 2 there (m/s)", "below 10.729", speed, way.contact_speed, "exact {:.4f}", ".4f"
+        ),
     ]
 
 
-def exact_contact(result: Result) -> tuple[float, float]:
-    """Time (s) and speed (m/s) at which a ball that slides with constant deceleration reaches the next: exact."""
-    cue, apex = result[CUE], result[APEX]
-    way = float(np.linalg.norm(apex.position[0] - cue.position[0])) - cue.radius - apex.radius
-    start = float(cue.speed[0])
-    slowing = _deceleration(result, CUE, 0)
-    speed = math.sqrt(start**2 - 2 * slowing * way)
-    return 2 * way / (start + speed), speed
-
-
-def _deceleration(result: Result, name: str, frame: int) -> float:
-    """Deceleration of a ball that slides on the bed, m/s^2: friction times gravity, from the scenario."""
-    if not slip(result, name)[frame] > REST_SPEED:
-        return 0.0
-    return _law(result, "friction") * float(np.linalg.norm(result.gravity))
-
-
-def _law(result: Result, key: str) -> float:
-    """A constant of the contact between balls and bed."""
-    scene = result.scene
-    bed = next(p for p in scene.planes if p.name == "bed").material
-    ball = next(s for s in scene.spheres if s.name == CUE).material
-    law = next(c for c in scene.contacts if set(c.between) == {bed, ball})
-    return float(getattr(law, key))
-
-
-def _has_rolling_resistance(result: Result) -> bool:
-    return _law(result, "rolling_radius") > 0
+def _way(result: Result) -> Approach:
+    """How the cue ball comes to the apex ball, in closed form."""
+    return Approach.of(result.scene.to_model())
 
 
 def _after(result: Result) -> list[Row]:
@@ -190,7 +165,7 @@ def _after(result: Result) -> list[Row]:
         start, end = float(result.time[air[0]]), _landing(np.asarray(result.time), air)
         told = f"{1e3 * float(jump.max()):.2g} mm high, t = {start:.3f} to {end:.3f} s"
     # The paper shows the jump of the case without rolling resistance only (fig. 25).
-    if _has_rolling_resistance(result):
+    if _way(result).rho > 0:
         return [*rows, _words("ball 2 jumps", "-", told, None)]
     return [*rows, _words("ball 2 jumps", "yes", told, len(air) > 0)]
 
@@ -228,7 +203,7 @@ def _rolling(result: Result) -> Row:
 
 def _rested(result: Result) -> dict[str, float]:
     """Since when the balls that came to rest lie still, s."""
-    return {event.body: event.time for event in rest(result, speed=REST_SPEED, ignore_spin=True)}
+    return {event.body: event.time for event in events.rest(result, speed=REST_SPEED, ignore_spin=True)}
 
 
 def _rest(result: Result) -> list[Row]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,7 +15,9 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError
 from carom.reproduce.document import NotConverged
+from carom.result.kinematics import Frames
 from carom.result.record import Memory
+from carom.result.tables import Energy, Impacts, Residuals, Static, Steps
 from carom.run.loop import advance, begin, drive
 from carom.run.sinks import Instants, Recorder
 from carom.scene.plan import Plan
@@ -26,30 +27,29 @@ if TYPE_CHECKING:
     from carom.scene.scene import Scene
 
 F64 = NDArray[np.float64]
-Table = dict[str, NDArray[Any]]
-LEVELS = {"position": 1, "velocity": 2}
 
 
 @dataclass(frozen=True)
-class Trace:
-    """A run: states at T instants of N spheres, the first at t = 0, and what the core reports.
+class Trace(Frames):
+    """A run: states at T instants of N spheres, the first at t = 0, and what the core reports, as of a `carom.Result`.
 
-    `time` (T,) s; `position` (T, N, 3) m; `orientation` (T, N, 4), w first; `velocity` (T, N, 3) m/s;
-    `angular_velocity` (T, N, 3) rad/s, fixed axes. `steps` and `residuals` are the core's tables, empty where only chosen
-    instants were kept; `impacts` is there always. `core_s` is the time in the core, s.
+    `steps` and `residuals` are empty where only chosen instants were kept; `impacts` are there always. `core_s` is the time
+    in the core, s.
     """
 
     h: float
     time: F64
+    step: NDArray[np.int64]
     position: F64
     orientation: F64
     velocity: F64
     angular_velocity: F64
-    steps: Table
-    impacts: Table
-    residuals: Table
+    present: NDArray[np.bool_]
+    bodies: Static
+    steps: Steps
+    impacts: Impacts
+    residuals: Residuals
     monitors: dict[str, Any]
-    names: tuple[str, ...]
     core_s: float
 
     def index(self, t: float) -> int:
@@ -59,27 +59,10 @@ class Trace:
             raise CaromError(f"no state was kept at t = {t:g} s; the nearest is at {self.time[n]:g} s")
         return n
 
-    def body(self, name: str) -> int:
-        """Index of a sphere."""
-        return self.names.index(name)
-
-    def hits(self, a: str, b: str) -> Table:
-        """Rows of `impacts` between two spheres, one per impact problem; problem 0 only offsets loads and is left out."""
-        pair = sorted((self.body(a), self.body(b)))
-        rows = (np.asarray(self.impacts["body"]) == pair).all(axis=1) & (self.impacts["problem"] > 0)
-        return {key: column[rows] for key, column in self.impacts.items()}
-
-    def histories(self, step: int, level: Literal["position", "velocity"]) -> list[F64]:
-        """Relative residuals (eq. 44) of Newton's iterations, one array for each contact problem of a step and level."""
-        table = self.residuals
-        ends = np.concatenate([[0], table["end"]]).astype(np.int64)
-        rows = np.flatnonzero((table["step"] == step) & (table["level"] == LEVELS[level]))
-        return [np.asarray(table["value"][ends[r] : ends[r + 1]]) for r in rows]
-
-    @cached_property
-    def energy(self) -> F64:
-        """Kinetic and potential energy after every step, (S,), J."""
-        return np.asarray(self.steps["energy_kinetic"] + self.steps["energy_potential"])
+    @property
+    def energy(self) -> Energy:
+        """Energies after every step, (S,), J."""
+        return Energy(self.steps)
 
     @property
     def unconverged(self) -> int:
@@ -105,21 +88,24 @@ def trace(
     end = max(at) if at else (until if until is not None else scene.run.until)
     if end is None:
         raise CaromError("how long to run? give until, or let the scenario say it")
-    simulation, steps = begin(scene.to_model()), _step(end, h)
+    model, steps = scene.to_model(), _step(end, h)
+    simulation, names = begin(model), list(scene.names)
     chosen = Instants(range(steps + 1) if at is None else [0, *(_step(t, h) for t in at)])
     memory = Memory(keep=("steps", "impacts", "residuals") if at is None else ("impacts",))
     plan = Plan(steps, chosen.every, h, False)
-    ending = drive(simulation, plan, [chosen, Recorder(memory, plan, len(scene.names))])
+    ending = drive(simulation, plan, [chosen, Recorder(memory, plan, len(names))])
     if ending.kind != "done":
         raise NotConverged(f"{scene.title}, h = {h:g} s: the run stopped, {ending.outcome}")
     return Trace(
         h=h,
         **chosen.frames,
-        steps=memory.table("steps"),
-        impacts=memory.table("impacts"),
-        residuals=memory.table("residuals"),
+        step=chosen.steps,
+        present=np.ones((len(chosen.steps), len(names)), dtype=bool),
+        bodies=Static({"name": np.array(names), **{k: model[k] for k in ("radius", "mass", "inertia")}}),
+        steps=Steps(memory),
+        impacts=Impacts(memory, names),
+        residuals=Residuals(memory),
         monitors=simulation.monitors(),
-        names=tuple(scene.names),
         core_s=ending.core_s,
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from string import Template
 from typing import Any, Literal
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 
 from carom import _core
 from carom.many.order import Order
-from carom.measure.events import meeting
 from carom.reproduce.document import Context, Counts, Row
 from carom.reproduce.memory import Trace, trace
 from carom.scene.scene import Scene
@@ -142,29 +140,6 @@ def first_order(example: str, quantity: str, order: Order, within: float = 0.05)
     name, why = f"order of convergence, {quantity}", "slope of a fit to a first-order error"
     note = f"between neighbouring steps {', '.join(f'{pair:.2f}' for pair in order.pairwise)}"
     return row(example, name, "1", order.value, within, why, exact=1.0, paper="linear", note=note)
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Where two balls first meet: the time (s) and closing speed (m/s) there, and the step whose end has the impact."""
-
-    time: float
-    speed: float
-    step: int
-
-
-def first_contact(run: Trace, a: str, b: str, distance: float, slowing: float = 0.0) -> Contact:
-    """The first hit of `a` on `b` in a run with every state; `distance` of the centres at contact, m.
-
-    The scheme has the impact at the end of a step. The time inside it follows from gap and closing speed before it,
-    with the deceleration `slowing` (m/s^2) of `a`.
-    """
-    step = int(run.hits(a, b)["step"][0])
-    before = step - 1
-    apart = run.position[before, run.body(a)] - run.position[before, run.body(b)]
-    relative = run.velocity[before, run.body(a)] - run.velocity[before, run.body(b)]
-    time, speed = meeting(apart, relative, distance, slowing)
-    return Contact(float(run.time[before]) + time, speed, step)
 
 
 def limit(steps: Sequence[float], values: Sequence[float]) -> float:

@@ -92,7 +92,7 @@ def _hit_rows(hit: Hit, pair: Sequence[Trace]) -> list[Row]:
 def _cloth_rows(path: runs.Path) -> list[Row]:
     """Eqs. 64 to 67: slip on the cloth, its end, velocity and place then."""
     roll = path.printed
-    slips = [runs.slip_of(run, path.hit.radius)[path.start(run)] for run in (path.run, path.fine)]
+    slips = [runs.slip_of(run)[path.start(run)] for run in (path.run, path.fine)]
     rows = [
         two_balls.extrapolated(
             ID, f"eq. 64, v_c{letter} after the hit", "m/s", float(roll.printed_slip[axis]), float(roll.slip[axis]),

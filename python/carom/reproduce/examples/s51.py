@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.many.order import error_of, order_of
+from carom.measure.contacts import along_and_across
 from carom.reproduce import study
 from carom.reproduce.analytic.sphere_pair import SpherePair
 from carom.reproduce.document import Context, Curve, Example, Figure, Row
@@ -94,7 +95,7 @@ def scene() -> Scene:
 
 def angle(run: Trace, body: str) -> F64:
     """Angle by which a sphere has turned about y, (T,), rad, whole turns counted."""
-    turn = run.orientation[:, run.body(body)]
+    turn = run[body].orientation
     return np.unwrap(2 * np.arctan2(turn[:, 2], turn[:, 0]))
 
 
@@ -102,9 +103,7 @@ def contact_forces(tolerance: float) -> F64:
     """Middle of every step (s), normal and friction force in it (N), (steps, 3): impulses over h, at the paper's h."""
     run = simulate(scene(), tolerance=tolerance, step=H, until=UNTIL, every=1, contacts=True)
     contacts = run.contacts
-    impulse, normal = contacts["impulse"], contacts["normal"]
-    along = np.einsum("ci,ci->c", impulse, normal)
-    across = np.linalg.norm(impulse - along[:, np.newaxis] * normal, axis=1)
+    along, across = along_and_across(contacts["impulse"], contacts["normal"])
     return np.column_stack([contacts["time"] - H / 2, along / H, across / H])
 
 
@@ -112,7 +111,7 @@ def _point(h: float, tolerance: float) -> Point:
     spheres = scene()
     pair = SpherePair.of(spheres.to_model())
     run = trace(spheres, step=h, tolerance=tolerance)
-    found_w, found = run.angular_velocity[:, run.body("A"), 1], angle(run, "A")
+    found_w, found = run["A"].angular_velocity[:, 1], angle(run, "A")
     exact_w, exact = pair.angular_velocity_a(run.time), pair.angle_a(run.time)
     sticks = run.time < pair.t_lim - h
 
@@ -183,7 +182,7 @@ def _angle_rows(pair: SpherePair, run: Trace) -> list[Row]:
     )
     for quantity, unit, printed, exact, note in table:
         body = quantity.split()[-4]
-        found = run.angular_velocity[-1, run.body(body), 1] if unit == "rad/s" else angle(run, body)[-1]
+        found = run[body].angular_velocity[-1, 1] if unit == "rad/s" else angle(run, body)[-1]
         rows.append(
             Row(
                 ID, quantity, unit, float(printed(end)), float(exact(end)), float(found), tolerance, origin,
@@ -196,8 +195,8 @@ def _angle_rows(pair: SpherePair, run: Trace) -> list[Row]:
 def _place_rows(run: Trace) -> list[Row]:
     """The joints hold, and the contact neither opens nor overlaps."""
     radius = 1e-10
-    moved = float(np.abs(run.position[:, run.body("B")] - run.position[0, run.body("B")]).max())
-    sideways = float(np.abs(run.position[:, run.body("A"), :2]).max())
+    moved = float(np.abs(run["B"].position - run["B"].position[0]).max())
+    sideways = float(np.abs(run["A"].position[:, :2]).max())
     return [
         Row(
             ID, "greatest displacement of the centre of B", "m", None, 0.0, moved, radius, "gap tolerance, 1e-10 r",
@@ -277,7 +276,7 @@ def _figure_3b(pair: SpherePair, run: Trace) -> Figure:
     time = run.time[::5]
     curves = []
     for n, (body, exact) in enumerate((("A", pair.angular_velocity_a), ("B", pair.angular_velocity_b))):
-        found = run.angular_velocity[::40, run.body(body), 1]
+        found = run[body].angular_velocity[::40, 1]
         curves += [
             Curve(f"sphere {body}, exact", time, exact(time), "line", n),
             Curve(f"sphere {body}, Carom", run.time[::40], found, "points", n),

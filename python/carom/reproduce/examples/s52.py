@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from carom.many.order import order_of
+from carom.measure.events import hits
 from carom.reproduce import study
 from carom.reproduce.analytic import single_collision as exact
 from carom.reproduce.document import Context, Example, Row
@@ -114,7 +115,7 @@ def _deflection_row(fraction: float, run: Trace) -> Row:
 
 def _cut_row(fraction: float, run: Trace, printed: float) -> Row:
     """The cut angle that the paper names beside a hit fraction: between the line of centres and the shot, along +y."""
-    normal = -run.hits("cue", "object")["normal"][0]
+    normal = -hits(run, "cue", "object")["normal"][0]
     return Row(
         ID, f"cut angle, f = {fraction:g}", "deg", printed, math.degrees(float(exact.cut_angle(fraction))),
         math.degrees(math.atan2(math.hypot(normal[0], normal[2]), normal[1])), 0.5 + DEFLECTION,
@@ -179,7 +180,7 @@ def _energy_rows(path: runs.Path) -> list[Row]:
 
     def lost(run: Trace) -> float:
         n = path.start(run)
-        return float(run.energy[n - 2] - run.energy[n - 1])
+        return float(run.energy.total[n - 2] - run.energy.total[n - 1])
 
     def jump(run: Trace) -> float:
         return float(run.position[path.start(run) :, 0, 2].max()) - hit.radius

@@ -94,7 +94,7 @@ def _energies(run: Trace, number: str, title: str, start: float, end: float, eve
     curves = [
         Curve(name, time[kept], values[kept], "line", n) for n, (name, values) in enumerate(names.items())
     ]
-    curves.append(Curve("total, above rest", time[kept], run.energy[kept] - rest, "dashed", 2))
+    curves.append(Curve("total, above rest", time[kept], run.energy.total[kept] - rest, "dashed", 2))
     if number == "7b":
         curves = [curves[1]]
     return Figure(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.many.order import error_of
+from carom.measure.events import slip
 from carom.reproduce import study
 from carom.reproduce.analytic.impact import Outcome
 from carom.reproduce.analytic.single_collision import Hit, Roll, after_impact, eq_63
@@ -74,7 +75,7 @@ class Path:
 
     def sliding_time(self, run: Trace) -> float:
         """Time from the hit to rolling, s, of a cue ball that stays on the cloth."""
-        slip = np.linalg.norm(slip_of(run, self.hit.radius), axis=1)
+        slip = np.linalg.norm(slip_of(run), axis=1)
         last = int(np.flatnonzero(slip > SLIDING)[-1])
         rest = float(slip[last]) / (3.5 * self.cloth.friction * self.cloth.gravity)
         return float(run.time[last]) + rest - self.after(run)
@@ -119,15 +120,15 @@ def event_of(model: dict[str, Any], cloth: Cloth) -> float:
     return sliding + (way - speed * sliding + slowing * sliding / 2) / (speed - slowing)
 
 
-def slip_of(run: Trace, radius: float) -> F64:
+def slip_of(run: Trace) -> F64:
     """Velocity of the lowest point of the cue ball, (T, 2), m/s (eq. 64 with its sign corrected)."""
-    v, w = run.velocity[:, 0], run.angular_velocity[:, 0]
-    return np.column_stack([v[:, 0] - radius * w[:, 1], v[:, 1] + radius * w[:, 0]])
+    cue = run["cue"]
+    return slip(cue.velocity, cue.angular_velocity, cue.radius, [0.0, 0.0, 1.0])[:, :2]
 
 
 def deflection_of(run: Trace) -> float:
     """Angle from +y to the velocity of the cue ball at the end, towards +x, deg."""
-    vx, vy, _ = run.velocity[-1, run.body("cue")]
+    vx, vy, _ = run["cue"].velocity[-1]
     return math.degrees(math.atan2(vx, vy))
 
 

@@ -116,7 +116,7 @@ def _throw_row(shot: runs.Throw) -> Row:
 def _spin_rows(run: Trace) -> list[Row]:
     """The spins that section 5.3 prints, by the state of the run of figure 12 just before the hit."""
     shot = exact.Shot.of(Scene.from_toml(Context.scenario(ENERGY)).to_model())
-    spin = float(run.angular_velocity[two_balls.hit_step(run) - 1, run.body("cue"), 1])
+    spin = float(run["cue"].angular_velocity[two_balls.hit_step(run) - 1, 1])
     roll = shot.speed / shot.radius
     return [
         study.row(ID, name, "rad/s", carom, last, why, exact=closed, paper=printed, against="paper")
@@ -158,7 +158,7 @@ def _loss_row(run: Trace) -> Row:
         "J",
         None,
         before - left,
-        float(run.energy[hit - 2] - run.energy[hit - 1]),
+        float(run.energy.total[hit - 2] - run.energy.total[hit - 1]),
         (before - left) * shot.speed * runs.H / (2 * shot.radius),
         "first order: turn of the line of centres within a step",
         "analytic",
@@ -210,13 +210,13 @@ def _figure_11(shots: list[runs.Throw], phi: int, number: str) -> Figure:
 
 def _figure_12(run: Trace) -> list[Figure]:
     hit = two_balls.hit_step(run)
-    kept = np.unique([*range(0, len(run.energy), 20), *range(hit - 3, hit + 4)])
+    kept = np.unique([*range(0, len(run.steps), 20), *range(hit - 3, hit + 4)])
     time = run.steps["time"][kept]
     rest = float(run.steps["energy_potential"][0])
     curves = [
         Curve("kinetic", time, run.steps["energy_kinetic"][kept], "line", 0),
         Curve("potential, above rest", time, run.steps["energy_potential"][kept] - rest, "line", 1),
-        Curve("total, above rest", time, run.energy[kept] - rest, "dashed", 2),
+        Curve("total, above rest", time, run.energy.total[kept] - rest, "dashed", 2),
     ]
     window = slice(hit - 20, hit + HEIGHT_STEPS)
     lifted = 1e3 * (run.steps["energy_potential"][window] - rest)

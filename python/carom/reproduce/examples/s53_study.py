@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.many.order import error_of
+from carom.measure.events import hits
 from carom.reproduce import study
 from carom.reproduce.analytic.throw import Shot, angle_of, impact, on_table
 from carom.reproduce.document import Context
@@ -110,7 +111,7 @@ def points(context: Context) -> list[Point]:
 
 def throw_of(run: Trace) -> float:
     """Angle from the line of centres at the hit to the velocity of the object ball at the end, rad."""
-    return angle_of(run.velocity[-1, run.body("object")], -run.hits("cue", "object")["normal"][0])
+    return angle_of(run["object"].velocity[-1], -hits(run, "cue", "object")["normal"][0])
 
 
 def _shot(phi: int, roll: float, ratio: float, tolerance: float, until: float) -> Throw:
@@ -118,7 +119,7 @@ def _shot(phi: int, roll: float, ratio: float, tolerance: float, until: float) -
     run = trace(balls, at=[until], solver="newton", tolerance=tolerance)
     middle = scene(name_of(phi, roll, ratio), t_hit=0.05 + H / 4)  # the hit in the middle of a step of h/2
     fine = trace(middle, at=[SOON], solver="newton", tolerance=tolerance, step=H / 2)
-    hit = run.hits("cue", "object")
+    hit = hits(run, "cue", "object")
     impulse, normal = hit["impulse"][0], hit["normal"][0]
     along = float(impulse @ normal)
     return Throw(

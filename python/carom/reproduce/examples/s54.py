@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from carom.many.order import Order
+from carom.measure.events import hits, meeting
 from carom.reproduce import study
 from carom.reproduce.document import Context, Counts, Example, Row
 from carom.reproduce.examples import s54_impact
@@ -75,7 +76,7 @@ def reproduce(context: Context) -> Example:
 
 def _frictionless(run: Trace) -> list[Row]:
     way = hit_of(scene("frictionless").to_model())[0]
-    contact = study.first_contact(run, *BALLS[:2], 2 * way.radius)
+    contact = meeting(run, *BALLS[:2])
     after = run.velocity[contact.step, :, 0]
     why = "rounding: the balls meet centrally, at any h"
     name = "frictionless: balls 1 and 2 meet"
@@ -101,7 +102,7 @@ def _frictional(run: Trace) -> list[Row]:
     way, hit = hit_of(scene("frictional").to_model())
     slip = np.abs(run.velocity[:, 0, 0] - way.radius * run.angular_velocity[:, 0, 1])
     rolls = int(np.flatnonzero(slip < ROLLING)[0])
-    contact = study.first_contact(run, *BALLS[:2], 2 * way.radius)
+    contact = meeting(run, *BALLS[:2])
     return [
         _event("ball 1 begins to roll", PAPER_ROLLS, way.rolling_time, float(run.time[rolls])),
         row(
@@ -216,6 +217,6 @@ the step before. `auto` solves a contact that is alone in closed form and counts
 
 
 def _texts(run: Trace) -> tuple[str, ...]:
-    times = ", ".join(f"{float(n) * run.h:.3f}" for n in run.hits(*BALLS[:2])["step"])
+    times = ", ".join(f"{float(n) * run.h:.3f}" for n in hits(run, *BALLS[:2])["step"])
     v1, v2 = trace(scene("frictional"), impact="sequence-paper").velocity[-1, :2, 0]
     return study.paragraphs(TEXT, times=times, v1=f"{v1:.5f}", v2=f"{v2:.5f}")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.measure.events import meeting
 from carom.reproduce import first_order
 from carom.reproduce.analytic.approach import Approach
 from carom.reproduce.analytic.impact import Ball, Touch
@@ -144,7 +145,7 @@ def _measured(h: float, way: Approach) -> list[float]:
         for x in (
             *(v[0, 0], v[0, 2], v[1, 0], v[2, 0], v[2, 2]),
             *(_rise(run, ball, way) for ball in (0, 2)),
-            _meeting(run, impact, way),
+            meeting(run, "ball1", "ball2", after=impact).time,
         )
     ]
 
@@ -154,16 +155,6 @@ def _rise(run: Trace, ball: int, way: Approach) -> float:
     top = int(np.argmax(run.position[:, ball, 2]))
     height, up = run.position[top, ball, 2] - way.radius, run.velocity[top, ball, 2]
     return float(height + up * up / (2 * way.gravity))
-
-
-def _meeting(run: Trace, impact: int, way: Approach) -> float:
-    """When balls 1 and 2 meet after the impact, s: the end of the step holds the hit, the state before it tells the time."""
-    steps = run.hits("ball1", "ball2")["step"]
-    before = int(steps[steps > impact][0]) - 1
-    apart = run.position[before, 1] - run.position[before, 0]
-    length = float(np.linalg.norm(apart))
-    closing = -float((run.velocity[before, 1] - run.velocity[before, 0]) @ apart) / length
-    return float(run.time[before]) + (length - 2 * way.radius) / closing
 
 
 def _speed_of_3(h: float) -> float:

@@ -161,7 +161,7 @@ def _wide(tolerance: float) -> list[Row]:
 
 def _gain(run: Trace) -> float:
     """Relative gain of energy over a run; all of it is kinetic."""
-    return float(run.energy[-1]) / (0.5 * float(np.sum(run.velocity[0] ** 2))) - 1
+    return float(run.energy.total[-1]) / (0.5 * float(np.sum(run.velocity[0] ** 2))) - 1
 
 
 def _printed_law(runs: list[Trace]) -> list[Row]:

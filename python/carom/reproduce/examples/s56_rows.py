@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.measure import events
 from carom.reproduce import demo, first_order, study
 from carom.reproduce.analytic.approach import Approach
 from carom.reproduce.analytic.break_shot import impact_of
@@ -29,17 +30,15 @@ ROLLING = 1e-9  # m/s: a ball with less slip rolls
 AIR = 1e-9  # m: a ball with a wider gap to the bed flies
 
 
-def contact_of(run: Trace, case: str) -> study.Contact:
-    way = Approach.of(scene(case).to_model())
-    return study.first_contact(run, *BALLS[:2], 2 * way.radius, way.slowing)
+def contact_of(run: Trace, case: str) -> events.Meeting:
+    return events.meeting(run, *BALLS[:2], Approach.of(scene(case).to_model()).slowing)
 
 
 def slip_of(run: Trace) -> F64:
     """Speed of the lowest point of each ball along the bed, (T, 4), m/s; 0 in the air."""
-    radius = Approach.of(scene(FREE).to_model()).radius
-    lowest = run.velocity + np.cross(run.angular_velocity, [0.0, 0.0, -radius])
-    on_bed = run.position[:, :, 2] - radius < AIR
-    return np.asarray(np.linalg.norm(lowest[:, :, :2], axis=2) * on_bed)
+    radius = run.bodies["radius"]
+    slip = events.slip(run.velocity, run.angular_velocity, radius, [0.0, 0.0, 1.0])
+    return np.asarray(np.linalg.norm(slip, axis=2) * (run.position[:, :, 2] - radius < AIR))
 
 
 def until_contact(run: Trace, case: str) -> list[Row]:
@@ -151,9 +150,8 @@ def cue_ball(run: Trace, step: int) -> list[Row]:
 
 def rest_times(run: Trace) -> list[float]:
     """When each ball has come to rest for good, s."""
-    speed = np.linalg.norm(run.velocity, axis=2)
-    moving = (np.flatnonzero(speed[:, ball] > demo.REST_SPEED)[-1] for ball in range(len(BALLS)))
-    return [float(run.time[last + 1]) for last in moving]
+    found = events.rest(run, speed=demo.REST_SPEED, ignore_spin=True)
+    return [next(event.time for event in found if event.body == ball) for ball in BALLS]
 
 
 def rest(run: Trace) -> list[Row]:
@@ -214,7 +212,7 @@ def line_searches(run: Trace, step: int) -> list[Row]:
 
 def longest(run: Trace, step: int, level: study.Level) -> F64:
     """Residuals of the problem of a step that took most iterations."""
-    return max(run.histories(step, level), key=len)
+    return max(run.residuals.history(step, level), key=len)
 
 
 def newton(history: F64) -> Row:

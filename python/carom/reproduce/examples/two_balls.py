@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from carom.measure.events import hits
 from carom.reproduce import study
 from carom.reproduce.document import Counts, Curve, Figure, Row
 from carom.reproduce.memory import Trace
@@ -19,7 +20,7 @@ LEVELS: tuple[Literal["position", "velocity"], ...] = ("position", "velocity")
 
 def hit_step(run: Trace) -> int:
     """Number of the step with the hit: the index of the first state after it; its row in `steps` is the one before."""
-    return int(run.hits("cue", "object")["step"][0])
+    return int(hits(run, "cue", "object")["step"][0])
 
 
 def extrapolated(
@@ -84,7 +85,7 @@ def newton_rows(example: str, run: Trace) -> list[Row]:
     """
     rows = []
     for level in LEVELS:
-        history = max(run.histories(hit_step(run), level), key=len)
+        history = max(run.residuals.history(hit_step(run), level), key=len)
         before, last = (math.log(x) for x in history[history > 0][-2:])
         rows.append(
             Row(
@@ -107,7 +108,7 @@ def residuals(example: str, number: str, run: Trace, caption: str) -> Figure:
     """Residuals of Newton's iterations in the step of the hit."""
     curves = []
     for body, level in enumerate(LEVELS):
-        for problem, history in enumerate(run.histories(hit_step(run), level)):
+        for problem, history in enumerate(run.residuals.history(hit_step(run), level)):
             label = level if problem == 0 else f"{level}, problem {problem + 1}"
             values = np.maximum(history, 1e-18)
             curves.append(Curve(label, np.arange(len(values), dtype=np.float64), values, "line", body))

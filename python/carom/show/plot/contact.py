@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, counted
-from carom.measure.contacts import closed
+from carom.measure.contacts import along_and_across, closed
 from carom.show.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled, width
 
 if TYPE_CHECKING:
@@ -123,8 +123,7 @@ def impacts(result: Result, step: int | None = None) -> Chart:
     if not len(rows):
         raise CaromError(f"there was no impact in step {step}; the busiest step is {busiest_step(result)}")
     normal, impulse = np.asarray(rows["normal"]), np.asarray(rows["impulse"])
-    along = np.sum(normal * impulse, axis=1)
-    across = np.linalg.norm(impulse - along[:, None] * normal, axis=1)
+    along, across = along_and_across(impulse, normal)
     problem = np.asarray(rows["problem"]).astype(np.int64)
     pairs = np.array([" - ".join(pair) for pair in np.asarray(rows["pair"])])
     strength = {pair: float(along[pairs == pair].sum()) for pair in pairs}
