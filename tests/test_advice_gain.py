@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from carom.cli.summary import text
 from carom.errors import CaromWarning
-from carom.result.gained import RISE_PILE, gained, unsettled
+from carom.result.remarks import RISE_PILE, remarks
 from carom.scene.checks.energy_gain import Gain, Side, _compliance, largest_gain
 from typer.testing import CliRunner
 
@@ -113,7 +113,7 @@ def test_the_default_law_scales_and_says_so(tmp_path: Any) -> None:
     assert "(Kane)" in shown.output
     assert "restitution scaled down in 1 step" in shown.output
     assert "troubles    none" in shown.output
-    assert gained(carom.load(tmp_path / "run")) is None
+    assert not remarks(carom.load(tmp_path / "run"), "gained")
 
 
 def test_what_is_advised_does_not_gain() -> None:
@@ -121,7 +121,7 @@ def test_what_is_advised_does_not_gain() -> None:
     assert [a for a in scene.validate() if "Kane" in a.cause] == []
     safe = carom.example("paper/5.5_bernoulli", parameters={"mu": 0.06, "e": 0.94})
     result = carom.simulate(safe, step=1e-4, until=0.01, impact="sequence-paper")
-    assert gained(result) is None
+    assert not remarks(result, "gained")
 
 
 def test_usual_scenes_get_no_such_advice() -> None:
@@ -155,9 +155,9 @@ def test_a_deposit_that_gains_more_than_piles_at_rest_says_so_and_its_cures_help
     result = carom.simulate(scene, out=tmp_path / "run")
     rise = result.summary["energy"]["max_rise_relative"]
     assert RISE_PILE < rise < 1e-4
-    assert gained(result) is None  # no warning: it is not for every deposit
+    assert not remarks(result, "gained")  # no warning: it is not for every deposit
     told = f"energy rose by up to {rise:.2g} of what there is in a step, more than the 2e-06 of piles at rest"
-    assert str(unsettled(result)).startswith(told)
+    assert remarks(result, "unsettled")[0].startswith(told)
     assert told in " ".join(text({**result.summary, "directory": "x"}, result).split())
     checked = CliRunner().invoke(app, ["check", str(tmp_path / "run")])
     assert f"warning: {told}" in checked.stderr

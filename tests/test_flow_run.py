@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from carom.cli.summary import text
 from carom.errors import CaromWarning
-from carom.result.shut_out import shut_out
+from carom.result.remarks import remarks
 from carom.scene.scene import Scene
 
 R = 0.009
@@ -126,7 +126,7 @@ class TestFlow:
         assert there.tolist() == [False, True, True, True]
 
     def test_an_inflow_that_let_nobody_in_is_told(self, tmp_path: Path, slid: carom.Result) -> None:
-        assert shut_out(slid) is None
+        assert not remarks(slid, "shut_out")
         assert "flow        12 of 12 balls entered, " in text({**slid.summary, "directory": "x"}, slid)
         scene = Scene("full", gravity=(0, 0, 0), run={"until": 0.05})
         scene.sphere("a", radius=R, mass=1, at=(0, 0, 0.02), material="sand")
@@ -139,7 +139,7 @@ class TestFlow:
         told = 'none of 5 balls of inflow "soon" entered: no place in the region had room for one'
         with pytest.warns(CaromWarning, match=told):
             result = carom.simulate(scene, out=tmp_path / "run")
-        assert shut_out(result) == told
+        assert remarks(result, "shut_out") == [told]
         printed = text({**result.summary, "directory": "x"}, result)
         assert " ".join(printed.split()).startswith(f"warning {told} full")
         assert "flow        0 of 10 balls entered, 0 left" in printed

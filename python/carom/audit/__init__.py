@@ -14,8 +14,7 @@ import numpy as np
 
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import rerun
-from carom.result.cut_short import cut_short
-from carom.result.gained import gained, unsettled
+from carom.result.remarks import remarks
 
 if TYPE_CHECKING:
     from carom.audit.data import Run
@@ -88,7 +87,7 @@ def _judge(run: Run, tally: Tally) -> None:
 def _warnings(run: Run) -> list[str]:
     """What the run says of itself that a reader of the verdict should know."""
     result = run.result
-    found = [told for told in (cut_short(result), gained(result), unsettled(result)) if told]
+    found = remarks(result, "cut_short", "gained", "unsettled")
     if not result.outcome.ok:
         found.append(f"the run did not reach its end: {result.outcome.brief}")
     for column, words in (
@@ -100,6 +99,6 @@ def _warnings(run: Run) -> list[str]:
         ),
     ):
         count = int((run.steps[column] > 0).sum())
-        if count and not (column == "truncated" and cut_short(result)):
+        if count and not (column == "truncated" and remarks(result, "cut_short")):
             found.append(f"{words} ({count} steps)")
     return found

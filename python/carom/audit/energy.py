@@ -27,7 +27,7 @@ from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
-from carom.result.gained import RISE_PILE
+from carom.result.remarks import RISE_PILE
 
 F64 = NDArray[np.float64]
 

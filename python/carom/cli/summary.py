@@ -11,7 +11,6 @@ import numpy as np
 
 from carom.cli.output import seconds
 from carom.errors import counted
-from carom.result.gained import unsettled
 from carom.result.remarks import remarks
 from carom.text import table
 
@@ -132,7 +131,7 @@ def _energy(summary: Mapping[str, Any], result: Result) -> str:
         if energy["max_rise"] > 0:
             rise = f"largest rise {energy['max_rise']:.2g} J ({energy['max_rise_relative']:.1g} relative)"
         lines.append(f"energy      {energy['initial']:.6g} J to {energy['final']:.6g} J, {rise}")
-    if told := unsettled(result):
+    for told in remarks(result, "unsettled"):
         lines.append(textwrap.fill(told, 100, initial_indent=" " * 12, subsequent_indent=" " * 12))
     if scaled := summary.get("safeguarded"):
         least = f"the least to {100 * summary['restitution_scale_min']:.3g} % of it"

@@ -1,20 +1,161 @@
-"""What a reader of a finished run should know before its numbers: in Python, the summary, the page and the audit."""
+"""What a reader of a finished run should know before its numbers: in Python, the summary, the page and the audit.
+
+Each is a row of `REMARKS`: when it is said, what is wrong and what that means, and what to do.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from carom.result.cut_short import cut_short
-from carom.result.gained import gained
-from carom.result.lost_on_curves import lost_on_curves
-from carom.result.shut_out import shut_out
+import numpy as np
+
+from carom.errors import counted, quoted
+from carom.scene.assembly.distances import gaps
+from carom.scene.checks.curved_walls import CLOSE, CURVED, FEW_BALLS, MOST_CHANGE, below, way_on
 
 if TYPE_CHECKING:
     from carom.result.result import Result
 
+#: Share of the steps with impacts: where more of them were cut, the rebounds of the run are those of another law.
+MOST_CUT = 0.5
+#: Factor on `max_problems` in the advice; a smaller one cures fewer runs, a larger one may cost more time than it saves.
+MORE = 20
+#: Rise of a step, over the largest kinetic energy, that is no rounding and no error of a usable step any more.
+MOST_RISE = 1e-3
+#: Rise of a step of 1 ms over the same energy that piles at rest keep to; it grows with the square of the step.
+RISE_PILE = 2e-6
+#: How the advice on a wall that jumps begins.
+JUMPS = "the law jumps by"
+#: Frames, evenly spread, from which the loss on curved walls is estimated.
+MOST_FRAMES = 2000
 
-def remarks(result: Result) -> list[str]:
-    """Each with what is wrong, what it means and what to do; none for a run that has nothing of the kind."""
-    return [
-        told for told in (cut_short(result), gained(result), lost_on_curves(result), shut_out(result)) if told
-    ]
+
+def _cut(result: Result) -> dict[str, Any] | None:
+    steps = result.steps
+    problems = np.asarray(steps["impact_problems"])
+    hit, cut = int(np.count_nonzero(problems)), int(np.count_nonzero(np.asarray(steps["truncated"])))
+    if cut <= MOST_CUT * hit:
+        return None
+    now = result.scene.run.max_problems
+    cure = f"raise max_problems in [run] (now {now}), for example to {MORE * now}"
+    if (
+        not now
+    ):  # by size: the longest that came to an end says little, but a multiple of it is longer than that
+        longest = int(problems.max())
+        cure = f"set max_problems in [run], for example to {MORE * longest} (the longest had {longest})"
+    return {"cut": cut, "hit": hit, "cure": cure}
+
+
+def _rise(result: Result) -> float:
+    return (result.summary.get("energy") or {}).get("max_rise_relative") or 0.0
+
+
+def _gained(result: Result) -> dict[str, Any] | None:
+    if _rise(result) <= MOST_RISE:
+        return None
+    run = result.scene.run
+    if run.impact == "sequence-paper" or run.energy_safeguard is False:
+        cure = (
+            ', of an impact law that can gain (Kane): impact = "sequence" with energy_safeguard = true cannot'
+        )
+    elif jump := next((p for p in result.scene.validate() if JUMPS in p.cause), None):
+        # A wall that jumps shifts balls and does no work on them.
+        # Of a scene from Python `where` names the wall, of a file's it names the file.
+        place = jump.key if jump.source else f"{jump.where} {jump.key}"
+        cure = f": {place}: {jump.cause}; a shorter step does not cure that"
+    else:
+        cure = ": shorten step" + (" or lower tolerance" if run.method != "penalty" else "")
+    return {"percent": 100 * _rise(result), "cure": cure}
+
+
+def _unsettled(result: Result) -> dict[str, Any] | None:
+    summary = result.summary
+    usual = RISE_PILE * (float(summary.get("step") or 0.0) / 1e-3) ** 2
+    if summary.get("method") != "nsga" or not usual < _rise(result) <= MOST_RISE:
+        return None
+    run = result.scene.run
+    if np.asarray(result.steps["contacts"]).max(initial=0) <= run.dense_contacts:
+        return None
+    return {"share": _rise(result), "usual": usual, "now": run.pile_tolerance}
+
+
+def _lost(result: Result) -> dict[str, Any] | None:
+    """The force on the wall is that of gravity and of the curved path in the frames; other balls press besides."""
+    scene = result.scene
+    mass, radius = np.asarray(result.bodies["mass"]), np.asarray(result.bodies["radius"])
+    hollow = [w for w in scene._walls() if w.kind in CURVED and w.shape[-1] and w.motion is None]
+    if not hollow or len(mass) > FEW_BALLS or scene.run.method == "penalty":
+        return None
+    if not result.summary or len(result.time) < 2:
+        return None
+    frames = np.unique(np.linspace(0, len(result.time) - 1, MOST_FRAMES).astype(int))
+    position = np.concatenate([result.position[k] for k in frames])
+    velocity = np.nan_to_num(np.concatenate([result.velocity[k] for k in frames]))  # 0 of absent balls
+    masses, radii = np.tile(mass, len(frames)), np.tile(radius, len(frames))
+    largest = float((0.5 * masses * (velocity**2).sum(axis=1)).reshape(len(frames), -1).sum(axis=1).max())
+    power = np.zeros(len(masses))
+    for wall in hollow:
+        on = np.flatnonzero(gaps(wall, position, radii) <= CLOSE * radii)
+        way = way_on(wall, position[on], velocity[on], np.array(scene.gravity))
+        bent = way.curvature * way.speed**2
+        power[on] += 0.5 * scene.run.step * masses[on] * np.maximum(0.0, way.load + bent) * bent
+    lost = float(np.trapezoid(power.reshape(len(frames), -1).sum(axis=1), np.asarray(result.time)[frames]))
+    if lost <= MOST_CHANGE * largest:
+        return None
+    left = max(largest - lost, 0.01 * largest)  # what is lost at first is not there to be lost later
+    return {"percent": 100 * lost / largest, "step": below(scene.run.step * MOST_CHANGE * left / lost)}
+
+
+def _shut_out(result: Result) -> dict[str, Any] | None:
+    """Fewer than all is no trouble: an inflow without a rate goes on for as long as there is room."""
+    if not result.flows or result.outcome.failed or not result.summary:  # the last: it is still running
+        return None
+    events = result.events
+    entered = {ball for ball, kind in zip(events["ball"], events["kind"], strict=True) if kind}
+    none = "; ".join(
+        f"none of {counted(flow.count, 'ball')} of inflow {quoted(flow.name)} entered"
+        for flow in result.scene.inflows
+        if flow.start <= result.summary["time"] and entered.isdisjoint(flow.ball_names())
+    )
+    return {"none": none} if none else None
+
+
+@dataclass(frozen=True)
+class Remark:
+    """`found` returns what the text names, or None where nothing is wrong; a `warning` is said after each run."""
+
+    found: Callable[[Result], Mapping[str, Any] | None]
+    told: str
+    cure: str
+    warning: bool = True
+
+
+REMARKS = {
+    "cut_short": Remark(
+        _cut,
+        "impact sequences were cut short in {cut} of {hit} steps with impacts: what still closed there was one impact of"
+        " all contacts, which keeps the energy but spreads it over more balls; ",
+        "{cure}",
+    ),
+    "gained": Remark(_gained, "energy rose by up to {percent:.2g} % in a step", "{cure}"),
+    "unsettled": Remark(
+        _unsettled,
+        "energy rose by up to {share:.2g} of what there is in a step, more than the {usual:.2g} of piles at rest; ",
+        "a shorter step, or a smaller pile_tolerance (now {now:g}), lessens it",
+        warning=False,  # grains that settle do so, too
+    ),
+    "lost_on_curves": Remark(
+        _lost,
+        "the step took about {percent:.2g} % of the largest kinetic energy on curved walls (estimate from the frames): ",
+        "step = {step:g} takes less than 1 %",
+    ),
+    "shut_out": Remark(_shut_out, "{none}", ": no place in the region had room for one"),
+}
+
+
+def remarks(result: Result, *names: str) -> list[str]:
+    """The warnings that a run deserves, or those called `names`: what is wrong, what it means and what to do."""
+    chosen = [REMARKS[name] for name in names] or [remark for remark in REMARKS.values() if remark.warning]
+    return [(r.told + r.cure).format(**facts) for r in chosen if (facts := r.found(result)) is not None]
