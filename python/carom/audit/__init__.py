@@ -37,6 +37,15 @@ def check(run: Result | str | Path) -> Report:
     tally = Tally()
     with np.errstate(invalid="ignore", over="ignore"):  # NaNs of damaged files are findings, not accidents
         _judge(evidence, tally)
+        if evidence.unseen:
+            strict = Tally()
+            _judge(evidence.by_default(), strict)
+            claims = " and ".join(evidence.unseen)
+            tally.doubt(
+                strict,
+                f"within bounds that {claims} widens, which no table bears out",
+                "run with the defaults",
+            )
     result = evidence.result
     return Report(
         str(path), result.title, evidence.method, evidence.frames, tally.close(), tuple(_warnings(evidence))

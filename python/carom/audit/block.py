@@ -267,7 +267,7 @@ class Block:
     def least(self) -> float:
         """Contacts of an island up to which it is no pile (`docs/reference/scenario.md`, `pile_contacts`)."""
         o = self.run.options
-        return self.run.small if o["pile_tolerance"] >= 1e-5 else float(o["pile_contacts"])
+        return self.run.small if o["pile_tolerance"] >= 1e-5 else self.run.loosest["pile_contacts"]
 
     @cached_property
     def tolerance(self) -> F64:
@@ -293,7 +293,7 @@ class Block:
         """(B,) what the position level may leave besides (N s^2), however small its multipliers: `tolerance_floor m r`, and
         where gaps may contradict one another, in islands of more than `dense_contacts`, `touching_tolerance m r`.
         """
-        o, run = self.run.options, self.run
-        least = float(o["tolerance_floor"])
-        share = np.where(self.large, max(least, float(o["touching_tolerance"])), least)
+        run, t = self.run, self.run.loosest
+        least = t["tolerance_floor"]
+        share = np.where(self.large, max(least, t["touching_tolerance"]), least)
         return np.asarray(share * (run.mass * run.radius).max())

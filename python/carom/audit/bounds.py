@@ -55,8 +55,8 @@ def left(block: Block, plain: F64, own: F64, solved: F64, speed: F64) -> F64:
     `plain`: root of the sum of all squares of the interval; `own` and `solved`: the terms of the problem and of what it adds
     to; `speed`: the largest of a body, m/s; each (B,).
     """
-    run, o = block.run, block.run.options
-    floor = o["touching_tolerance"] * run.radius.max() / run.h + o["tolerance_floor"] * speed
+    run, t = block.run, block.run.loosest
+    floor = t["touching_tolerance"] * run.radius.max() / run.h + t["tolerance_floor"] * speed
     # |P| is |r_p| up to the residual.
     stated = (block.tolerance * (own + solved) + floor * run.mass.max()) / (1.0 - block.tolerance)
     return np.asarray(np.where(block.cascaded, stated, 8.0 * block.tolerance * plain))

@@ -64,6 +64,11 @@ def judge(run: Run, tally: Tally) -> None:
         tally.measure("claims", [0.0 if mine else np.inf], 0.0, at("run.json: scenario.identity"))
     for name, given in (("step", run.h), ("every", run.every)):
         _compare(tally, (f"results.h5: {name}", attributes[name], given, 0.0))
+    for table, kept in (("contacts", run.has_contacts), ("impacts", run.has_impacts)):
+        rows = 0 if kept else len(getattr(run.result, table))
+        tally.measure(
+            "claims", [float(rows)], 0.0, at(f"scenario.toml: record.{table}, of which the results have rows")
+        )
     _frames(run, tally)
     if about.get("status") != "running":
         claims = [*_ending(run, about)]

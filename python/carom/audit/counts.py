@@ -1,12 +1,14 @@
 """What the rows of the steps count and sum up, against the tables and frames that show it.
 
-    contacts            not below the rows of /contacts of the frame after one whole step (closed ones may push nothing)
+    contacts            not below the rows of /contacts of the frame after one whole step (closed ones may push nothing), and
+                        of nsga all pairs with an impulse or a gap within the touching tolerance, no more and no fewer
+    islands, largest_island     the groups that these make        candidates: pairs near after the smooth motion
     impact_problems     not below the number of any problem in /impacts          restitution_scale: the least of theirs
     truncated           not 0 where /impacts has the problem that ends a sequence
     entered, removed    rows of /events of the step        energy_in: of those that enter, as the frame after it has them
     penetration         the deepest overlap of all pairs at the frame, and over the radius of the smaller body
 
-Iterations, residuals and the like are the solver's own affair; nothing else in a run tells them.
+Iterations, sweeps, residuals and the like are the solver's own affair; nothing else in a run tells them.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from numpy.typing import NDArray
 
 from carom.audit.block import Block
 from carom.audit.data import Run
-from carom.audit.near import Near
+from carom.audit.hits import components
+from carom.audit.near import MARGIN, Near
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot
 
@@ -67,7 +70,8 @@ def _impacts(run: Run, tally: Tally) -> None:
     # Where no sequence was cut there is none.
     uncut = s["truncated"][step[ended] - 1] == 0
     tally.measure("counts", uncut, 0.0, lambda i: run.step_place(int(step[ended[i]])))
-    beyond = np.maximum(0, highest - s["impact_problems"].astype(np.int64))
+    most = np.minimum(s["impact_problems"], 1 if run.options["impact"] == "one-shot" else np.inf)
+    beyond = np.maximum(0, highest - most)
     tally.measure("counts", beyond, 0.0, lambda i: run.step_place(i + 1))
     # Parts of a step that are given up and made anew may have scaled more than those that count.
     scale = s["restitution_scale"]
@@ -83,8 +87,77 @@ def of_frames(block: Block, near: Near, tally: Tally) -> None:
         kept = np.flatnonzero(block.single & block.kept)
         off = np.maximum(0, rows - run.steps["contacts"][block.s1 - 1].astype(np.int64))
         tally.measure("counts", off[kept], 0.0, lambda i: block.place(int(kept[i])))
+    _closed(block, near, tally)
+    _candidates(block, near, tally)
     _penetration(block, near, tally)
     _entered(block, tally)
+
+
+def _closed(block: Block, near: Near, tally: Tally) -> None:
+    """Closed contacts, the groups that they make, and the largest of these: pairs with an impulse, or with a gap at the end
+    of the step within the touching tolerance. Gaps at that tolerance to rounding may count or not.
+    """
+    run, n = block.run, block.run.bodies
+    if run.method != "nsga" or not run.has_contacts:
+        return
+    judged = block.single & block.kept & block.there.all(axis=1)
+    length = np.minimum(run.radius[near.a], np.append(run.radius, np.inf)[np.minimum(near.b, n)])
+    touching = run.held_to("touching_tolerance")
+    noise = 16.0 * EPS * (np.abs(block.x1[near.k, near.a]).max(axis=1) + run.radius[near.a])
+    lawful = run.law_index(near.a, near.b) >= 0
+    many, c = len(run.names), block.rows
+    pushed = (c.k * many + c.a) * many + c.b
+    own = (near.k * many + near.a) * many + near.b
+    sure = np.union1d(pushed, own[lawful & (near.gap1 <= min(touching) * length - noise)])
+    open_ones = np.setdiff1d(own[lawful & (near.gap1 <= max(touching) * length + noise)], sure)
+    k = sure // many**2
+    least, doubt = (np.bincount(keys // many**2, minlength=block.count) for keys in (sure, open_ones))
+    told = run.steps["contacts"][block.s1 - 1].astype(np.int64)
+    off = np.maximum(0, np.maximum(least - told, told - least - doubt))
+    rows = np.flatnonzero(judged)
+    tally.measure("counts", off[rows], 0.0, lambda i: block.place(int(rows[i])))
+    rows = np.flatnonzero(judged & (doubt == 0) & (off == 0))
+    a, b = sure // many % many, sure % many
+    linked = np.arange(n)
+    links = [
+        (one["a"], one["b"])
+        for one in (*run.joints, *(load for load in run.loads if load["kind"] == "spring"))
+    ]
+    links = [(i, j) for i, j in links if i >= 0 and j >= 0]
+    if links:
+        linked = components(n, *np.array(links).T)
+    first = k * n + linked[a]
+    second = np.where(b < n, k * n + linked[np.minimum(b, n - 1)], first)
+    group = components(block.count * n, first, second)[first]
+    size = np.bincount(group, minlength=block.count * n).reshape(block.count, n)
+    for name, found in (("islands", (size > 0).sum(axis=1)), ("largest_island", size.max(axis=1, initial=0))):
+        off = np.abs(found - run.steps[name][block.s1 - 1].astype(np.int64))
+        tally.measure("counts", off[rows], 0.0, lambda i: block.place(int(rows[i])))
+
+
+def _candidates(block: Block, near: Near, tally: Tally) -> None:
+    """Pairs that are near after the smooth motion of the step; where more came to overlap, not fewer. Of bodies with joints
+    or loads, whose smooth motion is no free fall, any number.
+    """
+    run, n = block.run, block.run.bodies
+    if run.method != "nsga":
+        return
+    fall = block.x0 + run.h * block.v0 + 0.5 * run.h**2 * run.gravity
+    a, b, k, ball = near.a, near.b, near.k, np.minimum(near.b, n - 1)
+    gap, _ = run.meet(block.t1[k], a, b, fall[k, a], fall[k, ball])
+    length = np.minimum(run.radius[a], np.append(run.radius, np.inf)[np.minimum(b, n)])
+    noise = 64.0 * EPS * (np.abs(fall[k, a]).max(axis=1) + run.radius[a])
+    loaded = run.answering.copy()
+    loaded[[load["body"] for load in run.loads if load["kind"] == "force"]] = True
+    loose = loaded[a] | loaded[ball] & (b < n)
+    lawful = run.law_index(a, b) >= 0
+    near_by = (~loose & (gap <= MARGIN * length - noise), loose | (gap <= MARGIN * length + noise))
+    least, most = (np.bincount(k[lawful & of], minlength=block.count) for of in near_by)
+    told = run.steps["candidates"][block.s1 - 1].astype(np.int64)
+    more = run.steps["relisted"][block.s1 - 1] > 0
+    off = np.maximum(0, np.maximum(least - told, np.where(more, 0, told - most)))
+    rows = np.flatnonzero(block.single & block.there.all(axis=1))
+    tally.measure("counts", off[rows], 0.0, lambda i: block.place(int(rows[i])))
 
 
 def _penetration(block: Block, near: Near, tally: Tally) -> None:

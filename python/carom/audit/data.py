@@ -7,6 +7,7 @@ Nothing here computes physics. An *interval* is what lies between two neighbouri
 from __future__ import annotations
 
 import warnings
+from copy import copy
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,18 @@ I64 = NDArray[np.int64]
 
 LEVELS = ("smooth", "position", "velocity")
 
+#: Tolerances that bounds are made of; no table shows how large those of `UNSEEN` were.
+SHOWN = ("tolerance", "pile_tolerance", "gap_tolerance")
+UNSEEN = (
+    "touching_tolerance",
+    "tolerance_floor",
+    "closing_tolerance_load",
+    "pile_closing_tolerance",
+    "closing_tolerance_speed",
+)
+#: Sizes of islands from which on bounds are wider: the smaller, the more of them.
+SIZES = ("dense_contacts", "pile_contacts")
+
 NAMES = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 
 
@@ -45,6 +58,7 @@ class Run:
         from carom.scene.scene import Scene
 
         self.result = result
+        self.doubted = False
         self.path = Path(result.path)
         scene = Scene.from_toml(self.path / "scenario.toml")
         self.opaque = [place.name for place in scene.load_functions if place.function is None]
@@ -82,6 +96,9 @@ class Run:
         not below the default. Who claims a looser one widens no bound by it.
         """
         found, usual, s = dict(self.claimed), _core.defaults(), self.steps
+        if self.doubted:
+            found.update({name: min(found[name], float(usual[name])) for name in UNSEEN})
+            found.update({name: max(found[name], float(usual[name])) for name in SIZES})
         residual = max(float(s[f"residual_{level}"].max(initial=0.0)) for level in LEVELS)
         overlap = float(s["penetration_relative"].max(initial=0.0))
         shown = {"tolerance": residual, "pile_tolerance": max(residual, 2.0 * overlap)}
@@ -93,13 +110,29 @@ class Run:
 
     @cached_property
     def claimed(self) -> dict[str, float]:
-        """Each tolerance at its loosest: `carom resume --set` may have changed it within the run."""
-        names = ("tolerance", "pile_tolerance", "gap_tolerance", "touching_tolerance", "tolerance_floor")
-        found = {name: float(self.options[name]) for name in names}
-        for change in self.result._about.get("changes", ()):
-            for name, values in change.get("options", {}).items():
-                if name in found:  # before and after
-                    found[name] = max(found[name], *map(float, values))
+        """Each tolerance at its loosest, each size of islands at its smallest."""
+        worst = dict.fromkeys(SHOWN + UNSEEN, max) | dict.fromkeys(SIZES, min)
+        return {name: of(self.held_to(name)) for name, of in worst.items()}
+
+    def held_to(self, name: str) -> list[float]:
+        """All values that an option had within the run: `carom resume --set` may have changed it."""
+        changes = self.result._about.get("changes", ())
+        values = (change.get("options", {}).get(name, ()) for change in changes)
+        return [float(self.options[name]), *(float(value) for pair in values for value in pair)]
+
+    @property
+    def unseen(self) -> list[str]:
+        """Claims that widen bounds and that no table bears out, as "option = value"."""
+        usual = _core.defaults()
+        found = [name for name in UNSEEN if self.claimed[name] > float(usual[name])]
+        found += [name for name in SIZES if self.claimed[name] < float(usual[name])]
+        return [f"{name} = {self.options[name]:g}" for name in found]
+
+    def by_default(self) -> Run:
+        """The same run, as if it had made none of the claims that no table bears out."""
+        found = copy(self)
+        found.__dict__.pop("loosest", None)
+        found.doubted = True
         return found
 
     @cached_property
@@ -139,7 +172,7 @@ class Run:
     @property
     def small(self) -> float:
         """Contacts of an island up to which it is solved to `tolerance`: larger ones, and piles, to `pile_tolerance`."""
-        return float(min(self.options["dense_contacts"], self.options["pile_contacts"]))
+        return min(self.loosest["dense_contacts"], self.loosest["pile_contacts"])
 
     @property
     def has_contacts(self) -> bool:

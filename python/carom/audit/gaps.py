@@ -136,7 +136,7 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
         )
         return
     length = np.minimum(run.radius[near.a], np.append(run.radius, np.inf)[np.minimum(near.b, run.bodies)])
-    rows = np.flatnonzero(near.gap1 <= 0.5 * run.options["touching_tolerance"] * length)
+    rows = np.flatnonzero(near.gap1 <= 0.5 * run.loosest["touching_tolerance"] * length)
     if not rows.size:
         return
     k, a, b = near.k[rows], near.a[rows], near.b[rows]
@@ -161,12 +161,12 @@ def closing(block: Block) -> F64:
     `closing_tolerance_load` (beyond 100 contacts `pile_closing_tolerance`) of the largest speed that loads give
     a body in a step, or a wall, and not less than `closing_tolerance_speed` of the largest speed.
     """
-    o, load = block.run.options, np.maximum(_load(block), _walls(block))
+    t, load = block.run.loosest, np.maximum(_load(block), _walls(block))
     largest = block.over(block.run.steps["largest_island"])
-    small, fastest = o["closing_tolerance_load"], np.maximum(_fastest(block), load)
-    by_load = np.where(largest > 100, max(o["pile_closing_tolerance"], small), small) * load
-    by_speed = o["closing_tolerance_speed"] * fastest
-    few = (largest <= o["dense_contacts"]) & (load > 0.0)
+    small, fastest = t["closing_tolerance_load"], np.maximum(_fastest(block), load)
+    by_load = np.where(largest > 100, max(t["pile_closing_tolerance"], small), small) * load
+    by_speed = t["closing_tolerance_speed"] * fastest
+    few = (largest <= t["dense_contacts"]) & (load > 0.0)
     return np.asarray(np.where(few, np.minimum(by_load, by_speed), np.maximum(by_load, by_speed)))
 
 

@@ -39,6 +39,7 @@ def judge(block: Block, tally: Tally) -> None:
     _missing(block, tally)
     if not len(rows):
         return
+    _begun(block, tally, rows)
     _sign(block, tally, rows)
     _unit(block, tally, rows)
     if run.method == "penalty":
@@ -143,6 +144,26 @@ def _missing(block: Block, tally: Tally) -> None:
     tally.measure(
         "impact", np.maximum(0.0, -_motion(block, one, start=True).normal), bound, hits.place(block, one)
     )
+
+
+def _begun(block: Block, tally: Tally, r: Hits) -> None:
+    """A ball alone on a wall has an impact where it closes by more than its closing tolerance (rule R3), not below."""
+    run, t = block.run, block.run.loosest
+    if run.method != "nsga" or run.options["impact"] != "sequence" or run.loads or run.joints:
+        return
+    still = np.array([not wall.moves for wall in run.walls], dtype=bool)
+    alone = block.single & (block.over(run.steps["largest_island"]) == 1)
+    rows = alone[r.k] & (r.problem == 1) & (r.b >= run.bodies) & block.there[r.k, r.a]
+    rows[rows] = still[r.b[rows] - run.bodies]
+    one = r.of(rows)
+    load, speed = norm(run.gravity) * run.h, (norm(block.v0) + run.radius * norm(block.w0))[one.k, one.a]
+    by_load, by_speed = (
+        t["closing_tolerance_load"] * load,
+        t["closing_tolerance_speed"] * np.maximum(speed, load),
+    )
+    least = np.minimum(by_load, by_speed) if load > 0.0 else by_speed
+    short = np.maximum(0.0, least + dot(one.normal, block.v0[one.k, one.a]))
+    tally.measure("approach", short, 64.0 * EPS * (speed + load), hits.place(block, one))
 
 
 def _sign(block: Block, tally: Tally, r: Hits) -> None:

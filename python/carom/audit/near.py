@@ -23,6 +23,8 @@ I64 = NDArray[np.int64]
 
 LONGEST = 8.0
 """Ways are cut at this many radii, of many bodies at a quarter of it."""
+MARGIN = 1e-2
+"""Pairs are listed that come within so many radii: the step looks at those (`docs/theory/algorithm.md`, section 3)."""
 
 
 @dataclass(frozen=True)
@@ -48,20 +50,23 @@ def near(block: Block) -> Near:
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
     longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
-    k, a, b = (np.concatenate(parts) for parts in zip(_balls(block, way), _walls(block, way), strict=True))
+    balls, walls = _balls(block, way), _walls(block, way)
+    k, a, b, reach = (np.concatenate(parts) for parts in zip(balls, walls, strict=True))
     other = np.minimum(b, run.bodies - 1)
     gap0, normal0 = run.meet(block.t0[k], a, b, block.x0[k, a], block.x0[k, other])
     gap1, normal1 = run.meet(block.t1[k], a, b, block.x1[k, a], block.x1[k, other])
     free = block.there & (possible < longest)
-    free[k, a] = False
     ball = b < run.bodies
-    free[k[ball], b[ball]] = False
+    met = gap0 <= reach
+    free[k[met], a[met]] = False
+    met &= ball
+    free[k[met], b[met]] = False
     return Near(k, a, b, gap0, normal0, gap1, normal1, free)
 
 
-def _balls(block: Block, way: F64) -> tuple[I64, I64, I64]:
+def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
     run = block.run
-    reach = run.radius + way
+    reach = run.radius * (1.0 + MARGIN) + way
     if run.bodies <= ALL_PAIRS:
         a, b = np.triu_indices(run.bodies, 1)
         d = run.between(block.x0[:, a].reshape(-1, 3), block.x0[:, b].reshape(-1, 3)).reshape(
@@ -71,19 +76,19 @@ def _balls(block: Block, way: F64) -> tuple[I64, I64, I64]:
             close = norm(d) <= reach[:, a] + reach[:, b]
         close &= block.there[:, a] & block.there[:, b]
         k, pair = np.nonzero(close)
-        return k, a[pair], b[pair]
+        return k, a[pair], b[pair], way[k, a[pair]] + way[k, b[pair]]
     found = []
     for interval in range(block.count):
         here = np.flatnonzero(block.there[interval])
         first, second = neighbours(block.x0[interval, here], reach[interval, here], run.period)
         found.append((np.full(len(first), interval), here[first], here[second]))
-    ks, firsts, seconds = zip(*found, strict=True)
-    return np.concatenate(ks), np.concatenate(firsts), np.concatenate(seconds)
+    k, a, b = (np.concatenate(part) for part in zip(*found, strict=True))
+    return k, a, b, way[k, a] + way[k, b]
 
 
-def _walls(block: Block, way: F64) -> tuple[I64, I64, I64]:
+def _walls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
     run = block.run
-    found = [(np.zeros(0, np.int64),) * 3]
+    found = [(np.zeros(0, np.int64),) * 3 + (np.zeros(0),)]
     ks, bodies = np.nonzero(block.there)
     for w, wall in enumerate(run.walls):
         x = block.x0[ks, bodies]
@@ -93,8 +98,8 @@ def _walls(block: Block, way: F64) -> tuple[I64, I64, I64]:
             for end, time, place in ((False, block.t0, block.x0), (True, block.t1, block.x1)):
                 speed = norm(wall.velocity(time[ks], place[ks, bodies], end=end)[0])
                 reach = np.maximum(reach, way[ks, bodies] + 2.0 * speed * block.dt[ks])
-        close = gap <= reach
-        found.append((ks[close], bodies[close], np.full(int(close.sum()), run.bodies + w)))
+        close = gap <= reach + MARGIN * run.radius[bodies]
+        found.append((ks[close], bodies[close], np.full(int(close.sum()), run.bodies + w), reach[close]))
     parts = list(zip(*found, strict=True))
     return tuple(np.concatenate(p) for p in parts)  # type: ignore[return-value]
 

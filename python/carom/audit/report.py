@@ -174,6 +174,11 @@ class Tally:
             key = (kind, why, cure)
             self._skipped[key] = self._skipped.get(key, 0) + int(count)
 
+    def doubt(self, strict: Tally, why: str, cure: str) -> None:
+        """Note what is violated by narrower bounds and not by those that were judged: it does not count as kept."""
+        for kind, verdict in strict.verdicts.items():
+            self.skip(kind, why, cure, verdict.violations - self.verdicts[kind].violations)
+
     def close(self) -> dict[str, Verdict]:
         """The verdicts."""
         for (kind, why, cure), count in self._skipped.items():
