@@ -6,10 +6,12 @@ hundred, the long tier thousands; `python -m fuzz TARGET SECONDS` in `tests` as 
 
 from __future__ import annotations
 
+import base64
 import itertools
 import os
 import random
 import time
+import zlib
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,9 +48,10 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def told(case: bytes, seen: str, folder: Path) -> str:
-    """What a case is reported with: the whole of it is kept, to be tried again."""
+    """What a case is reported with, whole, to be tried again: scratch folders do not last."""
     (folder / "case").write_bytes(case)
-    return f"{seen}\nthe input, kept in {folder / 'case'}: {case[:300]!r}"
+    packed = base64.b64encode(zlib.compress(case)).decode()
+    return f"{seen}\nthe input, kept in {folder / 'case'}: {case[:300]!r}\nzlib, base64: {packed}"
 
 
 @pytest.fixture(scope="module")

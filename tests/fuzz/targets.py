@@ -85,7 +85,8 @@ def scenario(folder: Path, base: Path) -> Judge:
             raise CaromError(str(error)) from error
         block = simulation.advance(3, 1, True, 1.0)
         outcome = block["outcome"]
-        if outcome is None and not np.isfinite(simulation.frame()["position"]).all():
+        frame = simulation.frame()
+        if outcome is None and not np.isfinite(frame["position"][frame["present"]]).all():
             raise Unclear("positions are not finite, and nobody said so")
         if outcome is not None and not outcome["advice"]:
             raise Unclear(f"no advice: {outcome}")
