@@ -324,3 +324,12 @@ def scale(path: str, row: int, factor: float) -> Fault:
         file[path][row] = factor * file[path][row]
 
     return edit
+
+
+def scale_largest(column: str, factor: float) -> Fault:
+    """The largest number of a column is another."""
+
+    def edit(file: h5py.File) -> None:
+        file[column][int(np.argmax(np.abs(file[column][...])))] *= factor
+
+    return edit

@@ -131,6 +131,23 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "rise of energy": ("pile-bare", fault.raise_energy(100, 0.1), "energy rise"),
     "contacts give energy": ("rolling", fault.more_work(ROLLING_STEP, 1e-2), "passivity"),
     "work misstated": ("rolling", fault.more_work(ROLLING_STEP, -1e-6), "energy balance"),
+    **{
+        f"1 % more work, {column}, {name}": (
+            name,
+            fault.scale_largest(f"contacts/work_{column}", 1.01),
+            "work",
+        )
+        for name, columns in {
+            "rolling": ("normal", "friction", "rolling", "spinning"),
+            "break": ("normal", "friction"),
+            "pile": ("normal", "friction"),
+            "pile-moreau": ("normal", "friction"),
+            "shaken": ("normal", "friction"),
+            "drum": ("normal", "friction"),
+            "flowing": ("normal", "friction"),
+        }.items()
+        for column in columns
+    },
     "frame shifted": ("break", fault.shift_frame(200), "position"),
     "frame shifted, moreau": ("drum-moreau", fault.shift_frame(100), "position"),
     "quaternion scaled": ("rolling", fault.scale_quaternion(50, 0), "quaternion"),

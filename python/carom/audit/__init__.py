@@ -65,6 +65,7 @@ def _judge(run: Run, tally: Tally) -> None:
         references,
         tables,
         tunnel,
+        works,
     )
     from carom.audit.block import blocks
     from carom.audit.near import near
@@ -87,6 +88,7 @@ def _judge(run: Run, tally: Tally) -> None:
         gaps.approach(block, pairs, tally)
         cones.judge(block, tally)
         cones.passivity(block, tally)
+        works.judge(block, tally)
         impacts.judge(block, tally)
         energy.judge(block, pairs, tally)
         tunnel.judge(block, pairs, tally)

@@ -90,6 +90,7 @@ _KINDS = (
         "J",
         "1e-10 (piles tol_r/100) of the kinetic energy per problem; solver, times the speed",
     ),
+    Kind("work", "work of a contact is its impulses by the mean velocities of each problem", "J", _ROUNDING),
     Kind("approach", "closed contacts do not go on closing", "m/s", "closing tolerance of the run (rule R3)"),
     Kind("impact", "Newton's law: separation is e_N times approach", "m/s", f"{_SOLVER}, over the mass"),
     Kind(

@@ -28,6 +28,8 @@ from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, add_at, cross, dot, norm
+from carom.audit.works import bound as works_bound
+from carom.audit.works import done
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -96,6 +98,7 @@ class Replay:
     def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool) -> None:
         self.block, self.r, self.kept = block, r, kept
         self.told: dict[str, list[Told]] = {}
+        self.work = np.zeros((len(r), 4))
         run = block.run
         self.inertia = np.tile(
             np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1), (block.count, 1)
@@ -164,12 +167,40 @@ class Replay:
                 self.loaded = self.now.copy()
                 self.loaded[where] += own
                 where, own = at_kept, change
+                self._works(rows, where, own)
             else:
                 minus[where] += own
             self.now[where] += own
+        self._tell_works()
         return {
             kind: Told(*map(np.concatenate, zip(*parts, strict=True))) for kind, parts in self.told.items()
         }
+
+    def _works(self, rows: slice, at: I64, change: F64) -> None:
+        """Works of the loads, of which those count that no impact took back."""
+        a, b = (of[rows] for of in self.at)
+        now = self.now[a], self.now[b]
+        self.scratch[at] = change
+        before = self._rates(rows, now)
+        after = self._rates(rows, (now[0] + self.scratch[a], now[1] + self.scratch[b]))
+        self.scratch[at] = 0.0
+        found = done(self.push[rows], self.slide[rows], self.r.moment[rows], self.lever[rows], before, after)
+        self.work[rows] = np.where(self.kept[rows, None], found, 0.0)
+
+    def _tell_works(self) -> None:
+        """Works of a contact over all its rows, told of the last of these."""
+        block, r, c = self.block, self.r, self.block.rows
+        contact, known = r.contacts(block)
+        rows = np.flatnonzero(known & block.kept[r.k])
+        summed, spread = np.zeros((len(c), 4)), np.zeros(len(c))
+        add_at(summed, (contact[rows],), self.work[rows])
+        np.add.at(spread, contact[rows], works_bound(block, r)[rows])
+        last = np.full(len(c), -1)
+        np.maximum.at(last, contact[rows], rows)
+        mine = np.flatnonzero(last >= 0)
+        value = np.abs(c.work[mine] - summed[mine]).max(axis=1, initial=0.0)
+        order = np.argsort(last[mine])
+        self._tell("work", last[mine][order], value[order], spread[mine][order])
 
     def _wrenches(self) -> tuple[F64, F64]:
         """Velocities that each row gives its two bodies, (K, 6); none to walls."""
@@ -256,6 +287,8 @@ class Replay:
         sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0) & ~scaled)
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
         self._tell("slip", every[sure], defect[sure], limit)
+        if r.problem[0] > 0:
+            self.work[rows] = done(push, self.slide[rows], r.moment, self.lever[rows], before, after)
         self._energy(rows, (at, change), rho, before, after)
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)
