@@ -89,10 +89,12 @@ def _work(island: Island, contacts: list[int], before: F64, first: F64, second: 
 def _pushing_islands(
     island: Island, members: list[int], solutions: list[_Solved]
 ) -> list[tuple[list[int], list[int]]]:
-    """Contacts with impulse in any solution that hang together, also through joints; and the spheres of each group."""
+    """Contacts with impulse in any solution that hang together, also through joints and loads; the spheres of each group."""
     start = island.layout.start
     pushing = [i for i in members if any(of.multipliers[start[i]] > 0.0 for of in solutions)]
     links = [row.bodies for row in island.layout.joints]
+    joined = (load.joins() for load in island.model.loads)
+    links += [bodies for bodies in joined if len(bodies) > 1 and set(bodies) <= set(island.layout.bodies)]
     sets = [island.elements[i].pair.bodies for i in pushing] + links
     result = []
     for group in connected(sets):

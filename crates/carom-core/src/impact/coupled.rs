@@ -79,6 +79,7 @@ impl ImpactScratch {
         self.joints.extend_from_slice(island.joints);
         self.loads.clear();
         self.loads.extend_from_slice(island.loads);
+        self.linked.clear();
         self.rates.clear();
         self.load_base.clear();
         if island.is_free() {
@@ -103,6 +104,10 @@ impl ImpactScratch {
         }
         let end = self.span.end;
         if !self.loads.is_empty() {
+            let ends = self.loads.iter().map(|&l| model.loads[l as usize].bodies());
+            let pairs = ends.filter_map(|[a, b]| Some([a?, b?]));
+            let node = |body: u32| solve.node_of[body as usize];
+            self.linked.extend(pairs.map(|pair| pair.map(node)));
             self.load_base.resize(NODE_DOF * solve.bodies.len(), 0.0);
             trial.wrenches(model, &self.loads, &solve.bodies, end, &mut self.load_base);
         }

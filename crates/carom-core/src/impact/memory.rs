@@ -15,6 +15,8 @@ pub struct ImpactScratch {
     pub members: Vec<u32>,
     pub joints: Vec<u32>,
     pub loads: Vec<u32>,
+    /// Nodes that a load links: it answers what either of them is given.
+    pub(super) linked: Vec<[u32; 2]>,
     /// t_n and t_{n+1}.
     pub span: Span,
     /// `c'(t_{n+1})` of the joint rows, in the order of `full`.

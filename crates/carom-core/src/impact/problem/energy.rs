@@ -125,6 +125,11 @@ impl ImpactScratch {
         let changes = [change(&self.u), change(&with.u)];
         let joints = self.members.len()..self.full.contacts.len();
         let slots = self.chosen.iter().copied().chain(joints);
+        // What a load between two nodes gives one it takes from the other: they have one scale.
+        let linked = self.linked.iter().map(|&[a, b]| ContactWork {
+            is_pressed: true,
+            ..ContactWork::between(a, b)
+        });
         let works: Vec<ContactWork> = (slots.zip(&self.sub.contacts).enumerate())
             .map(|(position, (slot, c))| {
                 let full = &self.full.contacts[slot];
@@ -165,6 +170,7 @@ impl ImpactScratch {
                 }
                 work
             })
+            .chain(linked)
             .collect();
         scales(&works, admit, || self.kinetic(from))
     }
