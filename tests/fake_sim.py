@@ -329,9 +329,11 @@ def install(patch: Any = None) -> None:
         sys.modules.update({"carom.scene.scene": scene, "carom._core": this})
         carom._core = this  # type: ignore[attr-defined]
         return
-    patch.setitem(sys.modules, "carom.scene.scene", scene)
-    patch.setitem(sys.modules, "carom._core", this)
-    from carom.run import summary
+    from carom.result import result
+    from carom.run import checkpoint, loop, restart, simulate, sinks, summary
 
+    for module in (result, checkpoint, loop, restart, simulate, sinks, summary):
+        for name, fake in (("_core", this), ("Scene", Scene)):
+            if hasattr(module, name):
+                patch.setattr(module, name, fake)
     patch.setattr(summary, "versions", summary.versions.__wrapped__)  # they are asked once
-    patch.setattr(carom, "_core", this, raising=False)

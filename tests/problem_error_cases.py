@@ -14,7 +14,17 @@ import numpy as np
 import pytest
 from carom import ContactProblem
 from carom.cli.solve import _read
-from carom.problem import Csr, GlobalProblem, LocalProblem, global_, kept, rank, read_fclib, residual
+from carom.problem import (
+    Csr,
+    GlobalProblem,
+    LocalProblem,
+    global_,
+    kept,
+    rank,
+    read_fclib,
+    residual,
+    run_files,
+)
 from carom.problem.fclib import write_fclib
 
 Call = Callable[[Path, pytest.MonkeyPatch], Any]
@@ -78,6 +88,18 @@ def wide_level(folder: Path, patch: pytest.MonkeyPatch) -> Any:
     return rank.rank_of(Csr.from_any(np.eye(6) + np.ones((6, 6))), dense_rows=2)
 
 
+def of_run(*files: str, **wanted: Any) -> Call:
+    """A run that kept these problems, and which one is wanted."""
+
+    def call(folder: Path, patch: pytest.MonkeyPatch) -> Any:
+        (folder / run_files.FOLDER).mkdir()
+        for file in files:
+            (folder / run_files.FOLDER / f"step_{file}_0.hdf5").touch()
+        return run_files.find(folder, None, **wanted)
+
+    return call
+
+
 def many_joints(folder: Path, patch: pytest.MonkeyPatch) -> Any:
     patch.setattr(kept, "MAX_JOINT_ROWS", 1)
     return kept._inverse_of_joints(Csr.from_any(np.ones((2, 2))))
@@ -106,6 +128,15 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
     "... triplets announced, ... there; the matrix is damaged": ("W/nz", file_with("fclib_local/W/nz", 7)),
     "... entries; FCLib counts with 32 bits": ("W, M or H: 2147483648", too_many_entries),
     "it couples ... rows; blocks of up to ... are eliminated here; give W and q instead": ("M", large_block),
+    "no contact problem was kept; save_problems=... (--save-problems) keeps those of chosen steps": (
+        "",
+        of_run(),
+    ),
+    "... contact problems ...; say which: ...": (
+        "",
+        of_run("000001_position", "000002_position", level="position"),
+    ),
+    "no contact problem with ...; there are those of ...": ("", of_run("000001_position", step=2)),
     "singular in row... ... (from 0); a body without mass or inertia cannot be eliminated": (
         "M: singular in row 2",
         whole(M=np.diag([1.0, 1.0, 0.0, 1.0])),

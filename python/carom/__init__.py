@@ -90,7 +90,7 @@ _MOVED = {
     "plot": "show.plot",
     "plot.sweep": "many.sweep.plot",
     "record": "result.record",
-    "result.Body": "result.result",
+    "result.Body": "result.kinematics",
     "result.Result": "result.result",
     "result.load": "result.result",
     "run.CaromWarning": "errors",

@@ -11,6 +11,7 @@ import typer
 from carom.cli.options import Case, Json, Set, scene
 from carom.cli.output import BAD_INPUT, DONE, emit, fail, guarded
 from carom.cli.verdict import is_run, judge
+from carom.errors import ScenarioError, quoted
 
 if TYPE_CHECKING:
     from carom.errors import Problem
@@ -98,8 +99,6 @@ def _of_cases(
     scenario: Path, cases: list[str], set_: list[str] | None, known: list[Problem]
 ) -> list[Problem]:
     """Warnings that some of the cases have besides those that are known; their errors are raised together."""
-    from carom.errors import ScenarioError
-
     found: list[Problem] = []
     wrong: list[Problem] = []
     for case in cases:
@@ -113,7 +112,5 @@ def _of_cases(
 
 
 def _labelled(case: str, problems: list[Problem]) -> list[Problem]:
-    from carom.errors import quoted
-
     label = f"case {quoted(case)}"
     return [replace(p, key=f"{label}, {p.key}" if p.key else label) for p in problems]

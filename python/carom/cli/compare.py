@@ -11,6 +11,7 @@ import typer
 from carom.cli.options import Case, Json, Scenario, Set, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
+from carom.errors import CaromWarning
 from carom.many.sheets import of_comparison
 
 
@@ -49,7 +50,6 @@ def compare(
 
     Example: carom compare three_balls.toml --methods nsga,moreau --at 0.02
     """
-    from carom.errors import CaromWarning
     from carom.many.compare import compare as compare_methods
 
     described = scene(scenario, case, set_, until)

@@ -11,6 +11,7 @@ import typer
 from carom.cli.options import Json, Quiet
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note, seconds
 from carom.cli.progress import progress_bar
+from carom.files import inside
 from carom.text import columns
 
 
@@ -65,8 +66,6 @@ def demo(
 
 def _plots(result: Any, wanted: bool) -> list[Path]:
     from importlib.util import find_spec
-
-    from carom.files import inside
 
     if not wanted:
         return []

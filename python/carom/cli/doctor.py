@@ -8,6 +8,7 @@ from typing import Any
 
 from carom.cli.options import Json
 from carom.cli.output import BAD_INPUT, DONE, emit, guarded
+from carom.files import unwritable
 
 
 @guarded
@@ -83,8 +84,6 @@ def _directory() -> str:
         with tempfile.TemporaryFile(dir="."):
             pass
     except OSError as error:
-        from carom.files import unwritable
-
         raise RuntimeError(f"not writable: {unwritable(error)}, or change to another directory") from error
     return f"writable, {shutil.disk_usage('.').free / 1e9:.1f} GB free"
 

@@ -10,6 +10,8 @@ import typer
 
 from carom.cli.options import Json
 from carom.cli.output import emit, guarded
+from carom.errors import CaromError
+from carom.files import write_whole
 from carom.scene.shipped import find as find
 
 examples = typer.Typer(no_args_is_help=True, help="List and copy the scenarios that come with Carom.")
@@ -54,9 +56,6 @@ def copy(
 
     Example: carom examples copy paper/5.6_break
     """
-    from carom.errors import CaromError
-    from carom.files import write_whole
-
     source = find(name)
     target = to / source.name if to.is_dir() or to.suffix != ".toml" else to
     if target.exists() and not force:

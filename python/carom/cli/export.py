@@ -10,6 +10,7 @@ import typer
 
 from carom.cli.options import Json, Run
 from carom.cli.output import emit, guarded, note
+from carom.errors import CaromError
 
 
 @guarded
@@ -96,8 +97,6 @@ def export(
         result = load(run)
     for warning in caught:
         note(str(warning.message))
-    from carom.errors import CaromError
-
     formats = [name.strip() for name in format_.split(",")]
     for name in formats:  # before anything is written
         check_format(name)

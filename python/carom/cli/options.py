@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
+
 if TYPE_CHECKING:
     from carom.scene.scene import Scene
 
@@ -90,7 +92,6 @@ def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
     assigned = _assignments(pairs)
     if not assigned:
         return {}
-    from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
     from carom.scene.tables.model import SINGLE
     from carom.scene.toml import load
 

@@ -12,6 +12,7 @@ from typing import Any, ParamSpec, TextIO
 
 import typer
 
+from carom.errors import CaromError, ScenarioError
 from carom.text import seconds as seconds
 
 P = ParamSpec("P")
@@ -54,8 +55,6 @@ def _run(command: Callable[P, int | None], *args: P.args, **kwargs: P.kwargs) ->
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = DONE
     except (ValueError, OSError, MemoryError) as error:
-        from carom.errors import CaromError
-
         if not isinstance(error, (CaromError, OSError, MemoryError)):
             code = _crashed(error, as_json)
         else:
@@ -124,8 +123,6 @@ def _leave_at_once_if_broken(code: int) -> None:
 
 
 def _refused(error: Exception, as_json: bool) -> int:
-    from carom.errors import ScenarioError
-
     if isinstance(error, ScenarioError):
         print(error.report(), file=sys.stderr)
         if as_json:

@@ -10,6 +10,7 @@ import typer
 
 from carom.cli.options import Json, Run
 from carom.cli.output import emit, guarded, note
+from carom.files import inside
 
 
 @guarded
@@ -51,7 +52,6 @@ def plot(
 
     Example: carom plot runs/break-1 --what velocities --format pdf
     """
-    from carom.files import inside
     from carom.result.result import load
 
     with warnings.catch_warnings(record=True) as caught:

@@ -14,6 +14,7 @@ import typer
 
 from carom.cli.options import Json, Quiet
 from carom.cli.output import CRASH, DONE, NOT_CONVERGED, emit, guarded, note, seconds
+from carom.errors import CaromError, did_you_mean
 from carom.text import table
 
 if TYPE_CHECKING:
@@ -73,7 +74,6 @@ def reproduce(
 
     Example: carom reproduce 5.4 5.6 --format png,pdf
     """
-    from carom.errors import CaromError
     from carom.many.batch import usable_processors
     from carom.reproduce import folder
     from carom.reproduce.document import Context
@@ -109,7 +109,6 @@ def reproduce(
 
 def _chosen(names: list[str]) -> list[str]:
     """The examples in the paper's order, each once."""
-    from carom.errors import CaromError, did_you_mean
     from carom.reproduce.runner import MODULES
 
     known = list(MODULES)
@@ -122,7 +121,6 @@ def _chosen(names: list[str]) -> list[str]:
 
 def _formats(text: str, docs: Path | None) -> tuple[str, ...]:
     """The formats asked for, and one that the page can show."""
-    from carom.errors import CaromError, did_you_mean
     from carom.reproduce.figures import FORMATS
 
     formats = [part.strip() for part in text.split(",") if part.strip()]

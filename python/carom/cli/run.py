@@ -12,6 +12,7 @@ import typer
 from carom.cli.options import Case, Json, Quiet, Scenario, Set, scene
 from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
+from carom.errors import counted
 
 if TYPE_CHECKING:
     from carom.result.result import Result
@@ -68,7 +69,6 @@ def run(
 
     Example: carom run corner.toml --save-problems 200:300:50,worst:5
     """
-    from carom.errors import counted
     from carom.result.directory import RunDir
     from carom.run.simulate import chosen, launch
     from carom.run.sinks import Interrupt
@@ -118,8 +118,6 @@ def report(result: Result, *, quiet: bool, as_json: bool, scenario: str | None =
             for told in remarks(result):
                 note(f"warning: {told}")
         if summary.get("unconverged"):
-            from carom.errors import counted
-
             accepted = counted(summary["unconverged"], "sub-problem")
             note(f"{accepted} accepted unconverged: carom check {result.path}")
     outcome = result.outcome

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from carom.cli.output import seconds
 from carom.errors import counted, one_line
+from carom.files import write_whole
 from carom.text import columns, table
 
 if TYPE_CHECKING:
@@ -114,8 +115,6 @@ def profile_of(done: Sequence[Attempt], names: Sequence[str]) -> Profile:
 
 def write(done: Sequence[Attempt], names: Sequence[str], out: Path, formats: Sequence[str]) -> list[Path]:
     """`results.csv`, and of several problems the profiles as figures with their numbers."""
-    from carom.files import write_whole
-
     files = [out / "results.csv"]
     write_whole(files[0], _csv(done).encode(), durable=False, parents=True)
     profile = profile_of(done, names)

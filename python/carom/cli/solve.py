@@ -14,6 +14,7 @@ import typer
 from carom.cli.options import Json, Quiet
 from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, guarded, note
 from carom.cli.reproduce import _bar, _terminated_as_interrupted
+from carom.errors import CaromError, did_you_mean
 
 if TYPE_CHECKING:
     from carom.cli.solutions import Attempt
@@ -155,7 +156,6 @@ def _attempts(
 ) -> Iterator[tuple[Attempt, Solution | None]]:
     """Every file by every solver, one after the other; what cannot be done is an attempt with an error."""
     from carom.cli.solutions import Attempt
-    from carom.errors import CaromError
     from carom.problem.solve import solve as solve_problem
 
     for path in paths:
@@ -224,7 +224,6 @@ def _expanded(given: Path) -> list[Path]:
 
 def _solvers(given: list[str]) -> list[str]:
     """The solvers asked for, each once."""
-    from carom.errors import CaromError, did_you_mean
     from carom.problem import solvers
 
     known = list(solvers())
@@ -236,7 +235,6 @@ def _solvers(given: list[str]) -> list[str]:
 
 
 def _formats(text: str) -> list[str]:
-    from carom.errors import CaromError, did_you_mean
     from carom.show.plot import FORMATS, require_matplotlib
 
     formats = [part.strip() for part in text.split(",") if part.strip()]

@@ -12,6 +12,7 @@ import typer
 
 from carom.cli.options import Json, Quiet
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
+from carom.errors import CaromError, counted
 
 if TYPE_CHECKING:
     from carom.many.sweep import Progress, Sweep
@@ -115,7 +116,6 @@ def _figures(found: Sweep, wanted: bool | None, columns: list[str]) -> list[Path
 
 
 def _print(found: Sweep, files: list[Path]) -> None:
-    from carom.errors import counted
     from carom.many.sweep.origin import listed
 
     facts = found.summary
@@ -175,8 +175,6 @@ def _function(named: str | None) -> Callable[[Any], dict[str, float]] | None:
     if named is None:
         return None
     import runpy  # noqa: TID251 the function that the user names with --measure
-
-    from carom.errors import CaromError
 
     file, _, name = named.rpartition(":")
     if not file or not Path(file).is_file():

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from carom.errors import CaromError, did_you_mean
 from carom.export.atomic import writing_into
+from carom.export.frames import Selection
 from carom.files import inside
+from carom.show.film.look import Look
 
 if TYPE_CHECKING:
     from carom.result.result import Result
@@ -85,8 +87,6 @@ def export(
     `carom.show.film.look.Look`.
     """
     check_format(format)
-    from carom.export.frames import Selection
-
     selection = Selection.of(result, every=every, start=start, stop=stop, contacts=contacts)
     write: Callable[..., list[Path]] = import_module(FORMATS[format][0]).write
     path = Path(directory) if directory is not None else inside(result.path, "export")
@@ -95,8 +95,6 @@ def export(
             raise CaromError(f"{next(iter(look))} is an option of films; {format} has none of that name")
         with writing_into(path):
             return write(selection, path)
-    from carom.show.film.look import Look
-
     chosen = Look.of(format, look)
     if chosen.follow is not None:
         result[chosen.follow]  # a name that is none is refused here

@@ -18,9 +18,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, counted, did_you_mean
+from carom.errors import CaromError, CaromWarning, counted, did_you_mean
 from carom.many.cases import WIDTHS, Overrides, Values
+from carom.result.kinematics import QUANTITIES
 from carom.result.tables import UnknownName
+from carom.run.simulate import scene_of
+from carom.run.watch import Watch
+from carom.show.notebook import of_batch
 
 if TYPE_CHECKING:
     import pandas
@@ -32,7 +36,7 @@ F64 = NDArray[np.float64]
 
 ENDED = ("done", "stopped")
 """Outcomes of cases that ended well."""
-KINEMATICS = {"position": 3, "orientation": 4, "velocity": 3, "angular_velocity": 3}
+KINEMATICS = {name: len(letters) for name, (letters, _) in QUANTITIES.items()}
 
 
 def simulate_batch(
@@ -72,8 +76,6 @@ def simulate_batch(
     `CaromError`.
     """
     from carom.many.threads import Runner
-    from carom.run.simulate import scene_of
-    from carom.run.watch import Watch
 
     if parameters is not None and not isinstance(parameters, Mapping):
         raise CaromError(
@@ -204,8 +206,6 @@ class Batch:
         )
 
     def _repr_html_(self) -> str:
-        from carom.show.notebook import of_batch
-
         return of_batch(self)
 
 
@@ -243,7 +243,5 @@ def _threads(given: int | None) -> int:
 
 
 def _advise(scene: Scene) -> None:
-    from carom.errors import CaromWarning
-
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=4)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carom.errors import CaromError, did_you_mean, quoted
 from carom.scene.assembly.arrays import LAW_KEYS, resolved_tree
+from carom.scene.scene import Scene
 
 if TYPE_CHECKING:
     from carom.scene.scene import Scene
@@ -157,8 +158,6 @@ class Overrides:
 
     def scene(self, case: int) -> Scene:
         """One case as a scene of its own: every ball single, every number written down."""
-        from carom.scene.scene import Scene
-
         model, tree = self.model(case), resolved_tree(self._scene._tree)
         if len(tree.sphere) != len(self._names):
             raise CaromError("a case with inflows, or of more than 10 000 balls, is no scene of single balls")

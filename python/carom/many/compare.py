@@ -18,11 +18,16 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, did_you_mean
+import carom
+from carom import _core
+from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.files import inside
+from carom.many.quantity import USUAL
 from carom.many.sheets import of_comparison, titled
+from carom.run.simulate import RunFailed, scene_of
 from carom.run.summary import plain
 from carom.scene.arguments import renamed
+from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
     from carom.result.result import Result
@@ -32,8 +37,6 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 
-#: What is compared, and its unit.
-QUANTITIES = {"position": "m", "velocity": "m/s", "angular_velocity": "rad/s"}
 #: Numbers of a run's summary that stand side by side, as far as the method has them.
 NUMBERS = (
     *("wall_s", "core_s", "steps", "substeps", "halvings", "penetration_max", "penetration_max_relative"),
@@ -152,8 +155,6 @@ def listed(times: float | Sequence[float]) -> list[float]:
 
 def default_methods() -> list[str]:
     """Every method that the core has, the default one first, and Moreau-Jean with projection too."""
-    from carom import _core
-
     return [
         name
         for m in _core.choices()["method"]
@@ -172,8 +173,6 @@ def _able(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
 
 def method_options(name: str) -> dict[str, Any]:
     """The keys of `[run]` that a name such as `moreau+projection` stands for."""
-    from carom import _core
-
     choices = _core.choices()
     method, *modifiers = name.split("+")
     if method not in choices["method"]:
@@ -214,11 +213,6 @@ def compare(
     `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end is
     no error here: its `outcome` says so.
     """
-    import carom
-    from carom.errors import CaromWarning
-    from carom.run.simulate import RunFailed, scene_of
-    from carom.scene.plan import Plan
-
     scene = scene_of(scene, "compare", case=case, parameters=parameters)
     at = listed(at)
     names, remarks = (
@@ -298,7 +292,7 @@ def _measured(
 ) -> MethodRun:
     reached = len(result.time)
     states: dict[str, F64] = {}
-    for quantity in QUANTITIES:
+    for quantity in USUAL:
         column = getattr(result, quantity)
         rows = [column[k] if k < reached else np.full((len(result.names), 3), np.nan) for k in frames]
         states[quantity] = np.asarray(rows, dtype=np.float64)
@@ -321,7 +315,7 @@ def _differences(
     sizes: Mapping[str, float],
 ) -> Iterator[Difference]:
     for k, time in enumerate(times):
-        for quantity in QUANTITIES:
+        for quantity in USUAL:
             found, first = states[quantity][k], reference[quantity][k]
             if np.isnan(found).any() or np.isnan(first).any():
                 continue  # one of the runs stopped before

@@ -20,14 +20,18 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.many.batch import usable_processors
 from carom.many.order import FINER, Order, clear_order, doubts, error_of
-from carom.many.quantity import QUANTITIES, Quantity
+from carom.many.quantity import QUANTITIES, USUAL, Quantity
 from carom.many.reference_solution import Formulas, Frames, Function, Truth
 from carom.many.sheets import of_convergence, titled
+from carom.result.result import Result, load
 from carom.run import summary
 from carom.run.loop import begin, drive
+from carom.run.simulate import scene_of
 from carom.run.sinks import Instants
 from carom.scene.arguments import renamed
 from carom.scene.plan import Plan
+from carom.show.plot import require_matplotlib
+from carom.show.plot.convergence import convergence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,8 +42,6 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-#: What a study looks at if nothing else is said.
-DEFAULT = ("position", "velocity", "angular_velocity")
 #: Instants of one run that enter eq. 45, and numbers of their states, at most.
 MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000
 
@@ -114,11 +116,7 @@ class Convergence:
 
     def plot(self) -> Figure:
         """Errors over steps with their fits, a figure of matplotlib."""
-        from carom.show.plot import require_matplotlib
-
         require_matplotlib()
-        from carom.show.plot.convergence import convergence
-
         return convergence(self).figure
 
 
@@ -146,8 +144,6 @@ def converge(
     times `at` (s) alone. `case` and `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of
     `[run]`, for all runs. What makes an order doubtful is in `remarks` of the result.
     """
-    from carom.run.simulate import scene_of
-
     scene = scene_of(scene, "converge", case=case, parameters=parameters)
     at = [float(at)] if isinstance(at, (int, float)) else [float(t) for t in at]
     scene = scene.with_options(**options) if options else scene
@@ -169,7 +165,7 @@ def converge(
         jobs.append((float(reference), _shared(_positive(reference), instants)))
     else:
         truth = _truth(reference, scene)
-    wanted = [Quantity.of(text, names) for text in quantities or (truth and truth.offered()) or DEFAULT]
+    wanted = [Quantity.of(text, names) for text in quantities or (truth and truth.offered()) or USUAL]
     for quantity in wanted:
         if truth:  # before anything runs
             truth.values(quantity, np.array([0.0 if not at else min(at)]))
@@ -254,8 +250,6 @@ def _shared(h: float, instants: Mapping[float, I64]) -> I64:
 
 
 def _truth(reference: object, scene: Scene) -> Truth:
-    from carom.result.result import Result, load
-
     if isinstance(reference, (str, Path)):
         path = Path(reference)
         if not path.is_dir() and path.suffix == ".toml":

@@ -9,18 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
+from carom.result import kinematics
 
 F64 = NDArray[np.float64]
+#: Quantities that are looked at where nothing else is said.
+USUAL = ("position", "velocity", "angular_velocity")
 #: States by quantity, each (T, N, components).
 States = Mapping[str, F64]
 
-#: Quantities of a sphere: their components, and their unit.
-QUANTITIES = {
-    "position": ("xyz", "m"),
-    "velocity": ("xyz", "m/s"),
-    "angular_velocity": ("xyz", "rad/s"),
-    "orientation": ("wxyz", "1"),
-}
+#: Quantities of a sphere: their components, and their unit; the usual ones first.
+QUANTITIES = {name: kinematics.QUANTITIES[name] for name in (*USUAL, "orientation")}
 
 
 @dataclass(frozen=True)

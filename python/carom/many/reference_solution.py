@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carom._core import Expression, ExpressionError
 from carom.errors import CaromError, did_you_mean
 from carom.many.quantity import QUANTITIES, Quantity, States
 
@@ -202,8 +203,6 @@ class _Component:
         self._formula = self._read(given, known)
 
     def _read(self, given: Any, known: Mapping[str, float]) -> Expression | None:
-        from carom._core import Expression, ExpressionError
-
         if isinstance(given, (int, float)) and not isinstance(given, bool):
             self._value = float(given)
             return None
@@ -219,8 +218,6 @@ class _Component:
         return formula
 
     def __call__(self, values: Mapping[str, float]) -> float:
-        from carom._core import ExpressionError
-
         if self._formula is None:
             return self._value
         try:

@@ -42,7 +42,7 @@ def titled(title: str, case: str | None) -> str:
 
 def of_comparison(found: Comparison) -> Sheet:
     """A column for each method."""
-    from carom.many.compare import QUANTITIES
+    from carom.many.quantity import QUANTITIES
 
     runs = list(found)
     rows: list[list[str]] = []
@@ -68,7 +68,7 @@ def of_comparison(found: Comparison) -> Sheet:
     counts("fallbacks", "fallbacks")
     for time in found.times:
         rows.append([f"off {runs[0].name} at {time:g} s, greatest, and relative"])
-        for quantity, unit in QUANTITIES.items():
+        for quantity, (_, unit) in QUANTITIES.items():
             row(f"  {quantity.replace('_', ' ')} ({unit})", lambda r, q=quantity, t=time: _off(r, q, t))  # type: ignore[misc]
     title = titled(found.title or "comparison", found.case)
     return Sheet(

@@ -11,7 +11,9 @@ from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
 from carom.problem.rank import Rank, rank_of
 from carom.problem.residual import Residual, residual_of
+from carom.problem.run_files import find
 from carom.problem.solve import TOLERANCE, OnNonconvergence, Solution, solve
+from carom.result.directory import RunDir
 
 
 class ContactProblem:
@@ -66,9 +68,6 @@ class ContactProblem:
         step that was halved the `part` (0: none). Without anything it is the one that could not be solved, if there is
         one. An error lists what there is.
         """
-        from carom.problem.run_files import find
-        from carom.result.directory import RunDir  # reads and writes runs; files of problems need none of it
-
         directory = RunDir.open(run_dir)
         failed = (directory.read().get("outcome") or {}).get("step")
         return cls.from_fclib(

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from carom.errors import counted
 from carom.problem.errors import ContactProblemError, refuse
 from carom.problem.fclib import write_fclib
 from carom.problem.kept import frames, multipliers, state
@@ -117,7 +116,7 @@ def find(run: Path, failed_step: int | None, **wanted: Any) -> Path:
     asked = ", ".join(f"{key}={value!r}" for key, value in wanted.items())
     if fitting:
         names = "; ".join(map(str, fitting[:4])) + ("; ..." if len(fitting) > 4 else "")
-        cause = f"{counted(len(fitting), 'contact problem')} {'with ' + asked if asked else 'there'}"
+        cause = f"{len(fitting)} contact problems {'with ' + asked if asked else 'there'}"
         raise refuse(str(run), cause, f"say which: {names}")
     if not there and not failing.is_file():
         cause = "no contact problem was kept"

@@ -20,6 +20,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from carom import _core
 from carom.errors import CaromError, counted, did_you_mean, one_line
 from carom.files import write_whole
 from carom.problem.errors import ContactProblemWarning, refuse
@@ -173,8 +174,6 @@ class SolveFailed(CaromError):
 
 def solvers() -> dict[str, str]:
     """The solvers by name, `auto` first, and a line on each."""
-    from carom import _core
-
     return dict(_core.contact_solvers())
 
 
@@ -190,8 +189,6 @@ def solve(
     on_nonconvergence: OnNonconvergence = "raise",
 ) -> Solution:
     """`ContactProblem.solve`, which explains the arguments."""
-    from carom import _core
-
     known = solvers()
     if solver not in known:
         raise refuse("solver", f"none is called {solver!r}", did_you_mean(str(solver), list(known)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import carom
+
 if TYPE_CHECKING:
     from carom.scene.scene import Scene
 
@@ -76,8 +78,6 @@ def sources(scene: Scene | None = None) -> dict[str, str]:
 
 def bibtex() -> str:
     """The entry for Carom itself, with its version."""
-    import carom
-
     return (
         "@software{carom,\n"
         "  title   = {Carom: nonsmooth contact dynamics of frictional spheres},\n"

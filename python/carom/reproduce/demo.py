@@ -17,6 +17,10 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.measure import events
 from carom.reproduce.analytic.approach import Approach
+from carom.result.directory import RunDir
+from carom.run.simulate import launch, relaunch
+from carom.run.sinks import Interrupt
+from carom.scene.scene import Scene
 from carom.text import WIDTH, table
 
 if TYPE_CHECKING:
@@ -65,11 +69,6 @@ def scenario(case: str) -> Path:
 
 def simulate(case: str, out: Path, *, progress: Callable[..., None] | None = None) -> Result:
     """Run a case into the directory `out`, on until all balls rest if they are slowed down by rolling resistance."""
-    from carom.result.directory import RunDir
-    from carom.run.simulate import launch, relaunch
-    from carom.run.sinks import Interrupt
-    from carom.scene.scene import Scene
-
     scene = Scene.from_toml(scenario(case))
     scene.validate()
     stop = Interrupt()

@@ -19,11 +19,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from carom import __version__
 from carom.errors import CaromError
-from carom.files import write_whole
+from carom.files import unwritable, write_whole
 from carom.reproduce.document import to_json
+from carom.reproduce.html import html_page
 from carom.reproduce.page import markdown
 from carom.reproduce.runner import Report
+from carom.run.summary import versions
 
 FIGURES = "figures"
 JSON = "report.json"
@@ -110,15 +113,11 @@ def _umask() -> int:
 
 
 def _unwritable(path: Path, error: OSError) -> CaromError:
-    from carom.files import unwritable
-
     return CaromError(f"cannot write {path}: {unwritable(error)}")
 
 
 def write(report: Report, directory: Path, command: str) -> dict[str, Any]:
     """Write page and report into `directory`, where the figures are already; returns what `report.json` holds."""
-    from carom.reproduce.html import html_page
-
     text = markdown(report, FIGURES, facts(report, command))
     (directory / "index.html").write_text(html_page(text), encoding="utf-8")
     (directory / "report.md").write_text(text, encoding="utf-8")
@@ -135,8 +134,6 @@ def write_docs(report: Report, directory: Path, figures: Path, command: str) -> 
 
     It holds no date and no machine: a difference to the page of an earlier build is one of Carom.
     """
-    from carom import __version__
-
     target = directory / DOCS_FIGURES
     drawn = [f"{figure.name}.svg" for example in report.examples for figure in example.figures]
     for name in drawn:
@@ -157,8 +154,6 @@ def write_docs(report: Report, directory: Path, figures: Path, command: str) -> 
 
 def as_json(report: Report) -> dict[str, Any]:
     """The report with plain values; what is drawn stands in the CSV files of the figures."""
-    from carom.run.summary import versions
-
     found: dict[str, Any] = {
         "made_by": MADE_BY,
         "quick": report.context.quick,
@@ -185,8 +180,6 @@ def as_json(report: Report) -> dict[str, Any]:
 
 def facts(report: Report, command: str) -> Mapping[str, str]:
     """What is said at the end of the page: made by what, when, on what, in which time."""
-    from carom.run.summary import versions
-
     about = versions()
     processes = "1 process" if report.jobs == 1 else f"{report.jobs} processes beside each other"
     return {

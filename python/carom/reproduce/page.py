@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from carom import _core
 from carom.reproduce.document import Counts, Example, Figure, Row, Verdict
 from carom.reproduce.errata import ERRATA, Erratum
 from carom.reproduce.runner import Failure, Report
@@ -282,8 +283,6 @@ def _kind(file: str) -> str:
 
 def _options(examples: Sequence[Example]) -> list[str]:
     """What the runs set, and the defaults of everything else."""
-    from carom import _core
-
     lines = [
         (f"{example.id} {name}", assigned(run))
         for example in examples

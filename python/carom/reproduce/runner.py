@@ -22,6 +22,7 @@ from typing import Any
 from carom.errors import CaromError, one_line
 from carom.reproduce import examples
 from carom.reproduce.document import Context, Example, Figure, NotConverged, Row
+from carom.reproduce.figures import draw
 from carom.run.simulate import RunFailed
 
 #: Section or appendix -> module with `reproduce`, and `PARTS` if it has heavy ones.
@@ -220,8 +221,6 @@ def _example(module: str, name: str, parts: Mapping[str, Any], context: Context)
 
 
 def _draw(module: str, figure: Figure, drawing: Drawing, context: Context) -> list[str]:
-    from carom.reproduce.figures import draw
-
     return draw(figure, drawing.directory, drawing.formats)
 
 

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from carom.result.result import Body, Result
+    from carom.result.record import Column
+    from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 _Pairs = TypeVar("_Pairs", Impacts, Contacts)
@@ -125,8 +126,6 @@ class Frames:
         return index
 
     def __getitem__(self, name: str) -> Body:
-        from carom.result.result import Body
-
         try:
             return Body(self, self.names.index(name))
         except ValueError:
@@ -135,8 +134,6 @@ class Frames:
             ) from None
 
     def __iter__(self) -> Any:
-        from carom.result.result import Body
-
         # Without this, `for body in result` would try result[0], result[1], ... by the old protocol.
         return (Body(self, i) for i in range(len(self.names)))
 
@@ -147,6 +144,77 @@ class Frames:
         """A quantity (T, N, 3), 0 for balls that are absent."""
         there = np.asarray(self.present)[:, :, np.newaxis]
         return np.where(there, np.asarray(getattr(self, quantity)), 0.0)
+
+
+class Body:
+    """One body of a result or a part of one: `result["cue"].velocity` is (T, 3)."""
+
+    def __init__(self, result: Frames, index: int) -> None:
+        self._result = result
+        self.index = index
+        self.name = result.names[index]
+
+    @property
+    def time(self) -> Column | F64:
+        """Times of the frames, (T,), s."""
+        found: Column | F64 = self._result.time
+        return found
+
+    @property
+    def position(self) -> F64:
+        """Centre, (T, 3), m."""
+        return self._column("position")
+
+    @property
+    def orientation(self) -> F64:
+        """Unit quaternion, scalar part first, (T, 4)."""
+        return self._column("orientation")
+
+    @property
+    def velocity(self) -> F64:
+        """Velocity of the centre, (T, 3), m/s."""
+        return self._column("velocity")
+
+    @property
+    def angular_velocity(self) -> F64:
+        """Angular velocity in the world frame, (T, 3), rad/s."""
+        return self._column("angular_velocity")
+
+    @property
+    def speed(self) -> F64:
+        """Speed of the centre, (T,), m/s."""
+        return np.asarray(np.linalg.norm(self.velocity, axis=1))
+
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+        return float(self._result.bodies["radius"][self.index])
+
+    @property
+    def mass(self) -> float:
+        """Mass, kg."""
+        return float(self._result.bodies["mass"][self.index])
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about any diameter, kg m^2."""
+        return float(self._result.bodies["inertia"][self.index])
+
+    @property
+    def impacts(self) -> Impacts:
+        """The impacts that this body took part in."""
+        impacts: Impacts = self._result.impacts
+        number = self._result._table_number(self.index)
+        return impacts.where((np.asarray(impacts["body"]) == number).any(axis=1))
+
+    def _column(self, name: str) -> F64:
+        found: F64 = getattr(self._result, name)[:, self.index]
+        return found
+
+    def __repr__(self) -> str:
+        return (
+            f"<body {self.name!r}: radius {self.radius:g} m, mass {self.mass:g} kg, {len(self.time)} frames>"
+        )
 
 
 class Selection(Frames):

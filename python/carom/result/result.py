@@ -24,7 +24,9 @@ from carom.result.kinematics import Frames, Selection, chosen_bodies, chosen_fra
 from carom.result.record import Column, Memory, Record, Segments, Writer
 from carom.result.run_json import checked
 from carom.result.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps
+from carom.result.walls import Walls
 from carom.scene.assembly.arrays import identify
+from carom.scene.scene import Scene
 
 if TYPE_CHECKING:
     from carom.result.walls import Walls
@@ -155,8 +157,6 @@ class Result(Frames):
     @cached_property
     def walls(self) -> Walls:
         """All walls by name: `result.walls["drum"].torque`, also `force`, `impulse`, `position`, `orientation`."""
-        from carom.result.walls import Walls
-
         return Walls(self, [self._segments.static(table) for table in ("planes", "walls")])
 
     @property
@@ -209,8 +209,6 @@ class Result(Frames):
     @cached_property
     def scene(self) -> Scene:
         """The scene as it was run: every default spelled out, random numbers drawn."""
-        from carom.scene.scene import Scene
-
         assert self._directory is not None
         return Scene.from_toml(self._directory.scenario)
 
@@ -419,74 +417,3 @@ class Result(Frames):
             else f"  directory {self.path}",
         ]
         return "\n".join(lines)
-
-
-class Body:
-    """One body of a result or a part of one: `result["cue"].velocity` is (T, 3)."""
-
-    def __init__(self, result: Frames, index: int) -> None:
-        self._result = result
-        self.index = index
-        self.name = result.names[index]
-
-    @property
-    def time(self) -> Column | F64:
-        """Times of the frames, (T,), s."""
-        found: Column | F64 = self._result.time
-        return found
-
-    @property
-    def position(self) -> F64:
-        """Centre, (T, 3), m."""
-        return self._column("position")
-
-    @property
-    def orientation(self) -> F64:
-        """Unit quaternion, scalar part first, (T, 4)."""
-        return self._column("orientation")
-
-    @property
-    def velocity(self) -> F64:
-        """Velocity of the centre, (T, 3), m/s."""
-        return self._column("velocity")
-
-    @property
-    def angular_velocity(self) -> F64:
-        """Angular velocity in the world frame, (T, 3), rad/s."""
-        return self._column("angular_velocity")
-
-    @property
-    def speed(self) -> F64:
-        """Speed of the centre, (T,), m/s."""
-        return np.asarray(np.linalg.norm(self.velocity, axis=1))
-
-    @property
-    def radius(self) -> float:
-        """Radius, m."""
-        return float(self._result.bodies["radius"][self.index])
-
-    @property
-    def mass(self) -> float:
-        """Mass, kg."""
-        return float(self._result.bodies["mass"][self.index])
-
-    @property
-    def inertia(self) -> float:
-        """Moment of inertia about any diameter, kg m^2."""
-        return float(self._result.bodies["inertia"][self.index])
-
-    @property
-    def impacts(self) -> Impacts:
-        """The impacts that this body took part in."""
-        impacts: Impacts = self._result.impacts
-        number = self._result._table_number(self.index)
-        return impacts.where((np.asarray(impacts["body"]) == number).any(axis=1))
-
-    def _column(self, name: str) -> F64:
-        found: F64 = getattr(self._result, name)[:, self.index]
-        return found
-
-    def __repr__(self) -> str:
-        return (
-            f"<body {self.name!r}: radius {self.radius:g} m, mass {self.mass:g} kg, {len(self.time)} frames>"
-        )

@@ -19,7 +19,9 @@ from carom.result.record.opening import DAMAGED
 from carom.result.record.untrusted import first_line
 from carom.result.record.walls import PARAMETERS
 from carom.result.tables import UnknownName
+from carom.scene.assembly.distances import gaps
 from carom.scene.assembly.rotations import rotated, rotated_back
+from carom.scene.tables.laws import value_at
 
 if TYPE_CHECKING:
     from carom.result.result import Result
@@ -77,8 +79,6 @@ class Poses:
 
 def _values(law: Sequence[Any], time: F64) -> F64:
     """A law in the form of the core at several times, (T,)."""
-    from carom.scene.tables.laws import value_at
-
     form, data = law
     value = data if form == "constant" else {form: data}
     return np.array([value_at(value, float(t)) for t in time])
@@ -128,8 +128,6 @@ class Wall:
         """Distance (K,), m, of balls with centres (K, 3) and radii (K,), m, from the wall as it is at the times (K,), s:
         infinite where it has been taken away.
         """
-        from carom.scene.assembly.distances import gaps
-
         point = np.asarray(self.facts["point"], dtype=np.float64)
         if self.motion.moves:
             away = centre - self.motion.position(point, time)

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom import _core
 from carom.errors import CaromError
 from carom.files import reason, regular, write_whole
 from carom.result.record.layout import Rows
@@ -125,8 +126,6 @@ def build() -> str:
 
     Two builds of one version may differ, as of sources that were changed in between.
     """
-    from carom import _core
-
     note = b"\x04\0\0\0\x14\0\0\0\x03\0\0\0GNU\0"  # NT_GNU_BUILD_ID of an ELF file, 20 bytes
     try:
         with open(_core.__file__, "rb") as file:

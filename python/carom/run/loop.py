@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from carom import _core
 from carom.errors import CaromError
 from carom.scene.plan import Plan
 
@@ -26,8 +27,6 @@ BLOCK_STEPS = 100_000
 
 def begin(model: Mapping[str, Any]) -> Simulation:
     """The model (`_core.pyi`) in the core, at its start; `CaromError` if it is none that can be simulated."""
-    from carom import _core
-
     try:
         return _core.Simulation(dict(model))
     except _core.ModelError as error:

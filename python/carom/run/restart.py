@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from carom import _core
 from carom.errors import CaromError, did_you_mean
 from carom.result.directory import RunDir
 from carom.result.record import Rows, Segments
@@ -130,8 +131,6 @@ def remarks(chosen: Checkpoint | None, wish: Wish) -> list[str]:
 
 def _judged(directory: RunDir, about: Mapping[str, Any], any_version: bool, path: Path) -> Checkpoint | str:
     """The checkpoint of a file, or what is wrong with it."""
-    from carom import _core
-
     try:
         saved = checkpoint.load(path)
     except CaromError as error:

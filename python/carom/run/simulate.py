@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 import carom
+from carom import _core
 from carom.errors import CaromError, CaromWarning
 from carom.result.directory import RunDir, now, temporary
 from carom.result.record import Memory, Rows, Writer
@@ -31,6 +32,7 @@ from carom.run.watch import Callback, Stop, Watch
 from carom.scene.arguments import renamed
 from carom.scene.assembly.arrays import identify
 from carom.scene.plan import Plan
+from carom.scene.scene import Scene
 
 if TYPE_CHECKING:
     from carom._core import Simulation
@@ -114,10 +116,10 @@ def chosen(scene: Scene, problems: Given | None, form: str, label: str = "save_p
     """The contact problems to keep of a run of `scene`; `label` is what messages call the argument."""
     if problems is None:
         return None
-    from carom.run.problems import Choice
-
     if scene.run.method == "penalty":
         raise CaromError(f"{label}: method penalty solves no contact problems; take method nsga or moreau")
+    from carom.run.problems import Choice
+
     return Choice.of(problems, form, label)
 
 
@@ -132,8 +134,6 @@ def scene_of(
 
     `caller` is what a message calls the function.
     """
-    from carom.scene.scene import Scene
-
     variant = {key: value for key, value in (("case", case), ("parameters", parameters)) if value is not None}
     if isinstance(given, (str, Path)):
         return Scene.from_toml(given, **variant)  # type: ignore[arg-type]
@@ -251,8 +251,6 @@ def relaunch(
     `options` are `until` and numerical options of the core; `places` says how messages call them. With a `wish` it
     goes on from another checkpoint.
     """
-    from carom.scene.scene import Scene
-
     wish = wish or restart.Wish()
     options = dict(options or {})
     changes.refuse_other_physics(options, places or {})
@@ -304,8 +302,6 @@ def relaunch(
 
 
 def _restore(simulation: Simulation, saved: checkpoint.Checkpoint) -> None:
-    from carom import _core
-
     try:
         simulation.restore(dict(saved.state))
     except _core.ModelError as error:  # the state of another version may be made otherwise

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from carom import _core
 from carom.run import checkpoint
 from carom.run.loop import Sink
 from carom.scene.plan import Plan
@@ -225,8 +226,6 @@ class Checkpoints(Sink):
             self._save(simulation)
 
     def _save(self, simulation: Simulation) -> None:
-        from carom import _core
-
         start = time.perf_counter()
         writer = self._writer
         # Rows first, then the state that belongs to them: a state must never be ahead of what can be read,

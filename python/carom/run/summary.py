@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import carom
+from carom import _core
+from carom.run import checkpoint
+
 if TYPE_CHECKING:
     from carom._core import Simulation
     from carom.scene.plan import Plan
@@ -24,10 +28,6 @@ LISTED_BODIES = 100
 def versions() -> dict[str, Any]:
     """What computed the run, without naming the machine: versions, build of the core if it is known, kind of processor."""
     import h5py
-
-    import carom
-    from carom import _core
-    from carom.run import checkpoint
 
     build = checkpoint.build()
     return {

@@ -17,9 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, ScenarioError
+from carom.many.batch import KINEMATICS, simulate_batch
 from carom.many.sweep import origin
 from carom.many.sweep.folder import Folder
 from carom.many.sweep.study import RESERVED, Study
+from carom.many.threads import ENERGIES, MONITORS
+from carom.result.result import load
+from carom.run.simulate import RunFailed, resume, simulate
 from carom.run.summary import LISTED_BODIES
 
 if TYPE_CHECKING:
@@ -96,8 +100,6 @@ def _together(cases: Sequence[int]) -> bool:
 
 def _batch(study: Study, cases: range) -> list[Columns]:
     """Cases that are arrays laid over one scene, in one call."""
-    from carom.many.batch import simulate_batch
-
     targets = study.targeting
     try:
         values = targets.values(targets.of_arrays, cases)
@@ -108,8 +110,6 @@ def _batch(study: Study, cases: range) -> list[Columns]:
 
 def _one(study: Study, case: int) -> Columns:
     """A case with a scene of its own."""
-    from carom.many.batch import simulate_batch
-
     try:
         return _chosen(study, simulate_batch([study.targeting.scene(case)], threads=1).columns())
     except CaromError as error:
@@ -118,8 +118,6 @@ def _one(study: Study, case: int) -> Columns:
 
 def _one_run(study: Study, case: int, folder: Folder, name: str) -> Columns:
     """A case with a run directory: one that is there is loaded or continued."""
-    from carom.run.simulate import RunFailed
-
     try:
         scene = study.targeting.scene(case)
         try:
@@ -137,9 +135,6 @@ def _one_run(study: Study, case: int, folder: Folder, name: str) -> Columns:
 
 
 def _run(scene: Scene, path: Path | None) -> Result:
-    from carom.result.result import load
-    from carom.run.simulate import RunFailed, resume, simulate
-
     if path is None:
         return simulate(scene)
     if (path / "run.json").exists():
@@ -159,9 +154,6 @@ def _run(scene: Scene, path: Path | None) -> Result:
 
 def _of_result(result: Result) -> Columns:
     """The columns of a batch, from a result."""
-    from carom.many.batch import KINEMATICS
-    from carom.many.threads import ENERGIES, MONITORS
-
     summary, outcome = result.summary, result.outcome
     found: dict[str, Any] = {
         "outcome": outcome.kind,

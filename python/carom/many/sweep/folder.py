@@ -26,6 +26,7 @@ from carom.errors import CaromError
 from carom.export.parquet import require_pyarrow
 from carom.files import RecordError, inside, opened, regular, unwritable, write_whole
 from carom.many.sweep import origin
+from carom.result.kinematics import QUANTITIES
 
 if TYPE_CHECKING:
     from carom.many.sweep.study import Study
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 MOST_PARTS = 64
 #: Seconds after which a file that was never renamed belongs to nobody.
 SCRAP_SECONDS = 3600.0
-UNITS = {"position": "m", "velocity": "m/s", "angular_velocity": "rad/s"}
+UNITS = {name: unit for name, (_, unit) in QUANTITIES.items()}
 #: Columns of their own; what is not here and no place, velocity or energy has no unit that is known.
 OWN_UNITS = {"time": "s", "seconds": "s", "penetration_max": "m"}
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from carom.errors import counted
+from carom.run.summary import versions
 
 #: Names of the columns.
 COLUMNS = ("carom", "build")
@@ -32,8 +33,6 @@ class Origin(NamedTuple):
 
 def here() -> Origin:
     """That of this process."""
-    from carom.run.summary import versions
-
     return of(versions())
 
 

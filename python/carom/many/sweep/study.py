@@ -21,6 +21,9 @@ from carom.many.sweep.design import Axis, Design, number, read_table
 from carom.many.sweep.origin import COLUMNS as ORIGIN
 from carom.many.sweep.targets import Targets
 from carom.many.threads import ENERGIES, MONITORS
+from carom.scene.scene import Scene
+from carom.scene.shipped import find, named
+from carom.scene.toml.load import read_text
 
 if TYPE_CHECKING:
     from carom.result.result import Result
@@ -95,8 +98,6 @@ class Study:
         `Study.of("break.toml", {"v": (5.0, 12.0), "mu": [0.1, 0.2]}, design="sobol", count=1000)`: a pair is a range, a list
         all its values. `set` says where values go: `{"cue.velocity.x": "= v*cos(aim)"}`.
         """
-        from carom.scene.scene import Scene
-
         if isinstance(scene, Scene):
             text, source = scene.to_toml(), "scene"
         else:
@@ -243,15 +244,11 @@ def _known(path: Path, section: str, table: Mapping[str, Any]) -> None:
 
 
 def _read(path: Path) -> str:
-    from carom.scene.toml.load import read_text
-
     return read_text(path)
 
 
 def _example_or(path: Path) -> Path:
     """The example that is called like a path where nothing is, else the path."""
-    from carom.scene.shipped import find, named
-
     called = path.as_posix()
     is_example = not path.exists() and path.suffix != ".toml" and len(named(called)) == 1
     return find(called) if is_example else path
@@ -262,8 +259,6 @@ def _scenario(study: Path, named: str) -> Path:
     beside = study.parent / named
     if beside.exists() or named.endswith(".toml"):
         return beside
-    from carom.scene.shipped import find
-
     return Path(find(named))
 
 

@@ -16,6 +16,9 @@ import carom
 from carom.errors import CaromError, counted, did_you_mean
 from carom.files import inside, write_whole
 from carom.many.sweep.origin import COLUMNS, Origin, tally
+from carom.many.sweep.plot import histograms, places, responses
+from carom.show.plot import require_matplotlib
+from carom.show.plot.style import save
 
 if TYPE_CHECKING:
     import pandas
@@ -151,14 +154,9 @@ class Sweep:
         By default the columns of a measure, then of the places and velocities at the end those that the parameters
         explain best, and the energy. Raises `CaromError` for a column that is not there, and where no case is done.
         """
-        from carom.show.plot import require_matplotlib
-
         require_matplotlib()
         if not self.ok.any():
             raise CaromError("no case reached its end, so there is nothing to draw; sweep.failures says why")
-        from carom.many.sweep.plot import histograms, places, responses
-        from carom.show.plot.style import save
-
         where = Path(directory) if directory is not None else inside(self.path, "plots")
         files = save(histograms(self, columns), where, "histograms", formats)
         files += save(responses(self, columns), where, "responses", formats)

@@ -15,7 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom._core import Expression, ExpressionError
 from carom.errors import CaromError, did_you_mean, quoted
+from carom.many.cases import Overrides
+from carom.scene.scene import Scene
+from carom.scene.tables import parameters
+from carom.scene.tables.model import SINGLE
 
 if TYPE_CHECKING:
     from carom.scene.scene import Scene
@@ -48,9 +53,6 @@ class Targets:
         points: Mapping[str, F64],
     ) -> Targets:
         """Sort the keys of `[set]`, and the parameters that need no `[set]`, by where they go."""
-        from carom.scene.scene import Scene
-        from carom.scene.tables.model import SINGLE
-
         known = _parameters(text)
         options = {key for name in ("run", "record") for key in SINGLE[name].model_fields}
         base = Scene.from_toml(_as_text(text), case=case)
@@ -78,8 +80,6 @@ class Targets:
     def check(self) -> None:
         """Build the first case, so that what is wrong with all of them is said before anything is computed."""
         if self.of_arrays:
-            from carom.many.cases import Overrides
-
             try:
                 Overrides(self.base, self.values(self.of_arrays, range(1)))
             except CaromError as error:
@@ -119,9 +119,6 @@ class Targets:
 
     def scene(self, case: int) -> Scene:
         """The scene of a case, as it would be simulated by itself."""
-        from carom.many.cases import Overrides
-        from carom.scene.scene import Scene
-
         one = range(case, case + 1)
         scene = self.base
         if not self.fast:
@@ -141,8 +138,6 @@ def _as_text(text: str) -> str:
 def _parameters(text: str) -> list[str]:
     import tomllib
 
-    from carom.scene.tables import parameters
-
     return parameters.names(tomllib.loads(text))[0]
 
 
@@ -161,8 +156,6 @@ def _whole(value: float) -> float | int:
 
 @cache
 def _parsed(text: str) -> Any:
-    from carom._core import Expression, ExpressionError
-
     try:
         return Expression(text.replace("=", " ", 1) if text.lstrip().startswith("=") else text)
     except ExpressionError as error:

@@ -8,6 +8,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from carom.errors import CaromError
+from carom.scene.tables.balls import Sphere
 from carom.units import UnitError, parse
 
 if TYPE_CHECKING:
@@ -52,8 +53,6 @@ def angle(
 
 def sphere(call: str, name: str, value: Any) -> Sphere:
     """A ball of a scene."""
-    from carom.scene.tables.balls import Sphere
-
     if not isinstance(value, Sphere):
         raise CaromError(
             f"{call}: {name} must be a ball of a scene, as table.cue_ball(scene) returns it, found {value!r}"

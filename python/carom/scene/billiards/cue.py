@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.scene.billiards.arguments import angle, number, sphere, vector
 from carom.scene.billiards.data import TIPS
 
@@ -120,8 +120,6 @@ def cue_impulse(
             f"strike: the tip misses the ball: side and height are {offset:.3g} radii off its centre"
         )
     if offset > MISCUE:
-        from carom.errors import CaromWarning
-
         told = f"strike: the tip is {offset:.2g} radii off the centre; beyond {MISCUE:g} real tips slip (a miscue)"
         warnings.warn(told, CaromWarning, stacklevel=3)
     along = np.array(

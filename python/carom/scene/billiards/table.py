@@ -17,6 +17,7 @@ from carom.scene.billiards.measures import checked, mark
 from carom.scene.billiards.places import check_place, spots_of
 from carom.scene.billiards.racks import numbers_of, rack_places, rows_of
 from carom.scene.billiards.walls import noses, outlets, rail
+from carom.scene.scene import Scene
 
 if TYPE_CHECKING:
     from carom.many.batch import Batch
@@ -93,8 +94,6 @@ class Table:
         self, title: str = "", *, laws: Laws = LAWS, gravity: float = GRAVITY, record: Any = None, **run: Any
     ) -> Scene:
         """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`."""
-        from carom.scene.scene import Scene
-
         gravity = number("scene", "gravity", gravity, unit="in m/s^2")
         if not isinstance(laws, Laws):
             raise CaromError(f"scene: laws must be of billiards.Laws, as billiards.LAWS is, found {laws!r}")

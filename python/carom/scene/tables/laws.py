@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from carom import _core
 from carom.errors import did_you_mean, quoted
 from carom.scene.tables.fields import ANY, Bounds, Checked, Quantity, inside, refuse
 from carom.scene.tables.lists import Vector, as_list, each
@@ -176,8 +177,6 @@ _FORMS: dict[str, Callable[[Any, str], Any]] = {
 @lru_cache(maxsize=1024)
 def parse(text: str) -> Expression:
     """The expression, read by the core; `ValueError` if it cannot be."""
-    from carom import _core
-
     try:
         return _core.Expression(text)
     except _core.ExpressionError as e:

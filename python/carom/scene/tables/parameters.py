@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, get_args
 
+from carom._core import Expression
 from carom.errors import did_you_mean, quoted
 from carom.scene.messages import nested
 from carom.scene.tables.base import Table
@@ -114,8 +115,6 @@ def _read(raw: Mapping[str, Any]) -> Tables:
 
 def _unfit(name: str) -> tuple[str, str] | None:
     """Cause and cure, if a parameter cannot be called so."""
-    from carom._core import Expression
-
     if not _NAME.fullmatch(name):
         return (
             f"{quoted(name)} is no name for a parameter",

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from carom.errors import Problem, ScenarioError, nearest
 from carom.scene.checks.rules import SECTIONS, Parts, check
 from carom.scene.messages import Finding, Source, findings
+from carom.scene.shipped import named
 from carom.scene.tables import parameters
 from carom.scene.tables.base import Table
 from carom.scene.tables.model import REPEATED, SINGLE, Scenario, World
@@ -77,8 +78,6 @@ def read_text(path: str | Path) -> str:
 def _files_beside(path: Path) -> str:
     """A cure for a name that does not exist: the nearest scenario in the same directory, or the example of that name."""
     from difflib import get_close_matches
-
-    from carom.scene.shipped import named
 
     try:
         names = [p.name for p in path.parent.glob("*.toml")]

@@ -23,6 +23,8 @@ from carom.show.film.mesh import Colour, actor, colour, mesh
 from carom.show.film.playback import Moment, Playback
 from carom.show.film.table import Felt
 from carom.show.film.window import off_screen, pixels, vtk
+from carom.show.plot import require_matplotlib
+from carom.show.plot.style import COLOURS
 from carom.show.surfaces import Surface, surfaces
 from carom.show.viewer.links import links
 
@@ -272,8 +274,6 @@ class Stage:
         labels = [""]
         self._badge = np.full((count, 2), (PLAIN if self._look.shading == "plain" else GRAIN, 0.0))
         if looks is None:
-            from carom.show.plot.style import COLOURS
-
             own = np.array([colour(css) for css in COLOURS])
             own = 0.18 + 0.82 * own  # black has to show its two tones
             self._own = own[np.arange(count) % len(own)]
@@ -291,8 +291,6 @@ class Stage:
 
     def _bar(self) -> None:
         """The scale of the colours that stand for speed or spin."""
-        from carom.show.plot import require_matplotlib
-
         require_matplotlib()
         from matplotlib import colormaps
 

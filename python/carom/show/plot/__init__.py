@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import CaromError, did_you_mean
+from carom.show.plot import contact, motion, solver, table
+from carom.show.plot.style import column_width, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,8 +73,6 @@ class Plots:
 
     def chart(self, what: str, *, bodies: Sequence[str] | None = None, step: int | None = None) -> Chart:
         """A figure with its numbers; `what` is one of `KINDS`."""
-        from carom.show.plot import contact, motion, solver, table
-
         drawn: dict[str, Callable[[], Chart]] = {
             "velocities": lambda: motion.velocities(self._result, bodies),
             "angular-velocities": lambda: motion.angular_velocities(self._result, bodies),
@@ -102,8 +102,6 @@ class Plots:
 
         Without `what` all that the run has something for. `width` is `single` or `double`: one column of a page or two.
         """
-        from carom.show.plot.style import column_width, save
-
         for chosen in formats:
             if chosen not in FORMATS:
                 raise CaromError(f"no format is called {chosen!r}; {did_you_mean(chosen, FORMATS)}")

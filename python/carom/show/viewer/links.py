@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from carom.errors import CaromError
 from carom.scene.assembly.rotations import rotated_back
+from carom.scene.tables.loads import GROUND
 
 if TYPE_CHECKING:
     from carom.scene.tables.joints import Joint
@@ -45,8 +46,6 @@ class _Start:
     """Where the bodies are at the start, when points of joints and springs are given in fixed axes."""
 
     def __init__(self, result: Any) -> None:
-        from carom.scene.tables.loads import GROUND
-
         self._ground = GROUND
         self._number = {str(name): i for i, name in enumerate(result.names)}
         self._position = np.asarray(result.position[0], dtype=np.float64)

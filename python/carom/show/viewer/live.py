@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from carom.errors import CaromError
+from carom.result.result import load
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
 from carom.show.surfaces import surfaces
@@ -274,8 +275,6 @@ class Live:
 
 
 def _load(path: Path) -> Result:
-    from carom.result.result import load
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the run is not finished is the point
         return load(path)
