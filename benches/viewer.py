@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import sys
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,7 +21,9 @@ from typing import Any
 
 import numpy as np
 from carom.show.viewer import write_html
-from carom.show.viewer.browser import Browser, find_browser
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from browser import Browser, find_browser
 
 AIM_MS = 8.0
 RADIUS, RATE, SPIN = 0.01, 3.0, 10.0  # m, rad/s, rad/s

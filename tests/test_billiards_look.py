@@ -13,6 +13,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from browser import Browser, find_browser
 from carom import billiards
 from carom.errors import ScenarioError
 from carom.export.frames import Selection
@@ -24,7 +25,6 @@ from carom.scene.billiards.walls import noses
 from carom.scene.scene import Scene
 from carom.show.film.look import Look
 from carom.show.viewer import codec, write_html
-from carom.show.viewer.browser import Browser, find_browser
 from test_view_page import Page
 from view_scenes import billiard
 

@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from browser import Browser, find_browser
 from carom.cli import main
-from carom.show.viewer.browser import Browser, find_browser
 from docs_pages import DOCS, ROOT
 from prose import LINE, first_screen, long_lines, long_sentences, sentences, words
 

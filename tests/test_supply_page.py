@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from browser import Browser, find_browser
 from carom.show.viewer import write_html
-from carom.show.viewer.browser import Browser, find_browser
 from view_scenes import billiard
 
 pytestmark = pytest.mark.skipif(

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import Browser, find_browser
 from carom.show.viewer import write_html
-from carom.show.viewer.browser import Browser, find_browser
 from view_scenes import RADIUS, STEP, billiard, struck
 
 pytestmark = pytest.mark.skipif(

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from browser import Browser, find_browser
 from carom.show.viewer import write_html
-from carom.show.viewer.browser import Browser, find_browser
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benches"))
 import viewer

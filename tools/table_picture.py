@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import base64
 import io
+import sys
 import tempfile
 import time
 from pathlib import Path
 
 import carom
 from carom.show.viewer import write_html
-from carom.show.viewer.browser import Browser
 from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from browser import Browser
 
 FILE = Path(__file__).parents[1] / "docs" / "table9.png"
 WINDOW = (1200, 640)

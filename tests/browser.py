@@ -13,7 +13,7 @@ import json
 import os
 import select
 import shutil
-import subprocess  # noqa: TID251 the browser
+import subprocess
 import sys
 import tempfile
 import time
