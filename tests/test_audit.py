@@ -49,6 +49,13 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "drum": (scenes.drum, 0.2, {}),
     "drum-moreau": (scenes.drum, 0.2, {"method": "moreau"}),
     "drum-penalty": (scenes.drum, 0.2, {"method": "penalty"}),
+    # Loads solved once: their impulses act along the mean of two frames, and positions follow them.
+    "break-once": (scenes.break_, 0.25, {"position_friction": "once"}),
+    "rolling-once": (scenes.rolling, 0.15, {"position_friction": "once"}),
+    "pile-once": (scenes.pile, 0.25, {"position_friction": "once"}),
+    "shaken-once": (scenes.shaken, 0.3, {"position_friction": "once"}),
+    "drum-once": (scenes.drum, 0.2, {"position_friction": "once"}),
+    "loose-layer-once": (scenes.loose_layer, 0.12, {"position_friction": "once"}),
     "joined": (scenes.joined, 0.5, {}),
     "joined-moreau": (scenes.joined, 0.5, {"method": "moreau"}),
     "loaded": (scenes.loaded, 0.3, {}),
@@ -75,6 +82,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Maker:
 LONG = {
     "two-tangential",
     "drum-penalty",
+    "pile-once",
+    "loose-layer-once",
+    "velocity changed, once",
     "joined-moreau",
     "pile-moreau",
     "velocity changed, moreau",
@@ -131,6 +141,25 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "rise of energy": ("pile-bare", fault.raise_energy(100, 0.1), "energy rise"),
     "contacts give energy": ("rolling", fault.more_work(ROLLING_STEP, 1e-2), "passivity"),
     "work misstated": ("rolling", fault.more_work(ROLLING_STEP, -1e-6), "energy balance"),
+    **{
+        f"{what}, once": (f"{name}-once", plant, kind)
+        for what, name, plant, kind in (
+            ("impulse pulls", "rolling", fault.flip_impulse(ROLLING_STEP), "sign"),
+            ("friction leaves its cone", "rolling", fault.widen_friction(20), "friction cone"),
+            ("friction along the slip", "rolling", fault.drag_along(20), "slip"),
+            ("rolling moment drives", "rolling", fault.roll_against(ROLLING_STEP), "roll"),
+            ("ball moved", "rolling", fault.move_body(50, 0, np.array([1e-11, 0, 0])), "position"),
+            ("ball turned", "rolling", fault.turn_body(50, 0, 1e-9), "rotation"),
+            # Where normals turn, positions have loads that are solved again for the velocities.
+            ("ball moved on", "drum", fault.move_body(150, 3, np.array([1e-6, 0, 0])), "position"),
+            ("ball turned on", "drum", fault.turn_body(150, 3, 1e-4), "rotation"),
+            ("spin changed", "drum", fault.scale("frames/angular_velocity", 150, 1.0 + 1e-9), "spin"),
+            ("velocity changed", "pile", fault.push_velocity(200, 7, PUSH), "momentum"),
+            ("restitution too large", "break", fault.restitute(3, 1.1), "impact"),
+            ("work of friction", "drum", fault.scale_largest("contacts/work_friction", 1.01), "work"),
+            ("work of pushes", "shaken", fault.scale_largest("contacts/work_normal", 1.01), "work"),
+        )
+    },
     **{
         f"1 % more work, {column}, {name}": (
             name,

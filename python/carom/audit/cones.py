@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces, groups
+from carom.audit import forces, groups, loads_once
 from carom.audit.block import Block, once
 from carom.audit.bounds import gain
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -37,7 +37,7 @@ def judge(block: Block, tally: Tally) -> None:
     if not len(c):
         return
     mu = friction(block)
-    levels = [(c.impulse, c.moment)]
+    levels = [loads_once.stated(block)]
     if block.run.method == "nsga":
         levels.append((c.position_impulse, c.position_moment))
     for impulse, moment in levels:
@@ -74,7 +74,10 @@ def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rat
     )
     ball = np.minimum(c.b, run.bodies - 1)
     motion = (v[c.k, c.a], w[c.k, c.a], v[c.k, ball], w[c.k, ball])
-    return rates(run, Pairs(c.a, c.b, t[c.k], x[c.k, c.a], normal, not start), motion, normal, lever)
+    centre = x[c.k, c.a]
+    if run.loads_once and not start:  # walls act where their surface is
+        centre = centre - c.gap[:, None] * normal
+    return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start), motion, normal, lever)
 
 
 def _place(block: Block, rows: NDArray[np.int64] | None = None) -> Callable[[int], Place]:
@@ -95,6 +98,8 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     angle = np.where(angle > 0.0, np.maximum(angle, norm(c.normal - block.start[1])), 0.0)
     parts = forces.split(impulse, c.normal, block.start[1])
     place = _place(block)
+    # Impulses along two frames: their sum is in neither cone.
+    angle = np.where(loads_once.unsure(block), norm(c.normal - block.start[1]), angle)
     judged = np.flatnonzero(angle < 0.5 * np.pi)
     open_place = _place(block, judged)
     for kind in ("sign", "friction cone"):
@@ -188,15 +193,18 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     quiet = ~block.summed | (block.over(run.steps["impact_problems"]) <= 1)
     why = "piles do not record which contacts took part in later impact problems"
     tally.skip("slip", why, 'impacts = "every" in [record]', int((single & ~quiet[c.k]).sum()))
-    odd = odd | ~quiet[c.k]
+    unsure = loads_once.unsure(block)
+    tally.skip("slip", loads_once.WHY, loads_once.CURE, int((single & unsure).sum()))
+    odd = odd | ~quiet[c.k] | unsure
     hit = struck(block)
-    size = norm(c.impulse)
+    impulse = loads_once.stated(block)[0]
+    size = norm(impulse)
     rows = np.flatnonzero(single & ~odd & ~hit & (size > 0.0))
     if not rows.size:
         return
     left = block.left(size)[c.k] + 16.0 * EPS * size
     defects, bounds = [], []
-    for part in forces.split(c.impulse, c.normal, block.start[1]):
+    for part in forces.split(impulse, c.normal, block.start[1]):
         found = _rates(block, c.normal, part.lever)
         push = np.maximum(part.normal, 0.0)
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
@@ -232,13 +240,14 @@ def _turning(
         return
     own = compliance(run, c.a, c.b)[2]
     values, bounds = [], []
-    for part in forces.split(c.impulse, c.normal, block.start[1]):
+    impulse, moment = loads_once.stated(block)
+    for part in forces.split(impulse, c.normal, block.start[1]):
         n = part.lever
         turning = _rates(block, c.normal, n).turning
         push = np.maximum(part.normal, 0.0)
         still = 2.0 * own * left * run.radius[c.a] + 64.0 * EPS * norm(block.w1[c.k, c.a])
-        roll = opposed(across(c.moment, n), across(turning, n), rho * push, left, still)
-        spin = opposed(dot(c.moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, left, still)
+        roll = opposed(across(moment, n), across(turning, n), rho * push, left, still)
+        spin = opposed(dot(moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, left, still)
         values.append(np.where(rho > 0.0, roll, 0.0) + np.where(delta > 0.0, spin, 0.0))
         bounds.append(left * (run.radius[c.a] + rho + delta))
     value = np.minimum(*values)

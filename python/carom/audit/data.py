@@ -175,6 +175,12 @@ class Run:
         return min(self.loosest["dense_contacts"], self.loosest["pile_contacts"])
 
     @property
+    def loads_once(self) -> bool:
+        """Whether loads were solved once, for velocities and positions (`audit.loads_once`): then there are no piles."""
+        o = self.options
+        return self.method == "nsga" and o["impact"] == "sequence" and o["position_friction"] == "once"
+
+    @property
     def has_contacts(self) -> bool:
         """Whether impulses of contacts were recorded."""
         return bool(self.record.contacts)

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import groups, reactions
+from carom.audit import groups, loads_once, reactions
 from carom.audit.block import Block
 from carom.audit.data import Run
-from carom.audit.forces import pushes, speeds
+from carom.audit.forces import pushes, solved_again, speeds
 from carom.audit.loads import of_loads, remembered
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
@@ -137,7 +137,7 @@ def _balance(block: Block, tally: Tally) -> None:
             ends = [_spring(load, x, q)[0] for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
     work, ball = c.work.sum(axis=1), (c.b < run.bodies)[:, None]
-    lift = np.where(ball, 0.0, c.position_impulse) @ run.gravity  # of a pair both parts cancel
+    lift = np.where(ball, 0.0, loads_once.shifts(block)) @ run.gravity  # of a pair both parts cancel
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * (np.where(ball, 0.0, c.impulse) @ run.gravity)
         change = change + (float(run.options["theta"]) - 0.5) * run.h * run.mass * (
@@ -160,7 +160,7 @@ def _balance(block: Block, tally: Tally) -> None:
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, speed = norm(c.impulse), speeds(block)
     at = speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, np.minimum(c.b, run.bodies - 1)], 0.0)
-    moved = norm(c.position_impulse) * norm(run.gravity)
+    moved = norm(loads_once.shifts(block)) * norm(run.gravity)
     # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
     solved = 4.0 * block.tolerance[c.k] * (impulse * at + moved + np.abs(c.work).sum(axis=1))
     size = np.maximum(
@@ -168,8 +168,11 @@ def _balance(block: Block, tally: Tally) -> None:
     )
     top = summed(size, np.abs(c.work).sum(axis=1))
     top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
-    bound = summed(_forced(block), solved + _walls(block))
+    unknown = loads_once.unsure(block) | run.loads_once & ~block.single[c.k]
+    off = np.where(unknown, 0.5 * run.h * impulse * norm(run.gravity), 0.0)
+    bound = summed(_forced(block), solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top
+    bound = bound + (solved_again(block) * norm(run.gravity))[:, None]
     # Groups on record may have been solved together, and what that leaves is in the size of all of them.
     squares = (
         np.bincount(c.k, moved**2, minlength=block.count),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import hits
+from carom.audit import hits, loads_once
 from carom.audit.block import Block, Rows, once
 from carom.audit.formula import law
 from carom.audit.vectors import add_at, cross, dot, norm
@@ -81,24 +81,31 @@ def of_contacts(block: Block) -> Sums:
         add_at(out, (c.k[ball], c.b[ball]), of_b[ball])
         return out
 
-    def moment(s: Split, own: F64) -> F64:
-        arm = cross(s.lever, s.sliding)
+    def moment(arm: F64, own: F64) -> F64:
         return collect(
             own - reach[c.a][:, None] * arm, -own - reach[np.minimum(c.b, run.bodies)][:, None] * arm
         )
 
+    def moments(parts: tuple[Split, Split], own: F64) -> tuple[F64, F64]:
+        first, second = (moment(cross(s.lever, s.sliding), own) for s in parts)
+        return first, second
+
+    turned_by, shifted_by = moments(both, c.moment), moments(shifted, c.position_moment)
+    if run.loads_once:
+        turned_by = (moment(loads_once.arms(block), c.moment),) * 2
+        shifted_by = (moment(*loads_once.turns(block)),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
     ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]
     couple = norm(c.moment)
     return Sums(
         impulse=collect(c.impulse, -c.impulse),
         size=collect(size, size),
-        moments=(moment(both[0], c.moment), moment(both[1], c.moment)),
+        moments=turned_by,
         moment_size=collect(ra * size + couple, rb * size + couple),
         turned=collect(ra * (size + slide) * spread, rb * (size + slide) * spread),
         shift=collect(pushed, -pushed),
-        shift_size=collect(norm(c.position_impulse), norm(c.position_impulse)),
-        shift_moments=(moment(shifted[0], c.position_moment), moment(shifted[1], c.position_moment)),
+        shift_size=collect(norm(pushed), norm(pushed)),
+        shift_moments=shifted_by,
         count=collect(np.ones(len(c)), np.ones(len(c))),
     )
 
@@ -109,7 +116,7 @@ def _projected(block: Block) -> F64:
     """
     c, run = block.rows, block.run
     if run.method != "moreau":
-        return c.position_impulse
+        return loads_once.shifts(block)
     return np.asarray(norm(c.position_impulse)[:, None] * block.end[1])
 
 
@@ -176,7 +183,7 @@ def bent(block: Block) -> F64:
     as in piles, while they were solved: second order in the correction, N s^2; twice, since it may overshoot before.
     """
     c, run = block.rows, block.run
-    way = _together(block, shifts(block)[0])
+    way = together(block, shifts(block)[0])
     with np.errstate(invalid="ignore"):
         angle = np.where(way > 0.0, np.minimum(way * _curvature(block), np.pi), 0.0)
     found = np.zeros((block.count, run.bodies))
@@ -186,7 +193,25 @@ def bent(block: Block) -> F64:
     return found
 
 
-def _together(block: Block, of: F64) -> F64:
+@once
+def solved_again(block: Block) -> F64:
+    """(B,) what positions may be off, N s^2: their loads are solved with the normals where the smooth motion ends, and those
+    of velocities again with the last ones. Impulses change by the momenta that the turn of these normals brings across.
+    """
+    run, c = block.run, block.rows
+    if not run.loads_once:
+        return np.zeros(block.count)
+    dt = block.dt[:, None, None]
+    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.gravity)
+    fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
+        norm(block.w0), norm(block.w1)
+    )
+    turned = np.minimum(together(block, moved) * _curvature(block), 1.0)
+    each = turned * together(block, run.mass * (fast + run.h * norm(run.gravity)))
+    return np.asarray(run.h * np.bincount(c.k, np.nan_to_num(each), minlength=block.count))
+
+
+def together(block: Block, of: F64) -> F64:
     """(K,) the sum of what is given of both balls of each recorded contact, (B, N)."""
     c, last = block.rows, block.run.bodies - 1
     return np.asarray(of[c.k, c.a] + np.where(c.b <= last, of[c.k, np.minimum(c.b, last)], 0.0))
@@ -208,7 +233,7 @@ def turn(block: Block) -> F64:
     """
     c, run = block.rows, block.run
     speed = speeds(block)
-    relative, curvature = _together(block, speed), _curvature(block)
+    relative, curvature = together(block, speed), _curvature(block)
     spin = np.zeros(len(c))
     for k in np.unique(c.b[c.b >= run.bodies]):
         wall, rows = run.walls[k - run.bodies], np.flatnonzero(c.b == k)

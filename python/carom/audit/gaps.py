@@ -105,6 +105,10 @@ def complementarity(block: Block, tally: Tally) -> None:
     # Eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
     left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
     bound = bound + left
+    if run.loads_once:  # loads press where the contact opens by less than they may bring back
+        moved = 0.5 * run.h * forces.pushes(block)[0] + forces.of_contacts(block).shift_size
+        bound = bound + forces.together(block, moved / run.mass)
+        bound = bound + 2.0 * run.h * np.maximum(_load(block), _walls(block))[c.k]
     bound = bound + np.where(single, 0.0, way)
     taken = np.zeros(len(c), dtype=bool)
     for w, wall in enumerate(run.walls):
@@ -155,14 +159,14 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
                   lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip
 
 
-def closing(block: Block) -> F64:
-    """(B,) largest closing tolerance of a contact, m/s (rule R3).
+def closing(block: Block, contacts: str = "largest_island") -> F64:
+    """(B,) largest closing tolerance of a contact, m/s (rule R3), in islands of at most as many `contacts` as steps say.
 
     `closing_tolerance_load` (beyond 100 contacts `pile_closing_tolerance`) of the largest speed that loads give
     a body in a step, or a wall, and not less than `closing_tolerance_speed` of the largest speed.
     """
     t, load = block.run.loosest, np.maximum(_load(block), _walls(block))
-    largest = block.over(block.run.steps["largest_island"])
+    largest = block.over(block.run.steps[contacts])
     small, fastest = t["closing_tolerance_load"], np.maximum(_fastest(block), load)
     by_load = np.where(largest > 100, max(t["pile_closing_tolerance"], small), small) * load
     by_speed = t["closing_tolerance_speed"] * fastest

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carom.audit import hits
 from carom.audit.block import Block, Rows, once
+from carom.audit.data import Run
 from carom.audit.hits import components
 
 I64 = NDArray[np.int64]
@@ -55,6 +56,35 @@ def labels(block: Block) -> I64:
     at = np.concatenate(k) * (n + 1)
     found = components(block.count * (n + 1), at + np.concatenate(a), at + np.concatenate(b))
     return found.reshape(block.count, n + 1)
+
+
+@once
+def struck(block: Block) -> Bool:
+    """(B, N) bodies that hung together with one that had an impact, by contacts, joints or loads between two: walls join
+    nothing within a step.
+    """
+    run, n = block.run, block.run.bodies
+    r = hits.of_block(block)
+    every = np.arange(block.count)[:, None] * n
+    ends = [(every + np.arange(n)).ravel()], [(every + linked(run)).ravel()]
+    for table in (block.rows, r):
+        ball = table.b < n
+        ends[0].append(table.k[ball] * n + table.a[ball])
+        ends[1].append(table.k[ball] * n + table.b[ball])
+    label = components(block.count * n, *map(np.concatenate, ends))
+    found = np.zeros(len(label), dtype=bool)
+    found[label[r.k * n + r.a]] = True
+    return np.asarray(found[label].reshape(block.count, n))
+
+
+def linked(run: Run) -> I64:
+    """(N,) a body for each, the same for all that joints and loads between two link."""
+    links = [
+        (one["a"], one["b"])
+        for one in (*run.joints, *run.loads)
+        if min(one.get("a", -1), one.get("b", -1)) >= 0
+    ]
+    return components(run.bodies, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
 
 
 @once

@@ -80,7 +80,8 @@ def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:
     over = 1.0 / run.radius[r.a][:, None]
     own = np.hstack([r.impulse, r.moment * over])
     whole = np.zeros((len(r), 6))
-    whole[known] = np.hstack([c.impulse[contact], c.moment[contact] * over])[known]
+    mine = contact[known]
+    whole[known] = np.hstack([c.impulse[mine], c.moment[mine] * over[known]])
     sums, loads = np.zeros((len(r), 6)), np.zeros((len(r), 6))
     add_at(sums, (group,), np.where((r.problem > 0)[:, None], own, 0.0))
     add_at(loads, (group,), np.where((r.problem == 0)[:, None], own, 0.0))

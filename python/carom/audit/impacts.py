@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import bounds, forces, groups, hits, replay
+from carom.audit import bounds, forces, groups, hits, loads_once, replay
 from carom.audit.block import Block
 from carom.audit.cones import struck
 from carom.audit.gaps import closing
@@ -98,11 +98,12 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     x, v, w, t = (
         (block.x0, block.v0, block.w0, block.t0) if start else (block.centres, block.v1, block.w1, block.t1)
     )
-    foot = r.normal
+    foot = normal = r.normal
     if start:
         _, foot = run.meet(t[r.k], r.a, r.b, x[r.k, r.a], x[r.k, ball])
+        normal = foot if run.loads_once else normal
     motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])
-    return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot, not start), motion, r.normal, r.normal)
+    return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot, not start), motion, normal, normal)
 
 
 def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
@@ -140,7 +141,8 @@ def _missing(block: Block, tally: Tally) -> None:
     zero = np.zeros(len(rows))
     one = Hits(k, block.s1[k], k, a, b, c.normal[rows], c.impulse[rows], c.moment[rows], zero, zero, zero)
     speed = np.nan_to_num(norm(block.v0) + run.radius * norm(block.w0)).max(axis=1, initial=0.0)
-    bound = closing(block)[k] + 64.0 * EPS * speed[k]
+    # Where loads are solved once the islands of these tell who approaches: they may be larger than those of closed contacts.
+    bound = closing(block, "candidates" if run.loads_once else "largest_island")[k] + 64.0 * EPS * speed[k]
     tally.measure(
         "impact", np.maximum(0.0, -_motion(block, one, start=True).normal), bound, hits.place(block, one)
     )
@@ -185,7 +187,11 @@ def _sign(block: Block, tally: Tally, r: Hits) -> None:
     kept = np.flatnonzero(~loose)
     other = np.minimum(r.b, run.bodies - 1)
     _, start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])
-    parts = forces.split(r.impulse, r.normal, start)
+    impulse = r.impulse
+    if run.loads_once:
+        mean = loads_once.along_mean(impulse, start, r.normal)
+        impulse = np.where((r.problem == 0)[:, None], mean.stated, impulse)
+    parts = forces.split(impulse, r.normal, start)
     excess = np.minimum(*(norm(p.sliding) - mu * np.maximum(p.normal, 0.0) for p in parts))
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
     bound = 8.0 * block.tolerance[r.k] * whole * (1.0 + mu) + 16.0 * EPS * size

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces
+from carom.audit import forces, loads_once
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.forces import Sums
@@ -60,6 +60,9 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
         for kind in ("momentum", "spin", "position", "rotation"):
             tally.skip(kind, CONTACTS, RECORD, int((known & ~free).sum()))
         known &= free
+    sure = ~(loads_once.unsure_bodies(block) & known) if run.has_contacts else np.ones_like(known)
+    for kind in ("spin", "position", "rotation"):
+        tally.skip(kind, loads_once.WHY, loads_once.CURE, int((~sure).sum()))
     hidden = np.nonzero(block.there & loads.unknown)[0]
     if run.opaque:
         cure = "judge the run with a load that a scenario can hold"
@@ -67,6 +70,7 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
     else:
         block.skip(tally, "momentum", "springs and drag: " + PARTS, hidden)
     _momentum(block, tally, sums, loads, known)
+    known = known & sure
     _spin(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
     touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
@@ -139,7 +143,8 @@ def _position(
         c = block.rows
         tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
                       lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))  # fmt: skip
-    left = (block.left(norm(block.rows.position_impulse)) + block.floor)[:, None] / run.mass
+    left = block.left(norm(block.rows.position_impulse)) + block.floor + forces.solved_again(block)
+    left = left[:, None] / run.mass
     reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
     turned = np.where(block.piled[:, None], forces.bent(block) / run.mass, 0.0)
     bound = bound + np.where(touched, left + turned + np.where(single[:, None], 0.0, reach), 0.0)
@@ -171,7 +176,8 @@ def _rotation(
         (norm(loads.impulse[..., 3:]) + loads.spread[..., 1]) / inertia[:, 0] * block.dt[:, None],
     )
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
-    left = (block.left(size)[:, None] + block.floor[:, None] * run.radius) / inertia[:, 0]
+    floor = block.floor + forces.solved_again(block)
+    left = (block.left(size)[:, None] + floor[:, None] * run.radius) / inertia[:, 0]
     left = left + np.where(block.piled[:, None], forces.bent(block) * run.radius / inertia[:, 0], 0.0)
     struck = forces.strokes(block)[1] * block.dt[:, None]
     reach = 2.0 * (struck + s.shift_size * run.radius) / inertia[:, 0]

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import bounds, forces
+from carom.audit import bounds, forces, loads_once, works
 from carom.audit.block import Block
 from carom.audit.cones import opposed
 from carom.audit.hits import Hits, groups, pairs, place
@@ -28,8 +28,6 @@ from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, add_at, cross, dot, norm
-from carom.audit.works import bound as works_bound
-from carom.audit.works import done
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -126,14 +124,23 @@ class Replay:
         motion = (block.v0[r.k, r.a], block.w0[r.k, r.a], block.v0[r.k, ball], block.w0[r.k, ball])
         self.law = run.law_index(r.a, r.b)
         self.mu = run.friction(self.law, norm(rates(run, first, motion, start, start).slip))
-        end = end | (run.method == "moreau")
+        once = run.loads_once
+        end = end | (run.method == "moreau") | once
         both = forces.split(r.impulse, r.normal, start)
         self.lever = np.where(end[:, None], r.normal, start)
         self.push = np.where(end, both[0].normal, both[1].normal)
         self.slide = np.where(end[:, None], both[0].sliding, both[1].sliding)
+        self.arm = cross(self.lever, self.slide)
+        self.first = start
+        if once:
+            loads = (r.problem == 0)[:, None]
+            mean = loads_once.along_mean(r.impulse, start, r.normal)
+            self.push = np.where(loads[:, 0], mean.normal, self.push)
+            self.slide = np.where(loads, mean.stated - mean.normal[:, None] * r.normal, self.slide)
+            self.arm = np.where(loads, mean.arm, self.arm)
         # Places and times of the walls' own motion, at t_n and at t_{n+1}.
         self.pairs = (
-            first._replace(foot=self.lever),
+            first if once else first._replace(foot=self.lever),
             Pairs(r.a, r.b, block.t1[r.k], block.centres[r.k, r.a], r.normal, end=True),
         )
         self.compliance = compliance(run, r.a, r.b)
@@ -179,12 +186,21 @@ class Replay:
     def _works(self, rows: slice, at: I64, change: F64) -> None:
         """Works of the loads, of which those count that no impact took back."""
         a, b = (of[rows] for of in self.at)
-        now = self.now[a], self.now[b]
         self.scratch[at] = change
-        before = self._rates(rows, now)
-        after = self._rates(rows, (now[0] + self.scratch[a], now[1] + self.scratch[b]))
+        ends = [
+            (u[:, :3], u[:, 3:], v[:, :3], v[:, 3:])
+            for u, v in (
+                (self.now[a], self.now[b]),
+                (self.now[a] + self.scratch[a], self.now[b] + self.scratch[b]),
+            )
+        ]
         self.scratch[at] = 0.0
-        found = done(self.push[rows], self.slide[rows], self.r.moment[rows], self.lever[rows], before, after)
+        run, r, pairs, lever = self.block.run, self.r.of(rows), self.pairs[1].of(rows), self.lever[rows]
+        if run.loads_once:
+            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], ends)
+        else:
+            before, after = (rates(run, pairs, motion, r.normal, lever) for motion in ends)
+            found = works.done(self.push[rows], self.slide[rows], r.moment, lever, before, after)
         self.work[rows] = np.where(self.kept[rows, None], found, 0.0)
 
     def _tell_works(self) -> None:
@@ -194,7 +210,7 @@ class Replay:
         rows = np.flatnonzero(known & block.kept[r.k])
         summed, spread = np.zeros((len(c), 4)), np.zeros(len(c))
         add_at(summed, (contact[rows],), self.work[rows])
-        np.add.at(spread, contact[rows], works_bound(block, r)[rows])
+        np.add.at(spread, contact[rows], works.bound(block, r)[rows])
         last = np.full(len(c), -1)
         np.maximum.at(last, contact[rows], rows)
         mine = np.flatnonzero(last >= 0)
@@ -206,7 +222,7 @@ class Replay:
         """Velocities that each row gives its two bodies, (K, 6); none to walls."""
         run, r = self.block.run, self.r
         reach = np.append(run.radius, 0.0)
-        arm = cross(self.lever, self.slide)
+        arm = self.arm
         ball = (r.b < run.bodies)[:, None]
         of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
         of_b = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
@@ -288,7 +304,7 @@ class Replay:
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
         self._tell("slip", every[sure], defect[sure], limit)
         if r.problem[0] > 0:
-            self.work[rows] = done(push, self.slide[rows], r.moment, self.lever[rows], before, after)
+            self.work[rows] = works.done(push, self.slide[rows], r.moment, self.lever[rows], before, after)
         self._energy(rows, (at, change), rho, before, after)
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)

@@ -13,15 +13,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces, groups, hits
+from carom.audit import forces, groups, loads_once
 from carom.audit.block import Block, Rows
+from carom.audit.data import Run
 from carom.audit.hits import Hits
 from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, across, dot, norm
+from carom.audit.vectors import EPS, across, cross, dot, norm, unit
 
 F64 = NDArray[np.float64]
+Motion = tuple[F64, F64, F64, F64]
 
 
 def done(push: F64, slide: F64, moment: F64, lever: F64, before: Rates, after: Rates) -> F64:
@@ -34,6 +36,29 @@ def done(push: F64, slide: F64, moment: F64, lever: F64, before: Rates, after: R
         axis * dot(turning, lever),
     )
     return np.asarray(0.5 * np.stack(twice, axis=1))
+
+
+def along_mean(run: Run, p: Pairs, impulse: F64, moment: F64, first: F64, motions: list[Motion]) -> F64:
+    """(K, 4) the same of loads that were solved once: along the mean of the normals `first` and `p.foot`, but of walls in
+    the frame of the latter.
+    """
+    middle, none = unit(first + p.foot), np.zeros_like(impulse)
+    still: Motion = (none, none, none, none)
+    (push, slide), stated = loads_once.parts(impulse, middle), loads_once.along_mean(impulse, first, p.foot)
+    of = [rates(run, p, motion, middle, middle) for motion in (*motions, still)]
+    wall = rates(run, p, still, p.foot, p.foot)
+    of_motion = done(push, slide, moment, middle, of[0], of[1]) - done(
+        push, slide, moment, middle, of[2], of[2]
+    )
+    # A tangent that turned is shorter than its lever.
+    n = run.bodies
+    reach = np.append(run.radius, 0.0)
+    spins = (
+        reach[p.a, None] * u[1] + np.where(p.b < n, reach[np.minimum(p.b, n)], 0.0)[:, None] * u[3]
+        for u in motions
+    )
+    of_motion[:, 1] -= 0.5 * dot(stated.arm - cross(middle, slide), sum(spins, none))
+    return of_motion + done(stated.normal, across(stated.stated, p.foot), moment, p.foot, wall, wall)
 
 
 def judge(block: Block, tally: Tally) -> None:
@@ -49,10 +74,7 @@ def judge(block: Block, tally: Tally) -> None:
     if why:
         tally.skip("work", why, cure, block.count)
         return
-    label, r = groups.labels(block), hits.of_block(block)
-    struck = np.zeros(label.size, dtype=bool)
-    struck[label[r.k, r.a]] = True
-    quiet = ~struck[label[c.k, c.a]] & block.kept[c.k]
+    quiet = ~groups.struck(block)[c.k, c.a] & block.kept[c.k]
     block.skip(
         tally,
         "work",
@@ -62,6 +84,9 @@ def judge(block: Block, tally: Tally) -> None:
     quiet &= block.single[c.k] & block.there[c.k, c.a]
     held = groups.held(block)[c.k, c.a]
     tally.skip("work", groups.HELD, groups.CURE, int((held & quiet).sum()))
+    unsure = loads_once.unsure(block) & quiet
+    tally.skip("work", loads_once.WHY, loads_once.CURE, int(unsure.sum()))
+    held = held | unsure
     rows = np.flatnonzero(quiet & ~held)
     if not rows.size:
         return
@@ -71,18 +96,23 @@ def judge(block: Block, tally: Tally) -> None:
     v = block.v0 + run.gravity * block.dt[:, None, None] + given[..., :3] / run.mass[:, None]
     w = block.w0 + given[..., 3:] / run.inertia[:, None]
     normal, moment = c.normal[rows], c.moment[rows]
-    values = []
-    for part in forces.split(c.impulse[rows], normal, block.start[1][rows]):
-        p = Pairs(a, b, block.t1[k], block.centres[k, a], normal, end=True)
-        before, after = (
-            rates(run, p, (vs[k, a], ws[k, a], vs[k, ball], ws[k, ball]), normal, part.lever)
-            for vs, ws in ((v, w), (block.v1, block.w1))
-        )
-        value = np.abs(c.work[rows] - done(part.normal, part.sliding, moment, part.lever, before, after))
-        values.append(value.max(axis=1))
+    centre = block.centres[k, a]
+    if run.loads_once:  # walls act where their surface is
+        centre = centre - c.gap[rows, None] * normal
+    pairs = Pairs(a, b, block.t1[k], centre, normal, end=True)
+    ends = [(vs[k, a], ws[k, a], vs[k, ball], ws[k, ball]) for vs, ws in ((v, w), (block.v1, block.w1))]
+    impulse, first, values = c.impulse[rows], block.start[1][rows], []
+    if run.loads_once:
+        found = along_mean(run, pairs, impulse, moment, first, ends)
+        values.append(np.abs(c.work[rows] - found).max(axis=1))
+    else:
+        for part in forces.split(impulse, normal, first):
+            before, after = (rates(run, pairs, motion, normal, part.lever) for motion in ends)
+            value = np.abs(c.work[rows] - done(part.normal, part.sliding, moment, part.lever, before, after))
+            values.append(value.max(axis=1))
     tally.measure(
         "work",
-        np.minimum(*values),
+        np.min(values, axis=0),
         bound(block, c)[rows],
         lambda i: block.place(int(k[i]), int(a[i]), int(b[i])),
     )

@@ -1,0 +1,151 @@
+"""Loads of a step that were solved once, for velocities and positions (`position_friction = "once"`; algorithm, section 10).
+
+Impulses `P0` of the loads act along the mean of the frames at both ends of the step, `Gm = (G_n + G_{n+1})/2`: a normal
+part along `m = (n_0 + n_1)/2`, and tangents that are the means of those of `n_0` and of `n_1`, turned the shortest way. The
+laws of contact hold of their components, in the frame of `n_1`. Positions follow half of the velocities that they give,
+
+    x' = x + h v + h^2 g/2 + (h/2) W0 + M^-1 (nu - (h/2) P0_N) n,      W0 = M^-1 Gm^T P0
+
+with `nu` the recorded position impulse. An impact takes `P0` of its contacts back, positions keep them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit import groups, hits
+from carom.audit.block import Block, once
+from carom.audit.vectors import add_at, cross, dot, norm, unit
+
+F64 = NDArray[np.float64]
+
+
+class Mean(NamedTuple):
+    """Impulses (K, 3) along the mean of two frames."""
+
+    normal: F64
+    """Their normal components, (K,)."""
+    stated: F64
+    """The impulses of the same components in the frame of the second normal."""
+    arm: F64
+    """What is `n x P_T` where there is one frame: moments are `-r` times it."""
+
+
+def along_mean(impulse: F64, first: F64, second: F64) -> Mean:
+    """Impulses along the mean of the frames of the normals `first` and `second`, (K, 3) each."""
+    middle = 0.5 * (first + second)
+    length = norm(middle)
+    normal = dot(impulse, middle) / length**2
+    slide = impulse - normal[:, None] * middle
+    axis = unit(cross(first, second))
+    # Across the axis of the turn the mean of two tangents is shorter than they are, by `length`.
+    along = cross(axis, middle) / length[:, None]
+    turned = dot(slide, along)
+    still = dot(slide, axis)[:, None] * axis
+    flat = np.where(norm(axis)[:, None] > 0.0, still, slide)
+    size = np.where(norm(axis) > 0.0, turned / length, 0.0)[:, None]
+    stated = normal[:, None] * second + flat + size * cross(axis, second)
+    return Mean(normal, stated, cross(middle, flat) + size * axis)
+
+
+def parts(impulse: F64, normal: F64) -> tuple[F64, F64]:
+    """(K,) and (K, 3): the part of impulses along a unit normal, and the rest."""
+    along = dot(impulse, normal)
+    return along, impulse - along[:, None] * normal
+
+
+class Loads(NamedTuple):
+    """Impulses and moments of the loads at each recorded contact, (K, 3) each."""
+
+    remained: F64
+    remained_moment: F64
+    solved: F64
+    """Those that positions follow: an impact may take them back."""
+    solved_moment: F64
+
+
+@once
+def of_loads(block: Block) -> Loads:
+    """Of a group without impacts all that it has, else the rows of problem 0."""
+    c, run = block.rows, block.run
+    if not run.has_impacts:
+        return Loads(c.impulse, c.moment, c.impulse, c.moment)
+    r, alone = hits.of_block(block), ~groups.struck(block)[c.k, c.a, None]
+    parts = [np.where(alone, of, 0.0) for of in (c.impulse, c.moment) for _ in range(2)]
+    contact, known = r.contacts(block)
+    loads = known & (r.problem == 0)
+    for k, rows in enumerate((loads & hits.kept(block, r)[0], loads)):
+        for part, given in ((parts[k], r.impulse), (parts[k + 2], r.moment)):
+            add_at(part, (contact[rows],), given[rows])
+    return Loads(parts[0], parts[2], parts[1], parts[3])
+
+
+@once
+def unsure(block: Block) -> NDArray[np.bool_]:
+    """(K,) recorded contacts of which nobody knows what the loads gave: where these close others an impact problem follows,
+    and the table of impacts has it only if some contact approached. Not of those that are alone on a wall.
+    """
+    run, c = block.run, block.rows
+    if not run.loads_once:
+        return np.zeros(len(c), dtype=bool)
+    n, many = run.bodies, block.over(run.steps["impact_problems"]) > 1
+    met = np.zeros((block.count, n), dtype=np.int64)
+    ball = c.b < n
+    np.add.at(met, (c.k, c.a), 1)
+    np.add.at(met, (c.k[ball], c.b[ball]), 1)
+    single = (c.b >= n) & (met[c.k, c.a] == 1)
+    return np.asarray(many[c.k] & ~groups.struck(block)[c.k, c.a] & ~single)
+
+
+WHY = "loads that close contacts are solved in turn with these, off record, where loads are solved once"
+CURE = 'position_friction = "paper"'
+
+
+@once
+def stated(block: Block) -> tuple[F64, F64]:
+    """(K, 3) recorded impulses and moments as laws of contact have them: of one frame, that of the recorded normal."""
+    c = block.rows
+    if not block.run.loads_once:
+        return c.impulse, c.moment
+    loads, first = of_loads(block), block.start[1]
+    return (
+        c.impulse - loads.remained + along_mean(loads.remained, first, c.normal).stated,
+        c.moment - loads.remained_moment + along_mean(loads.remained_moment, first, c.normal).stated,
+    )
+
+
+def arms(block: Block) -> F64:
+    """(K, 3) `n x P_T` of the recorded impulses."""
+    c, loads = block.rows, of_loads(block).remained
+    return np.asarray(cross(c.normal, c.impulse - loads) + along_mean(loads, block.start[1], c.normal).arm)
+
+
+@once
+def shifts(block: Block) -> F64:
+    """(K, 3) what moved the bodies of each recorded contact, N s^2."""
+    c = block.rows
+    if not block.run.loads_once:
+        return c.position_impulse
+    loads = of_loads(block).solved
+    normal = along_mean(loads, block.start[1], c.normal).normal
+    return np.asarray(c.position_impulse + 0.5 * block.run.h * (loads - normal[:, None] * c.normal))
+
+
+def unsure_bodies(block: Block) -> NDArray[np.bool_]:
+    """(B, N) bodies of such contacts."""
+    c, found = block.rows, np.zeros((block.count, block.run.bodies), dtype=bool)
+    rows = unsure(block)
+    found[c.k[rows], c.a[rows]] = True
+    rows = rows & (c.b < block.run.bodies)
+    found[c.k[rows], c.b[rows]] = True
+    return found
+
+
+def turns(block: Block) -> tuple[F64, F64]:
+    """(K, 3) twice: `n x` what moved the bodies of each contact, and the moments beside it, N s^2 and N m s^2."""
+    loads, half = of_loads(block), 0.5 * block.run.h
+    arm = along_mean(loads.solved, block.start[1], block.rows.normal).arm
+    return half * arm, block.rows.position_moment + half * loads.solved_moment
