@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Case, Json, Set, scene
+from carom.cli.options import Case, Json, Set, option, scene
 from carom.cli.output import BAD_INPUT, DONE, emit, fail, guarded
 from carom.cli.verdict import is_run, judge
 from carom.errors import ScenarioError, quoted
@@ -29,14 +29,10 @@ def check(
     case: Case = None,
     set_: Set = None,
     rerun: Annotated[
-        bool,
-        typer.Option("--rerun", help="Runs: simulate again, and compare all data bit for bit."),
+        bool, option("--rerun", "Runs: simulate again, and compare all data bit for bit.")
     ] = False,
     threads: Annotated[
-        str | None,
-        typer.Option(
-            "--threads", metavar="N,M", help="Runs: repeat on these numbers of threads (implies --rerun)."
-        ),
+        str | None, option("--threads", "N,M", "Runs: repeat on these numbers of threads (implies --rerun).")
     ] = None,
     as_json: Json = False,
 ) -> int:

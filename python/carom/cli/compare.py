@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from carom.cli.options import Case, Json, Scenario, Set, scene
+from carom.cli.options import Case, Json, Scenario, Set, Until, option, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 from carom.errors import CaromWarning
@@ -20,29 +20,25 @@ def compare(
     scenario: Scenario,
     methods: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--methods",
-            metavar="A,B",
-            help="Methods; the first is the reference. Options follow a plus sign: moreau+projection, nsga+one-shot."
+            "A,B",
+            "Methods; the first is the reference. Options follow a plus sign: moreau+projection, nsga+one-shot."
             " Default: all.",
         ),
     ] = None,
     at: Annotated[
-        list[str] | None,
-        typer.Option("--at", metavar="TIME", help="Also compare at this time (s); several with commas."),
+        list[str] | None, option("--at", "TIME", "Also compare at this time (s); several with commas.")
     ] = None,
-    until: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Simulated time: seconds, or with a unit.")
-    ] = None,
+    until: Until = None,
     case: Case = None,
     set_: Set = None,
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Save the runs in DIR. Default: save nothing."),
+        Path | None, option("-o", "--out", "DIR", "Save the runs in DIR. Default: save nothing.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the runs in DIR.")] = False,
+    force: Annotated[bool, option("--force", "Replace the runs in DIR.")] = False,
     quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Print the table only, without progress bar and notes.")
+        bool, option("--quiet", "-q", "Print the table only, without progress bar and notes.")
     ] = False,
     as_json: Json = False,
 ) -> int:
@@ -58,12 +54,7 @@ def compare(
     with progress_bar(not (quiet or as_json)) as bar, warnings.catch_warnings():
         warnings.simplefilter("ignore", CaromWarning)  # told above
         found = compare_methods(
-            described,
-            _names(methods),
-            at=_times(at or []),
-            out=out,
-            force=force,
-            progress=bar,
+            described, _names(methods), at=_times(at or []), out=out, force=force, progress=bar
         )
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict()})

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from carom.cli.options import Case, Json, Scenario, Set, number, scene
+from carom.cli.options import Case, Json, Scenario, Set, Until, number, option, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.many.sheets import of_convergence
 
@@ -18,55 +18,45 @@ if TYPE_CHECKING:
 @guarded
 def converge(
     scenario: Scenario,
-    steps: Annotated[
-        str,
-        typer.Option("--steps", metavar="H,H,...", help="Step sizes, s.", show_default=False),
-    ],
+    steps: Annotated[str, option("--steps", "H,H,...", "Step sizes, s.", show_default=False)],
     reference: Annotated[
         str,
-        typer.Option(
+        option(
             "--reference",
-            metavar="REF",
-            help="Exact solution: a finer step (s), a run directory, or a TOML file with formulas of t.",
+            "REF",
+            "Exact solution: a finer step (s), a run directory, or a TOML file with formulas of t.",
             show_default=False,
         ),
     ],
     quantities: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--quantities",
-            metavar="Q,Q,...",
-            help="Quantities: position, velocity, angular_velocity, orientation. One sphere: velocity:cue. One component:"
+            "Q,Q,...",
+            "Quantities: position, velocity, angular_velocity, orientation. One sphere: velocity:cue. One component:"
             " velocity:cue:x. Default: the first three.",
         ),
     ] = None,
-    until: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Simulated time: seconds, or with a unit.")
-    ] = None,
+    until: Until = None,
     at: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--at",
-            metavar="TIME",
-            help="Measure the error at this time (s) only; several with commas. Default: all steps.",
+            "TIME",
+            "Measure the error at this time (s) only; several with commas. Default: all steps.",
         ),
     ] = None,
     case: Case = None,
     set_: Set = None,
     plot: Annotated[
         Path | None,
-        typer.Option(
-            "--plot",
-            metavar="FILE",
-            help="Also draw the errors: .png, .svg or .pdf, with the numbers as CSV.",
-        ),
+        option("--plot", "FILE", "Also draw the errors: .png, .svg or .pdf, with the numbers as CSV."),
     ] = None,
     threads: Annotated[
-        int | None,
-        typer.Option("--threads", min=1, metavar="N", help="Runs at once. Default: one per processor."),
+        int | None, option("--threads", "N", "Runs at once. Default: one per processor.", min=1)
     ] = None,
     quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Print the table only, without warnings and file names.")
+        bool, option("--quiet", "-q", "Print the table only, without warnings and file names.")
     ] = False,
     as_json: Json = False,
 ) -> int:

@@ -6,9 +6,7 @@ import time
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
-from carom.cli.options import Json, Quiet
+from carom.cli.options import Json, Quiet, option
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note, seconds
 from carom.cli.progress import progress_bar
 from carom.files import inside
@@ -17,8 +15,8 @@ from carom.text import columns
 
 @guarded
 def demo(
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Output directory.")] = Path("demo"),
-    plots: Annotated[bool, typer.Option(help="Draw the figures (needs matplotlib).")] = True,
+    out: Annotated[Path, option("-o", "--out", "DIR", "Output directory.")] = Path("demo"),
+    plots: Annotated[bool, option("Draw the figures (needs matplotlib).")] = True,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from carom.cli.options import Json
+from carom.cli.options import Json, option
 from carom.cli.output import emit, guarded
 from carom.errors import CaromError
 from carom.files import write_whole
@@ -49,7 +49,7 @@ def copy(
         typer.Argument(help="Name from `carom examples list`.", show_default=False, autocompletion=_names),
     ],
     to: Annotated[Path, typer.Argument(help="File or directory to copy to.")] = Path(),
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    force: Annotated[bool, option("--force", "Replace an existing file.")] = False,
     as_json: Json = False,
 ) -> None:
     """Copy a scenario, to run it and to edit it.

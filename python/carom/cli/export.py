@@ -6,9 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
-from carom.cli.options import Json, Run
+from carom.cli.options import Json, Run, option
 from carom.cli.output import emit, guarded, note
 from carom.errors import CaromError
 
@@ -18,66 +16,48 @@ def export(
     run: Run,
     format_: Annotated[
         str,
-        typer.Option(
+        option(
             "--format",
-            metavar="FORMAT",
-            help="Formats: vtkhdf, vtp (ParaView), csv, parquet (tables), extxyz, gsd (OVITO), mp4, gif, png (films,"
+            "FORMAT",
+            "Formats: vtkhdf, vtp (ParaView), csv, parquet (tables), extxyz, gsd (OVITO), mp4, gif, png (films,"
             " pictures); several with commas.",
         ),
     ] = "vtkhdf",
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Output directory. Default: RUN/export.")
+        Path | None, option("-o", "--out", "DIR", "Output directory. Default: RUN/export.")
     ] = None,
-    every: Annotated[
-        int, typer.Option("--every", metavar="K", min=1, help="Export every K-th recorded frame.")
-    ] = 1,
-    start: Annotated[
-        float | None, typer.Option("--from", metavar="TIME", help="Start at this time, s.")
-    ] = None,
-    stop: Annotated[float | None, typer.Option("--to", metavar="TIME", help="Stop at this time, s.")] = None,
+    every: Annotated[int, option("--every", "K", "Export every K-th recorded frame.", min=1)] = 1,
+    start: Annotated[float | None, option("--from", "TIME", "Start at this time, s.")] = None,
+    stop: Annotated[float | None, option("--to", "TIME", "Stop at this time, s.")] = None,
     contacts: Annotated[
-        bool, typer.Option("--contacts/--no-contacts", help="Also export contacts and their forces.")
+        bool, option("--contacts/--no-contacts", "Also export contacts and their forces.")
     ] = True,
-    at: Annotated[
-        float | None, typer.Option("--at", metavar="TIME", help="png: one picture at this time, s.")
-    ] = None,
+    at: Annotated[float | None, option("--at", "TIME", "png: one picture at this time, s.")] = None,
     speed: Annotated[
         float | None,
-        typer.Option(
-            "--speed",
-            metavar="X",
-            help="Films: simulated seconds per second. Default: 1, or what suits the run.",
-        ),
+        option("--speed", "X", "Films: simulated seconds per second. Default: 1, or what suits the run."),
     ] = None,
     fps: Annotated[
-        float | None,
-        typer.Option("--fps", metavar="N", help="Films: frames per second. Default: 30; gif 20."),
+        float | None, option("--fps", "N", "Films: frames per second. Default: 30; gif 20.")
     ] = None,
-    width: Annotated[
-        int | None, typer.Option("--width", metavar="PIXELS", help="Films: width. Default: 1280; gif 640.")
-    ] = None,
+    width: Annotated[int | None, option("--width", "PIXELS", "Films: width. Default: 1280; gif 640.")] = None,
     height: Annotated[
-        int | None, typer.Option("--height", metavar="PIXELS", help="Films: height. Default: 720; gif 360.")
+        int | None, option("--height", "PIXELS", "Films: height. Default: 720; gif 360.")
     ] = None,
     camera: Annotated[
-        str | None,
-        typer.Option("--camera", metavar="NAME", help="Films: fit (default), top, side or end."),
+        str | None, option("--camera", "NAME", "Films: fit (default), top, side or end.")
     ] = None,
-    follow: Annotated[
-        str | None, typer.Option("--follow", metavar="BALL", help="Films: follow this ball.")
-    ] = None,
+    follow: Annotated[str | None, option("--follow", "BALL", "Films: follow this ball.")] = None,
     shading: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--shading",
-            metavar="NAME",
-            help="Films: pattern (default, shows rotation), plain, or colours by speed or spin.",
+            "NAME",
+            "Films: pattern (default, shows rotation), plain, or colours by speed or spin.",
         ),
     ] = None,
-    stamp: Annotated[
-        bool, typer.Option("--stamp/--no-stamp", help="Films: show the time in the corner.")
-    ] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress bar.")] = False,
+    stamp: Annotated[bool, option("--stamp/--no-stamp", "Films: show the time in the corner.")] = True,
+    quiet: Annotated[bool, option("--quiet", "-q", "Show no progress bar.")] = False,
     as_json: Json = False,
 ) -> None:
     """Convert a run for ParaView, OVITO or pandas, or make a film.

@@ -12,10 +12,16 @@ from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
 if TYPE_CHECKING:
     from carom.scene.scene import Scene
 
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document on standard output and nothing else.")
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress bar and no summary.")]
+
+def option(*words: str, **more: Any) -> Any:
+    """An option: its names, its METAVAR if it has one, its help."""
+    names = [word for word in words if word.startswith("-")]
+    *metavar, told = words[len(names) :]
+    return typer.Option(*names, metavar=metavar[0] if metavar else None, help=told, **more)
+
+
+Json = Annotated[bool, option("--json", "Print one JSON document on standard output and nothing else.")]
+Quiet = Annotated[bool, option("--quiet", "-q", "Show no progress bar and no summary.")]
 Run = Annotated[
     Path, typer.Argument(metavar="RUN", help="Run directory, made by `carom run`.", show_default=False)
 ]
@@ -24,16 +30,14 @@ Scenario = Annotated[
 ]
 
 
-Case = Annotated[
-    str | None,
-    typer.Option("--case", metavar="NAME", help="Use this [[case]] of the file."),
-]
+Case = Annotated[str | None, option("--case", "NAME", "Use this [[case]] of the file.")]
+Until = Annotated[str | None, option("--until", "TIME", "Simulated time: seconds, or with a unit.")]
 Set = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--set",
-        metavar="KEY=VALUE",
-        help="Override a parameter of the file, or a key of [run] or [record]; may be repeated.",
+        "KEY=VALUE",
+        "Override a parameter of the file, or a key of [run] or [record]; may be repeated.",
     ),
 ]
 

@@ -6,9 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from carom.cli.options import Json, Run
+from carom.cli.options import Json, Run, option
 from carom.cli.output import emit, guarded, note
 from carom.files import inside
 
@@ -18,34 +16,29 @@ def plot(
     run: Run,
     what: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--what",
-            metavar="FIGURE",
-            help="Figures: velocities, angular-velocities, heights, trajectories, energies, phases, impacts, iterations,"
+            "FIGURE",
+            "Figures: velocities, angular-velocities, heights, trajectories, energies, phases, impacts, iterations,"
             " residuals, or all (default); may be repeated.",
         ),
     ] = None,
     step: Annotated[
         int | None,
-        typer.Option(
+        option(
             "--step",
-            metavar="K",
-            help="Step shown by residuals and impacts. Default: the one with most iterations or impact problems.",
+            "K",
+            "Step shown by residuals and impacts. Default: the one with most iterations or impact problems.",
         ),
     ] = None,
-    bodies: Annotated[
-        str | None, typer.Option("--bodies", metavar="A,B", help="Draw only these bodies.")
-    ] = None,
+    bodies: Annotated[str | None, option("--bodies", "A,B", "Draw only these bodies.")] = None,
     format_: Annotated[
-        str,
-        typer.Option("--format", metavar="FORMAT", help="File formats: png, svg, pdf; several with commas."),
+        str, option("--format", "FORMAT", "File formats: png, svg, pdf; several with commas.")
     ] = "png",
     width: Annotated[
-        str, typer.Option("--width", metavar="WIDTH", help="Figure width: single or double column of a page.")
+        str, option("--width", "WIDTH", "Figure width: single or double column of a page.")
     ] = "double",
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Output directory. Default: RUN/plots.")
-    ] = None,
+    out: Annotated[Path | None, option("-o", "--out", "DIR", "Output directory. Default: RUN/plots.")] = None,
     as_json: Json = False,
 ) -> None:
     """Draw figures of a run, and write their numbers as CSV.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet
+from carom.cli.options import Json, Quiet, option
 from carom.cli.output import CRASH, DONE, NOT_CONVERGED, emit, guarded, note, seconds
 from carom.errors import CaromError, did_you_mean
 from carom.text import table
@@ -32,37 +32,25 @@ def reproduce(
         ),
     ] = None,
     out: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--out", metavar="DIR", help="Output directory; an earlier reproduction is replaced."
-        ),
+        Path, option("-o", "--out", "DIR", "Output directory; an earlier reproduction is replaced.")
     ] = Path("reproduction"),
-    force: Annotated[bool, typer.Option("--force", help="Rename DIR if it holds anything else.")] = False,
+    force: Annotated[bool, option("--force", "Rename DIR if it holds anything else.")] = False,
     quick: Annotated[
-        bool,
-        typer.Option("--quick", help="Same tables and tolerances with fewer points and no figures."),
+        bool, option("--quick", "Same tables and tolerances with fewer points and no figures.")
     ] = False,
     figures: Annotated[
         bool | None,
-        typer.Option(
-            "--figures/--no-figures", help="Draw the figures (needs matplotlib).", show_default=False
-        ),
+        option("--figures/--no-figures", "Draw the figures (needs matplotlib).", show_default=False),
     ] = None,
     format_: Annotated[
-        str,
-        typer.Option("--format", metavar="FORMAT", help="File formats: png, svg, pdf; several with commas."),
+        str, option("--format", "FORMAT", "File formats: png, svg, pdf; several with commas.")
     ] = "png",
     jobs: Annotated[
-        int | None,
-        typer.Option("--jobs", "-j", min=1, metavar="N", help="Processes at a time. Default: one per CPU."),
+        int | None, option("--jobs", "-j", "N", "Processes at a time. Default: one per CPU.", min=1)
     ] = None,
     docs: Annotated[
         Path | None,
-        typer.Option(
-            "--docs",
-            metavar="DIR",
-            help="Also write DIR/paper.md and its figures, for Carom's documentation.",
-        ),
+        option("--docs", "DIR", "Also write DIR/paper.md and its figures, for Carom's documentation."),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,

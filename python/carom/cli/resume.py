@@ -5,9 +5,7 @@ from __future__ import annotations
 import signal
 from typing import Annotated
 
-import typer
-
-from carom.cli.options import Json, Quiet, Run, overrides
+from carom.cli.options import Json, Quiet, Run, option, overrides
 from carom.cli.output import guarded, note
 from carom.cli.progress import progress_bar
 from carom.cli.run import report
@@ -17,30 +15,24 @@ from carom.cli.run import report
 def resume(
     run: Run,
     until: Annotated[
-        str | None,
-        typer.Option("--until", metavar="TIME", help="New end of the run: seconds, or with a unit."),
+        str | None, option("--until", "TIME", "New end of the run: seconds, or with a unit.")
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Change a numerical option of [run], such as tolerance; may be repeated.",
+        option(
+            "--set", "KEY=VALUE", "Change a numerical option of [run], such as tolerance; may be repeated."
         ),
     ] = None,
     checkpoint: Annotated[
         str,
-        typer.Option(
+        option(
             "--checkpoint",
-            metavar="newest|previous|start",
-            help="Checkpoint to continue from. If the newest cannot be used, take the previous one, or start anew.",
+            "newest|previous|start",
+            "Checkpoint to continue from. If the newest cannot be used, take the previous one, or start anew.",
         ),
     ] = "newest",
     any_version: Annotated[
-        bool,
-        typer.Option(
-            "--any-version", help="Accept a checkpoint of another version of Carom; bits may differ."
-        ),
+        bool, option("--any-version", "Accept a checkpoint of another version of Carom; bits may differ.")
     ] = False,
     quiet: Quiet = False,
     as_json: Json = False,

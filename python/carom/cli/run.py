@@ -7,9 +7,7 @@ import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from carom.cli.options import Case, Json, Quiet, Scenario, Set, scene
+from carom.cli.options import Case, Json, Quiet, Scenario, Set, Until, option, scene
 from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 from carom.errors import counted
@@ -23,37 +21,28 @@ def run(
     scenario: Scenario,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="DIR",
-            help="Run directory. Default: runs/SCENARIO-<n> or runs/SCENARIO-CASE-<n>.",
-        ),
+        option("-o", "--out", "DIR", "Run directory. Default: runs/SCENARIO-<n> or runs/SCENARIO-CASE-<n>."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the run in DIR.")] = False,
-    until: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Simulated time: seconds, or with a unit.")
-    ] = None,
+    force: Annotated[bool, option("--force", "Replace the run in DIR.")] = False,
+    until: Until = None,
     case: Case = None,
     set_: Set = None,
     save_problems: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--save-problems",
-            metavar="STEPS",
-            help="Save the contact problems of these steps in DIR/problems: all, 100,200:300:50 (first:last:stride), or"
+            "STEPS",
+            "Save the contact problems of these steps in DIR/problems: all, 100,200:300:50 (first:last:stride), or"
             " worst:10 (the 10 with most iterations).",
         ),
     ] = None,
-    form: Annotated[
-        str, typer.Option("--form", metavar="local|global", help="Form of the saved problems.")
-    ] = "local",
+    form: Annotated[str, option("--form", "local|global", "Form of the saved problems.")] = "local",
     on_nonconvergence: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--on-nonconvergence",
-            metavar="stop|warn",
-            help="If a step cannot be solved: stop (default), or mark it in the results and go on.",
+            "stop|warn",
+            "If a step cannot be solved: stop (default), or mark it in the results and go on.",
         ),
     ] = None,
     quiet: Quiet = False,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet
+from carom.cli.options import Json, Quiet, option
 from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, guarded, note
 from carom.cli.reproduce import _bar, _terminated_as_interrupted
 from carom.errors import CaromError, did_you_mean
@@ -39,60 +39,43 @@ def solve(
     ] = None,
     solver: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--solver",
-            metavar="NAME",
-            help="Solver: auto (default), another name, several with commas, or all; may be repeated.",
+            "NAME",
+            "Solver: auto (default), another name, several with commas, or all; may be repeated.",
         ),
     ] = None,
-    tol: Annotated[float, typer.Option("--tol", metavar="ERR", help="Residual tolerance.")] = 1e-8,
+    tol: Annotated[float, option("--tol", "ERR", "Residual tolerance.")] = 1e-8,
     max_iterations: Annotated[
-        int | None,
-        typer.Option(
-            "--max-iterations", min=1, metavar="N", help="Iteration limit. Default: the solver's own."
-        ),
+        int | None, option("--max-iterations", "N", "Iteration limit. Default: the solver's own.", min=1)
     ] = None,
     time_limit: Annotated[
         float | None,
-        typer.Option(
+        option(
             "--time-limit",
-            metavar="S",
-            help="Time limit per solver and file, s; factorisations are not interrupted. Default: none.",
+            "S",
+            "Time limit per solver and file, s; factorisations are not interrupted. Default: none.",
         ),
     ] = None,
     threads: Annotated[
-        int,
-        typer.Option("--threads", min=1, metavar="N", help="Threads; the result does not depend on it."),
+        int, option("--threads", "N", "Threads; the result does not depend on it.", min=1)
     ] = 1,
-    repeat: Annotated[
-        int, typer.Option("--repeat", min=1, metavar="N", help="Solve N times and report the shortest time.")
-    ] = 1,
+    repeat: Annotated[int, option("--repeat", "N", "Solve N times and report the shortest time.", min=1)] = 1,
     solution: Annotated[
         Path | None,
-        typer.Option(
-            "--solution",
-            metavar="HDF5",
-            help="Save the problem with its solution r, u (one file, one solver).",
-        ),
+        option("--solution", "HDF5", "Save the problem with its solution r, u (one file, one solver)."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="DIR",
-            help="Output directory for the table (CSV) and, with several files, profiles.",
+        option(
+            "-o", "--out", "DIR", "Output directory for the table (CSV) and, with several files, profiles."
         ),
     ] = None,
     format_: Annotated[
-        str,
-        typer.Option(
-            "--format", metavar="FORMAT", help="Formats of the profiles: png, svg, pdf; several with commas."
-        ),
+        str, option("--format", "FORMAT", "Formats of the profiles: png, svg, pdf; several with commas.")
     ] = "png",
     explain: Annotated[
-        bool,
-        typer.Option("--explain", help="Print the rule of auto, and why it used each stage."),
+        bool, option("--explain", "Print the rule of auto, and why it used each stage.")
     ] = False,
     quiet: Quiet = False,
     as_json: Json = False,

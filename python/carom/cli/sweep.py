@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet
+from carom.cli.options import Json, Quiet, option
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
 from carom.errors import CaromError, counted
 
@@ -27,44 +27,35 @@ SHOWN = 10
 def sweep(
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).", show_default=False)],
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Folder of the study. Default: sweeps/STUDY."),
+        Path | None, option("-o", "--out", "DIR", "Folder of the study. Default: sweeps/STUDY.")
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(
+        option(
             "--workers",
-            metavar="N",
+            "N",
+            "Processes on this machine. Default: one per processor. 0: run in this process.",
             min=0,
-            help="Processes on this machine. Default: one per processor. 0: run in this process.",
         ),
     ] = None,
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="ADDRESS", help="Address of a running dask scheduler: tcp://host:8786."
-        ),
+        str | None, option("--scheduler", "ADDRESS", "Address of a running dask scheduler: tcp://host:8786.")
     ] = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Run failed cases again.")] = False,
+    retry_failed: Annotated[bool, option("--retry-failed", "Run failed cases again.")] = False,
     measure: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--measure",
-            metavar="FILE.py:FUNCTION",
-            help="Python function that takes the Result of a case and returns {name: number}.",
+            "FILE.py:FUNCTION",
+            "Python function that takes the Result of a case and returns {name: number}.",
         ),
     ] = None,
     plots: Annotated[
         bool | None,
-        typer.Option("--plots/--no-plots", help="Draw summary figures. Default: if matplotlib is installed."),
+        option("--plots/--no-plots", "Draw summary figures. Default: if matplotlib is installed."),
     ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option("--columns", metavar="A,B", help="Columns for the figures and --csv."),
-    ] = None,
-    csv: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Also write the table as CSV.")
-    ] = None,
+    columns: Annotated[str | None, option("--columns", "A,B", "Columns for the figures and --csv.")] = None,
+    csv: Annotated[Path | None, option("--csv", "FILE", "Also write the table as CSV.")] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:

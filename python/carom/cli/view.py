@@ -5,30 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from carom.cli.options import Json, Run
+from carom.cli.options import Json, Run, option
 from carom.cli.output import emit, guarded, note
 
 
 @guarded
 def view(
     run: Run,
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help="Output file. Default: RUN/view.html."),
-    ] = None,
+    out: Annotated[Path | None, option("-o", "--out", "FILE", "Output file. Default: RUN/view.html.")] = None,
     max_mb: Annotated[
-        float, typer.Option("--max-mb", metavar="MB", help="Largest page; longer runs keep fewer frames.")
+        float, option("--max-mb", "MB", "Largest page; longer runs keep fewer frames.")
     ] = 100.0,
     live: Annotated[
-        bool,
-        typer.Option("--live", help="Serve the run on this machine and follow it (needs the extra `live`)."),
+        bool, option("--live", "Serve the run on this machine and follow it (needs the extra `live`).")
     ] = False,
-    port: Annotated[
-        int, typer.Option("--port", metavar="N", help="Port of --live.", min=1, max=65535)
-    ] = 8080,
-    open_: Annotated[bool, typer.Option("--open", help="Open the page in the web browser.")] = False,
+    port: Annotated[int, option("--port", "N", "Port of --live.", min=1, max=65535)] = 8080,
+    open_: Annotated[bool, option("--open", "Open the page in the web browser.")] = False,
     as_json: Json = False,
 ) -> None:
     """Write a run as one HTML page that plays in 3D, offline.
