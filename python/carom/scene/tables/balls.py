@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from carom.scene.assembly.vectors import cross, norm
 from carom.scene.tables.base import Table
@@ -26,7 +26,7 @@ from carom.scene.tables.quantities import (
     Seed,
     Vec3,
     Velocity,
-    unit,
+    key,
 )
 
 Radius = TypeVar("Radius", float, NDArray[np.float64])
@@ -44,21 +44,15 @@ class Ball(Table):
     """What single spheres and generators have in common: one kind of ball."""
 
     name: Name
-    material: Name = Field(description="name of its material", examples=["ball"])
-    radius: Length = Field(
-        description="radius r", examples=["28.575 mm", 0.028575], json_schema_extra=unit("m")
-    )
-    mass: Mass | None = Field(
-        None, description="mass m (or give density)", examples=[0.17, "170 g"], json_schema_extra=unit("kg")
-    )
-    density: Density | None = Field(
-        None, description="density, instead of mass", examples=[1700.0], json_schema_extra=unit("kg/m^3")
-    )
-    inertia: Inertia | None = Field(
-        None,
-        description="moment of inertia about any axis; if omitted, 2/5 m r^2 (homogeneous)",
+    material: Name = key("name of its material", examples=["ball"])
+    radius: Length = key("radius r", "m", examples=["28.575 mm", 0.028575])
+    mass: Mass | None = key("mass m (or give density)", "kg", default=None, examples=[0.17, "170 g"])
+    density: Density | None = key("density, instead of mass", "kg/m^3", default=None, examples=[1700.0])
+    inertia: Inertia | None = key(
+        "moment of inertia about any axis; if omitted, 2/5 m r^2 (homogeneous)",
+        "kg m^2",
+        default=None,
         examples=[5.5e-5],
-        json_schema_extra=unit("kg m^2"),
     )
 
     @model_validator(mode="after")
@@ -85,16 +79,14 @@ class Sphere(Ball):
 
     section: ClassVar[str] = "sphere"
 
-    name: Name = Field(description="name, unique among spheres and walls", examples=["cue"])
-    position: Position = Field(
-        description="centre at the start", examples=[[0.0, 0.0, 0.028575]], json_schema_extra=unit("m")
+    name: Name = key("name, unique among spheres and walls", examples=["cue"])
+    position: Position = key("centre at the start", "m", examples=[[0.0, 0.0, 0.028575]])
+    velocity: Velocity = key("velocity at the start", "m/s", default=ZEROS)
+    angular_velocity: AngularVelocity = key(
+        "angular velocity at the start, in fixed axes", "rad/s", default=ZEROS
     )
-    velocity: Velocity = Field(ZEROS, description="velocity at the start", json_schema_extra=unit("m/s"))
-    angular_velocity: AngularVelocity = Field(
-        ZEROS, description="angular velocity at the start, in fixed axes", json_schema_extra=unit("rad/s")
-    )
-    orientation: Annotated[tuple[float, float, float, float], Quaternion()] = Field(
-        (1.0, 0.0, 0.0, 0.0), description="unit quaternion [w, x, y, z], body to fixed axes"
+    orientation: Annotated[tuple[float, float, float, float], Quaternion()] = key(
+        "unit quaternion [w, x, y, z], body to fixed axes", default=(1.0, 0.0, 0.0, 0.0)
     )
 
 
@@ -103,15 +95,11 @@ class Generator(Ball):
     ...
     """
 
-    name: Name = Field(description="prefix of the names; the number is appended", examples=["ball"])
-    first_number: Annotated[int, Integer(Bounds(ge=0))] = Field(1, description="number of the first ball")
-    jitter: Distance = Field(
-        0.0,
-        description="each centre is moved at random by at most this along each axis",
-        json_schema_extra=unit("m"),
-    )
-    seed: Seed | None = Field(
-        None, description="seed of the jitter (PCG64); needed if jitter is not zero", examples=[1]
+    name: Name = key("prefix of the names; the number is appended", examples=["ball"])
+    first_number: Annotated[int, Integer(Bounds(ge=0))] = key("number of the first ball", default=1)
+    jitter: Distance = key("each centre is moved at random by at most this along each axis", "m", default=0.0)
+    seed: Seed | None = key(
+        "seed of the jitter (PCG64); needed if jitter is not zero", default=None, examples=[1]
     )
 
     @model_validator(mode="after")
@@ -140,31 +128,25 @@ class Rack(Generator):
 
     section: ClassVar[str] = "rack"
 
-    shape: Annotated[str, Choice(("triangle", "diamond"))] = Field(
-        "triangle", description="triangle: rows of 1, 2, 3, ...; diamond: 1, 2, 3, 2, 1"
+    shape: Annotated[str, Choice(("triangle", "diamond"))] = key(
+        "triangle: rows of 1, 2, 3, ...; diamond: 1, 2, 3, 2, 1", default="triangle"
     )
-    balls: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] | None = Field(
-        None,
-        description="number of balls: 3, 6, 10, 15, ... in a triangle; 4, 9, 16, ... in a diamond",
+    balls: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] | None = key(
+        "number of balls: 3, 6, 10, 15, ... in a triangle; 4, 9, 16, ... in a diamond",
+        default=None,
         examples=[15],
     )
-    rows: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] | None = Field(
-        None, description="number of rows, instead of balls (odd in a diamond)", examples=[5]
+    rows: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] | None = key(
+        "number of rows, instead of balls (odd in a diamond)", default=None, examples=[5]
     )
-    apex: Position = Field(
-        description="centre of the first ball",
-        examples=[[1.905, 0.635, 0.028575]],
-        json_schema_extra=unit("m"),
+    apex: Position = key("centre of the first ball", "m", examples=[[1.905, 0.635, 0.028575]])
+    direction: Annotated[Vec3, Direction(example="[1.0, 0.0, 0.0]")] = key(
+        "from the apex to the last row, any length", examples=[[1.0, 0.0, 0.0]]
     )
-    direction: Annotated[Vec3, Direction(example="[1.0, 0.0, 0.0]")] = Field(
-        description="from the apex to the last row, any length", examples=[[1.0, 0.0, 0.0]]
+    up: Annotated[Vec3, Direction()] = key(
+        "normal of the table that the rack lies on, any length", default=(0.0, 0.0, 1.0)
     )
-    up: Annotated[Vec3, Direction()] = Field(
-        (0.0, 0.0, 1.0), description="normal of the table that the rack lies on, any length"
-    )
-    gap: Distance = Field(
-        0.0, description="distance between the surfaces of neighbours", json_schema_extra=unit("m")
-    )
+    gap: Distance = key("distance between the surfaces of neighbours", "m", default=0.0)
 
     @model_validator(mode="after")
     def _one_size(self) -> Self:
@@ -207,20 +189,16 @@ class Lattice(Generator):
 
     section: ClassVar[str] = "lattice"
 
-    kind: Annotated[str, Choice(("cubic", "bcc", "fcc", "hcp"))] = Field(
-        "cubic",
-        description="simple, body-centred or face-centred cubic, or hexagonal close packing (layers normal to z)",
+    kind: Annotated[str, Choice(("cubic", "bcc", "fcc", "hcp"))] = key(
+        "simple, body-centred or face-centred cubic, or hexagonal close packing (layers normal to z)",
+        default="cubic",
     )
-    counts: Annotated[tuple[int, int, int], Integers(3, Bounds(ge=1, le=MOST_BALLS))] = Field(
-        description="number of balls along x, y and z", examples=[[3, 3, 3]]
+    counts: Annotated[tuple[int, int, int], Integers(3, Bounds(ge=1, le=MOST_BALLS))] = key(
+        "number of balls along x, y and z", examples=[[3, 3, 3]]
     )
-    origin: Position = Field(description="centre of the first ball", json_schema_extra=unit("m"))
-    spacing: Length | None = Field(
-        None, description="distance of neighbouring centres; if omitted, 2 r", json_schema_extra=unit("m")
-    )
-    velocity: Velocity = Field(
-        ZEROS, description="velocity of all its balls at the start", json_schema_extra=unit("m/s")
-    )
+    origin: Position = key("centre of the first ball", "m")
+    spacing: Length | None = key("distance of neighbouring centres; if omitted, 2 r", "m", default=None)
+    velocity: Velocity = key("velocity of all its balls at the start", "m/s", default=ZEROS)
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from carom.scene.assembly.vectors import scaled
 from carom.scene.packing import Sizes, Stream
@@ -28,7 +28,7 @@ from carom.scene.tables.quantities import (
     Seed,
     Vec3,
     Velocity,
-    unit,
+    key,
 )
 from carom.scene.tables.sizes import Sized
 
@@ -43,27 +43,18 @@ class Region(Table):
 
     section: ClassVar[str] = "region"
 
-    low: Position | None = Field(
-        None,
-        description="lowest corner of a box",
-        examples=[[0.0, 0.0, 0.3]],
-        json_schema_extra=unit("m"),
-    )
-    high: Position | None = Field(
-        None,
-        description="highest corner of a box; equal coordinates make it flat",
+    low: Position | None = key("lowest corner of a box", "m", default=None, examples=[[0.0, 0.0, 0.3]])
+    high: Position | None = key(
+        "highest corner of a box; equal coordinates make it flat",
+        "m",
+        default=None,
         examples=[[0.1, 0.1, 0.3]],
-        json_schema_extra=unit("m"),
     )
-    point: Position | None = Field(
-        None, description="centre of a disc", examples=[[0.0, 0.0, 0.3]], json_schema_extra=unit("m")
+    point: Position | None = key("centre of a disc", "m", default=None, examples=[[0.0, 0.0, 0.3]])
+    normal: Annotated[Vec3, Direction()] | None = key(
+        "normal of a disc, any length", default=None, examples=[[0.0, 0.0, 1.0]]
     )
-    normal: Annotated[Vec3, Direction()] | None = Field(
-        None, description="normal of a disc, any length", examples=[[0.0, 0.0, 1.0]]
-    )
-    radius: Length | None = Field(
-        None, description="radius of a disc", examples=[0.05], json_schema_extra=unit("m")
-    )
+    radius: Length | None = key("radius of a disc", "m", default=None, examples=[0.05])
 
     @model_validator(mode="after")
     def _box_or_disc(self) -> Self:
@@ -106,28 +97,23 @@ class Region(Table):
 class _Kind(Table):
     """What an inflow says of its balls besides the laws of sizes."""
 
-    name: Name = Field(description="prefix of the names; the number is appended", examples=["grain"])
-    material: Name = Field(description="name of its material", examples=["grain"])
-    radius: Length | None = Field(
-        None,
-        description="radius r of all balls; or give `diameter`, or `sizes` and its keys",
+    name: Name = key("prefix of the names; the number is appended", examples=["grain"])
+    material: Name = key("name of its material", examples=["grain"])
+    radius: Length | None = key(
+        "radius r of all balls; or give `diameter`, or `sizes` and its keys",
+        "m",
+        default=None,
         examples=["5 mm"],
-        json_schema_extra=unit("m"),
     )
-    mass: Mass | None = Field(
-        None,
-        description="mass m of each ball, if all have one size (or give density)",
-        examples=["1.3 g"],
-        json_schema_extra=unit("kg"),
+    mass: Mass | None = key(
+        "mass m of each ball, if all have one size (or give density)", "kg", default=None, examples=["1.3 g"]
     )
-    density: Density | None = Field(
-        None, description="density, instead of mass", examples=[2500.0], json_schema_extra=unit("kg/m^3")
-    )
-    inertia: Inertia | None = Field(
-        None,
-        description="moment of inertia about any axis, if all have one size; if omitted, 2/5 m r^2 (homogeneous)",
+    density: Density | None = key("density, instead of mass", "kg/m^3", default=None, examples=[2500.0])
+    inertia: Inertia | None = key(
+        "moment of inertia about any axis, if all have one size; if omitted, 2/5 m r^2 (homogeneous)",
+        "kg m^2",
+        default=None,
         examples=[5.2e-9],
-        json_schema_extra=unit("kg m^2"),
     )
 
 
@@ -136,32 +122,25 @@ class Inflow(Sized, _Kind):
 
     section: ClassVar[str] = "inflow"
 
-    first_number: Annotated[int, Integer(Bounds(ge=0))] = Field(1, description="number of the first ball")
-    count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] = Field(
-        description="number of balls that enter in all", examples=[1000]
+    first_number: Annotated[int, Integer(Bounds(ge=0))] = key("number of the first ball", default=1)
+    count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] = key(
+        "number of balls that enter in all", examples=[1000]
     )
-    region: Region = Field(
-        description="where they enter: `{ low, high }` of a box, or `{ point, normal, radius }` of a disc",
+    region: Region = key(
+        "where they enter: `{ low, high }` of a box, or `{ point, normal, radius }` of a disc",
         examples=[{"low": [0.0, 0.0, 0.3], "high": [0.1, 0.1, 0.3]}],
     )
-    rate: Annotated[float, Quantity("frequency", NOT_NEGATIVE)] = Field(
-        0.0,
-        description="balls per second; 0: as fast as there is room",
-        examples=[500.0],
-        json_schema_extra=unit("1/s"),
+    rate: Annotated[float, Quantity("frequency", NOT_NEGATIVE)] = key(
+        "balls per second; 0: as fast as there is room", "1/s", default=0.0, examples=[500.0]
     )
-    start: Annotated[float, Quantity("time", NOT_NEGATIVE)] = Field(
-        0.0, description="when the first may enter", json_schema_extra=unit("s")
+    start: Annotated[float, Quantity("time", NOT_NEGATIVE)] = key(
+        "when the first may enter", "s", default=0.0
     )
-    velocity: Velocity = Field(
-        ZEROS, description="velocity with which they enter", json_schema_extra=unit("m/s")
+    velocity: Velocity = key("velocity with which they enter", "m/s", default=ZEROS)
+    spread: Annotated[float, Quantity("speed", NOT_NEGATIVE)] = key(
+        "each component of that velocity is changed at random by at most this", "m/s", default=0.0
     )
-    spread: Annotated[float, Quantity("speed", NOT_NEGATIVE)] = Field(
-        0.0,
-        description="each component of that velocity is changed at random by at most this",
-        json_schema_extra=unit("m/s"),
-    )
-    seed: Seed = Field(description="seed of sizes, places and velocities", examples=[1])
+    seed: Seed = key("seed of sizes, places and velocities", examples=[1])
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -240,15 +219,11 @@ class Outlet(Table):
 
     section: ClassVar[str] = "outlet"
 
-    low: Position = Field(
-        description="lowest corner", examples=[[-1.0, -1.0, -0.2]], json_schema_extra=unit("m")
-    )
-    high: Position = Field(
-        description="highest corner", examples=[[1.0, 1.0, -0.1]], json_schema_extra=unit("m")
-    )
-    inside: Annotated[bool, Flag()] = Field(
-        True,
-        description="true: balls inside (in a periodic world: an image inside) leave; false: all others leave",
+    low: Position = key("lowest corner", "m", examples=[[-1.0, -1.0, -0.2]])
+    high: Position = key("highest corner", "m", examples=[[1.0, 1.0, -0.1]])
+    inside: Annotated[bool, Flag()] = key(
+        "true: balls inside (in a periodic world: an image inside) leave; false: all others leave",
+        default=True,
     )
 
     @model_validator(mode="after")

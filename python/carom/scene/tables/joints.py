@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
 from carom.errors import quoted
@@ -15,7 +15,7 @@ from carom.scene.tables.fields import POSITIVE, Choice, refuse
 from carom.scene.tables.laws import Law, LawValue
 from carom.scene.tables.lists import Direction, Vectors
 from carom.scene.tables.loads import Ends, Points, check_ends, check_points
-from carom.scene.tables.quantities import Name, Position, Vec3, unit
+from carom.scene.tables.quantities import Name, Position, Vec3, key
 from carom.scene.toml.literal import literal
 
 
@@ -53,63 +53,63 @@ class Joint(Table):
 
     section: ClassVar[str] = "joint"
 
-    name: Name | None = Field(
-        None,
-        description="name, unique among joints; if omitted, joint and its number: joint1, joint2, ...",
+    name: Name | None = key(
+        "name, unique among joints; if omitted, joint and its number: joint1, joint2, ...",
+        default=None,
         examples=["axle"],
     )
-    type: Annotated[str, Choice(tuple(TYPES))] = Field(
-        description=f"what the joint does: {', '.join(TYPES)}", examples=["fix"]
+    type: Annotated[str, Choice(tuple(TYPES))] = key(
+        f"what the joint does: {', '.join(TYPES)}", examples=["fix"]
     )
-    body: Name | None = Field(
-        None, description="the sphere that is joined to the ground (not in ball and rod)", examples=["a"]
+    body: Name | None = key(
+        "the sphere that is joined to the ground (not in ball and rod)", default=None, examples=["a"]
     )
-    between: Ends | None = Field(
-        None, description='two spheres, or one and "ground" (in lock, ball, rod)', examples=[["a", "b"]]
+    between: Ends | None = key(
+        'two spheres, or one and "ground" (in lock, ball, rod)', default=None, examples=[["a", "b"]]
     )
-    point: Position | None = Field(
-        None,
-        description="the point at the start, in fixed axes, carried by its body; if omitted, the centre (not in ball)",
+    point: Position | None = key(
+        "the point at the start, in fixed axes, carried by its body; if omitted, the centre (not in ball)",
+        "m",
+        default=None,
         examples=[[0.0, 0.0, 1.0]],
-        json_schema_extra=unit("m"),
     )
-    points: Points | None = Field(
-        None,
-        description="the ends of a rod at the start; if omitted, the centres",
+    points: Points | None = key(
+        "the ends of a rod at the start; if omitted, the centres",
+        "m",
+        default=None,
         examples=[[[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]],
-        json_schema_extra=unit("m"),
     )
-    direction: Annotated[Vec3, Direction()] | None = Field(
-        None, description="of the line or the motion, any length", examples=[[1.0, 0.0, 0.0]]
+    direction: Annotated[Vec3, Direction()] | None = key(
+        "of the line or the motion, any length", default=None, examples=[[1.0, 0.0, 0.0]]
     )
-    normal: Annotated[Vec3, Direction()] | None = Field(
-        None, description="of the plane of motion, any length", examples=[[0.0, 0.0, 1.0]]
+    normal: Annotated[Vec3, Direction()] | None = key(
+        "of the plane of motion, any length", default=None, examples=[[0.0, 0.0, 1.0]]
     )
-    axes: Annotated[tuple[Vec3, ...], Vectors(Direction(), 1, 3)] | None = Field(
-        None,
-        description="fixed axes about which a lock allows no rotation; if omitted, all",
+    axes: Annotated[tuple[Vec3, ...], Vectors(Direction(), 1, 3)] | None = key(
+        "fixed axes about which a lock allows no rotation; if omitted, all",
+        default=None,
         examples=[[[0.0, 0.0, 1.0]]],
     )
-    axis: Annotated[Vec3, Direction()] | None = Field(
-        None, description="fixed axis of the given rotation", examples=[[0.0, 0.0, 1.0]]
+    axis: Annotated[Vec3, Direction()] | None = key(
+        "fixed axis of the given rotation", default=None, examples=[[0.0, 0.0, 1.0]]
     )
-    length: Annotated[LawValue, Law("t", "length", POSITIVE)] | None = Field(
-        None,
-        description="of the rod, a number or a law of the time t; if omitted, that at the start",
+    length: Annotated[LawValue, Law("t", "length", POSITIVE)] | None = key(
+        "of the rod, a number or a law of the time t; if omitted, that at the start",
+        "m",
+        default=None,
         examples=[0.5],
-        json_schema_extra=unit("m"),
     )
-    displacement: Annotated[LawValue, Law("t", "length")] | None = Field(
-        None,
-        description="along direction, from the start: a law of the time t",
+    displacement: Annotated[LawValue, Law("t", "length")] | None = key(
+        "along direction, from the start: a law of the time t",
+        "m",
+        default=None,
         examples=[{"expression": "0.01*sin(10*t)"}],
-        json_schema_extra=unit("m"),
     )
-    angle: Annotated[LawValue, Law("t", "angle")] | None = Field(
-        None,
-        description="about axis, from the start: a law of the time t",
+    angle: Annotated[LawValue, Law("t", "angle")] | None = key(
+        "about axis, from the start: a law of the time t",
+        "rad",
+        default=None,
         examples=[{"polynomial": [0.0, 20.0]}],
-        json_schema_extra=unit("rad"),
     )
 
     @model_validator(mode="after")

@@ -9,14 +9,14 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import PrivateAttr, model_validator
 
 from carom.errors import CaromError, quoted
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import NOT_NEGATIVE, Pair, Quantity, refuse
 from carom.scene.tables.laws import LawValue, LawVector
 from carom.scene.tables.lists import Vector, Vectors
-from carom.scene.tables.quantities import FARTHEST, ZEROS, Distance, Name, Vec3, unit
+from carom.scene.tables.quantities import FARTHEST, ZEROS, Distance, Name, Vec3, key
 
 GROUND = "ground"
 """In place of a sphere: what never moves."""
@@ -50,17 +50,15 @@ class Load(Table):
 
     section: ClassVar[str] = "load"
 
-    on: Name = Field(description="the sphere", examples=["a"])
-    force: Annotated[LawVec3, LawVector("t", "force")] = Field(
-        ZEROS,
-        description="force at the centre, in fixed axes: numbers or laws of the time t",
+    on: Name = key("the sphere", examples=["a"])
+    force: Annotated[LawVec3, LawVector("t", "force")] = key(
+        "force at the centre, in fixed axes: numbers or laws of the time t",
+        "N",
+        default=ZEROS,
         examples=[[0.0, 0.0, {"expression": "20*t"}]],
-        json_schema_extra=unit("N"),
     )
-    torque: Annotated[LawVec3, LawVector("t", "moment")] = Field(
-        ZEROS,
-        description="torque, in fixed axes: numbers or laws of the time t",
-        json_schema_extra=unit("N m"),
+    torque: Annotated[LawVec3, LawVector("t", "moment")] = key(
+        "torque, in fixed axes: numbers or laws of the time t", "N m", default=ZEROS
     )
 
     @model_validator(mode="after")
@@ -78,23 +76,20 @@ class Spring(Table):
 
     section: ClassVar[str] = "spring"
 
-    between: Ends = Field(description='two spheres, or one and "ground"', examples=[["a", "b"]])
-    points: Points | None = Field(
-        None,
-        description="its ends at the start, in fixed axes; each is carried by its sphere; if omitted, the centres",
-        json_schema_extra=unit("m"),
+    between: Ends = key('two spheres, or one and "ground"', examples=[["a", "b"]])
+    points: Points | None = key(
+        "its ends at the start, in fixed axes; each is carried by its sphere; if omitted, the centres",
+        "m",
+        default=None,
     )
-    stiffness: Annotated[float, Quantity("stiffness", NOT_NEGATIVE)] = Field(
-        0.0, description="tension over elongation", examples=[100.0], json_schema_extra=unit("N/m")
+    stiffness: Annotated[float, Quantity("stiffness", NOT_NEGATIVE)] = key(
+        "tension over elongation", "N/m", default=0.0, examples=[100.0]
     )
-    damping: Annotated[float, Quantity("damping", NOT_NEGATIVE)] = Field(
-        0.0, description="tension over speed of elongation", examples=[0.5], json_schema_extra=unit("N s/m")
+    damping: Annotated[float, Quantity("damping", NOT_NEGATIVE)] = key(
+        "tension over speed of elongation", "N s/m", default=0.0, examples=[0.5]
     )
-    rest_length: Distance | None = Field(
-        None,
-        description="length without tension; if omitted, that at the start",
-        examples=[1.0],
-        json_schema_extra=unit("m"),
+    rest_length: Distance | None = key(
+        "length without tension; if omitted, that at the start", "m", default=None, examples=[1.0]
     )
 
     @model_validator(mode="after")
@@ -116,12 +111,12 @@ class Drag(Table):
 
     section: ClassVar[str] = "drag"
 
-    on: Name = Field(description='the sphere, or "all"', examples=["all"])
-    translation: Annotated[float, Quantity("damping", NOT_NEGATIVE)] = Field(
-        0.0, description="force over speed", examples=[0.1], json_schema_extra=unit("N s/m")
+    on: Name = key('the sphere, or "all"', examples=["all"])
+    translation: Annotated[float, Quantity("damping", NOT_NEGATIVE)] = key(
+        "force over speed", "N s/m", default=0.0, examples=[0.1]
     )
-    rotation: Annotated[float, Quantity("rotational damping", NOT_NEGATIVE)] = Field(
-        0.0, description="torque over angular speed", examples=[1e-4], json_schema_extra=unit("N m s")
+    rotation: Annotated[float, Quantity("rotational damping", NOT_NEGATIVE)] = key(
+        "torque over angular speed", "N m s", default=0.0, examples=[1e-4]
     )
 
     @model_validator(mode="after")
@@ -143,7 +138,7 @@ class LoadFunction(Table):
 
     section: ClassVar[str] = "load_function"
 
-    name: Name = Field(description="name of the function", examples=["wind"])
+    name: Name = key("name of the function", examples=["wind"])
     _function: Callable[..., Any] | None = PrivateAttr(None)
 
     @property

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from pydantic import Field
-
 from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
 from carom.scene.tables.billiard import BilliardTable
@@ -34,7 +32,7 @@ from carom.scene.tables.loads import Drag, Load, LoadFunction, Spring
 from carom.scene.tables.motion import Motion, Rotation, SurfaceRotation
 from carom.scene.tables.options import Run
 from carom.scene.tables.packing import Packing
-from carom.scene.tables.quantities import FARTHEST, ZEROS, Distance, Name, Position, Vec3, unit
+from carom.scene.tables.quantities import FARTHEST, ZEROS, Distance, Name, Position, Vec3, key
 from carom.scene.tables.walls import WALLS, BallWall, Box, Cone, Cylinder, Plane
 
 FORMAT = 1
@@ -45,37 +43,34 @@ class Record(Table):
 
     section: ClassVar[str] = "record"
 
-    every: Annotated[int, Integer(Bounds(ge=1))] | None = Field(
-        None, description="steps between frames; if omitted, thinned to 1000 frames", examples=[1]
+    every: Annotated[int, Integer(Bounds(ge=1))] | None = key(
+        "steps between frames; if omitted, thinned to 1000 frames", default=None, examples=[1]
     )
-    contacts: Annotated[bool, Flag()] = Field(
-        True, description="keep the impulses of each contact, accumulated since the last frame"
+    contacts: Annotated[bool, Flag()] = key(
+        "keep the impulses of each contact, accumulated since the last frame", default=True
     )
-    impacts: Annotated[bool | str, FlagOr("every")] = Field(
-        True,
-        description="keep the table of impacts; piles of thousands fill gigabytes with it;"
+    impacts: Annotated[bool | str, FlagOr("every")] = key(
+        "keep the table of impacts; piles of thousands fill gigabytes with it;"
         ' "every": in piles too a row for each impact problem, not for each step alone',
+        default=True,
         examples=["every"],
     )
-    walls: Annotated[bool, Flag()] | None = Field(
-        None,
-        description="keep the impulse on each wall since the last frame; if omitted, where a wall moves",
+    walls: Annotated[bool, Flag()] | None = key(
+        "keep the impulse on each wall since the last frame; if omitted, where a wall moves",
+        default=None,
         examples=[True],
     )
-    checkpoint_steps: Annotated[int, Integer(Bounds(ge=1))] | None = Field(
-        None, description="steps between checkpoints", examples=[10_000]
+    checkpoint_steps: Annotated[int, Integer(Bounds(ge=1))] | None = key(
+        "steps between checkpoints", default=None, examples=[10_000]
     )
-    checkpoint_time: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
-        None,
-        description="simulated time between checkpoints",
-        examples=[0.5],
-        json_schema_extra=unit("s"),
+    checkpoint_time: Annotated[float, Quantity("time", POSITIVE)] | None = key(
+        "simulated time between checkpoints", "s", default=None, examples=[0.5]
     )
-    checkpoint_wall: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
-        None,
-        description="real time between checkpoints; without any of the three about 30 s, at most 2 % of the run",
+    checkpoint_wall: Annotated[float, Quantity("time", POSITIVE)] | None = key(
+        "real time between checkpoints; without any of the three about 30 s, at most 2 % of the run",
+        "s",
+        default=None,
         examples=[600.0],
-        json_schema_extra=unit("s"),
     )
 
 
@@ -84,20 +79,16 @@ class World(Table):
 
     section: ClassVar[str] = "world"
 
-    gravity: Annotated[Vec3, Vector("acceleration", most=1e15)] = Field(
-        description="acceleration of gravity, m/s^2; zeros for none",
-        examples=[[0.0, 0.0, -9.8]],
-        json_schema_extra=unit("m/s^2"),
+    gravity: Annotated[Vec3, Vector("acceleration", most=1e15)] = key(
+        "acceleration of gravity, m/s^2; zeros for none", "m/s^2", examples=[[0.0, 0.0, -9.8]]
     )
-    periodic: Annotated[Vec3, Lengths(bounds=Bounds(ge=0, le=FARTHEST))] | None = Field(
-        None,
-        description="periods of the world along x, y, z; 0: none along that axis",
+    periodic: Annotated[Vec3, Lengths(bounds=Bounds(ge=0, le=FARTHEST))] | None = key(
+        "periods of the world along x, y, z; 0: none along that axis",
+        "m",
+        default=None,
         examples=[[0.1, 0.1, 0.0]],
-        json_schema_extra=unit("m"),
     )
-    origin: Position = Field(
-        ZEROS, description="lowest corner of the periodic box", json_schema_extra=unit("m")
-    )
+    origin: Position = key("lowest corner of the periodic box", "m", default=ZEROS)
 
 
 class Material(Table):
@@ -105,7 +96,7 @@ class Material(Table):
 
     section: ClassVar[str] = "material"
 
-    name: Name = Field(description="name, unique among materials", examples=["ball"])
+    name: Name = key("name, unique among materials", examples=["ball"])
 
 
 class Contact(Table):
@@ -113,29 +104,22 @@ class Contact(Table):
 
     section: ClassVar[str] = "contact"
 
-    between: Annotated[tuple[str, str], Pair()] = Field(
-        description="the two materials, in any order; the same twice for contact among equals",
+    between: Annotated[tuple[str, str], Pair()] = key(
+        "the two materials, in any order; the same twice for contact among equals",
         examples=[["ball", "cloth"]],
     )
-    friction: Annotated[LawValue, Law("v", bounds=NOT_NEGATIVE)] = Field(
-        description="coefficient mu of sliding friction, a number or a law of the slip speed v",
-        examples=[0.2],
+    friction: Annotated[LawValue, Law("v", bounds=NOT_NEGATIVE)] = key(
+        "coefficient mu of sliding friction, a number or a law of the slip speed v", examples=[0.2]
     )
-    restitution: Annotated[float, Quantity("number", Bounds(ge=0, le=1))] = Field(
-        description="normal restitution e_N, from 0 (no rebound) to 1", examples=[0.9]
+    restitution: Annotated[float, Quantity("number", Bounds(ge=0, le=1))] = key(
+        "normal restitution e_N, from 0 (no rebound) to 1", examples=[0.9]
     )
-    tangential_restitution: Annotated[float, Quantity("number", Bounds(gt=-1, lt=1))] = Field(
-        0.0, description="tangential restitution e_T", examples=[0.0]
+    tangential_restitution: Annotated[float, Quantity("number", Bounds(gt=-1, lt=1))] = key(
+        "tangential restitution e_T", default=0.0, examples=[0.0]
     )
-    rolling_radius: Distance = Field(
-        0.0,
-        description="rho: bound of the rolling moment over the normal force",
-        json_schema_extra=unit("m"),
-    )
-    spinning_radius: Distance = Field(
-        0.0,
-        description="delta: bound of the spinning moment over the normal force",
-        json_schema_extra=unit("m"),
+    rolling_radius: Distance = key("rho: bound of the rolling moment over the normal force", "m", default=0.0)
+    spinning_radius: Distance = key(
+        "delta: bound of the spinning moment over the normal force", "m", default=0.0
     )
 
     def label(self) -> str:
@@ -145,37 +129,33 @@ class Contact(Table):
 class Scenario(Table):
     """A whole scenario file."""
 
-    format: Annotated[int, Version(FORMAT)] = Field(description="version of this format", examples=[FORMAT])
-    title: Annotated[str, Text()] = Field("", description="one line that says what this is")
-    run: Run = Field(default_factory=Run, description="how to compute")
-    record: Record = Field(default_factory=Record, description="what to keep")
-    world: World = Field(description="what acts on all bodies")
-    billiard_table: BilliardTable | None = Field(
-        None, description="measures of a table of the billiards kit, for pictures"
+    format: Annotated[int, Version(FORMAT)] = key("version of this format", examples=[FORMAT])
+    title: Annotated[str, Text()] = key("one line that says what this is", default="")
+    run: Run = key("how to compute", default_factory=Run)
+    record: Record = key("what to keep", default_factory=Record)
+    world: World = key("what acts on all bodies")
+    billiard_table: BilliardTable | None = key(
+        "measures of a table of the billiards kit, for pictures", default=None
     )
-    material: list[Material] = Field(default_factory=list, description="names for contact laws")
-    contact: list[Contact] = Field(
-        default_factory=list, description="one per pair of materials that can meet"
-    )
-    sphere: list[Sphere] = Field(default_factory=list, description="single balls")
-    rack: list[Rack] = Field(default_factory=list, description="billiard racks")
-    lattice: list[Lattice] = Field(default_factory=list, description="grids of balls")
-    packing: list[Packing] = Field(default_factory=list, description="random packings of balls")
-    inflow: list[Inflow] = Field(
-        default_factory=list, description="balls that enter in the course of the run"
-    )
-    outlet: list[Outlet] = Field(default_factory=list, description="boxes in which balls leave the run")
-    plane: list[Plane] = Field(default_factory=list, description="half-spaces and pieces of planes")
-    cylinder: list[Cylinder] = Field(default_factory=list, description="circular tubes as walls")
-    ball_wall: list[BallWall] = Field(default_factory=list, description="spheres as walls")
-    cone: list[Cone] = Field(default_factory=list, description="cones as walls")
-    box: list[Box] = Field(default_factory=list, description="up to six planes around a room")
-    joint: list[Joint] = Field(default_factory=list, description="constraints of the motion")
-    load: list[Load] = Field(default_factory=list, description="forces and torques")
-    spring: list[Spring] = Field(default_factory=list, description="springs and dampers")
-    drag: list[Drag] = Field(default_factory=list, description="viscous drag")
-    load_function: list[LoadFunction] = Field(
-        default_factory=list, description="places of Python functions that give loads"
+    material: list[Material] = key("names for contact laws", default_factory=list)
+    contact: list[Contact] = key("one per pair of materials that can meet", default_factory=list)
+    sphere: list[Sphere] = key("single balls", default_factory=list)
+    rack: list[Rack] = key("billiard racks", default_factory=list)
+    lattice: list[Lattice] = key("grids of balls", default_factory=list)
+    packing: list[Packing] = key("random packings of balls", default_factory=list)
+    inflow: list[Inflow] = key("balls that enter in the course of the run", default_factory=list)
+    outlet: list[Outlet] = key("boxes in which balls leave the run", default_factory=list)
+    plane: list[Plane] = key("half-spaces and pieces of planes", default_factory=list)
+    cylinder: list[Cylinder] = key("circular tubes as walls", default_factory=list)
+    ball_wall: list[BallWall] = key("spheres as walls", default_factory=list)
+    cone: list[Cone] = key("cones as walls", default_factory=list)
+    box: list[Box] = key("up to six planes around a room", default_factory=list)
+    joint: list[Joint] = key("constraints of the motion", default_factory=list)
+    load: list[Load] = key("forces and torques", default_factory=list)
+    spring: list[Spring] = key("springs and dampers", default_factory=list)
+    drag: list[Drag] = key("viscous drag", default_factory=list)
+    load_function: list[LoadFunction] = key(
+        "places of Python functions that give loads", default_factory=list
     )
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import POSITIVE, Quantity, exactly_one, refuse
 from carom.scene.tables.laws import Law, LawValue, LawVector, value_at
 from carom.scene.tables.lists import Direction
 from carom.scene.tables.loads import LawVec3
-from carom.scene.tables.quantities import Position, Vec3, Velocity, unit
+from carom.scene.tables.quantities import Position, Vec3, Velocity, key
 
 AngularRate = Annotated[float, Quantity("angular speed")]
 
@@ -22,26 +22,21 @@ class Rotation(Table):
 
     section: ClassVar[str] = "rotation"
 
-    axis: Annotated[Vec3, Direction()] = Field(
-        description="axis in fixed axes, any length", examples=[[0.0, 1.0, 0.0]]
-    )
-    point: Position | None = Field(
-        None,
-        description="a point of the axis at the start, carried by the translation; if omitted, that of the wall",
+    axis: Annotated[Vec3, Direction()] = key("axis in fixed axes, any length", examples=[[0.0, 1.0, 0.0]])
+    point: Position | None = key(
+        "a point of the axis at the start, carried by the translation; if omitted, that of the wall",
+        "m",
+        default=None,
         examples=[[0.0, 0.0, 0.0]],
-        json_schema_extra=unit("m"),
     )
-    angle: Annotated[LawValue, Law("t", "angle")] | None = Field(
-        None,
-        description="a law of the time t that is 0 at the start",
+    angle: Annotated[LawValue, Law("t", "angle")] | None = key(
+        "a law of the time t that is 0 at the start",
+        "rad",
+        default=None,
         examples=[{"expression": "0.1*sin(10*t)"}],
-        json_schema_extra=unit("rad"),
     )
-    rate: AngularRate | None = Field(
-        None,
-        description="constant rate, instead of angle",
-        examples=["20 rpm"],
-        json_schema_extra=unit("rad/s"),
+    rate: AngularRate | None = key(
+        "constant rate, instead of angle", "rad/s", default=None, examples=["20 rpm"]
     )
 
     @model_validator(mode="after")
@@ -66,16 +61,11 @@ class SurfaceRotation(Table):
 
     section: ClassVar[str] = "surface_rotation"
 
-    axis: Annotated[Vec3, Direction()] = Field(
-        description="axis in fixed axes, any length", examples=[[0.0, 0.0, 1.0]]
+    axis: Annotated[Vec3, Direction()] = key("axis in fixed axes, any length", examples=[[0.0, 0.0, 1.0]])
+    point: Position | None = key(
+        "a point of the axis; if omitted, that of the wall", "m", default=None, examples=[[0.0, 0.0, 0.0]]
     )
-    point: Position | None = Field(
-        None,
-        description="a point of the axis; if omitted, that of the wall",
-        examples=[[0.0, 0.0, 0.0]],
-        json_schema_extra=unit("m"),
-    )
-    rate: AngularRate = Field(description="rate", examples=["20 rpm"], json_schema_extra=unit("rad/s"))
+    rate: AngularRate = key("rate", "rad/s", examples=["20 rpm"])
 
 
 class Motion(Table):
@@ -83,27 +73,24 @@ class Motion(Table):
 
     section: ClassVar[str] = "motion"
 
-    translation: Annotated[LawVec3, LawVector("t", "length")] | None = Field(
-        None,
-        description="displacement from the start: numbers or laws of the time t that are 0 at the start",
+    translation: Annotated[LawVec3, LawVector("t", "length")] | None = key(
+        "displacement from the start: numbers or laws of the time t that are 0 at the start",
+        "m",
+        default=None,
         examples=[[0.0, 0.0, {"expression": "0.002*sin(100*t)"}]],
-        json_schema_extra=unit("m"),
     )
-    rotation: Rotation | None = Field(None, description="rotation about an axis")
-    surface_velocity: Velocity | None = Field(
-        None,
-        description="velocity of the material while the shape stands (conveyor)",
+    rotation: Rotation | None = key("rotation about an axis", default=None)
+    surface_velocity: Velocity | None = key(
+        "velocity of the material while the shape stands (conveyor)",
+        "m/s",
+        default=None,
         examples=[[0.5, 0.0, 0.0]],
-        json_schema_extra=unit("m/s"),
     )
-    surface_rotation: SurfaceRotation | None = Field(
-        None, description="rotation of the material while the shape stands (turntable, smooth drum)"
+    surface_rotation: SurfaceRotation | None = key(
+        "rotation of the material while the shape stands (turntable, smooth drum)", default=None
     )
-    until: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
-        None,
-        description="when the wall is taken away; if omitted, it stays",
-        examples=[0.5],
-        json_schema_extra=unit("s"),
+    until: Annotated[float, Quantity("time", POSITIVE)] | None = key(
+        "when the wall is taken away; if omitted, it stays", "s", default=None, examples=[0.5]
     )
 
     @model_validator(mode="after")

@@ -27,6 +27,7 @@ from carom.scene.tables.fields import (
     Quantity,
     Text,
 )
+from carom.scene.tables.quantities import key
 from carom.units import DIMENSIONS
 
 
@@ -169,11 +170,8 @@ class RunBase(Table):
 
     section: ClassVar[str] = "run"
 
-    until: Annotated[float, Quantity("time", POSITIVE)] | None = Field(
-        None,
-        description="simulated time; rounded to a whole number of steps",
-        examples=[3.0],
-        json_schema_extra={"unit": "s"},
+    until: Annotated[float, Quantity("time", POSITIVE)] | None = key(
+        "simulated time; rounded to a whole number of steps", "s", default=None, examples=[3.0]
     )
     step: float = Field(
         default_factory=lambda: float(_core.defaults()["step"])
@@ -189,8 +187,7 @@ def _fields() -> dict[str, Any]:
     for name, default in _core.defaults().items():
         option = OPTIONS.get(name, Option("(an option of the core that is not documented yet)"))
         unit = DIMENSIONS[option.dimension][1]
-        extra = {"unit": unit} if unit else None
-        field = Field(default, description=option.meaning, examples=[default], json_schema_extra=extra)  # type: ignore[arg-type]
+        field = key(option.meaning, unit, default=default, examples=[default])
         found[name] = (Annotated[type(default), kind(name, default)], field)
     return found
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 from itertools import accumulate
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from carom.errors import counted
 from carom.scene.messages import Finding
@@ -43,7 +43,7 @@ from carom.scene.tables.quantities import (
     Seed,
     Vec3,
     Velocity,
-    unit,
+    key,
 )
 from carom.scene.tables.sizes import SIZES, Sized, exactly
 
@@ -61,23 +61,17 @@ AXES = ("", "x", "y", "z", "xy", "xz", "yz", "xyz")
 class _Filling(Table):
     """What stands before the sizes."""
 
-    name: Name = Field(description="prefix of the names; the number is appended", examples=["grain"])
-    material: Name = Field(description="name of its material", examples=["grain"])
-    density: Density = Field(
-        description="density of the balls", examples=[2500.0], json_schema_extra=unit("kg/m^3")
+    name: Name = key("prefix of the names; the number is appended", examples=["grain"])
+    material: Name = key("name of its material", examples=["grain"])
+    density: Density = key("density of the balls", "kg/m^3", examples=[2500.0])
+    seed: Seed = key("seed of sizes and places (PCG64)", examples=[1])
+    count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] | None = key(
+        "number of balls", default=None, examples=[1000]
     )
-    seed: Seed = Field(description="seed of sizes and places (PCG64)", examples=[1])
-    count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] | None = Field(
-        None, description="number of balls", examples=[1000]
+    fraction: Annotated[float, Quantity("number", Bounds(gt=0, le=0.95))] | None = key(
+        "instead of count: volume of the balls over that of the region", default=None, examples=[0.6]
     )
-    fraction: Annotated[float, Quantity("number", Bounds(gt=0, le=0.95))] | None = Field(
-        None, description="instead of count: volume of the balls over that of the region", examples=[0.6]
-    )
-    gap: Distance = Field(
-        0.0,
-        description="kept free between any two balls, and half of it at walls",
-        json_schema_extra=unit("m"),
-    )
+    gap: Distance = key("kept free between any two balls, and half of it at walls", "m", default=0.0)
 
 
 class Packing(Sized, _Filling):
@@ -85,41 +79,26 @@ class Packing(Sized, _Filling):
 
     section: ClassVar[str] = "packing"
 
-    region: Annotated[str, Choice(tuple(REGIONS))] = Field(
-        "box", description="what the balls lie in, as a whole: box, cylinder, sphere"
+    region: Annotated[str, Choice(tuple(REGIONS))] = key(
+        "what the balls lie in, as a whole: box, cylinder, sphere", default="box"
     )
-    low: Position | None = Field(
-        None, description="box: lowest corner", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
+    low: Position | None = key("box: lowest corner", "m", default=None, examples=[[0.0, 0.0, 0.0]])
+    high: Position | None = key("box: highest corner", "m", default=None, examples=[[0.1, 0.1, 0.1]])
+    periodic: Annotated[str, Choice(AXES)] = key(
+        'box: axes without walls, "xy" for example; balls stick out there and fit the next box', default=""
     )
-    high: Position | None = Field(
-        None, description="box: highest corner", examples=[[0.1, 0.1, 0.1]], json_schema_extra=unit("m")
+    point: Position | None = key(
+        "cylinder: middle of the axis; sphere: centre", "m", default=None, examples=[[0.0, 0.0, 0.1]]
     )
-    periodic: Annotated[str, Choice(AXES)] = Field(
-        "",
-        description='box: axes without walls, "xy" for example; balls stick out there and fit the next box',
+    axis: Annotated[Vec3, Direction()] | None = key(
+        "cylinder: its direction, any length", default=None, examples=[[0.0, 0.0, 1.0]]
     )
-    point: Position | None = Field(
-        None,
-        description="cylinder: middle of the axis; sphere: centre",
-        examples=[[0.0, 0.0, 0.1]],
-        json_schema_extra=unit("m"),
+    region_radius: Length | None = key(
+        "cylinder, sphere: radius of the region", "m", default=None, examples=[0.05]
     )
-    axis: Annotated[Vec3, Direction()] | None = Field(
-        None, description="cylinder: its direction, any length", examples=[[0.0, 0.0, 1.0]]
-    )
-    region_radius: Length | None = Field(
-        None,
-        description="cylinder, sphere: radius of the region",
-        examples=[0.05],
-        json_schema_extra=unit("m"),
-    )
-    length: Length | None = Field(
-        None, description="cylinder: its length", examples=[0.2], json_schema_extra=unit("m")
-    )
-    velocity: Velocity = Field(
-        ZEROS, description="velocity of all its balls at the start", json_schema_extra=unit("m/s")
-    )
-    first_number: Annotated[int, Integer(Bounds(ge=0))] = Field(1, description="number of the first ball")
+    length: Length | None = key("cylinder: its length", "m", default=None, examples=[0.2])
+    velocity: Velocity = key("velocity of all its balls at the start", "m/s", default=ZEROS)
+    first_number: Annotated[int, Integer(Bounds(ge=0))] = key("number of the first ball", default=1)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+from pydantic import Field
+
 from carom.scene.tables.fields import NOT_NEGATIVE, POSITIVE, Bounds, Integer, Quantity, Text
 from carom.scene.tables.lists import Vector
 
@@ -28,3 +30,10 @@ ZEROS: Vec3 = (0.0, 0.0, 0.0)
 def unit(si: str) -> dict[str, Any]:
     """The unit of a key, as the reference page and the messages say it."""
     return {"unit": si}
+
+
+def key(description: str, si: str = "", **more: Any) -> Any:
+    """A key of a table: what it is, its unit, and what pydantic's `Field` takes."""
+    if si:
+        more["json_schema_extra"] = unit(si)
+    return Field(description=description, **more)

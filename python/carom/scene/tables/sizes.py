@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from carom.scene.packing import Sizes
 from carom.scene.packing import sizes as laws
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import Choice, refuse
 from carom.scene.tables.lists import Vector, Vectors
-from carom.scene.tables.quantities import Length, unit
+from carom.scene.tables.quantities import Length, key
 
 SIZES: dict[str, tuple[str, ...]] = {
     "equal": ("diameter",),
@@ -29,43 +29,33 @@ CLASS = Vector(size=2, form="[diameter, share]")
 class Sized(Table):
     """A table whose balls have diameters drawn from a law."""
 
-    sizes: Annotated[str, Choice(tuple(SIZES))] = Field(
-        "equal", description="law of the diameters: equal, uniform, normal, lognormal, table"
+    sizes: Annotated[str, Choice(tuple(SIZES))] = key(
+        "law of the diameters: equal, uniform, normal, lognormal, table", default="equal"
     )
-    diameter: Length | None = Field(
-        None, description="equal: of all balls", examples=["10 mm"], json_schema_extra=unit("m")
-    )
-    mean: Length | None = Field(
-        None,
-        description="normal, lognormal: mean diameter, before the limits cut the law",
+    diameter: Length | None = key("equal: of all balls", "m", default=None, examples=["10 mm"])
+    mean: Length | None = key(
+        "normal, lognormal: mean diameter, before the limits cut the law",
+        "m",
+        default=None,
         examples=["10 mm"],
-        json_schema_extra=unit("m"),
     )
-    deviation: Length | None = Field(
-        None,
-        description="normal, lognormal: standard deviation of the diameter, before the limits cut the law",
+    deviation: Length | None = key(
+        "normal, lognormal: standard deviation of the diameter, before the limits cut the law",
+        "m",
+        default=None,
         examples=["2 mm"],
-        json_schema_extra=unit("m"),
     )
-    smallest: Length | None = Field(
-        None,
-        description="uniform, normal, lognormal: smallest diameter",
-        examples=["6 mm"],
-        json_schema_extra=unit("m"),
+    smallest: Length | None = key(
+        "uniform, normal, lognormal: smallest diameter", "m", default=None, examples=["6 mm"]
     )
-    largest: Length | None = Field(
-        None,
-        description="uniform, normal, lognormal: largest diameter",
-        examples=["15 mm"],
-        json_schema_extra=unit("m"),
+    largest: Length | None = key(
+        "uniform, normal, lognormal: largest diameter", "m", default=None, examples=["15 mm"]
     )
-    classes: Annotated[tuple[tuple[float, float], ...], Vectors(CLASS, 1, 1000)] | None = Field(
-        None,
-        description="table: [diameter in m, share] of each class",
-        examples=[[[0.005, 0.7], [0.01, 0.3]]],
+    classes: Annotated[tuple[tuple[float, float], ...], Vectors(CLASS, 1, 1000)] | None = key(
+        "table: [diameter in m, share] of each class", default=None, examples=[[[0.005, 0.7], [0.01, 0.3]]]
     )
-    shares: Annotated[str, Choice(("number", "mass"))] = Field(
-        "number", description="table: what the shares are of, number or mass; they need not add up to 1"
+    shares: Annotated[str, Choice(("number", "mass"))] = key(
+        "table: what the shares are of, number or mass; they need not add up to 1", default="number"
     )
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from carom.errors import quoted
 from carom.scene.assembly.vectors import cross, dot, norm, scaled
@@ -15,7 +15,7 @@ from carom.scene.tables.base import Table
 from carom.scene.tables.fields import Checked, Choice, Flag, refuse
 from carom.scene.tables.lists import Direction, Lengths, as_list, each
 from carom.scene.tables.motion import Motion
-from carom.scene.tables.quantities import Distance, Length, Name, Position, Vec3, unit
+from carom.scene.tables.quantities import Distance, Length, Name, Position, Vec3, key
 
 SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
 """The sides of a box, in the order in which they become walls."""
@@ -62,19 +62,19 @@ class Sides(Checked):
         return {"type": "array", "items": {"enum": list(SIDES)}, "uniqueItems": True}
 
 
-_MOTION: Any = Field(
-    None,
-    description="how it moves, see below; if omitted, it stands",
+_MOTION: Any = key(
+    "how it moves, see below; if omitted, it stands",
+    default=None,
     examples=[{"translation": [0.0, 0.0, {"expression": "0.002*sin(100*t)"}]}],
 )
-_INSIDE: Any = Field(True, description="true: spheres live inside; false: they live outside")
+_INSIDE: Any = key("true: spheres live inside; false: they live outside", default=True)
 
 
 class Wall(Table):
     """What all walls have in common."""
 
-    name: Name = Field(description="name, unique among spheres and walls", examples=["bed"])
-    material: Name = Field(description="name of its material", examples=["cloth"])
+    name: Name = key("name, unique among spheres and walls", examples=["bed"])
+    material: Name = key("name of its material", examples=["cloth"])
 
     def pieces(self) -> list[Piece]:
         """The surfaces that the table stands for."""
@@ -90,34 +90,25 @@ class Plane(Wall):
 
     section: ClassVar[str] = "plane"
 
-    point: Position = Field(
-        description="any point of the plane; of a piece, its centre",
-        examples=[[0.0, 0.0, 0.0]],
-        json_schema_extra=unit("m"),
+    point: Position = key("any point of the plane; of a piece, its centre", "m", examples=[[0.0, 0.0, 0.0]])
+    normal: Annotated[Vec3, Direction()] = key(
+        "points to the side where spheres live; any length but zero", examples=[[0.0, 0.0, 1.0]]
     )
-    normal: Annotated[Vec3, Direction()] = Field(
-        description="points to the side where spheres live; any length but zero", examples=[[0.0, 0.0, 1.0]]
-    )
-    size: Annotated[tuple[float, float], Lengths(size=2)] | None = Field(
-        None,
-        description="lengths of a rectangle along `side` and across it; if omitted, the plane has no end",
+    size: Annotated[tuple[float, float], Lengths(size=2)] | None = key(
+        "lengths of a rectangle along `side` and across it; if omitted, the plane has no end",
+        "m",
+        default=None,
         examples=[[0.2, 0.1]],
-        json_schema_extra=unit("m"),
     )
-    side: Annotated[Vec3, Direction(example="[1.0, 0.0, 0.0]")] | None = Field(
-        None,
-        description="direction of the first side of the rectangle, made perpendicular to the normal;"
+    side: Annotated[Vec3, Direction(example="[1.0, 0.0, 0.0]")] | None = key(
+        "direction of the first side of the rectangle, made perpendicular to the normal;"
         " if omitted, x, or y where the normal is along x",
+        default=None,
         examples=[[1.0, 0.0, 0.0]],
     )
-    radius: Length | None = Field(
-        None, description="radius of a disc", examples=[0.1], json_schema_extra=unit("m")
-    )
-    hole: Distance | None = Field(
-        None,
-        description="radius of the hole of a disc, which makes it a ring",
-        examples=[0.02],
-        json_schema_extra=unit("m"),
+    radius: Length | None = key("radius of a disc", "m", default=None, examples=[0.1])
+    hole: Distance | None = key(
+        "radius of the hole of a disc, which makes it a ring", "m", default=None, examples=[0.02]
     )
     motion: Motion | None = _MOTION
 
@@ -152,19 +143,12 @@ class Cylinder(Wall):
 
     section: ClassVar[str] = "cylinder"
 
-    point: Position = Field(
-        description="middle of its axis", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
+    point: Position = key("middle of its axis", "m", examples=[[0.0, 0.0, 0.0]])
+    axis: Annotated[Vec3, Direction(example="[0.0, 1.0, 0.0]")] = key(
+        "direction of its axis, any length", examples=[[0.0, 1.0, 0.0]]
     )
-    axis: Annotated[Vec3, Direction(example="[0.0, 1.0, 0.0]")] = Field(
-        description="direction of its axis, any length", examples=[[0.0, 1.0, 0.0]]
-    )
-    radius: Length = Field(description="radius", examples=[0.1], json_schema_extra=unit("m"))
-    length: Length | None = Field(
-        None,
-        description="length; if omitted, the tube has no end",
-        examples=[0.2],
-        json_schema_extra=unit("m"),
-    )
+    radius: Length = key("radius", "m", examples=[0.1])
+    length: Length | None = key("length; if omitted, the tube has no end", "m", default=None, examples=[0.2])
     inside: Annotated[bool, Flag()] = _INSIDE
     motion: Motion | None = _MOTION
 
@@ -179,8 +163,8 @@ class BallWall(Wall):
 
     section: ClassVar[str] = "ball_wall"
 
-    point: Position = Field(description="centre", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m"))
-    radius: Length = Field(description="radius", examples=[0.1], json_schema_extra=unit("m"))
+    point: Position = key("centre", "m", examples=[[0.0, 0.0, 0.0]])
+    radius: Length = key("radius", "m", examples=[0.1])
     inside: Annotated[bool, Flag()] = _INSIDE
     motion: Motion | None = _MOTION
 
@@ -194,21 +178,13 @@ class Cone(Wall):
 
     section: ClassVar[str] = "cone"
 
-    point: Position = Field(
-        description="centre of its first ring", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
+    point: Position = key("centre of its first ring", "m", examples=[[0.0, 0.0, 0.0]])
+    axis: Annotated[Vec3, Direction()] = key(
+        "from the first ring to the last, any length", examples=[[0.0, 0.0, 1.0]]
     )
-    axis: Annotated[Vec3, Direction()] = Field(
-        description="from the first ring to the last, any length", examples=[[0.0, 0.0, 1.0]]
-    )
-    radius: Distance = Field(
-        description="radius of the first ring, 0 for a tip", examples=[0.02], json_schema_extra=unit("m")
-    )
-    radius_end: Distance = Field(
-        description="radius of the last ring, 0 for a tip", examples=[0.1], json_schema_extra=unit("m")
-    )
-    length: Length = Field(
-        description="distance of the rings along the axis", examples=[0.1], json_schema_extra=unit("m")
-    )
+    radius: Distance = key("radius of the first ring, 0 for a tip", "m", examples=[0.02])
+    radius_end: Distance = key("radius of the last ring, 0 for a tip", "m", examples=[0.1])
+    length: Length = key("distance of the rings along the axis", "m", examples=[0.1])
     inside: Annotated[bool, Flag()] = _INSIDE
     motion: Motion | None = _MOTION
 
@@ -229,17 +205,13 @@ class Box(Wall):
 
     section: ClassVar[str] = "box"
 
-    low: Position = Field(
-        description="lowest corner", examples=[[0.0, 0.0, 0.0]], json_schema_extra=unit("m")
+    low: Position = key("lowest corner", "m", examples=[[0.0, 0.0, 0.0]])
+    high: Position = key("highest corner", "m", examples=[[0.1, 0.1, 0.2]])
+    open: Annotated[tuple[str, ...], Sides()] = key(
+        f"sides without a wall, of {', '.join(SIDES)}", default=(), examples=[["high_z"]]
     )
-    high: Position = Field(
-        description="highest corner", examples=[[0.1, 0.1, 0.2]], json_schema_extra=unit("m")
-    )
-    open: Annotated[tuple[str, ...], Sides()] = Field(
-        (), description=f"sides without a wall, of {', '.join(SIDES)}", examples=[["high_z"]]
-    )
-    finite: Annotated[bool, Flag()] = Field(
-        False, description="true: the sides end at the edges of the box; false: they are planes without end"
+    finite: Annotated[bool, Flag()] = key(
+        "true: the sides end at the edges of the box; false: they are planes without end", default=False
     )
     motion: Motion | None = _MOTION
 
