@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, CaromWarning, counted, did_you_mean
+from carom.errors import CaromError, CaromWarning, counted
 from carom.many.cases import WIDTHS, Overrides, Values
-from carom.result.kinematics import QUANTITIES
-from carom.result.tables import UnknownName
+from carom.result.kinematics import QUANTITIES, Body
 from carom.run.simulate import scene_of
 from carom.run.watch import Watch
 from carom.show.notebook import of_batch
@@ -153,10 +152,11 @@ class Batch:
         """Cases a second, over the seconds that the batch took."""
         return len(self) / self.wall_s if self.wall_s > 0 else 0.0
 
-    def __getitem__(self, name: str) -> BatchBody:
-        if name not in self.names:
-            raise UnknownName(f"no body is called {name!r}; {did_you_mean(str(name), self.names[:20])}")
-        return BatchBody(self, self.names.index(name))
+    def __getitem__(self, name: str) -> Body:
+        return Body.of(self, name)
+
+    def _of_ball(self, name: str, index: int) -> Any:
+        return getattr(self, name)[:, index]
 
     def scene(self, case: int) -> Scene:
         """The scene of one case, to simulate it again with everything recorded: the same bits.
@@ -207,26 +207,6 @@ class Batch:
 
     def _repr_html_(self) -> str:
         return of_batch(self)
-
-
-class BatchBody:
-    """One ball over all cases: `batch["cue"].velocity` is (B, 3)."""
-
-    def __init__(self, batch: Batch, index: int) -> None:
-        self.index, self.name = index, batch.names[index]
-        self.position: F64 = batch.position[:, index]
-        self.orientation: F64 = batch.orientation[:, index]
-        self.velocity: F64 = batch.velocity[:, index]
-        self.angular_velocity: F64 = batch.angular_velocity[:, index]
-        self.present: NDArray[np.bool_] = batch.present[:, index]
-
-    @property
-    def speed(self) -> F64:
-        """(B,) m/s."""
-        return np.asarray(np.linalg.norm(self.velocity, axis=1))
-
-    def __repr__(self) -> str:
-        return f"<body {self.name!r} of {len(self.position)} cases>"
 
 
 def usable_processors() -> int:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from carom.result.record import Column
     from carom.result.result import Result
 
 F64 = NDArray[np.float64]
@@ -126,16 +125,14 @@ class Frames:
         return index
 
     def __getitem__(self, name: str) -> Body:
-        try:
-            return Body(self, self.names.index(name))
-        except ValueError:
-            raise UnknownName(
-                f"no body is called {name!r}; {did_you_mean(str(name), self.names[:20])}"
-            ) from None
+        return Body.of(self, name)
 
     def __iter__(self) -> Any:
         # Without this, `for body in result` would try result[0], result[1], ... by the old protocol.
         return (Body(self, i) for i in range(len(self.names)))
+
+    def _of_ball(self, name: str, index: int) -> Any:
+        return self.bodies[name][index] if name in self.bodies else getattr(self, name)[:, index]
 
     def _mass(self) -> F64:
         return np.asarray(self.bodies["mass"])
@@ -147,71 +144,86 @@ class Frames:
 
 
 class Body:
-    """One body of a result or a part of one: `result["cue"].velocity` is (T, 3)."""
+    """One ball: `result["cue"].velocity` is (T, 3), `batch["cue"].velocity` (B, 3), `view["cue"].velocity` (3,).
 
-    def __init__(self, result: Frames, index: int) -> None:
-        self._result = result
-        self.index = index
-        self.name = result.names[index]
+    Below, T is the axis of what it is a ball of: frames, cases, or none.
+    """
+
+    def __init__(self, whole: Any, index: int) -> None:
+        self._whole, self.index, self.name = whole, index, whole.names[index]
+
+    @classmethod
+    def of(cls, whole: Any, name: str) -> Body:
+        """The ball that is called so."""
+        names = list(whole.names)
+        if name not in names:
+            raise UnknownName(f"no body is called {name!r}; {did_you_mean(str(name), names[:20])}")
+        return cls(whole, names.index(name))
 
     @property
-    def time(self) -> Column | F64:
-        """Times of the frames, (T,), s."""
-        found: Column | F64 = self._result.time
-        return found
+    def time(self) -> Any:
+        """Times, (T,), s."""
+        return self._whole.time
 
     @property
     def position(self) -> F64:
         """Centre, (T, 3), m."""
-        return self._column("position")
+        return self._of("position")
 
     @property
     def orientation(self) -> F64:
         """Unit quaternion, scalar part first, (T, 4)."""
-        return self._column("orientation")
+        return self._of("orientation")
 
     @property
     def velocity(self) -> F64:
         """Velocity of the centre, (T, 3), m/s."""
-        return self._column("velocity")
+        return self._of("velocity")
 
     @property
     def angular_velocity(self) -> F64:
         """Angular velocity in the world frame, (T, 3), rad/s."""
-        return self._column("angular_velocity")
+        return self._of("angular_velocity")
 
     @property
-    def speed(self) -> F64:
+    def speed(self) -> Any:
         """Speed of the centre, (T,), m/s."""
-        return np.asarray(np.linalg.norm(self.velocity, axis=1))
+        return np.linalg.norm(self.velocity, axis=-1)
+
+    @property
+    def present(self) -> Any:
+        """Whether the ball is there, (T,)."""
+        return self._of("present")
 
     @property
     def radius(self) -> float:
         """Radius, m."""
-        return float(self._result.bodies["radius"][self.index])
+        return float(self._of("radius"))
 
     @property
     def mass(self) -> float:
         """Mass, kg."""
-        return float(self._result.bodies["mass"][self.index])
+        return float(self._of("mass"))
 
     @property
     def inertia(self) -> float:
         """Moment of inertia about any diameter, kg m^2."""
-        return float(self._result.bodies["inertia"][self.index])
+        return float(self._of("inertia"))
 
     @property
     def impacts(self) -> Impacts:
-        """The impacts that this body took part in."""
-        impacts: Impacts = self._result.impacts
-        number = self._result._table_number(self.index)
+        """The impacts that a ball of a result took part in."""
+        impacts: Impacts = self._whole.impacts
+        number = self._whole._table_number(self.index)
         return impacts.where((np.asarray(impacts["body"]) == number).any(axis=1))
 
-    def _column(self, name: str) -> F64:
-        found: F64 = getattr(self._result, name)[:, self.index]
+    def _of(self, name: str) -> F64:
+        found: F64 = self._whole._of_ball(name, self.index)
         return found
 
     def __repr__(self) -> str:
+        if not isinstance(self._whole, Frames):
+            return f"<body {self.name!r} of {self._whole!r}>"
         return (
             f"<body {self.name!r}: radius {self.radius:g} m, mass {self.mass:g} kg, {len(self.time)} frames>"
         )

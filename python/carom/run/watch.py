@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, did_you_mean
-from carom.result.tables import UnknownName
+from carom.errors import CaromError
+from carom.result.kinematics import Body
 from carom.run.loop import Sink
 from carom.scene.plan import Plan, thinned
 
@@ -104,11 +104,11 @@ class State:
         counts: Any = () if self._block is None else self._block["steps"].get("contacts", ())
         return int(counts[-1]) if len(counts) else 0
 
-    def __getitem__(self, name: str) -> BodyView:
-        names = list(self.names)
-        if name not in names:
-            raise UnknownName(f"no body is called {name!r}; {did_you_mean(str(name), names[:20])}")
-        return BodyView(self, names.index(name))
+    def __getitem__(self, name: str) -> Body:
+        return Body.of(self, name)
+
+    def _of_ball(self, name: str, index: int) -> Any:
+        return getattr(self, name)[index]
 
     def _fetch_allowed(self) -> Core:
         assert self._simulation is not None
@@ -166,61 +166,6 @@ class View(State):
                 " kept.append(view.position)"
             )
         return self._simulation
-
-
-class BodyView:
-    """One ball of a state: `view["cue"].position` is (3,)."""
-
-    def __init__(self, view: State, index: int) -> None:
-        self._view, self.index, self.name = view, index, view.names[index]
-
-    @property
-    def position(self) -> F64:
-        """Centre, (3,), m."""
-        return np.asarray(self._view.position[self.index])
-
-    @property
-    def orientation(self) -> F64:
-        """Unit quaternion, scalar part first, (4,)."""
-        return np.asarray(self._view.orientation[self.index])
-
-    @property
-    def velocity(self) -> F64:
-        """(3,), m/s."""
-        return np.asarray(self._view.velocity[self.index])
-
-    @property
-    def angular_velocity(self) -> F64:
-        """(3,), world frame, rad/s."""
-        return np.asarray(self._view.angular_velocity[self.index])
-
-    @property
-    def speed(self) -> float:
-        """m/s."""
-        return float(np.linalg.norm(self.velocity))
-
-    @property
-    def present(self) -> bool:
-        """Whether the ball is there."""
-        return bool(self._view.present[self.index])
-
-    @property
-    def radius(self) -> float:
-        """Radius, m."""
-        return float(self._view.radius[self.index])
-
-    @property
-    def mass(self) -> float:
-        """Mass, kg."""
-        return float(self._view.mass[self.index])
-
-    @property
-    def inertia(self) -> float:
-        """Moment of inertia about any diameter, kg m^2."""
-        return float(self._view.inertia[self.index])
-
-    def __repr__(self) -> str:
-        return f"<body {self.name!r} of {self._view!r}>"
 
 
 Callback = Callable[[View], object]
