@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module  # noqa: TID251 the packages of extras
 from typing import Any
 
 SHOWN = 50
@@ -135,6 +136,14 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "normal": ("n",),
 }
 """What other programs and the literature call the keys."""
+
+
+def extra(module: str, needs: str, name: str, cure: str = "") -> Any:
+    """A module that comes with an extra; where it is missing the error tells what `needs` it and how to install it."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise CaromError(f"{needs}: pip install 'carom[{name}]'{cure}") from error
 
 
 def nearest(name: str, known: Sequence[str]) -> str | None:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from carom.errors import CaromError
+from carom.errors import extra
 from carom.export.atomic import whole_file
 from carom.export.frames import Selection
 from carom.export.glyphs import contact_glyphs
@@ -36,7 +36,7 @@ CARRIED: dict[str, tuple[int, ...]] = {
 
 def write(selection: Selection, directory: Path) -> list[Path]:
     """`balls.gsd`."""
-    hoomd = _package()
+    hoomd = extra("gsd.hoomd", "the format gsd needs the package gsd", "export")
     result = selection.result
     low, high = box(selection)
     periods = result.periodic
@@ -112,11 +112,3 @@ def _angular_momentum(orientation: Any, momentum: Any) -> Any:
     w, v = orientation[:, :1], orientation[:, 1:]
     scalar = -np.sum(momentum * v, axis=1, keepdims=True)
     return 2.0 * np.hstack([scalar, w * momentum + np.cross(momentum, v)])
-
-
-def _package() -> Any:
-    try:
-        import gsd.hoomd
-    except ImportError as error:
-        raise CaromError("the format gsd needs the package gsd: pip install 'carom[export]'") from error
-    return gsd.hoomd

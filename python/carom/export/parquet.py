@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from carom.errors import CaromError
+from carom.errors import extra
 from carom.export.atomic import whole_file
 from carom.export.frames import Selection
 from carom.export.tables import Columns, Sheet, sheets
@@ -32,14 +32,10 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     return sorted(files, key=lambda path: path.stem != "frames")
 
 
-def require_pyarrow(what: str, extra: str = "export") -> Any:
+def require_pyarrow(what: str, name: str = "export") -> Any:
     """The module `pyarrow` with `pyarrow.parquet`."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise CaromError(f"{what} needs pyarrow: pip install 'carom[{extra}]'") from error
-    return pyarrow
+    extra("pyarrow.parquet", f"{what} needs pyarrow", name)
+    return extra("pyarrow", f"{what} needs pyarrow", name)
 
 
 def _write(sheet: Sheet, path: Path) -> None:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, CaromWarning, counted
+from carom.errors import CaromError, CaromWarning, counted, extra
 from carom.many.cases import WIDTHS, Overrides, Values
 from carom.result.kinematics import QUANTITIES, Body
 from carom.run.simulate import scene_of
@@ -170,10 +170,7 @@ class Batch:
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per case: parameters, outcome, monitors, and the final state of each ball."""
-        try:
-            import pandas
-        except ImportError as error:
-            raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+        pandas = extra("pandas", "to_pandas needs pandas", "interop")
         rows = pandas.RangeIndex(len(self), name="case")
         return pandas.DataFrame(dict(self.columns()), index=rows)
 

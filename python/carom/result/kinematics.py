@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carom.errors import CaromError, counted, did_you_mean
+from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.result.tables import Contacts, Energy, Impacts, Static, Steps, UnknownName
 
 if TYPE_CHECKING:
@@ -83,10 +83,7 @@ class Frames:
 
     def to_xarray(self) -> xarray.Dataset:
         """Motion as an `xarray.Dataset` with dimensions time, body, axis (and quaternion)."""
-        try:
-            import xarray
-        except ImportError as error:
-            raise CaromError("to_xarray needs xarray: pip install 'carom[interop]'") from error
+        package = extra("xarray", "to_xarray needs xarray", "interop")
         data = {
             name: (
                 ("time", "body", "quaternion" if len(letters) == 4 else "axis"),
@@ -103,16 +100,14 @@ class Frames:
             "radius": ("body", self.bodies["radius"], {"units": "m"}),
             "mass": ("body", self.bodies["mass"], {"units": "kg"}),
         }
-        return xarray.Dataset(data, coordinates, {"title": self.title, **self.versions})
+        found: xarray.Dataset = package.Dataset(data, coordinates, {"title": self.title, **self.versions})
+        return found
 
     def to_pandas(self) -> pandas.DataFrame:
         """Motion as a `pandas.DataFrame`, one row per frame and body (index time, body); tables have a
         `to_pandas` too.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+        pandas = extra("pandas", "to_pandas needs pandas", "interop")
         index = pandas.MultiIndex.from_product([np.asarray(self.time), self.names], names=["time", "body"])
         columns: dict[str, F64] = {}
         for name, (letters, _) in QUANTITIES.items():

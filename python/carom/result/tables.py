@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, did_you_mean, extra
 from carom.result.record import Record
 
 if TYPE_CHECKING:
@@ -83,10 +83,7 @@ class Table:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`; a vector becomes three columns with _x, _y, _z."""
-        try:
-            import pandas
-        except ImportError as error:
-            raise CaromError("to_pandas needs pandas: pip install 'carom[interop]'") from error
+        pandas = extra("pandas", "to_pandas needs pandas", "interop")
         flat: dict[str, Array] = {}
         for column in self.columns:
             values = np.asarray(self[column])

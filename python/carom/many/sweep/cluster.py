@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from carom.errors import CaromError
+from carom.errors import CaromError, extra
 from carom.many.sweep import origin
 from carom.many.sweep.cases import Job, by, compute
 from carom.many.sweep.design import Design
@@ -59,13 +59,8 @@ def on_cluster(jobs: Sequence[Job], done: Done, workers: int, scheduler: str | N
 
 @contextmanager
 def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
-    try:
-        from dask import config
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise CaromError(
-            "a study on several processes needs dask: pip install 'carom[cluster]', or workers = 0 for this process alone"
-        ) from error
+    needs = "a study on several processes needs dask", "cluster", ", or workers = 0 for this process alone"
+    config, distributed = extra("dask.config", *needs), extra("distributed", *needs)
     with ExitStack() as stack:
         # A worker that is killed, or a scheduler that goes, is told here in one line and not by dask in fifty.
         for logger in _loggers("distributed", "tornado.application"):
@@ -78,7 +73,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             stack.enter_context(config.set({"distributed.worker.profile.enabled": False}))
             cluster = _started(
                 partial(
-                    LocalCluster, n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+                    distributed.LocalCluster, n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
                     dashboard_address=None, local_directory=scratch, memory_limit=0, silence_logs=logging.CRITICAL,
                 ),
                 "a worker died while it started, and the others are started again with it",
@@ -86,10 +81,10 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 ' calls carom.sweep needs `if __name__ == "__main__":` around the call)',
             )  # fmt: skip
             stack.callback(cluster.close)
-            yield stack.enter_context(Client(cluster))
+            yield stack.enter_context(distributed.Client(cluster))
             return
         client = _started(
-            partial(Client, scheduler, timeout=ANSWER_SECONDS),
+            partial(distributed.Client, scheduler, timeout=ANSWER_SECONDS),
             f"no scheduler answers at {scheduler} yet; the study waits for it",
             f"no scheduler answers at {scheduler}; start one with `dask scheduler`,"
             f" and workers with `dask worker {scheduler}`",

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, did_you_mean, extra
 
 F64 = NDArray[np.float64]
 
@@ -166,10 +166,7 @@ class Design:
         _whole("design.count", self.count)
         if not axes:
             raise CaromError(f"design.kind = {self.kind} needs [parameters] to choose points of")
-        try:
-            from scipy.stats import qmc
-        except ImportError as error:
-            raise CaromError(f"the design {self.kind} needs scipy: pip install 'carom[cluster]'") from error
+        qmc = extra("scipy.stats.qmc", f"the design {self.kind} needs scipy", "cluster")
         engine = qmc.Sobol if self.kind == "sobol" else qmc.LatinHypercube
         with warnings.catch_warnings():
             warnings.simplefilter(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import carom
-from carom.errors import CaromError, counted, did_you_mean
+from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.files import inside, write_whole
 from carom.many.sweep.origin import COLUMNS, Origin, tally
 from carom.many.sweep.plot import histograms, places, responses
@@ -116,12 +116,7 @@ class Sweep:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a data frame."""
-        try:
-            import pandas  # noqa: F401
-        except ImportError as error:
-            raise CaromError(
-                "to_pandas needs pandas: pip install 'carom[interop]'; to_csv needs nothing"
-            ) from error
+        extra("pandas", "to_pandas needs pandas", "interop", "; to_csv needs nothing")
         return self.table.to_pandas()
 
     def to_csv(self, path: str | Path | None = None, columns: Sequence[str] = ()) -> Path:

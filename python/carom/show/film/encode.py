@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError
+from carom.errors import CaromError, extra
 from carom.files import RecordError
 from carom.show.film.look import Look
 from carom.show.film.window import vtk
@@ -39,10 +39,7 @@ LOSSLESS = ["-c:v", "libx264rgb", "-preset", "ultrafast", "-qp", "0", "-f", "mat
 
 def ffmpeg() -> str:
     """The program, where it is."""
-    try:
-        import imageio_ffmpeg
-    except ImportError as error:
-        raise CaromError("films need imageio-ffmpeg: pip install 'carom[video]'") from error
+    imageio_ffmpeg = extra("imageio_ffmpeg", "films need imageio-ffmpeg", "video")
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:

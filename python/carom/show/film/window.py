@@ -9,13 +9,12 @@ from __future__ import annotations
 import functools
 import subprocess  # noqa: TID251 OpenGL is tried where it may end the process
 import sys
-from importlib import import_module  # noqa: TID251 modules of VTK
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.errors import CaromError
+from carom.errors import CaromError, extra
 
 #: Classes of VTK's windows in the order in which they are tried.
 WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
@@ -35,10 +34,7 @@ TRIAL_S = 60
 
 def vtk(module: str) -> Any:
     """A module of VTK, as `vtk("vtkRenderingCore")`."""
-    try:
-        return import_module(f"vtkmodules.{module}")
-    except ImportError as error:
-        raise CaromError("films and pictures need VTK: pip install 'carom[video]'") from error
+    return extra(f"vtkmodules.{module}", "films and pictures need VTK", "video")
 
 
 def off_screen(width: int, height: int) -> Any:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, did_you_mean, extra
 from carom.show.plot import contact, motion, solver, table
 from carom.show.plot.style import column_width, save
 
@@ -137,7 +137,4 @@ def _known(what: str) -> None:
 
 
 def require_matplotlib() -> None:
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise CaromError("plots need matplotlib: pip install 'carom[plot]'") from error
+    extra("matplotlib", "plots need matplotlib", "plot")

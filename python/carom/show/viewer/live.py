@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from carom.errors import CaromError
+from carom.errors import CaromError, extra
 from carom.result.result import load
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
@@ -56,7 +56,7 @@ class Live:
     """
 
     def __init__(self, source: str | Path | Result, *, port: int = PORT) -> None:
-        viser = _viser()
+        viser = extra("viser", "a live view needs viser", "live")
         path = source if isinstance(source, (str, Path)) else source.path
         self._path = Path(path)
         self._seen = self._stamp()
@@ -278,14 +278,6 @@ def _load(path: Path) -> Result:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the run is not finished is the point
         return load(path)
-
-
-def _viser() -> Any:
-    try:
-        import viser
-    except ImportError as error:
-        raise CaromError("a live view needs viser: pip install 'carom[live]'") from error
-    return viser
 
 
 def serve(path: Path, port: int, say: Callable[[str], None]) -> None:
