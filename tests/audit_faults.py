@@ -292,6 +292,18 @@ def of_pile(fault: Callable[[int], Fault], problem: int) -> Fault:
     return edit
 
 
+def of_collective(fault: Callable[[int], Fault]) -> Fault:
+    """A fault in the strongest row of the problems that end sequences which were cut."""
+
+    def edit(file: h5py.File) -> None:
+        problem, impulse = file["impacts/problem"][:], file["impacts/impulse"][:]
+        cut = file["steps/truncated"][:][file["impacts/step"][:].astype(np.int64) - 1] > 0
+        last = problem == problem[cut].max()
+        fault(int(np.argmax(np.where(cut & last, (impulse**2).sum(axis=1), -1.0))))(file)
+
+    return edit
+
+
 def more_friction(row: int, factor: float) -> Fault:
     """Friction of an impact and of its contact is so much larger."""
 

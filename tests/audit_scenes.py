@@ -160,6 +160,20 @@ def wall_ahead() -> carom.Scene:
     return scene
 
 
+def dropped() -> carom.Scene:
+    """A ball that spins falls on a floor that resists rolling and spinning, and gives back slip; another is driven along."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("ball", "wall", friction=0.3, restitution=0.5, tangential_restitution=0.4, rolling_radius=1e-3,
+                  spinning_radius=1e-3)  # fmt: skip
+    scene.contact("ball", "ball", friction=0.3, restitution=0.5)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    scene.sphere("ball", radius=0.02, mass=0.1, material="ball", position=(0, 0, 0.03), velocity=(0.3, 0, 0),
+                 angular_velocity=(5, 20, 30))  # fmt: skip
+    scene.sphere("driven", radius=0.02, mass=0.1, material="ball", position=(1, 0, 0.02))
+    scene.load("driven", force=(0.02, 0, -0.5))
+    return scene
+
+
 def break_() -> carom.Scene:
     """The billiard break of section 5.6."""
     return carom.Scene.from_toml(find("paper/5.6_break"))

@@ -56,6 +56,7 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "shaken-once": (scenes.shaken, 0.3, {"position_friction": "once"}),
     "drum-once": (scenes.drum, 0.2, {"position_friction": "once"}),
     "loose-layer-once": (scenes.loose_layer, 0.12, {"position_friction": "once"}),
+    "dropped": (scenes.dropped, 0.1, {}),
     "joined": (scenes.joined, 0.5, {}),
     "joined-moreau": (scenes.joined, 0.5, {"method": "moreau"}),
     "loaded": (scenes.loaded, 0.3, {}),
@@ -141,6 +142,28 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "rise of energy": ("pile-bare", fault.raise_energy(100, 0.1), "energy rise"),
     "contacts give energy": ("rolling", fault.more_work(ROLLING_STEP, 1e-2), "passivity"),
     "work misstated": ("rolling", fault.more_work(ROLLING_STEP, -1e-6), "energy balance"),
+    # One of each law of impacts, where it begins.
+    "rolling moment of an impact": (
+        "dropped",
+        fault.scale("impacts/moment", 0, [1.1, 1.1, 1.0]),
+        "rolling cone",
+    ),
+    "spinning moment of an impact": (
+        "dropped",
+        fault.scale("impacts/moment", 0, [1.0, 1.0, 1.1]),
+        "spinning cone",
+    ),
+    "moment of an impact drives": ("dropped", fault.scale("impacts/moment", 0, -1.0), "roll"),
+    "slip restored too little": ("dropped", fault.more_friction(0, 0.9), "slip"),
+    "slip restored too little, two balls": ("two-tangential", fault.more_friction(0, 0.9), "slip"),
+    "closing contact, beside a load": (
+        "dropped",
+        fault.push_velocity(90, 1, np.array([0, 0, -1e-4])),
+        "approach",
+    ),
+    "velocity changed, under a load": ("dropped", fault.push_velocity(90, 1, PUSH), "momentum"),
+    "restitution too large, moving wall": ("shaken", fault.restitute(0, 1.1), "impact"),
+    "collective impact": ("pile-every", fault.of_collective(lambda row: fault.restitute(row, 1.1)), "impact"),
     **{
         f"{what}, once": (f"{name}-once", plant, kind)
         for what, name, plant, kind in (

@@ -10,6 +10,7 @@ widened by the angle by which the normal has turned (`forces.turn`): cones are c
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,13 @@ from numpy.typing import NDArray
 from carom.audit import forces, groups, loads_once
 from carom.audit.block import Block, once
 from carom.audit.bounds import gain
+from carom.audit.data import Run
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, across, dot, norm
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 PARTS = "several steps, or parts of one, lie between the frames"
 
 
@@ -235,24 +238,40 @@ def _turning(
     block: Block, tally: Tally, rows: NDArray[np.int64], left: F64, index: NDArray[np.int64]
 ) -> None:
     run, c = block.run, block.rows
-    rho, delta = (run.coefficient(name, index) for name in ("rolling_radius", "spinning_radius"))
-    if not (rho.any() or delta.any()):
-        return
-    own = compliance(run, c.a, c.b)[2]
-    values, bounds = [], []
+    found = []
     impulse, moment = loads_once.stated(block)
     for part in forces.split(impulse, c.normal, block.start[1]):
-        n = part.lever
-        turning = _rates(block, c.normal, n).turning
-        push = np.maximum(part.normal, 0.0)
-        still = 2.0 * own * left * run.radius[c.a] + 64.0 * EPS * norm(block.w1[c.k, c.a])
-        roll = opposed(across(moment, n), across(turning, n), rho * push, left, still)
-        spin = opposed(dot(moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, left, still)
-        values.append(np.where(rho > 0.0, roll, 0.0) + np.where(delta > 0.0, spin, 0.0))
-        bounds.append(left * (run.radius[c.a] + rho + delta))
-    value = np.minimum(*values)
-    chosen = rows[(rho[rows] > 0.0) | (delta[rows] > 0.0)]
-    tally.measure("roll", value[chosen], bounds[0][chosen], _place(block, chosen))
+        turning = _rates(block, c.normal, part.lever).turning
+        spin = norm(block.w1[c.k, c.a])
+        found.append(turned(run, (c.a, c.b), (part.normal, moment, part.lever), turning, left, spin))
+    value = np.minimum(*(of.value for of in found))
+    chosen = rows[found[0].any[rows]]
+    tally.measure("roll", value[chosen], found[0].bound[chosen], _place(block, chosen))
+
+
+class Turned(NamedTuple):
+    """How far moments are from their bounds against the motion, N m s, and how far they may be; whether there is a law."""
+
+    value: F64
+    bound: F64
+    any: NDArray[np.bool_]
+
+
+def turned(
+    run: Run, pair: tuple[I64, I64], given: tuple[F64, F64, F64], turning: F64, left: F64, spin: F64
+) -> Turned:
+    """Maximum dissipation of rolling and spinning (eqs. 18, 23) for given normal impulses (K,), moments and levers (K, 3),
+    and the relative angular velocity after them; `left` is that of the solver, N s, `spin` the size of angular velocities.
+    """
+    (a, b), (normal, moment, n) = pair, given
+    push = np.maximum(normal, 0.0)
+    index = run.law_index(a, b)
+    rho, delta = (run.coefficient(name, index) for name in ("rolling_radius", "spinning_radius"))
+    still = 2.0 * compliance(run, a, b)[2] * left * run.radius[a] + 64.0 * EPS * spin
+    roll = opposed(across(moment, n), across(turning, n), rho * push, left, still)
+    spun = opposed(dot(moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, left, still)
+    value = np.where(rho > 0.0, roll, 0.0) + np.where(delta > 0.0, spun, 0.0)
+    return Turned(value, left * (run.radius[a] + rho + delta), (rho > 0.0) | (delta > 0.0))
 
 
 def passivity(block: Block, tally: Tally) -> None:

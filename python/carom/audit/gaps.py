@@ -15,6 +15,7 @@ from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 
 def penetration(block: Block, near: Near, tally: Tally) -> None:
@@ -108,7 +109,8 @@ def complementarity(block: Block, tally: Tally) -> None:
     if run.loads_once:  # loads press where the contact opens by less than they may bring back
         moved = 0.5 * run.h * forces.pushes(block)[0] + forces.of_contacts(block).shift_size
         bound = bound + forces.together(block, moved / run.mass)
-        bound = bound + 2.0 * run.h * np.maximum(_load(block), _walls(block))[c.k]
+        fall = np.concatenate([_load(block), _walls(block)], axis=1).max(axis=1)
+        bound = bound + 2.0 * run.h * fall[c.k]
     bound = bound + np.where(single, 0.0, way)
     taken = np.zeros(len(c), dtype=bool)
     for w, wall in enumerate(run.walls):
@@ -154,24 +156,28 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     ):  # what the solver may leave of impulses is not known, but of what the bodies lost
         change = norm(block.v1 - block.v0 - run.gravity * block.dt[:, None, None])
         left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
-    bound = closing(block)[k] + left + 64.0 * EPS * fastest[k]
+    bound = closing(block, k, a, b) + left + 64.0 * EPS * fastest[k]
     tally.measure("approach", np.maximum(0.0, -found.normal), bound,
                   lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip
 
 
-def closing(block: Block, contacts: str = "largest_island") -> F64:
-    """(B,) largest closing tolerance of a contact, m/s (rule R3), in islands of at most as many `contacts` as steps say.
+def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_island") -> F64:
+    """(K,) closing tolerances of contacts, m/s (rule R3), in islands of at most as many `contacts` as steps say.
 
-    `closing_tolerance_load` (beyond 100 contacts `pile_closing_tolerance`) of the largest speed that loads give
-    a body in a step, or a wall, and not less than `closing_tolerance_speed` of the largest speed.
+    `closing_tolerance_load` (beyond 100 contacts `pile_closing_tolerance`) of the speed that loads give its own bodies in a
+    step, or its wall, and not less than `closing_tolerance_speed` of the largest speed; in islands of up to
+    `dense_contacts` not more than the latter, and the largest of all loads counts.
     """
-    t, load = block.run.loosest, np.maximum(_load(block), _walls(block))
-    largest = block.over(block.run.steps[contacts])
-    small, fastest = t["closing_tolerance_load"], np.maximum(_fastest(block), load)
-    by_load = np.where(largest > 100, max(t["pile_closing_tolerance"], small), small) * load
+    run, t = block.run, block.run.loosest
+    bodies, walls = _load(block), _walls(block)
+    every = np.concatenate([bodies, walls], axis=1)
+    own, all_of = np.maximum(bodies[k, a], every[k, b]), every.max(axis=1)[k]
+    largest = block.over(run.steps[contacts])[k]
+    small, fastest = t["closing_tolerance_load"], np.maximum(_fastest(block)[k], all_of)
+    share = np.where(largest > 100, max(t["pile_closing_tolerance"], small), small)
     by_speed = t["closing_tolerance_speed"] * fastest
-    few = (largest <= t["dense_contacts"]) & (load > 0.0)
-    return np.asarray(np.where(few, np.minimum(by_load, by_speed), np.maximum(by_load, by_speed)))
+    few = (largest <= t["dense_contacts"]) & (all_of > 0.0)
+    return np.asarray(np.where(few, np.minimum(small * all_of, by_speed), np.maximum(share * own, by_speed)))
 
 
 def _fastest(block: Block) -> F64:
@@ -183,22 +189,22 @@ def _fastest(block: Block) -> F64:
 
 
 def _load(block: Block) -> F64:
-    """(B,) largest speed that weight and other loads give a body in a step, m/s."""
+    """(B, N) speed that weight and other loads give each body in a step, m/s."""
     run = block.run
-    weight = np.full(block.count, float(norm(run.gravity)) * run.h)
+    weight = np.full((block.count, run.bodies), float(norm(run.gravity)) * run.h)
     if not run.loads and not run.joints:
         return weight
     given = of_loads(block)
     pushed = (norm(given.impulse[..., :3]) + given.slack[..., 0]) / run.mass / np.maximum(block.n, 1)[:, None]
-    return np.asarray(weight + pushed.max(axis=1))
+    return np.asarray(weight + pushed)
 
 
 def _walls(block: Block) -> F64:
-    """(B,) largest change of a moving wall's velocity in a step, m/s."""
-    run, found = block.run, np.zeros(block.count)
-    for wall in run.walls:
+    """(B, W) change of each moving wall's velocity in a step, m/s."""
+    run, found = block.run, np.zeros((block.count, len(block.run.walls)))
+    for w, wall in enumerate(run.walls):
         if wall.travels:
             p = np.broadcast_to(wall.point, (block.count, 3))
             before = wall.velocity(block.t1 - run.h, p)[1]
-            found = np.maximum(found, norm(wall.velocity(block.t1, p, end=True)[1] - before))
+            found[:, w] = norm(wall.velocity(block.t1, p, end=True)[1] - before)
     return found

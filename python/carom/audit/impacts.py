@@ -142,7 +142,8 @@ def _missing(block: Block, tally: Tally) -> None:
     one = Hits(k, block.s1[k], k, a, b, c.normal[rows], c.impulse[rows], c.moment[rows], zero, zero, zero)
     speed = np.nan_to_num(norm(block.v0) + run.radius * norm(block.w0)).max(axis=1, initial=0.0)
     # Where loads are solved once the islands of these tell who approaches: they may be larger than those of closed contacts.
-    bound = closing(block, "candidates" if run.loads_once else "largest_island")[k] + 64.0 * EPS * speed[k]
+    islands = "candidates" if run.loads_once else "largest_island"
+    bound = closing(block, k, a, b, islands) + 64.0 * EPS * speed[k]
     tally.measure(
         "impact", np.maximum(0.0, -_motion(block, one, start=True).normal), bound, hits.place(block, one)
     )

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from carom.audit import bounds, forces, loads_once, works
 from carom.audit.block import Block
-from carom.audit.cones import opposed
+from carom.audit.cones import opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
 from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, add_at, cross, dot, norm
+from carom.audit.vectors import EPS, across, add_at, cross, dot, norm
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -305,10 +305,32 @@ class Replay:
         self._tell("slip", every[sure], defect[sure], limit)
         if r.problem[0] > 0:
             self.work[rows] = works.done(push, self.slide[rows], r.moment, self.lever[rows], before, after)
+        self._turning(rows, left, after, np.flatnonzero(~scaled))
         self._energy(rows, (at, change), rho, before, after)
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)
         np.maximum.at(self.top, k, norm(reach[:, :3]) + run.radius[body] * norm(reach[:, 3:]))
+
+    def _turning(self, rows: slice, left: F64, after: Rates, sure: I64) -> None:
+        """Moments of a problem in their bounds, and against the motion after it: these know no restitution."""
+        run, r, push, lever = self.block.run, self.r.of(rows), self.push[rows], self.lever[rows]
+        moment = r.moment
+        if run.loads_once and r.problem[0] == 0:
+            moment = loads_once.along_mean(moment, self.first[rows], r.normal).stated
+        for kind, name in (("rolling cone", "rolling_radius"), ("spinning cone", "spinning_radius")):
+            size = norm(across(moment, lever)) if name == "rolling_radius" else np.abs(dot(moment, lever))
+            beyond = size - run.coefficient(name, self.law[rows]) * np.maximum(push, 0.0)
+            bound = left * run.radius[r.a] + 16.0 * EPS * norm(moment)
+            self._tell(kind, np.arange(rows.start, rows.stop), np.maximum(beyond, 0.0), bound)
+        spin = self.top[r.k] / run.radius[r.a]
+        found = turned(run, (r.a, r.b), (push, moment, lever), after.turning, left, spin)
+        chosen = sure[found.any[sure]]
+        self._tell(
+            "roll",
+            rows.start + chosen,
+            found.value[chosen],
+            found.bound[chosen] + 64.0 * EPS * norm(moment)[chosen],
+        )
 
     def _tell(self, kind: str, rows: I64, value: F64, bound: F64) -> None:
         self.told.setdefault(kind, []).append(Told(rows, value, bound))
