@@ -345,3 +345,25 @@ def scale_largest(column: str, factor: float) -> Fault:
         file[column][int(np.argmax(np.abs(file[column][...])))] *= factor
 
     return edit
+
+
+def at_entry(column: str, by: float) -> Fault:
+    """A ball is elsewhere, or of another speed, in the frame of the step in which it entered."""
+
+    def edit(file: h5py.File) -> None:
+        event = int(np.flatnonzero((file["events/kind"][:] == 1) & (file["events/step"][:] > 0))[0])
+        frame = int(np.searchsorted(file["frames/step"][:], file["events/step"][event]))
+        file[f"frames/{column}"][frame, int(file["events/body"][event])] += by
+
+    return edit
+
+
+def fall_on(by: float) -> Fault:
+    """The ball that leaves first is so much lower in the frame before, and there already."""
+
+    def edit(file: h5py.File) -> None:
+        event = int(np.flatnonzero(file["events/kind"][:] == 0)[0])
+        frame = int(np.searchsorted(file["frames/step"][:], file["events/step"][event])) - 1
+        file["frames/position"][frame, int(file["events/body"][event]), 2] -= by
+
+    return edit

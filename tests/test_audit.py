@@ -260,6 +260,11 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "work of nothing": ("joined", fault.write("steps/energy_work", 30, 1e-3), "energy record"),
     "energy of what entered": ("flowing", fault.write("steps/energy_in", slice(None), 0.0), "energy record"),
     "arrivals miscounted": ("flowing", fault.write("steps/entered", 10, 5), "counts"),
+    "a ball is back that left": ("flowing", fault.write("frames/present", (-1, 0), True), "flow"),
+    "a ball stays in the outlet": ("flowing", fault.fall_on(0.05), "flow"),
+    "a ball enters early": ("flowing", fault.write("events/step", 1, 20), "flow"),
+    "a ball enters beside its region": ("flowing", fault.at_entry("position", 0.1), "flow"),
+    "a ball enters faster": ("flowing", fault.at_entry("velocity", 0.3), "flow"),
     "contacts miscounted": ("rolling", fault.write("steps/contacts", 50, 0), "counts"),
     "impact problems miscounted": ("break", fault.write("steps/impact_problems", slice(None), 0), "counts"),
     **{

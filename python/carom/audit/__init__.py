@@ -58,6 +58,7 @@ def _judge(run: Run, tally: Tally) -> None:
         cones,
         counts,
         energy,
+        flows,
         gaps,
         impacts,
         joints,
@@ -74,6 +75,7 @@ def _judge(run: Run, tally: Tally) -> None:
         return
     tables.judge(run, tally)
     counts.judge(run, tally)
+    flows.judge(run, tally)
     claims.judge(run, tally)
     energy.rises(run, tally)
     for block in blocks(run):
@@ -93,6 +95,7 @@ def _judge(run: Run, tally: Tally) -> None:
         energy.judge(block, pairs, tally)
         tunnel.judge(block, pairs, tally)
         joints.judge(block, tally)
+        flows.of_frames(block, tally)
 
 
 def _warnings(run: Run) -> list[str]:

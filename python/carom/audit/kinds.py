@@ -119,6 +119,7 @@ _KINDS = (
         "m",
         "the deepest cut of a chord that a way around allows",
     ),
+    Kind("flow", "balls enter and leave where, when and as the scenario says", "relative", _ROUNDING),
     Kind("joint", "joints hold, and follow their laws", "m", "tol_r and rounding"),
     Kind("joint speed", "so do their velocities", "m/s", "tol_r and rounding"),
     Kind("wall impulse", "impulses on walls are those of their contacts", "N s", _ROUNDING),

@@ -1,0 +1,124 @@
+"""Balls that enter and leave: by the tables `[[inflow]]` and `[[outlet]]`, and by the events that tell of them.
+
+    outlet      no ball of a frame is where it would have left, and whoever left had come to such a place
+    inflow      the k-th ball enters no sooner than `start + k/rate`, in the region, with its velocity within the spread
+    frames      have the balls that events and the scenario say
+
+Balls with joints or loads stay. Places and velocities of a ball that entered are those of the frame of its step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit import forces
+from carom.audit.block import Block
+from carom.audit.data import Run
+from carom.audit.report import Place, Tally
+from carom.audit.vectors import EPS, norm
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+def judge(run: Run, tally: Tally) -> None:
+    """What concerns the table of events: who was there, and when balls entered."""
+    events, inflows = run.result.events, run.model.get("inflow") or ()
+    if not (inflows or run.model.get("outlet") or len(events)):
+        return
+    here = np.ones(run.bodies, dtype=bool)
+    for flow in inflows:
+        first, count = flow["bodies"]
+        here[first : first + count] = False
+    step, body, kind = (
+        np.asarray(events[name]).astype(np.int64) if len(events) else np.zeros(0, np.int64)
+        for name in ("step", "body", "kind")
+    )
+    done = 0
+    for frame in range(run.frames):
+        while done < len(step) and step[done] <= run.step[frame]:
+            here[body[done]] = kind[done] == 1
+            done += 1
+        wrong = np.flatnonzero(np.asarray(run.result.present[frame]) != here)
+        tally.measure("flow", [float(len(wrong))], 0.0, lambda i: run.frame_place(frame, *wrong[:1]))  # noqa: B023
+    for flow in inflows:
+        first, count = flow["bodies"]
+        mine = np.flatnonzero((kind == 1) & (body >= first) & (body < first + count))
+        number = body[mine] - first
+        due = flow["start"] + (number / flow["rate"] if flow["rate"] > 0.0 else 0.0)
+        place = _of_steps(run, step[mine], body[mine])
+        tally.measure("flow", np.maximum(0.0, due / run.h - step[mine]), 1e-5, place)
+        tally.measure("flow", np.abs(number - np.arange(len(mine))), 0.0, place)
+
+
+def _of_steps(run: Run, step: I64, body: I64) -> Callable[[int], Place]:
+    return lambda i: run.step_place(int(step[i]), int(body[i]))
+
+
+def of_frames(block: Block, tally: Tally) -> None:
+    """Where balls are, enter and leave."""
+    run, events = block.run, block.run.result.events
+    outlets, inflows = run.model.get("outlet") or (), run.model.get("inflow") or ()
+    free = ~run.answering
+    free[[load["body"] for load in run.loads if load["kind"] == "force"]] = False
+    present = np.asarray(run.result.present[block.first - 1 : block.first + block.count])
+    here = present[1:] & free
+    if not (outlets or inflows):
+        return
+    step, body, kind = (
+        np.asarray(events[name]).astype(np.int64) if len(events) else np.zeros(0, np.int64)
+        for name in ("step", "body", "kind")
+    )
+    k = np.minimum(np.searchsorted(block.s1, step), block.count - 1)
+    now = (step > block.s0[k]) & (step <= block.s1[k])
+    entered = now & (kind == 1) & (step == block.s1[k])
+    here[k[entered], body[entered]] = False  # who leaves is asked before others enter
+    for outlet in outlets:
+        inside = _depth(run, outlet, block.x1)
+        tally.measure("flow", np.where(here, inside, 0.0) / run.radius, 0.0, block.per_body)
+    gone = np.flatnonzero(now & (kind == 0) & present[k, body])
+    if outlets and gone.size and run.has_contacts:
+        at = (k[gone], body[gone])
+        way = (forces.speeds(block)[at] + norm(run.gravity) * block.dt[k[gone]]) * block.dt[k[gone]]
+        short = np.min([np.maximum(0.0, -_depth(run, o, block.x0)[at]) for o in outlets], axis=0)
+        tally.measure("flow", short, 2.0 * way, _of_steps(run, step[gone], body[gone]))
+    come = np.flatnonzero(entered)
+    for flow in inflows:
+        first, count = flow["bodies"]
+        mine = come[(body[come] >= first) & (body[come] < first + count)]
+        at, given = (k[mine], body[mine]), np.asarray(flow["velocity"])
+        place = _of_steps(run, step[mine], body[mine])
+        off = np.abs(block.v1[at] - given).max(axis=1, initial=0.0) - flow["spread"]
+        tally.measure("flow", np.maximum(off, 0.0), 1e-12 * float(norm(given) + flow["spread"]), place)
+        size = np.abs(block.x1[at]).max(axis=1, initial=0.0) + run.radius[body[mine]]
+        tally.measure("flow", _outside(flow["region"], block.x1[at]), 64.0 * EPS * size, place)
+
+
+def _depth(run: Run, outlet: tuple[Any, ...], x: F64) -> F64:
+    """(...) how far places (..., 3) are within an outlet, m; negative where they are not in it. Any image counts."""
+    low, high, inside = np.asarray(outlet[0]), np.asarray(outlet[1]), bool(outlet[2])
+    if run.period is not None:
+        length = np.where(run.period > 0.0, run.period, np.inf)
+        with np.errstate(invalid="ignore"):
+            x = np.where(
+                np.isfinite(length),
+                x + np.ceil((low - x) / length) * np.where(np.isfinite(length), length, 0.0),
+                x,
+            )
+    depth = np.minimum(x - low, high - x).min(axis=-1)
+    return np.asarray(depth if inside else -depth)
+
+
+def _outside(region: tuple[Any, ...], x: F64) -> F64:
+    """(K,) how far places (K, 3) are from a region of an inflow, m."""
+    if region[0] == "box":
+        low, high = np.asarray(region[1]), np.asarray(region[2])
+        return np.asarray(np.maximum(np.maximum(low - x, x - high), 0.0).max(axis=1, initial=0.0))
+    point, normal, radius = np.asarray(region[1]), np.asarray(region[2]), float(region[3])
+    d = x - point
+    along = np.abs(d @ normal)
+    return np.asarray(np.maximum(along, np.maximum(norm(d - (d @ normal)[:, None] * normal) - radius, 0.0)))
