@@ -10,16 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module  # noqa: TID251 formats of our own
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from carom.errors import CaromError, did_you_mean
 from carom.export.atomic import writing_into
 from carom.export.frames import Selection
 from carom.files import inside
+from carom.result.result import Result
 from carom.show.film.look import Look
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 #: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for; those of `FILMS` take the
 #: `Look` as a third argument.

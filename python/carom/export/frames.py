@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-
-if TYPE_CHECKING:
-    from carom.result.record import Column
-    from carom.result.result import Result
+from carom.result.record import Column
+from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from carom.errors import CaromError, did_you_mean, quoted
 from carom.scene.assembly.arrays import LAW_KEYS, resolved_tree
 from carom.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from carom.scene.scene import Scene
 
 Values = ArrayLike
 """Numbers in SI, the first axis one row per case."""

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +24,13 @@ from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.files import inside
 from carom.many.quantity import USUAL
 from carom.many.sheets import of_comparison, titled
-from carom.run.simulate import RunFailed, scene_of
+from carom.result.result import Result
+from carom.run.simulate import OnProgress, RunFailed, scene_of
 from carom.run.summary import plain
 from carom.scene.arguments import renamed
 from carom.scene.plan import Plan
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
-    from carom.run.simulate import OnProgress
-    from carom.scene.scene import Scene
-    from carom.scene.tables.keywords import Options
+from carom.scene.scene import Scene
+from carom.scene.tables.keywords import Options
 
 F64 = NDArray[np.float64]
 

@@ -7,15 +7,11 @@ the places: bodies that are no further apart than they were in that step.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.result.result import Result
 from carom.scene.packing.neighbours import TOUCHING, separation
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

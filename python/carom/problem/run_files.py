@@ -10,14 +10,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from carom.problem.errors import ContactProblemError, refuse
 from carom.problem.fclib import write_fclib
 from carom.problem.kept import frames, multipliers, state
-
-if TYPE_CHECKING:
-    from carom.result.directory import RunDir
+from carom.result.directory import RunDir
 
 FOLDER = "problems"
 FAILING = "failing_problem.h5"

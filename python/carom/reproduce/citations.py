@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import carom
-
-if TYPE_CHECKING:
-    from carom.scene.scene import Scene
+from carom.scene.scene import Scene
 
 SOURCES: dict[str, str] = {
     "method": "Simulation of impacts between spherical rigid bodies with frictional effects (the paper Carom implements)",

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,11 @@ from carom.errors import CaromError
 from carom.measure import events
 from carom.reproduce.analytic.approach import Approach
 from carom.result.directory import RunDir
+from carom.result.result import Result
 from carom.run.simulate import launch, relaunch
 from carom.run.sinks import Interrupt
 from carom.scene.scene import Scene
 from carom.text import WIDTH, table
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 

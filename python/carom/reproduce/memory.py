@@ -8,23 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.reproduce.document import NotConverged
+from carom.reproduce.document import Iterations, NotConverged
 from carom.result.kinematics import Frames
 from carom.result.record import Memory
 from carom.result.tables import Energy, Impacts, Residuals, Static, Steps
 from carom.run.loop import advance, begin, drive
 from carom.run.sinks import Instants, Recorder
 from carom.scene.plan import Plan
-
-if TYPE_CHECKING:
-    from carom.reproduce.document import Iterations
-    from carom.scene.scene import Scene
+from carom.scene.scene import Scene
 
 F64 = NDArray[np.float64]
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from carom.errors import CaromError, nearest
 from carom.result.directory import RunDir
 from carom.run import summary
 from carom.scene.assembly.arrays import identify
-
-if TYPE_CHECKING:
-    from carom.scene.scene import Scene
+from carom.scene.scene import Scene
 
 #: Options that may change when a run is continued: how hard the contact problems are solved, not which ones; and
 #: when checkpoints are written.

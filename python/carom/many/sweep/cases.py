@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,10 @@ from carom.many.sweep import origin
 from carom.many.sweep.folder import Folder
 from carom.many.sweep.study import RESERVED, Study
 from carom.many.threads import ENERGIES, MONITORS
-from carom.result.result import load
+from carom.result.result import Result, load
 from carom.run.simulate import RunFailed, resume, simulate
 from carom.run.summary import LISTED_BODIES
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
-    from carom.scene.scene import Scene
+from carom.scene.scene import Scene
 
 Columns = dict[str, NDArray[Any]]
 

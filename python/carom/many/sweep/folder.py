@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +26,8 @@ from carom.errors import CaromError
 from carom.export.parquet import require_pyarrow
 from carom.files import RecordError, inside, opened, regular, unwritable, write_whole
 from carom.many.sweep import origin
+from carom.many.sweep.study import Study
 from carom.result.kinematics import QUANTITIES
-
-if TYPE_CHECKING:
-    from carom.many.sweep.study import Study
 
 #: Parts above which they are made one.
 MOST_PARTS = 64

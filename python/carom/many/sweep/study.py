@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,10 @@ from carom.many.sweep.design import Axis, Design, number, read_table
 from carom.many.sweep.origin import COLUMNS as ORIGIN
 from carom.many.sweep.targets import Targets
 from carom.many.threads import ENERGIES, MONITORS
+from carom.result.result import Result
 from carom.scene.scene import Scene
 from carom.scene.shipped import find, named
 from carom.scene.toml.load import read_text
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
-    from carom.scene.scene import Scene
 
 F64 = NDArray[np.float64]
 Measure = Callable[["Result"], Mapping[str, float]]

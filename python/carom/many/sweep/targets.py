@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ from carom.many.cases import Overrides
 from carom.scene.scene import Scene
 from carom.scene.tables import parameters
 from carom.scene.tables.model import SINGLE
-
-if TYPE_CHECKING:
-    from carom.scene.scene import Scene
 
 F64 = NDArray[np.float64]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +11,9 @@ from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
+from carom.result.result import Result
 from carom.scene.packing.neighbours import pairs
 from carom.scene.packing.numeric import is_number, is_whole
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 
 @dataclass(frozen=True, repr=False)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
-from carom.measure.granular.snapshot import F64, snapshot
+from carom.measure.granular.snapshot import F64, Snapshot, snapshot
+from carom.result.result import Result
 from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.numeric import is_number, is_whole
 from carom.scene.packing.region import Box
-
-if TYPE_CHECKING:
-    from carom.measure.granular.snapshot import Snapshot
-    from carom.result.result import Result
 
 
 def packing_fraction(source: Result | Snapshot, region: Region, frame: int = -1) -> float:

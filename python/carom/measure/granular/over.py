@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.measure.granular.region import Region
 from carom.measure.granular.snapshot import F64, Snapshot, snapshot
+from carom.result.result import Result
 from carom.scene.packing.numeric import is_whole
 from carom.scene.packing.region import Box
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 T = TypeVar("T")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +12,10 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.measure.contacts import closed
 from carom.measure.granular.region import Region, ball_volume, images
+from carom.result.result import Result
+from carom.result.walls import Wall
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
-    from carom.result.walls import Wall
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

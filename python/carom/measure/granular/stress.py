@@ -8,7 +8,6 @@ per area.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from carom.errors import CaromError
 from carom.measure.granular.region import Region, images, inside, line_share
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import F64, Snapshot, snapshot
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
+from carom.result.result import Result
 
 _TINY = np.finfo(np.float64).tiny
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,9 @@ from carom.measure.granular.contact import components
 from carom.measure.granular.nearest import around, middle, opened
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
+from carom.result.result import Result
 from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.numeric import is_number, is_whole
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
 _MOST_PAIRS = 500_000  # of the points of a surface

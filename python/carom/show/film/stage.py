@@ -6,11 +6,12 @@ Coordinates of the scene are divided by its size: single precision and depth the
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.result.result import Result
 from carom.scene.assembly.rotations import rotated, upward
 from carom.scene.billiards.look import KINDS, BallLook, ball_looks
 from carom.scene.billiards.marked import table_of
@@ -27,9 +28,6 @@ from carom.show.plot import require_matplotlib
 from carom.show.plot.style import COLOURS
 from carom.show.surfaces import Surface, surfaces
 from carom.show.viewer.links import links
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, counted
 from carom.measure.contacts import along_and_across, closed
+from carom.result.result import Result
 from carom.show.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled, width
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 #: Pairs with a row of their own.
 MOST_PAIRS = 14

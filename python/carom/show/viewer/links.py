@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from carom.errors import CaromError
 from carom.scene.assembly.rotations import rotated_back
-from carom.scene.tables.loads import GROUND
-
-if TYPE_CHECKING:
-    from carom.scene.tables.joints import Joint
-    from carom.scene.tables.loads import Spring
+from carom.scene.tables.joints import Joint
+from carom.scene.tables.loads import GROUND, Spring
 
 Floats = npt.NDArray[np.float64]
 

@@ -11,22 +11,19 @@ import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from carom.errors import CaromError, extra
-from carom.result.result import load
+from carom.result.result import Result, load
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
 from carom.show.surfaces import surfaces
 from carom.show.viewer.gate import gated
 from carom.show.viewer.live_shapes import ball_halves
 from carom.show.viewer.scenery import bounds, held, period
-
-if TYPE_CHECKING:
-    from carom.result.result import Result
 
 Floats = npt.NDArray[np.float64]
 
