@@ -80,7 +80,7 @@ def test_pyramids_do_as_friction_says_and_a_wedged_one_stops_no_run() -> None:
         [sys.executable, str(folder / "rest.py")], capture_output=True, text=True, timeout=300, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    code = "import rest; print(rest.outcome(rest.pyramid(4, False, 1.4865, 1e-8)))"
+    code = "import rest; print(rest.outcome(rest.pyramid(4, 'square', 1.4865, 1e-8)))"
     command = [sys.executable, "-c", code]
     wedged = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=True)
     assert wedged.stdout.startswith("("), wedged.stdout

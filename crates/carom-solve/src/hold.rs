@@ -3,7 +3,7 @@
 use crate::problem::natural::project_cone;
 use crate::problem::{Problem, Scaled};
 use crate::rows::{RowContact, RowSystem};
-use crate::solver::InteriorPoint;
+use crate::solver::{fill, InteriorPoint};
 
 /// Velocity left over that of the loads (1) at which conjugate gradients end: a little above rounding. Smaller, they go on
 /// until their steps are spent.
@@ -18,6 +18,9 @@ const MOST: f64 = 1e-5;
 const LOST: f64 = 1e3;
 /// Steps of conjugate gradients over rows (1) at most; bounds their time. In exact arithmetic 1 is enough.
 const STEPS_PER_ROW: usize = 2;
+/// Numbers (1, of 8 bytes) in Cholesky factors of W up to which path following is asked. Larger, one answer takes the time of a
+/// hundred steps; smaller, pyramids of some thousand spheres fall that friction can hold.
+const MAX_FILL: usize = 3_000_000;
 
 /// Looks for multipliers within the cones of `chosen` contacts and of all joints under which none of their measures `z` (without multipliers)
 /// is left: near those of `lambda`, else by [`InteriorPoint::hold`]. `lambda` takes them, 0 for all other contacts. False: none were found,
@@ -58,6 +61,9 @@ pub fn hold(
     scaled.enter(&given, &mut y);
     let near = given.iter().any(|&r| r != 0.0) && settle(&scaled.problem, &mut y);
     if !near {
+        if fill(&scaled.problem).is_none_or(|fill| fill > MAX_FILL) {
+            return false;
+        }
         let found = InteriorPoint::default().hold(&scaled.problem, ENOUGH, MOST);
         let Some(found) = found else {
             return false;

@@ -315,16 +315,22 @@ impl Problem<'_, '_> {
             let (contacts, members) = (self.measures.contacts, self.measures.members);
             let (nu, held) =
                 rest::as_before(self.state, contacts, members, self.system, self.span.h);
-            (resting, nu, held || only)
+            (resting, nu, held)
         });
-        let held = |report| PositionSolution {
+        let rests = |report, held| PositionSolution {
             report,
-            held: true,
+            held,
             rests: true,
         };
-        if let Some((resting, nu, true)) = &before {
-            if let Some(report) = self.hold(resting, nu, None) {
-                return Some(held(report));
+        if let Some((resting, nu, held)) = &before {
+            // What held it in the last step mostly holds it in this one.
+            if let Some(report) = self.stay(resting, nu) {
+                return Some(rests(report, *held));
+            }
+            if *held || only {
+                if let Some(report) = self.hold(resting, nu, None) {
+                    return Some(rests(report, true));
+                }
             }
             if only {
                 return None;
@@ -333,8 +339,8 @@ impl Problem<'_, '_> {
         let (measures, options) = (&mut self.measures, &self.options);
         let mut result = (self.newton).solve(self.system, measures, options, self.lambda, self.u);
         let moves = |r: &Resting| !result.converged || r.moves(self.system, self.newton.measures());
-        let rests = resting.is_some_and(|r| !moves(r));
-        if let (Some((resting, nu, first)), false) = (&before, rests) {
+        let at_rest = resting.is_some_and(|r| !moves(r));
+        if let (Some((resting, nu, first)), false) = (&before, at_rest) {
             // Where nothing solves the smallest part of a step, what rests may keep what earlier steps left of its gaps.
             let o = &self.measures.model.options;
             let share = o
@@ -345,7 +351,7 @@ impl Problem<'_, '_> {
                 let history = std::mem::take(&mut self.newton.history);
                 if let Some(found) = self.hold(resting, nu, spare) {
                     report.fallbacks += u32::from(!result.converged);
-                    return Some(held(found));
+                    return Some(rests(found, true));
                 }
                 // What was tried is no part of the step: statuses and residuals are those of the solution again.
                 let (measures, options) = (&mut self.measures, &self.options);
@@ -358,7 +364,7 @@ impl Problem<'_, '_> {
             result = less.unwrap_or(result);
         }
         // Joints, and loads that depend on the motion, stop slides by themselves.
-        if result.converged && !rests && self.measures.coupled.is_none() {
+        if result.converged && !at_rest && self.measures.coupled.is_none() {
             let stopped = self.stopped();
             if stopped.contains(&true) {
                 let of = |slot: usize| stopped.get(slot) == Some(&true);
@@ -369,7 +375,7 @@ impl Problem<'_, '_> {
         Some(PositionSolution {
             report: result,
             held: false,
-            rests,
+            rests: at_rest,
         })
     }
 
@@ -381,6 +387,14 @@ impl Problem<'_, '_> {
             held: false,
             rests: false,
         }
+    }
+
+    /// The multipliers `nu` of the last step, where they still hold it.
+    fn stay(&mut self, resting: &Resting, nu: &[f64]) -> Option<SolveReport> {
+        let problem = (&mut *self.system, &mut self.measures, &self.options);
+        let found = resting.stay(self.newton, problem, nu)?;
+        (*self.lambda, *self.u) = (found.nu, found.correction);
+        Some(found.report)
     }
 
     /// The solution that moves nothing, near the multipliers `nu` or wherever it is.

@@ -22,6 +22,11 @@ use glam::DVec3;
 const STAYS_SHARE: f64 = 1e-5;
 /// The same over the solver's tolerance (1), where that is coarser: what a coarse solve leaves must not count as motion.
 const STAYS_OVER_TOLERANCE: f64 = 10.0;
+/// Motion up to which multipliers of the last step are taken as they are, over that up to which it stays at rest (1): they leave the same
+/// motion in every step. At 1 it adds up, and pyramids of three layers fall that friction can hold.
+const STILL_OVER_STAYS: f64 = 1e-4;
+/// The same in roundings of a coordinate (1): gaps are differences of such. At 0 a rack at rest is solved anew in each step.
+const STILL_ROUNDINGS: f64 = 4.0;
 /// Share (1) of the motion by the loads up to which something was at rest at t_n. At 1e-3 the 3e-6 m/s that sweeps leave brought pyramids
 /// down (decision 019): what solvers leave, step by step, must not grow into a motion that is no longer looked at. Too large: what begins to move is stopped.
 const WAS_SHARE: f64 = 1e-2;
@@ -29,9 +34,9 @@ const WAS_SHARE: f64 = 1e-2;
 const WAS_OVER_STAYS: f64 = 10.0;
 /// Most linearisations: normals turn with what carries an island along. Too few: what turns with a wall is not held. Speed alone elsewhere.
 const LINEARISATIONS: usize = 4;
-/// Most contacts of an island for which rest is looked for, as matrices are factored. Too few: at 0, 16 of 36 pyramids that friction can hold
-/// fall (`validation/pyramids`). More: the factors of a large island at rest take the time of its step.
-const MOST_CONTACTS: usize = 2_000;
+/// Most contacts of an island for which rest is looked for (`carom_solve::hold` bounds the factors of matrices besides). Too few: at 0, 16 of
+/// 36 pyramids that friction can hold fall (`validation/pyramids`). More: stating the problem of a large island takes the time of its step.
+const MOST_CONTACTS: usize = 10_000;
 
 /// Shares of what the loads alone would move something by: up to the first it stays at rest, up to the second it was so.
 #[derive(Clone, Copy)]
@@ -117,6 +122,10 @@ impl Resting {
 
     /// Whether these measures, gaps among them, move by more.
     pub fn moves(&self, system: &RowSystem, measures: &[f64]) -> bool {
+        self.moves_by(self.bound, system, measures)
+    }
+
+    fn moves_by(&self, bound: f64, system: &RowSystem, measures: &[f64]) -> bool {
         let z = self.changes(system, measures);
         let mut touching = system
             .contacts
@@ -125,7 +134,7 @@ impl Resting {
             .filter(|(_, gap)| gap.is_some());
         touching.any(|(c, _)| {
             let z = &z[c.rows()];
-            largest(c.bounds.sliding > 0.0, c.length, z) > self.bound
+            largest(c.bounds.sliding > 0.0, c.length, z) > bound
         })
     }
 
@@ -157,12 +166,13 @@ impl Resting {
                 return None;
             }
             system.correction(&nu, &mut correction);
-            let mut report = newton.judge(system, problem, options, &nu, &correction);
-            report.rung = HELD;
-            let z = newton.measures();
-            report.converged |= spare.is_some_and(|share| self.gaps_below(system, z, share));
-            let moves = self.moves(system, z);
-            newton.attempts.push(report.attempt());
+            let report = self.judge(
+                newton,
+                (system, problem, options),
+                [&nu, &correction],
+                spare,
+            );
+            let moves = self.moves(system, newton.measures());
             if report.converged && !moves {
                 return Some(StaticSolution {
                     nu,
@@ -172,6 +182,45 @@ impl Resting {
             }
         }
         None
+    }
+
+    /// The multipliers `nu` of the last step as they are, where they leave no motion that would add up to one.
+    pub fn stay<P: Subproblem>(
+        &self,
+        newton: &mut Newton,
+        (system, problem, options): (&mut RowSystem, &mut P, &NewtonOptions),
+        nu: &[f64],
+    ) -> Option<StaticSolution> {
+        let mut correction = vec![0.0; NODE_DOF * system.nodes()];
+        system.correction(nu, &mut correction);
+        let report = self.judge(newton, (system, problem, options), [nu, &correction], None);
+        let bound = STILL_OVER_STAYS * self.bound + STILL_ROUNDINGS * options.rounding;
+        let moves = self.moves_by(bound, system, newton.measures());
+        if !report.converged || moves {
+            newton.attempts.clear();
+            return None;
+        }
+        Some(StaticSolution {
+            nu: nu.to_vec(),
+            correction,
+            report,
+        })
+    }
+
+    /// What multipliers and their correction leave.
+    fn judge<P: Subproblem>(
+        &self,
+        newton: &mut Newton,
+        (system, problem, options): (&mut RowSystem, &mut P, &NewtonOptions),
+        [nu, correction]: [&[f64]; 2],
+        spare: Option<f64>,
+    ) -> SolveReport {
+        let mut report = newton.judge(system, problem, options, nu, correction);
+        report.rung = HELD;
+        let z = newton.measures();
+        report.converged |= spare.is_some_and(|share| self.gaps_below(system, z, share));
+        newton.attempts.push(report.attempt());
+        report
     }
 
     /// Whether all gaps of what touches are smaller than `share` of the length of their contact, open or overlapping.

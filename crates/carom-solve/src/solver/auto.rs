@@ -97,7 +97,7 @@ impl Auto {
         match when {
             When::Always => true,
             When::SmallOrWarm => problem.rows() <= SMALL_ROWS || judge.best_err < WARM,
-            When::Full => is_full(problem),
+            When::Full => fill(problem).is_some_and(|fill| fill > MAX_FILL),
             When::Gaining => gaining,
             When::Symmetric => !bounded && problem.w.asymmetry() <= UNSYMMETRIC,
             When::Unbounded => !bounded,
@@ -125,13 +125,13 @@ impl Auto {
     }
 }
 
-/// Whether the Cholesky factors of W hold more than [`MAX_FILL`] numbers.
-fn is_full(problem: &Problem) -> bool {
+/// Numbers in the Cholesky factors of W; 0 where they are surely few, nothing where there is no memory for them.
+pub(crate) fn fill(problem: &Problem) -> Option<usize> {
     if problem.rows() <= SURELY_SPARSE {
-        return false;
+        return Some(0);
     }
     let (col_ptr, row_idx, ..) = super::admm::lower_half(problem);
     let mut plan = SparseLlt::new();
-    let planned = plan.analyse(problem.rows(), &col_ptr, &row_idx);
-    planned.is_ok() && plan.fill().is_some_and(|fill| fill > MAX_FILL)
+    plan.analyse(problem.rows(), &col_ptr, &row_idx).ok()?;
+    plan.fill()
 }

@@ -16,6 +16,7 @@ mod semi_smooth;
 pub mod sweep;
 
 pub use admm::Admm;
+pub(crate) use auto::fill;
 pub use auto::Auto;
 pub use by_name::{by_name, solve, SOLVERS};
 pub use gauss_seidel::GaussSeidel;
