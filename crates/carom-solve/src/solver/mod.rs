@@ -16,7 +16,6 @@ mod semi_smooth;
 pub mod sweep;
 
 pub use admm::Admm;
-pub(crate) use auto::fill;
 pub use auto::Auto;
 pub use by_name::{by_name, solve, SOLVERS};
 pub use gauss_seidel::GaussSeidel;
@@ -24,3 +23,5 @@ pub use interior::InteriorPoint;
 pub use judge::{Clock, ConeSolver, Judge, Outcome, Settings, Stage};
 pub use one_contact::solve_contact;
 pub use semi_smooth::SemiSmoothNewton;
+
+pub(crate) use auto::fill;
