@@ -58,6 +58,8 @@ class Rows:
     position_moment: F64
     work: F64
     """Normal, sliding, rolling, spinning: (K, 4), J."""
+    status: I64
+    """0 open, 1 stick, 2 slip."""
 
     def __len__(self) -> int:
         return len(self.k)
@@ -218,7 +220,8 @@ class Block:
         impulse, moment, position_impulse, position_moment = moved
         work = np.stack([column(f"work_{c}") for c in ("normal", "friction", "rolling", "spinning")], axis=1)
         return Rows(k, body[:, 0], body[:, 1], column("normal"), column("gap"),
-                    impulse, moment, position_impulse, position_moment, work)  # fmt: skip
+                    impulse, moment, position_impulse, position_moment, work,
+                    column("status").astype(np.int64))  # fmt: skip
 
     @cached_property
     def start(self) -> tuple[F64, F64]:

@@ -214,7 +214,13 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
         noise = 64.0 * EPS * scale + block.wall_slack(c.k, c.a, c.b)
         own = compliance(run, c.a, c.b)
-        defects.append(opposed(part.sliding, found.slip, mu * push, left, 2.0 * own[1] * left + noise))
+        still = 2.0 * own[1] * left + noise
+        defect = opposed(part.sliding, found.slip, mu * push, left, still)
+        # Who is said to stick does not slip, and who is said to slip has all of its friction.
+        moving = np.maximum(0.0, norm(found.slip) - still) / own[1] * (mu > 0.0)
+        short = np.maximum(0.0, mu * push - norm(part.sliding))
+        told = np.select([c.status == 1, c.status == 2], [moving, short], np.inf)
+        defects.append(np.maximum(defect, told))
         bounds.append(left * (1.0 + mu))
     best = np.argmin([d / b for d, b in zip(defects, bounds, strict=True)], axis=0)
     value, bound = (np.where(best == 0, x[0], x[1]) for x in (defects, bounds))
