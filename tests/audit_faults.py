@@ -367,3 +367,9 @@ def fall_on(by: float) -> Fault:
         file["frames/position"][frame, int(file["events/body"][event]), 2] -= by
 
     return edit
+
+
+def slip_in_place_of_stick(file: h5py.File) -> None:
+    """The last contact that sticks is said to slip."""
+    status = file["contacts/status"]
+    status[int(np.flatnonzero(status[:] == 1)[-1])] = 2

@@ -125,7 +125,7 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "friction along the slip": ("rolling", fault.drag_along(20), "slip"),
     "rolling moment drives": ("rolling", fault.roll_against(ROLLING_STEP), "roll"),
     "slip said to be stick": ("rolling", fault.write("contacts/status", 19, 1), "slip"),
-    "stick said to be slip": ("rolling", fault.write("contacts/status", ROLLING_STEP - 1, 2), "slip"),
+    "stick said to be slip": ("break", fault.slip_in_place_of_stick, "slip"),
     "impulse lost": ("rolling", fault.lose_impulse(ROLLING_STEP), "momentum"),
     "velocity changed": ("rolling", fault.push_velocity(ROLLING_STEP, 0, PUSH), "momentum"),
     "velocity changed, in a pile": ("pile", fault.push_velocity(200, 7, PUSH), "momentum"),
