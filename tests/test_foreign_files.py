@@ -207,6 +207,16 @@ def test_comparison_replaces_nothing_through_a_link(run: Path, tmp_path: Path) -
 
 
 #: What is altered, and what the message must name.
+def in_run_json(key: str, value: object) -> Callable[[Path], object]:
+    """Another value in `run.json`."""
+
+    def alter(run: Path) -> None:
+        about = json.loads((run / "run.json").read_text())
+        (run / "run.json").write_text(json.dumps({**about, key: value}))
+
+    return alter
+
+
 HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "2^63 rows": (last_commit(2**63), "/commit"),
     "2^62 rows": (last_commit(2**62), "/commit"),
@@ -222,6 +232,8 @@ HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "no masses": (in_results(lambda f: f.__delitem__("bodies/mass")), "/bodies"),
     "no places": (in_results(lambda f: f.__delitem__("frames/position")), "/frames/position"),
     "no steps": (in_results(lambda f: f.__delitem__("steps")), "no whole /steps; restore"),
+    "segments are text": (in_run_json("segments", "abc"), "run.json: segments"),
+    "segments are numbers": (in_run_json("segments", [1, 2]), "run.json: segments"),
     "brackets": (lambda run: (run / "run.json").write_text("[" * 200_000), "nested too deeply; restore"),
     "junk": (junk, "results.h5"),
 }
@@ -245,6 +257,24 @@ def test_what_others_made_of_a_run_is_refused_with_its_place(
         assert carom_says("check", run)[0] == 0, "it went on with damaged results"
     else:
         assert "results.h5" in told["resume"] or "run.json" in told["resume"]
+
+
+def test_a_step_beyond_all_floats_is_a_false_claim(floored: Path, tmp_path: Path) -> None:
+    run = Path(shutil.copytree(floored, tmp_path / "run"))
+    outcome = json.loads((run / "run.json").read_text())["outcome"]
+    in_run_json("outcome", {**outcome, "step": 10**400})(run)
+    code, told = carom_says("check", run)
+    assert code == 3
+    assert "outcome.step" in told
+
+
+def test_a_key_of_many_parts_is_refused_at_once(tmp_path: Path) -> None:
+    """Each part nests a table: 100 000 of them took 40 s and more than 6 GB."""
+    scenario = tmp_path / "deep.toml"
+    scenario.write_text(".".join(["a"] * 100_000) + " = 1")
+    code, told = carom_says("run", scenario)
+    assert code == 2
+    assert "deep.toml:1: a key of 100000 parts; write the tables by their headers" in told
 
 
 def test_names_are_shown_and_not_obeyed_by_a_terminal(floored: Path, tmp_path: Path) -> None:

@@ -210,6 +210,6 @@ def _compare(tally: Tally, claim: Claim) -> None:
             told, shown = np.asarray(told, dtype=np.float64), np.asarray(shown, dtype=np.float64)
             apart = np.abs(told - shown).max() if told.shape == shown.shape else np.inf
             off = 0.0 if apart == 0.0 else float(apart / max(float(np.abs(shown).max()), 1e-300))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):  # a whole number beyond all floats among them
             off = np.inf
     tally.measure("claims", [off], bound, at(f"run.json: {where}" if ":" not in where else where))

@@ -15,6 +15,8 @@ CONTENT: Mapping[str, tuple[type, ...]] = {
     "scenario": (dict,),
     "summary": (dict,),
     "versions": (dict,),
+    "segments": (list,),
+    "changes": (list,),
 }
 
 #: What is needed besides where a run is continued; a name with dots is within another.
@@ -58,6 +60,9 @@ def checked(directory: RunDir) -> dict[str, Any]:
     for name, kinds in known.items():
         if outcome.get(name) is not None and not isinstance(outcome[name], kinds):
             raise CaromError(_altered(directory, f"outcome.{name}", outcome[name]))
+    for name in ("segments", "changes"):
+        if any(not isinstance(one, dict) for one in about.get(name) or ()):
+            raise CaromError(_altered(directory, name, about[name]))
     if outcome and "kind" not in outcome:
         raise CaromError(_altered(directory, "outcome", outcome))
     return about

@@ -131,11 +131,22 @@ def _hinted(finding: Finding) -> Finding:
     return finding
 
 
+MOST_PARTS = 1000
+"""Most parts of a dotted key."""
+
+
 def _toml(text: str, name: str) -> dict[str, Any]:
     if not text.strip():
         raise ScenarioError(
             [Problem(name, "", "is empty", "begin with one that works: `carom examples copy three_balls`", 1)]
         )
+    for number, row in enumerate(text.split("\n"), 1):
+        parts = 1 + row.partition("=")[0].count(".")
+        if parts > MOST_PARTS:  # each part nests a table: memory and time grow with the square of them
+            cause = f"a key of {parts} parts"
+            raise ScenarioError(
+                [Problem(name, "", cause, "write the tables by their headers", number, row[:80])]
+            )
     try:
         return tomllib.loads(text)
     except (
