@@ -102,6 +102,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "... is declared twice": [("name", '[[material]]\nname = "ball"\n')],
     "... is no kind of law": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ formula = "t" }]\n')],
+    "a key of ... parts": [("deep", "deep" + 1000 * ".a" + " = 1\n")],
     "a law has one key, found ...": [
         ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "t", table = [[0,0],[1,1]] }]\n')
     ],

@@ -192,7 +192,7 @@ def of_the_page() -> Scene:
     """The example of the page, with what it leaves out."""
     page = PAGE.read_text(encoding="utf-8")
     (toml,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    base = Scene(run={"until": 1, "pile_tolerance": 1e-4})
+    base = Scene(run={"until": 1, "pile_tolerance": 1e-4}, record={"every": 20})
     base.contact("glass", "glass", friction=0.5, restitution=0.3)
     return Scene.from_toml(base.to_toml() + toml)
 

@@ -143,9 +143,10 @@ def _toml(text: str, name: str) -> dict[str, Any]:
     for number, row in enumerate(text.split("\n"), 1):
         parts = 1 + row.partition("=")[0].count(".")
         if parts > MOST_PARTS:  # each part nests a table: memory and time grow with the square of them
+            key = row.partition(".")[0].strip()
             cause = f"a key of {parts} parts"
             raise ScenarioError(
-                [Problem(name, "", cause, "write the tables by their headers", number, row[:80])]
+                [Problem(name, key, cause, "write the tables by their headers", number, row[:80])]
             )
     try:
         return tomllib.loads(text)
