@@ -87,10 +87,8 @@ pub enum When {
     SmallOrWarm,
     /// Cholesky factors of W would hold more than [`MAX_FILL`] numbers. The climb ends with it.
     Full,
-    /// Until a round or the path makes err no smaller than [`GAIN`] times what it was.
+    /// Until sweeps of such a rung make err no smaller than [`GAIN`] times what it was.
     Gaining,
-    /// The same; always where sweeps are not bounded.
-    Promising,
     /// W is unsymmetric by [`UNSYMMETRIC`] at most, and sweeps are not bounded.
     Symmetric,
     /// Sweeps are not bounded.
@@ -182,11 +180,11 @@ pub const AUTO: [Rung<Method, When>; 16] = [
     rung("rounds", round(RELAXATION, QUICK),   960,     When::Gaining,     "Newton stalled: another start for it"),
     rung("path",   Method::Path,               200,     When::Always,      "sweeps and Newton stalled"),
     rung("polish", newton(PATIENT),            POLISH,  When::Always,      "Newton's quadratic end"),
-    rung("rounds", round(STRONG, PATIENT),     1000,    When::Promising,   "the path stalled: another start for Newton"),
-    rung("rounds", round(RELAXATION, PATIENT), 2000,    When::Promising,   "stalled: another start for Newton"),
-    rung("rounds", round(STRONG, PATIENT),     5000,    When::Promising,   "stalled: another start for Newton"),
-    rung("rounds", round(RELAXATION, PATIENT), 10_000,  When::Promising,   "stalled: another start for Newton"),
-    rung("rounds", round(STRONG, PATIENT),     30_000,  When::Promising,   "stalled: another start for Newton"),
+    rung("rounds", round(STRONG, PATIENT),     1000,    When::Always,      "the path stalled: another start for Newton"),
+    rung("rounds", round(RELAXATION, PATIENT), 2000,    When::Always,      "stalled: another start for Newton"),
+    rung("rounds", round(STRONG, PATIENT),     5000,    When::Always,      "stalled: another start for Newton"),
+    rung("rounds", round(RELAXATION, PATIENT), 10_000,  When::Always,      "stalled: another start for Newton"),
+    rung("rounds", round(STRONG, PATIENT),     30_000,  When::Always,      "stalled: another start for Newton"),
     rung("split",  Method::Split,              5000,    When::Symmetric,   "stalled: one factorisation, then products alone"),
     rung("polish", newton(PATIENT),            POLISH,  When::Symmetric,   "Newton's quadratic end"),
     rung("last",   sweeps(1),                  100_000, When::Unbounded,   "stalled: whatever time is left"),
@@ -241,7 +239,6 @@ impl fmt::Display for When {
             Self::SmallOrWarm => write!(f, "up to {SMALL_ROWS} rows, or err below {WARM:e}: "),
             Self::Full => write!(f, "factors of W above {:e} numbers: ", MAX_FILL as f64),
             Self::Gaining => write!(f, "while rounds halve err: "),
-            Self::Promising => write!(f, "no bound on sweeps, or err was halved: "),
             Self::Symmetric => write!(f, "W symmetric to {UNSYMMETRIC:e}: "),
             Self::Unbounded => write!(f, "no bound on sweeps: "),
         }

@@ -31,7 +31,7 @@ impl ConeSolver for Auto {
     /// The stages count for themselves; `max_iterations` is that of the settings.
     fn run(&mut self, judge: &mut Judge<'_>, _: u32) -> u32 {
         self.swept = 0;
-        let (mut gaining, mut before_path) = (true, f64::INFINITY);
+        let mut gaining = true;
         for rung in &AUTO {
             if judge.stop() {
                 break;
@@ -45,7 +45,6 @@ impl ConeSolver for Auto {
                 Method::Newton { patience } => {
                     self.newton.patience = patience;
                     judge.stage(name, &mut self.newton, budget, why);
-                    gaining |= judge.best_err <= GAIN * before_path;
                 }
                 Method::Sweeps { relaxation, lots } => {
                     self.sweeps.relaxation = relaxation;
@@ -75,14 +74,9 @@ impl ConeSolver for Auto {
                         let why = format!("Newton's quadratic end, err {:.1e}", judge.best_err);
                         judge.stage("polish", &mut self.newton, POLISH, why);
                     }
-                    if rung.when == When::Promising {
-                        gaining = judge.best_err <= GAIN * before;
-                    }
                 }
                 Method::Path => {
-                    before_path = judge.best_err;
                     judge.stage(name, &mut self.interior, budget, why);
-                    gaining = judge.best_err <= GAIN * before_path;
                 }
                 Method::Split => {
                     judge.stage(name, &mut self.admm, budget, why);
@@ -105,7 +99,6 @@ impl Auto {
             When::SmallOrWarm => problem.rows() <= SMALL_ROWS || judge.best_err < WARM,
             When::Full => fill(problem).is_some_and(|fill| fill > MAX_FILL),
             When::Gaining => gaining,
-            When::Promising => gaining || !bounded,
             When::Symmetric => !bounded && problem.w.asymmetry() <= UNSYMMETRIC,
             When::Unbounded => !bounded,
         }
