@@ -274,7 +274,7 @@ options! {
     line_search: bool = true,
     /// Reductions per iteration.
     max_line_search: u32 = 10,
-    /// Gauss-Seidel sweeps before the last restart of a solve.
+    /// 0: Newton's method alone in islands of up to `dense_contacts`. Other numbers: convex companions where it fails.
     gauss_seidel_sweeps: u32 = 15,
     /// Islands of up to this many contacts are solved dense, with the exact Hessian; larger ones by `auto` of `carom solve`.
     dense_contacts: u32 = 10,

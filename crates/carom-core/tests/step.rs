@@ -172,7 +172,7 @@ fn hopeless() -> Options {
         tolerance: 1e-300,
         pile_tolerance: 1e-300,
         tolerance_floor: 1e-300,
-        gauss_seidel_sweeps: 1,
+        gauss_seidel_sweeps: 0,
         ..options(H)
     }
 }

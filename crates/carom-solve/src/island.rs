@@ -6,9 +6,9 @@
 //! active contacts. At velocity level (`K = 0`) this gives the iterates of the full saddle system exactly, because
 //! `M u = G^T lambda` holds from the start (decision record 004).
 
+mod convex;
 mod hybrid;
 mod linearised;
-mod swept;
 
 use crate::cone::Status;
 use crate::judge::Terms;
@@ -41,6 +41,8 @@ pub struct NewtonOptions {
     pub sweeps: u32,
     /// Up to this many contacts: dense matrix with the exact Hessian.
     pub dense_contacts: usize,
+    /// What nothing else solves is solved by its convex companion, with this share of the friction.
+    pub companion: Option<f64>,
 }
 
 /// Least shift of a dense island, a share (1) of `proximal_shift`: a redundant system stays factorable and rounding is not
@@ -143,7 +145,7 @@ impl Newton {
                 IslandWhen::Always => true,
                 IslandWhen::Large => large && !loads,
                 IslandWhen::Swept => swept,
-                IslandWhen::Small => swept && !large && !loads,
+                IslandWhen::Last => options.companion.is_some() && !loads,
             };
             if !fits {
                 continue;
@@ -151,11 +153,12 @@ impl Newton {
             total.fallback |= !self.attempts.is_empty();
             x.clone_from(&self.start);
             let mut report = match rung.way {
-                IslandWay::Newton { penalty } => self.iterate(&mut on, penalty, u32::MAX, &mut x),
-                IslandWay::SweepsAndNewton { polish } => {
-                    self.sweep_and_polish(&mut on, [rung.budget, polish], &mut x)
+                IslandWay::Newton => self.iterate(&mut on, u32::MAX, &mut x),
+                IslandWay::Companions { polish } => {
+                    self.companions(&mut on, [rung.budget, polish], &mut x)
                 }
                 IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
+                IslandWay::Companion => self.companion(&mut on, rung.budget, &mut x),
             };
             report.rung = rung.name;
             total.add(&report);
@@ -211,16 +214,15 @@ impl Newton {
         }
     }
 
-    /// Newton's method with so many times the penalty.
+    /// Newton's method.
     fn iterate<P: Subproblem>(
         &mut self,
         on: &mut Island<P>,
-        factor: f64,
         most: u32,
         x: &mut [f64],
     ) -> SolveReport {
         let options = on.options;
-        self.set_penalty(on.system, factor * options.penalty_scale);
+        self.set_penalty(on.system, options.penalty_scale);
         // Loads couple nodes beyond the contacts: the nodes count.
         let dense = if on.system.has_load() {
             on.system.nodes() <= DENSE_NODES

@@ -36,7 +36,7 @@ pub const CLOSED_FORM: &str = "closed form";
 pub const SPHERES: &str = "sweeps of spheres";
 /// Multipliers that hold everything ([`crate::hold`]): where all was at rest and another way moves it, or finds nothing.
 pub const HELD: &str = "held at rest";
-/// Shares (1) of the friction that are left, one after the other, where nothing else solves the smallest part of a step: spheres that wedge one
+/// Shares (1) of the friction that are left, one after the other, where sweeps do not solve a large pile in the smallest part of a step: spheres that wedge one
 /// another may have no motion that obeys Coulomb's law (their forces would have to grow without bound), and have one with less of it.
 /// Without them such a step stops the run (exit code 3); with small ones alone jams come loose and slide.
 pub const LESS_FRICTION: [f64; 2] = [0.5, 0.1];
@@ -46,10 +46,12 @@ pub const LESS_FRICTION: [f64; 2] = [0.5, 0.1];
 pub enum IslandWay {
     /// Linear cone problems, one after the other, each by [`AUTO`].
     Linearised,
-    /// Newton's method with so many times the usual penalty.
-    Newton { penalty: f64 },
-    /// Rounds of sweeps, twice as many in each, and after each Newton's method for so many iterations.
-    SweepsAndNewton { polish: u32 },
+    /// Newton's method.
+    Newton,
+    /// Newton's method for so many iterations from each of some companions.
+    Companions { polish: u32 },
+    /// The convex problem beside the one that is stated: always solvable, and no more than near it.
+    Companion,
 }
 
 /// When an island is solved so.
@@ -58,10 +60,10 @@ pub enum IslandWhen {
     Always,
     /// More contacts than `dense_contacts`, no loads that depend on the motion.
     Large,
-    /// Sweeps are allowed: who wants none wants Newton's method alone.
+    /// Other means than Newton's method are allowed.
     Swept,
-    /// Sweeps are allowed, few contacts, no loads that depend on the motion.
-    Small,
+    /// The options take what is near a solution, no loads that depend on the motion.
+    Last,
 }
 
 /// Ways to solve `u = W r + q`.
@@ -138,10 +140,6 @@ const fn rung<Way: Copy, When: Copy>(
     }
 }
 
-const fn penalty(penalty: f64) -> IslandWay {
-    IslandWay::Newton { penalty }
-}
-
 const fn sweeps(lots: u32) -> Method {
     let relaxation = RELAXATION;
     Method::Sweeps { relaxation, lots }
@@ -160,13 +158,11 @@ const fn round(relaxation: f64, patience: u32) -> Method {
 
 /// Islands of rows. Newton's method has as many iterations as the options say.
 #[rustfmt::skip]
-pub const ISLAND: [Rung<IslandWay, IslandWhen>; 6] = [
+pub const ISLAND: [Rung<IslandWay, IslandWhen>; 4] = [
     rung("linearised",          IslandWay::Linearised, 12,       IslandWhen::Large,  "hyperstatic islands, where Newton goes round in circles"),
-    rung("newton",              penalty(1.0),          u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
-    rung("half the penalty",    penalty(0.5),          u32::MAX, IslandWhen::Always, "another path through the statuses"),
-    rung("twice the penalty",   penalty(2.0),          u32::MAX, IslandWhen::Always, "another path through the statuses"),
-    rung("sweeps and newton",   IslandWay::SweepsAndNewton { polish: 15 }, 14, IslandWhen::Swept, "sweeps find consistent statuses in the end"),
-    rung("linearised after all", IslandWay::Linearised, 12,      IslandWhen::Small,  "wedged balls whose contacts are redundant"),
+    rung("newton",              IslandWay::Newton,     u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
+    rung("companions",          IslandWay::Companions { polish: 15 }, 3,  IslandWhen::Swept, "Newton goes round in circles: starts with the right statuses"),
+    rung("companion",           IslandWay::Companion,  12,       IslandWhen::Last,   "no solution, or none that is found: what slides moves apart"),
 ];
 
 /// Problems `u = W r + q`.

@@ -4,6 +4,7 @@
 //! (Jacobians) over at most two nodes, and bounds that tie friction to the normal multiplier.
 
 pub mod clusters;
+mod companion;
 pub mod cone;
 pub mod direct;
 pub mod hold;

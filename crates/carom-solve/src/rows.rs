@@ -261,6 +261,17 @@ impl RowSystem {
         contact.along(&self.jac[row], u)
     }
 
+    /// `z - G u` for all rows: measures without the correction.
+    pub fn free(&self, z: &[f64], u: &[f64]) -> Vec<f64> {
+        let mut free = z.to_vec();
+        for c in &self.contacts {
+            for row in c.rows() {
+                free[row] -= self.row_velocity(c, row, u);
+            }
+        }
+        free
+    }
+
     /// `z = z0 + G u` for all rows.
     pub fn linear_measures(&self, u: &[f64], z: &mut [f64]) {
         for c in &self.contacts {

@@ -247,19 +247,19 @@ def _solver(result: Result) -> list[Row]:
 def newton_order(result: Result) -> tuple[float, tuple[float, float, float]] | None:
     """Order of convergence of the position sub-problem in the step of the impact, and the residuals that show it.
 
-    It is the best that three consecutive residuals have, all between `CONVERGING` and `ROUNDING`.
+    It is that of the last three consecutive residuals that fall, all between `CONVERGING` and `ROUNDING`.
     """
     _, _, step = first_contact(result, CUE, APEX)
     histories = [h for h in result.residuals.history(step, "position") if len(h) >= 3]
     if not histories:
         return None
     useful = [float(r) for r in max(histories, key=len) if ROUNDING < r < CONVERGING]
-    best: tuple[float, tuple[float, float, float]] | None = None
+    last: tuple[float, tuple[float, float, float]] | None = None
     for three in zip(useful, useful[1:], useful[2:], strict=False):
         a, b, c = map(math.log, three)
-        if c < b < a and (best is None or (c - b) / (b - a) > best[0]):
-            best = (c - b) / (b - a), three
-    return best
+        if c < b < a:
+            last = (c - b) / (b - a), three
+    return last
 
 
 def _penetration(result: Result) -> Row:

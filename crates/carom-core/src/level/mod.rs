@@ -17,13 +17,16 @@ mod wedge;
 
 use crate::contact::Contact;
 use crate::model::Model;
-use crate::options::{Options, Solver};
+use crate::options::{Impact, Options, Solver};
 use crate::outcome::Level;
 use crate::state::State;
 use crate::stepper::Span;
 pub(crate) use carom_solve::ladder::LESS_FRICTION;
 use carom_solve::single::SingleContact;
 use carom_solve::{NewtonOptions, RowSystem};
+
+/// Share (1) of its friction that a companion of positions has. At 0 bounds would be other rows; larger, what slides is lifted by mu times its slip.
+const LITTLE_FRICTION: f64 = 1e-6;
 
 /// Most contacts of an island whose gaps are asked for to `gap_tolerance` as well. Without a bound two steps of twelve falling heaps
 /// (`validation/drops`) were halved that are solved with it: gaps around closed chains contradict one another by what rounding left.
@@ -103,7 +106,17 @@ pub(crate) fn newton_options(
         },
         sweeps: options.gauss_seidel_sweeps,
         dense_contacts: options.dense_contacts as usize,
+        companion: companion(options, position),
     }
+}
+
+/// Friction of the companion that may be the answer where nothing solves an island; nothing for whoever asks for one solver, for Newton's method alone, or for the law as
+/// printed. Positions have no friction then: what slides moves apart in a companion, and what is lifted has energy.
+fn companion(options: &Options, position: bool) -> Option<f64> {
+    let plain = options.solver == Solver::Auto
+        && options.gauss_seidel_sweeps > 0
+        && options.impact != Impact::SequencePaper;
+    plain.then_some(if position { LITTLE_FRICTION } else { 1.0 })
 }
 
 /// Absolute floor of eq. 44 over m r. Large islands are often hyperstatic: gaps, and slips around closed chains of contacts,

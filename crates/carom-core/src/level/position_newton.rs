@@ -3,7 +3,7 @@
 
 use super::position_measures::{CoupledPositions, Positions};
 use super::rest::{self, Resting};
-use super::{loads, newton_options, position_floor, wedge, worst_group, LESS_FRICTION};
+use super::{loads, newton_options, position_floor, wedge, worst_group};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
@@ -18,10 +18,6 @@ use crate::workspace::{IslandScratch, SolveScratch};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
 use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport, Status};
 use glam::DVec3;
-
-/// Gaps that what rests may keep where nothing closes them, over the length of the contact and the tolerance of the island (1). At 0 a wedged
-/// pyramid stopped its run over overlaps of 4e-9 r (decision 019); too large, and what rests keeps overlaps that are seen.
-const GAPS_AT_REST: f64 = 0.1;
 
 /// What is asked for.
 #[derive(Clone, Copy)]
@@ -305,10 +301,10 @@ struct Problem<'a, 'p> {
 
 impl Problem<'_, '_> {
     fn solve(&mut self, way: Way, report: &mut StepReport) -> Option<PositionSolution> {
-        let (resting, accept) = match way {
-            Way::Solve { resting, accept } => (resting, accept),
-            Way::Hold(resting) => (Some(resting), false),
-            Way::Normals { accept } => (None, accept),
+        let resting = match way {
+            Way::Solve { resting, .. } => resting,
+            Way::Hold(resting) => Some(resting),
+            Way::Normals { .. } => None,
         };
         let only = matches!(way, Way::Hold(_));
         let before = resting.map(|resting| {
@@ -328,7 +324,7 @@ impl Problem<'_, '_> {
                 return Some(rests(report, *held));
             }
             if *held || only {
-                if let Some(report) = self.hold(resting, nu, None) {
+                if let Some(report) = self.hold(resting, nu) {
                     return Some(rests(report, true));
                 }
             }
@@ -341,15 +337,9 @@ impl Problem<'_, '_> {
         let moves = |r: &Resting| !result.converged || r.moves(self.system, self.newton.measures());
         let at_rest = resting.is_some_and(|r| !moves(r));
         if let (Some((resting, nu, first)), false) = (&before, at_rest) {
-            // Where nothing solves the smallest part of a step, what rests may keep what earlier steps left of its gaps.
-            let o = &self.measures.model.options;
-            let share = o
-                .touching_tolerance
-                .max(GAPS_AT_REST * self.options.tolerance);
-            let spare = (!result.converged && self.span.smallest).then_some(share);
-            if !first || spare.is_some() {
+            if !first {
                 let history = std::mem::take(&mut self.newton.history);
-                if let Some(found) = self.hold(resting, nu, spare) {
+                if let Some(found) = self.hold(resting, nu) {
                     report.fallbacks += u32::from(!result.converged);
                     return Some(rests(found, true));
                 }
@@ -359,16 +349,12 @@ impl Problem<'_, '_> {
                 self.newton.history = history;
             }
         }
-        if !result.converged && self.span.smallest && !accept {
-            let less = self.with_less_friction(&LESS_FRICTION, |_| true, report);
-            result = less.unwrap_or(result);
-        }
         // Joints, and loads that depend on the motion, stop slides by themselves.
         if result.converged && !at_rest && self.measures.coupled.is_none() {
             let stopped = self.stopped();
             if stopped.contains(&true) {
                 let of = |slot: usize| stopped.get(slot) == Some(&true);
-                let less = self.with_less_friction(&[wedge::NEGLIGIBLE_FRICTION], of, report);
+                let less = self.with_less_friction(of, report);
                 result = less.unwrap_or(result);
             }
         }
@@ -398,9 +384,9 @@ impl Problem<'_, '_> {
     }
 
     /// The solution that moves nothing, near the multipliers `nu` or wherever it is.
-    fn hold(&mut self, resting: &Resting, nu: &[f64], spare: Option<f64>) -> Option<SolveReport> {
+    fn hold(&mut self, resting: &Resting, nu: &[f64]) -> Option<SolveReport> {
         let problem = (&mut *self.system, &mut self.measures, &self.options);
-        let found = resting.hold(self.newton, problem, nu.to_vec(), spare)?;
+        let found = resting.hold(self.newton, problem, nu.to_vec())?;
         (*self.lambda, *self.u) = (found.nu, found.correction);
         Some(found.report)
     }
@@ -408,7 +394,6 @@ impl Problem<'_, '_> {
     /// The solution with less friction in some contacts: a fallback.
     fn with_less_friction(
         &mut self,
-        shares: &[f64],
         of: impl Fn(usize) -> bool,
         report: &mut StepReport,
     ) -> Option<SolveReport> {
@@ -416,7 +401,7 @@ impl Problem<'_, '_> {
             self.system,
             &mut self.measures,
             &self.options,
-            shares,
+            &[wedge::NEGLIGIBLE_FRICTION],
             of,
             [self.lambda, self.u],
         );

@@ -138,14 +138,12 @@ impl Resting {
         })
     }
 
-    /// Looks for the solution that moves nothing, near the multipliers `nu` or wherever it is. Gaps up to `spare` times the length of
-    /// their contact may stay as well, where eq. 44 asks for less: wedged spheres may have no solution that closes or opens them.
+    /// Looks for the solution that moves nothing, near the multipliers `nu` or wherever it is.
     pub fn hold<P: Subproblem>(
         &self,
         newton: &mut Newton,
         (system, problem, options): (&mut RowSystem, &mut P, &NewtonOptions),
         mut nu: Vec<f64>,
-        spare: Option<f64>,
     ) -> Option<StaticSolution> {
         let mut correction = vec![0.0; NODE_DOF * system.nodes()];
         let mut z = vec![0.0; system.rows()];
@@ -166,12 +164,7 @@ impl Resting {
                 return None;
             }
             system.correction(&nu, &mut correction);
-            let report = self.judge(
-                newton,
-                (system, problem, options),
-                [&nu, &correction],
-                spare,
-            );
+            let report = self.judge(newton, (system, problem, options), [&nu, &correction]);
             let moves = self.moves(system, newton.measures());
             if report.converged && !moves {
                 return Some(StaticSolution {
@@ -193,7 +186,7 @@ impl Resting {
     ) -> Option<StaticSolution> {
         let mut correction = vec![0.0; NODE_DOF * system.nodes()];
         system.correction(nu, &mut correction);
-        let report = self.judge(newton, (system, problem, options), [nu, &correction], None);
+        let report = self.judge(newton, (system, problem, options), [nu, &correction]);
         let bound = STILL_OVER_STAYS * self.bound + STILL_ROUNDINGS * options.rounding;
         let moves = self.moves_by(bound, system, newton.measures());
         if !report.converged || moves {
@@ -213,24 +206,11 @@ impl Resting {
         newton: &mut Newton,
         (system, problem, options): (&mut RowSystem, &mut P, &NewtonOptions),
         [nu, correction]: [&[f64]; 2],
-        spare: Option<f64>,
     ) -> SolveReport {
         let mut report = newton.judge(system, problem, options, nu, correction);
         report.rung = HELD;
-        let z = newton.measures();
-        report.converged |= spare.is_some_and(|share| self.gaps_below(system, z, share));
         newton.attempts.push(report.attempt());
         report
-    }
-
-    /// Whether all gaps of what touches are smaller than `share` of the length of their contact, open or overlapping.
-    fn gaps_below(&self, system: &RowSystem, measures: &[f64], share: f64) -> bool {
-        let mut touching = system
-            .contacts
-            .iter()
-            .zip(&self.gap_start)
-            .filter(|(_, gap)| gap.is_some());
-        touching.all(|(c, _)| measures[c.row as usize].abs() < share * c.length)
     }
 
     /// Measures with gaps as their changes.

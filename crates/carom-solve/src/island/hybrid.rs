@@ -2,8 +2,7 @@
 
 use crate::problem::Problem;
 use crate::report::SolveReport;
-use crate::rows::{RowSystem, NODE_DOF};
-use crate::solver::sweep::ConeSweeps;
+use crate::rows::RowSystem;
 use crate::solver::{Auto, Settings};
 
 /// Contact updates that the sweeps of one linear problem may cost, some tenths of a second; bounds the time of a step in a jam.
@@ -57,26 +56,9 @@ impl Hybrid {
         }
     }
 
-    /// Sweeps `lambda` over the problem linearised at it, where the measures are `z`.
-    pub fn sweep(&mut self, system: &RowSystem, z: &[f64], count: u32, lambda: &mut [f64]) {
-        let mut u = vec![0.0; NODE_DOF * system.nodes()];
-        system.correction(lambda, &mut u);
-        self.state(system, z, &u);
-        let mut sweeps = ConeSweeps::new(&self.problem, 1);
-        sweeps.enter(lambda);
-        sweeps.sweep(count, || false);
-        sweeps.leave(lambda);
-    }
-
     /// The problem with the measures `z` at the correction `u` of the multipliers.
     fn state(&mut self, system: &RowSystem, z: &[f64], u: &[f64]) {
-        self.q.clear();
-        self.q.extend_from_slice(z);
-        for c in &system.contacts {
-            for row in c.rows() {
-                self.q[row] -= system.row_velocity(c, row, u);
-            }
-        }
+        self.q = system.free(z, u);
         self.problem.fill_rows(system, &self.q);
     }
 }

@@ -17,7 +17,7 @@ use super::{ConeSolver, Judge};
 use crate::problem::Problem;
 
 mod cone;
-mod hold;
+mod convex;
 #[cfg(test)]
 mod tests;
 
@@ -56,7 +56,7 @@ pub struct InteriorPoint {
     dual_residual: Vec<f64>,
     rhs: Vec<f64>,
     step: Vec<f64>,
-    /// Without the slip shift ([`hold`]).
+    /// Without the slip shift ([`convex`]).
     convex: bool,
 }
 

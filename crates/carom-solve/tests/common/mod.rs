@@ -203,6 +203,7 @@ pub fn sharp() -> NewtonOptions {
         max_line_search: 10,
         sweeps: 15,
         dense_contacts: 10,
+        companion: None,
     }
 }
 

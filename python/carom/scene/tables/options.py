@@ -60,8 +60,7 @@ OPTIONS: dict[str, Option] = {
     "position_projection": Option("moreau only: remove penetration after each step; velocities stay"),
     "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
     "pile_tolerance": Option(
-        "tol_r in islands of more than dense_contacts contacts, and of impacts in the smallest part of a step that"
-        " nothing solves better",
+        "tol_r in islands of more than dense_contacts contacts",
         _FRACTION,
     ),
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
@@ -117,7 +116,7 @@ OPTIONS: dict[str, Option] = {
         _COUNT_OR_NONE,
     ),
     "gauss_seidel_sweeps": Option(
-        "sweeps of the fallback before Newton is tried again; 0: no solver but Newton in islands of up to dense_contacts",
+        "0: Newton's method alone in islands of up to dense_contacts; other numbers: convex companions where it fails",
         _COUNT_OR_NONE,
     ),
     "max_halvings": Option(

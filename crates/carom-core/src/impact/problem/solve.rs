@@ -5,7 +5,7 @@ use crate::impact::coupled::CoupledVelocities;
 use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::level::coupling::Trial;
-use crate::level::{newton_options, worst_group, LESS_FRICTION};
+use crate::level::{newton_options, worst_group};
 use crate::model::Model;
 use crate::outcome::Level;
 use crate::problem::Solve;
@@ -83,11 +83,9 @@ impl ImpactScratch {
     ) -> bool {
         self.build(model, scratch.contacts, Law::Plastic);
         self.solve_built(model, scratch, problem, None, report)
-            || self.is_fine_enough(model, report)
-            || self.solve_with_less_friction(model, scratch, problem, report)
     }
 
-    /// Solves the problem as it is stated; at rest where it was so, and by what is left where nothing solves the smallest part of a step.
+    /// Solves the problem as it is stated; at rest where it was so, and without restitution where there are no velocities that Newton's law asks for.
     fn solve_stated(
         &mut self,
         model: &Model,
@@ -96,51 +94,38 @@ impl ImpactScratch {
         warm: Option<&[f64]>,
         report: &mut StepReport,
     ) -> bool {
-        // Contacts that can jam (a ball in a corner with mu > 1/sqrt 2) may have no velocities that Newton's law asks for. Smaller
-        // parts of the step may take them one by one; where there are none, restitution goes: without it the measures are
-        // those of a motion, and the problem has a solution.
-        let law = self.law;
-        let scaled = law.has_restitution() && model.options.energy_safeguard;
-        let without = scaled && self.span.smallest;
-        let accept = self.accept_unconverged;
-        let residual_before = report.residual_velocity;
-        let resting = match law {
+        let resting = match self.law {
             Law::Printed => None,
             _ if problem > 1 => None,
             _ => self.rests_below(model, scratch.contacts),
         };
-        self.accept_unconverged = accept && !without && resting.is_none();
+        // Contacts that jam may contradict one another (a ball in a corner with mu > 1/sqrt 2). Without restitution the measures are
+        // those of a motion, and the problem has a solution.
+        let without = self.law.has_restitution() && model.options.energy_safeguard;
+        let accept = self.accept_unconverged;
+        self.accept_unconverged &= resting.is_none() && !without;
         let mut before = *report;
         let mut solved = self.solve_built(model, scratch, problem, warm, report);
+        // What was tried is no part of the step.
         if let Some(bound) = resting {
-            // What the other one took is no part of the step.
             if (!solved || self.moves(scratch, bound))
                 && self.hold(model, scratch, bound, warm, &mut before)
             {
                 before.fallbacks += u32::from(!solved);
                 (*report, solved) = (before, true);
-            } else if !solved && accept && !without {
-                report.unconverged += 1;
-                solved = true;
             }
         }
         self.accept_unconverged = accept;
         if !solved && without {
-            // What is given up is no part of the step.
-            report.residual_velocity = residual_before;
+            report.residual_velocity = before.residual_velocity;
             self.scale.fill(0.0);
             self.build(model, scratch.contacts, Law::Plastic);
             solved = self.solve_built(model, scratch, problem, warm, report);
             report.restitution_scale = 0.0;
             report.fallbacks += 1;
-        }
-        if solved || self.is_fine_enough(model, report) {
-            return true;
-        }
-        let residual = std::mem::replace(&mut report.residual_velocity, residual_before);
-        let solved = self.solve_with_less_friction(model, scratch, problem, report);
-        if !solved {
-            report.residual_velocity = residual;
+        } else if !solved && accept {
+            report.unconverged += 1;
+            solved = true;
         }
         solved
     }
@@ -159,45 +144,6 @@ impl ImpactScratch {
                 *v += jump - loads;
             }
         }
-    }
-
-    /// A few spheres that jam may have no solution as fine as is asked of them. Where there is no smaller part of the step, what is asked of larger
-    /// islands does, counted as a fallback.
-    pub(in crate::impact) fn is_fine_enough(
-        &mut self,
-        model: &Model,
-        report: &mut StepReport,
-    ) -> bool {
-        let fine = self.span.smallest && self.last.residual < model.options.pile_tolerance;
-        self.last.converged |= fine;
-        report.fallbacks += u32::from(fine);
-        fine
-    }
-
-    /// Where not even that is found: the problem as it stands, with less friction in all its contacts.
-    pub(in crate::impact) fn solve_with_less_friction(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        problem: u32,
-        report: &mut StepReport,
-    ) -> bool {
-        if !self.span.smallest {
-            return false;
-        }
-        let (last, failed) = (self.last, scratch.keeper.failed.take());
-        for share in LESS_FRICTION {
-            for (c, &slot) in self.sub.contacts.iter_mut().zip(&self.chosen) {
-                c.bounds = self.full.contacts[slot].bounds.scaled(share);
-            }
-            if self.solve_built(model, scratch, problem, None, report) {
-                report.fallbacks += 1;
-                return true;
-            }
-        }
-        // What stopped the run is the problem itself.
-        (self.last, scratch.keeper.failed) = (last, failed);
-        false
     }
 
     /// Whether the last problem gave no impulse at all: the next ones would be the same.
@@ -309,6 +255,7 @@ impl ImpactScratch {
             // From a solution, by Newton's method alone.
             options.tolerance *= self.fineness;
             options.floor *= self.fineness;
+            options.companion = None;
             (options.max_iterations, options.sweeps) = (FINER_ITERATIONS, 0);
         }
         options

@@ -1,0 +1,125 @@
+//! Islands by Newton's method from convex companions ([`companion`]), and by the companion alone, linearised where the normals have turned.
+
+use super::{Island, Newton};
+use crate::companion;
+use crate::report::SolveReport;
+use crate::rows::{RowSystem, Subproblem};
+
+/// What a linear problem may miss of the measures, over their size (1). At velocity level it misses nothing; larger, and positions keep the
+/// overlaps that turning normals leave.
+const TURNED: f64 = 1e-9;
+/// Closing over the largest measure without forces (1) that no tolerance excuses. Larger: a ball in a rough corner, where no velocity is as Newton's
+/// law asks, rebounds by sigma. Smaller: what tolerances leave.
+const CLOSING: f64 = 1e-3;
+
+impl Newton {
+    /// Companions whose sliders are pressed together by what the last one moved them apart, and from each Newton's method for so many iterations.
+    pub(super) fn companions<P: Subproblem>(
+        &mut self,
+        on: &mut Island<P>,
+        [most, polish]: [u32; 2],
+        x: &mut Vec<f64>,
+    ) -> SolveReport {
+        let mut total = SolveReport::default();
+        let mut apart = vec![0.0; on.system.contacts.len()];
+        let (mut start, mut polished) = (x.clone(), Vec::new());
+        let mut least = f64::INFINITY;
+        self.evaluate(on, &start);
+        for _ in 0..most {
+            let stated = [1.0, companion::SIGMA_OF_START];
+            let Some(size) = self.solve_companion(on, &apart, stated, &mut start) else {
+                break;
+            };
+            polished.clone_from(&start);
+            let mut report = self.iterate(on, polish, &mut polished);
+            report.converged &= !self.closes(on.system, size);
+            total.add(&report);
+            if report.converged || report.residual < least {
+                least = report.residual;
+                x.clone_from(&polished);
+            }
+            if report.converged {
+                return total;
+            }
+            self.evaluate(on, &start);
+            for (apart, c) in apart.iter_mut().zip(&on.system.contacts) {
+                *apart = companion::moved_apart(&c.bounds, &self.at.z[c.rows()]);
+            }
+        }
+        // What is left is the best there is.
+        let terms = self.evaluate(on, x);
+        total.residual = on.relative(&terms);
+        total
+    }
+
+    /// The companion alone.
+    pub(super) fn companion<P: Subproblem>(
+        &mut self,
+        on: &mut Island<P>,
+        most: u32,
+        x: &mut [f64],
+    ) -> SolveReport {
+        let mut total = SolveReport::default();
+        self.set_penalty(on.system, on.options.penalty_scale);
+        let rows = on.system.rows();
+        let Some(friction) = on.options.companion else {
+            return total;
+        };
+        let stated = [friction, companion::SIGMA_OF_ANSWER];
+        let nothing = vec![0.0; on.system.contacts.len()];
+        let mut closes = false;
+        self.evaluate(on, x);
+        for _ in 0..most {
+            let free = on.system.free(&self.at.z, &x[rows..]);
+            let Some(size) = self.solve_companion(on, &nothing, stated, x) else {
+                return total;
+            };
+            // Of the linear problem.
+            let back: Vec<f64> = x[rows..].iter().map(|u| -u).collect();
+            let expected = on.system.free(&free, &back);
+            total.iterations += 1;
+            let terms = self.evaluate(on, x);
+            total.residual = on.relative(&terms);
+            self.history.push(total.residual);
+            closes = self.closes(on.system, size);
+            let missed = expected.iter().zip(&self.at.z);
+            if missed.fold(0.0f64, |most, (e, z)| most.max((e - z).abs())) <= TURNED * size {
+                break;
+            }
+        }
+        // What slides moves apart: the multipliers are those found, not what Coulomb's law would make of them.
+        let lambda = &x[..rows];
+        self.at.phi.copy_from_slice(lambda);
+        for (slot, status) in self.at.statuses.iter_mut().enumerate() {
+            *status = companion::status(on.system, slot, lambda);
+        }
+        total.converged = !closes && self.gaps_closed(on.system, on.options);
+        total
+    }
+
+    /// Whether measures contradict one another: then forces without bound make the relative residual as small as one likes, and contacts close all
+    /// the same. `size`: the largest measure without forces.
+    fn closes(&self, system: &RowSystem, size: f64) -> bool {
+        let mut contacts = system.contacts.iter().filter(|c| !c.bilateral);
+        contacts.any(|c| self.at.z[c.row as usize] < -CLOSING * size)
+    }
+
+    /// Solves the companion linearised at `x`, where all is evaluated, with contacts `apart` by so much more; the largest measure without forces.
+    fn solve_companion<P>(
+        &mut self,
+        on: &Island<P>,
+        apart: &[f64],
+        as_stated: [f64; 2],
+        x: &mut [f64],
+    ) -> Option<f64> {
+        let (lambda, u) = x.split_at_mut(on.system.rows());
+        let mut free = on.system.free(&self.at.z, u);
+        let size = free.iter().fold(0.0f64, |most, q| most.max(q.abs()));
+        for (apart, c) in apart.iter().zip(&on.system.contacts) {
+            free[c.row as usize] += apart;
+        }
+        let solved = companion::solve(on.system, &free, as_stated, lambda);
+        on.system.correction(lambda, u);
+        solved.then_some(size)
+    }
+}
