@@ -20,7 +20,7 @@ step "rustfmt" cargo fmt --all --check
 step "clippy" cargo clippy --workspace --all-targets $locked --quiet -- -D warnings
 step "ruff check" "$python" -m ruff check --no-cache
 step "ruff format" "$python" -m ruff format --check
-step "layers" .venv/bin/lint-imports --no-cache --no-logo
+step "layers" env PYTHONPATH=python .venv/bin/lint-imports --no-cache --no-logo
 step "circles" "$python" tools/circles.py
 step "mypy" "$python" -m mypy
 step "audit" tools/audit.sh

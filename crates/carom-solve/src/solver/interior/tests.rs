@@ -238,3 +238,64 @@ fn longest_step_ends_on_the_boundary() {
     }
     assert!(ended > 1000);
 }
+
+/// The companion is the least of its convex problem: inside of the cones, measures inside of the dual ones and perpendicular, and what slides moves
+/// apart by the sum of bound times slip.
+#[test]
+fn the_companion_is_the_least_over_the_cones() {
+    let mut rng = Rng(6);
+    let (mut slid, mut parted) = (0, 0);
+    for case in 0..200 {
+        let mut problem = mixed(&mut rng);
+        make_symmetric(&mut problem);
+        let mut path = InteriorPoint::default();
+        let y = path.companion(&problem).expect("W is definite");
+        let mut u = vec![0.0; problem.rows()];
+        problem.velocity(&y, &mut u);
+        let dot: f64 = y.iter().zip(&u).map(|(y, u)| y * u).sum();
+        assert!(dot.abs() < 1e-8, "case {case}: {dot:e}");
+        // At rest is allowed, so the least is no gain.
+        let loads: f64 = y.iter().zip(&problem.q).map(|(y, q)| y * q).sum();
+        assert!(loads <= 1e-8, "case {case}: {loads:e}");
+        for group in &problem.groups {
+            let (y, u) = (&y[group.rows()], &u[group.rows()]);
+            if group.bilateral {
+                assert!(norm(u) < 1e-8, "case {case}: {u:?}");
+                continue;
+            }
+            let apart = crate::companion::moved_apart(&group.bounds, u);
+            assert!(u[0] >= apart - 1e-6, "case {case}: {} {apart}", u[0]);
+            for d in group.bounds.discs() {
+                let friction = norm(&y[d.start..d.start + d.dim]);
+                assert!(friction <= d.bound * y[0] + 1e-9, "case {case}");
+            }
+            if y[0] > 1e-3 {
+                assert!((u[0] - apart).abs() < 1e-6, "case {case}: {} {apart}", u[0]);
+                slid += usize::from(apart > 1e-3);
+            } else {
+                parted += usize::from(u[0] > 1e-3);
+            }
+        }
+    }
+    assert!(slid > 50 && parted > 50, "{slid} {parted}");
+}
+
+fn make_symmetric(problem: &mut Problem) {
+    for i in 0..problem.groups.len() {
+        for j in 0..=i {
+            let (Some(at), Some(back)) = (problem.w.find(i, j), problem.w.find(j, i)) else {
+                continue;
+            };
+            let (rows, cols) = (problem.groups[i].dim, problem.groups[j].dim);
+            for r in 0..rows {
+                for c in 0..cols {
+                    let mean = 0.5
+                        * (problem.w.block(i, at)[r * cols + c]
+                            + problem.w.block(j, back)[c * rows + r]);
+                    problem.w.block_mut(i, at)[r * cols + c] = mean;
+                    problem.w.block_mut(j, back)[c * rows + r] = mean;
+                }
+            }
+        }
+    }
+}
