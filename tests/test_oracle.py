@@ -28,7 +28,8 @@ AGREE = 1e-10
 # What the oracle's conditions may be violated by where multipliers, and then velocities, are not unique.
 JUDGED = 1e-8
 # Shares of the friction that are tried where contacts jam (`docs/theory/algorithm.md`, section 5).
-LESS_FRICTION = (0.5, 0.1)
+#: Share of the friction between positions where nothing else is found (decision record 011).
+LITTLE_FRICTION = 1e-6
 
 
 def difference(oracle: Reference, core: _core.Simulation, radius: np.ndarray) -> float:
@@ -133,8 +134,8 @@ def without_restitution(model: dict[str, Any], bodies: set[int]) -> dict[str, An
 
 
 def judge_jammed(model: dict[str, Any], saved: dict[str, Any]) -> None:
-    """Where no motion obeys the laws, the core gives up restitution in the smallest part of a step, or half or nine tenths
-    of the friction: here in the whole step. Each level has to be solved exactly by one of these."""
+    """Where no motion obeys the laws, the core gives up restitution, or nearly all friction between positions. Each level has
+    to be solved exactly by one of these."""
     core = _core.Simulation({**model, "options": {**model["options"], "max_halvings": 0}})
     core.restore(saved)
     start = core_state(core)
@@ -145,7 +146,7 @@ def judge_jammed(model: dict[str, Any], saved: dict[str, Any]) -> None:
     if len(jammed):
         model = without_restitution(model, {int(b) for b in jammed.flat if b < len(model["radius"])})
     verdicts = []
-    for share in (1.0, *LESS_FRICTION):
+    for share in (1.0, LITTLE_FRICTION):
         names = ("friction", "rolling_radius", "spinning_radius")
         judge = Reference({**model, **{name: share * model[name] for name in names}})
         judge.state = start

@@ -32,7 +32,10 @@ impl Newton {
             };
             polished.clone_from(&start);
             let mut report = self.iterate(on, polish, &mut polished);
-            report.converged &= !self.closes(on.system, size);
+            if report.converged && self.closes(on.system, size) {
+                // No solution, and no iterate to take either.
+                (report.converged, report.residual) = (false, f64::INFINITY);
+            }
             total.add(&report);
             if report.converged || report.residual < least {
                 least = report.residual;

@@ -51,13 +51,6 @@ impl InteriorPoint {
                 break;
             }
         }
-        if least > SOLVED_AT_WORST {
-            eprintln!(
-                "IPM {least:.1e} n={} y={:.1e} loads={loads:.1e}",
-                problem.rows(),
-                self.y.iter().fold(1.0f64, |most, y| most.max(y.abs()))
-            );
-        }
         (least <= SOLVED_AT_WORST).then_some(best)
     }
 
