@@ -134,8 +134,8 @@ def without_restitution(model: dict[str, Any], bodies: set[int]) -> dict[str, An
 
 
 def judge_jammed(model: dict[str, Any], saved: dict[str, Any]) -> None:
-    """Where no motion obeys the laws, the core gives up restitution, or nearly all friction between positions. Each level has
-    to be solved exactly by one of these."""
+    """Where no motion obeys the laws, the core gives up restitution, or nearly all friction between positions. Each
+    level has to be solved exactly by one of these."""
     core = _core.Simulation({**model, "options": {**model["options"], "max_halvings": 0}})
     core.restore(saved)
     start = core_state(core)
