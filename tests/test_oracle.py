@@ -27,7 +27,6 @@ STEPS = 5
 AGREE = 1e-10
 # What the oracle's conditions may be violated by where multipliers, and then velocities, are not unique.
 JUDGED = 1e-8
-# Shares of the friction that are tried where contacts jam (`docs/theory/algorithm.md`, section 5).
 #: Share of the friction between positions where nothing else is found (decision record 011).
 LITTLE_FRICTION = 1e-6
 
