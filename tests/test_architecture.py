@@ -148,3 +148,4 @@ def test_every_decision_has_its_three_parts_and_its_number() -> None:
         assert "**Decided.**" in text
         assert "**Price.**" in text
         assert len(text.split()) < 700, f"{page.name} is longer than a page"
+        assert len(text.splitlines()) <= 60, f"{page.name} has more than 60 lines"

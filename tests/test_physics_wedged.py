@@ -24,7 +24,7 @@ def test_balls_that_wedge_one_another_go_on_with_less_friction(level: str) -> No
     assert s["unconverged"] == 0
     assert s["fallbacks"] > 0
     below(1e-9, "penetration / r", s["penetration_max_relative"])
-    # Balls that are held by friction at one level alone: first order in the step, here one of 2 ms (decision record 020).
+    # Balls that are held by friction at one level alone: first order in the step, here one of 2 ms (decision record 015).
     below(1e-3, "energy rise", s["energy"]["max_rise_relative"])
     assert carom.audit.check(result).ok
     if level == "position":

@@ -49,7 +49,7 @@ def test_every_bound_says_where_it_comes_from(example: str) -> None:
         assert len(bound["origin"]) > 5, name
 
 
-# Balls and seed of drops in which forces that held one another once threw balls out (decision record 020), and of one with
+# Balls and seed of drops in which forces that held one another once threw balls out (decision record 015), and of one with
 # an island of five contacts that no solver brings below 4e-7.
 DROPS = [(68, 1047), (76, 1055), (68, 1180)]
 

@@ -14,7 +14,7 @@ largest rise of the energy in a step over the energy that there was.
 
 With `--narrow` 4 to 17 balls fall into towers one or two of them wide, with friction of 0.6 and more, in 300 steps of
 2 ms and at the default tolerance. Most get stuck, and the energy may rise: an error of first order in the step (decision
-record 020), shown and no failure.
+record 015), shown and no failure.
 """
 
 from __future__ import annotations

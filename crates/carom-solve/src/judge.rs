@@ -16,7 +16,7 @@ pub struct Terms {
 impl Terms {
     /// `|r| / (sum |r_k| + floor)`: converged below tol_r, with the floor `tol_f`.
     ///
-    /// In large islands callers give a floor of lengths (decision record 015), far above rounding where steps are short: there it may
+    /// In large islands callers give a floor of lengths (decision record 011), far above rounding where steps are short: there it may
     /// count for [`FLOOR_OVER_TERMS`] times the terms, so the tolerance is never more than ten times what was asked for.
     pub fn relative(&self, mut floor: f64, large: bool) -> f64 {
         if large {

@@ -3,7 +3,7 @@
 In an island of up to `dense_contacts` contacts, or `pile_contacts` where `pile_tolerance` is fine, as of all contacts
 (`Block.left`): `8 tol_r` times the root of the sum of the squares of all impulses of the step.
 
-Piles sum impulses of every size over up to 52 problems, and the rule is applied as the solver states it (decision 016): in
+Piles sum impulses of every size over up to 52 problems, and the rule is applied as the solver states it (decision 011): in
 problem p, with impulses `r_p` that change the momenta by `M u_p` (moments over the radius),
 
     |residual| <= rho = tol_r (2 |M u_p| + |P(r_p - ...)| + |r_p| + T) + floor,     |P| = |r_p| up to rho itself

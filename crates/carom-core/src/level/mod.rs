@@ -121,7 +121,7 @@ fn companion(options: &Options, position: bool) -> Option<f64> {
 
 /// Absolute floor of eq. 44 over m r. Large islands are often hyperstatic: gaps, and slips around closed chains of contacts,
 /// contradict one another by what earlier steps left (measured: 1e-13 to 1e-11 m at radii of 5e-3 m). What is within the tolerance
-/// of touching is no error there (decision record 015).
+/// of touching is no error there (decision record 011).
 pub(crate) fn position_floor(options: &Options, contacts: usize) -> f64 {
     if contacts > options.dense_contacts as usize {
         options.tolerance_floor.max(options.touching_tolerance)

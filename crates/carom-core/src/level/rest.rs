@@ -28,7 +28,7 @@ const STILL_OVER_STAYS: f64 = 1e-4;
 /// The same in roundings of a coordinate (1): gaps are differences of such. At 0 a rack at rest is solved anew in each step.
 const STILL_ROUNDINGS: f64 = 4.0;
 /// Share (1) of the motion by the loads up to which something was at rest at t_n. At 1e-3 the 3e-6 m/s that sweeps leave brought pyramids
-/// down (decision 019): what solvers leave, step by step, must not grow into a motion that is no longer looked at. Too large: what begins to move is stopped.
+/// down (decision 015): what solvers leave, step by step, must not grow into a motion that is no longer looked at. Too large: what begins to move is stopped.
 const WAS_SHARE: f64 = 1e-2;
 /// The same over the share up to which it stays at rest (1), for coarse tolerances; too small, and piles swept coarsely fall as above.
 const WAS_OVER_STAYS: f64 = 10.0;

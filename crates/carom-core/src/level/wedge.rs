@@ -2,14 +2,14 @@
 //!
 //! Where friction is large, wedged spheres may press one another with any force, and hold what slides: of the solutions of Coulomb's law
 //! the position level then has one, the velocity level may have another one without such forces. A sphere would stay where it is while its
-//! velocity grows with every step (decision record 020). The velocity at `t_n` obeyed the law there: what slides on without being
+//! velocity grows with every step (decision record 015). The velocity at `t_n` obeyed the law there: what slides on without being
 //! hit is slowed by its loads, not stopped.
 
 use crate::contact::Contact;
 use carom_solve::rows::RowSystem;
 
 /// Share (1) of friction that is left to contacts which stop a slide. At 0 bounds would be other rows; much larger, and forces that hold one
-/// another stop the slide all the same: balls hang while their velocity grows with `g t` (decision 020).
+/// another stop the slide all the same: balls hang while their velocity grows with `g t` (decision 015).
 pub(super) const NEGLIGIBLE_FRICTION: f64 = 1e-9;
 /// A slide counts beyond this many times (1) the way of the loads in a step: three times the speed that they give. Too small: what friction
 /// rightly brings to rest slides on; at 0 falling heaps have seven times the fallbacks. Too large: a sphere hangs longer before it is let go.

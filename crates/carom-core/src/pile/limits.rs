@@ -37,7 +37,7 @@ pub(super) const LARGE_ISLAND: usize = 10_000;
 pub(super) const WORST_CONTACT_FROM: f64 = 2_500.0;
 
 /// Share (1) of the closing tolerance that solvers may leave. At 1 what a solve leaves closes again, and 8000 grains never came to rest
-/// (decision 016); near 0 each solve takes more sweeps.
+/// (decision 011); near 0 each solve takes more sweeps.
 pub(super) const CLOSING_LEFT: f64 = 0.5;
 
 /// The levels keep to their own impulses of the last step as long as those of one are at most so many times (1) those of the other, `nu` over h/2

@@ -16,7 +16,7 @@ const SORTED_SPHERES: usize = 2_000;
 
 /// A solve starts from nothing where one contact of the last step held so many times (1) what all loads of the island together ask for: spheres that
 /// friction wedges may hold one another with any force, and a tolerance that is relative to that tells nothing of the loads. Too large: a ball
-/// in a corner was thrown out by 556 weights that it had been squeezed with (decision 020). Too small: jams start anew, at four times the time.
+/// in a corner was thrown out by 556 weights that it had been squeezed with (decision 015). Too small: jams start anew, at four times the time.
 const RUNAWAY_RATIO: f64 = 10.0;
 
 /// Memory of the pile solver.

@@ -1,6 +1,6 @@
 //! Islands of many contacts: both levels by sweeps over spheres without matrices, started from the impulses of the last step.
 //!
-//! The law is that of the small islands (`level`, `impact`); decision record 016 says what differs: one frame per contact, at the
+//! The law is that of the small islands (`level`, `impact`); decision record 011 says what differs: one frame per contact, at the
 //! normal of the end of the step, so that [`carom_solve::spheres`] applies; a tolerance of piles; impact problems after the first
 //! are solved where something closes and nowhere else (`cascade`). What does not converge here goes to the solvers of the small
 //! islands, and is counted.
