@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import re
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
 
 import carom
+import nine_ball_break
 import pytest
 from carom import billiards
-from docs_pages import DOCS, KIT, ROOT, blocks, run
+from docs_pages import DOCS, KIT, blocks, run
 from prose import long_lines, long_sentences
-
-sys.path.insert(0, str(ROOT / "tools"))
-import nine_ball_break  # tools/ is no package
 
 BILLIARDS = DOCS / "reference" / "billiards.md"
 

@@ -22,6 +22,7 @@ step "ruff check" "$python" -m ruff check --no-cache
 step "ruff format" "$python" -m ruff format --check
 step "layers" env PYTHONPATH=python .venv/bin/lint-imports --no-cache --no-logo
 step "circles" "$python" tools/circles.py
+step "prose" "$python" tools/prose.py
 step "mypy" "$python" -m mypy
 step "audit" tools/audit.sh
 
@@ -29,4 +30,4 @@ if [ ${#failed[@]} -gt 0 ]; then
     printf 'check failed: %s\n' "$(IFS=, && echo "${failed[*]}")"
     exit 1
 fi
-echo "check passed: rustfmt, clippy, ruff, layers, circles, mypy, audit"
+echo "check passed: rustfmt, clippy, ruff, layers, circles, prose, mypy, audit"
