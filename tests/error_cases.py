@@ -465,7 +465,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("until", 'until = 1.0 -> until = "= y"'),
         ("until", '[run]\nuntil = 1.0 -> [parameters]\nyy = 1.0\n[run]\nuntil = "= y"'),
     ],
-    "... is no number: it depends on ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,"= 2*t"]\n')],
+    "... is not a number: it depends on ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,"= 2*t"]\n')],
     'the formula of a law has no "=" in front: ...': [
         ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "= t" }]\n')
     ],

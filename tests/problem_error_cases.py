@@ -146,7 +146,7 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
         whole(H=np.ones((3, 6))),
     ),
     "...; one of ...": ("form: 'loacl'", lambda f, p: kept.state({}, "loacl")),
-    "joints of ... rows hold one another; up to ... are eliminated": ("joints", many_joints),
+    "joints of ... rows depend on one another; up to ... are eliminated": ("joints", many_joints),
     "not a list of numbers; give an array of one dimension": ("q", local(q=[[1], [2, 3]])),
     "an array of ... dimensions and type ...; give real numbers, in one dimension": ("mu", local(mu=0.1)),
     "... values; there must be ...": ("mu_r: 3", local(mu_r=[0.1, 0.1, 0.1])),

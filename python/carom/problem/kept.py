@@ -31,7 +31,7 @@ I64 = NDArray[np.int64]
 
 #: Degrees of freedom of a body; rows of a contact as the core keeps it.
 DOF = ROWS = 6
-#: Rows of joints that hold one another, up to which they are eliminated (a dense matrix).
+#: Rows of joints that depend on one another, up to which they are eliminated (a dense matrix).
 MAX_JOINT_ROWS = 3000
 #: Share of the largest eigenvalue below which joints hold a motion more than once.
 REDUNDANT = 1e-12
@@ -176,7 +176,7 @@ def _inverse_of_joints(matrix: Csr) -> Csr:
     label = components(matrix)
     dense_of = np.bincount(label, minlength=1)
     if dense_of.max(initial=0) > MAX_JOINT_ROWS:
-        cause = f"joints of {dense_of.max()} rows hold one another"
+        cause = f"joints of {dense_of.max()} rows depend on one another"
         raise refuse("joints", cause, f"up to {MAX_JOINT_ROWS} are eliminated")
     rows, columns, values = [], [], []
     for group in range(len(dense_of) if len(label) else 0):

@@ -202,7 +202,7 @@ MEANINGS: dict[str, Meaning] = {
         "m", "deepest penetration after the step (penalty: within it), 0 if there is none"
     ),
     "steps/penetration_relative": Meaning("1", "the same over the radius of the body"),
-    "steps/fallbacks": Meaning("1", "times a rescue method of the solver was used"),
+    "steps/fallbacks": Meaning("1", "times the default solver failed and a backup was used"),
     "steps/truncated": Meaning("1", "impact sequences cut short"),
     "steps/unconverged": Meaning("1", "sub-problems accepted without convergence"),
     "steps/halvings": Meaning("1", "times the step was halved"),
@@ -211,7 +211,7 @@ MEANINGS: dict[str, Meaning] = {
     "steps/restitution_scale": Meaning("1", "smallest factor on the restitution by the energy safeguard"),
     "steps/substeps": Meaning(
         "1",
-        "substeps of method penalty; with others the parts of a step cut so that nothing passes through anything, else 0",
+        "sub-steps of method penalty; with others those of a step that was divided so that nothing passes through anything, else 0",
     ),
     "steps/substep_min": Meaning("s", "smallest of them, 0 if there are none"),
     "residuals/step": Meaning("1", "step of the contact problem"),

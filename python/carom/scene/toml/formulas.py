@@ -126,7 +126,7 @@ class Formulas:
         formula = text.lstrip().removeprefix("=").strip()
         self.refuse(
             path,
-            f"{quoted(text)} is no number: it depends on {variable}",
+            f"{quoted(text)} is not a number: it depends on {variable}",
             f'write it as a law: {{ expression = "{formula}" }}',
         )
         return True
