@@ -47,16 +47,16 @@ class Record(Table):
         "steps between frames; if omitted, thinned to 1000 frames", default=None, examples=[1]
     )
     contacts: Annotated[bool, Flag()] = key(
-        "keep the impulses of each contact, accumulated since the last frame", default=True
+        "record the impulses of each contact, accumulated since the last frame", default=True
     )
     impacts: Annotated[bool | str, FlagOr("every")] = key(
-        "keep the table of impacts; piles of thousands fill gigabytes with it;"
+        "record the table of impacts; piles of thousands fill gigabytes with it;"
         ' "every": in piles too a row for each impact problem, not for each step alone',
         default=True,
         examples=["every"],
     )
     walls: Annotated[bool, Flag()] | None = key(
-        "keep the impulse on each wall since the last frame; if omitted, where a wall moves",
+        "record the impulse on each wall since the last frame; if omitted, where a wall moves",
         default=None,
         examples=[True],
     )
