@@ -60,7 +60,7 @@ def _meaning(key: str, field: Any, owner: type[Table]) -> str:
     text = str(field.description)
     admitted = _core.choices().get(key) if owner is SINGLE["run"] else None
     if admitted:
-        text += "; one of " + ", ".join(f"`{value}`" for value in admitted)
+        text += ". One of " + ", ".join(f"`{value}`" for value in admitted)
     return text.replace("|", "\\|")
 
 

@@ -50,7 +50,7 @@ class Record(Table):
         "record the impulses of each contact, accumulated since the last frame", default=True
     )
     impacts: Annotated[bool | str, FlagOr("every")] = key(
-        "record the table of impacts; piles of thousands fill gigabytes with it;"
+        "record the table of impacts; piles of thousands fill gigabytes with it."
         ' "every": in piles too a row for each impact problem, not for each step alone',
         default=True,
         examples=["every"],

@@ -65,8 +65,8 @@ OPTIONS: dict[str, Option] = {
     ),
     "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
     "position_friction": Option(
-        "law sequence of nsga only: once solves the loads of a step once, with friction, and corrects positions along"
-        " normals; paper has friction in a position sub-problem of its own, as printed"
+        "where friction of loads acts (law sequence of nsga only). once: loads are solved once, positions are corrected"
+        " along normals. paper: positions have a sub-problem with friction, as printed"
     ),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
@@ -92,7 +92,7 @@ OPTIONS: dict[str, Option] = {
     "line_search": Option("halve a Newton step that does not reduce the residual"),
     "max_line_search": Option("halvings of one Newton step at most", _COUNT_OR_NONE),
     "max_problems": Option(
-        "impact problems per island and step before one inelastic problem ends it; 0: by the size of the island",
+        "impact problems per island and step before a collective impact ends it; 0: by the size of the island",
         Bounds(ge=0, le=100_000),
     ),
     "closing_tolerance_load": Option(
@@ -124,7 +124,7 @@ OPTIONS: dict[str, Option] = {
         Bounds(ge=0, le=20),
     ),
     "penalty_law": Option(
-        "penalty only: damping of the contact force; exact has the restitution e_N, the others their own"
+        "penalty only: damping of the contact force. exact has the restitution e_N, the others their own"
     ),
     "penalty_young_modulus": Option("penalty only: Young's modulus of every body", POSITIVE, "pressure"),
     "penalty_poisson_ratio": Option("penalty only: Poisson's ratio of every body", Bounds(gt=-1, le=0.5)),
