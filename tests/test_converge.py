@@ -304,7 +304,7 @@ def test_command_prints_a_table_and_draws(scenario: str, tmp_path: Path) -> None
 
 def test_command_refuses_what_it_cannot_do(scenario: str) -> None:
     for arguments, told in (
-        (["--steps", "1e-3,x", "--reference", "1e-4"], "no number"),
+        (["--steps", "1e-3,x", "--reference", "1e-4"], "not a number"),
         (["--steps", "1e-3,5e-4", "--reference", "1e-4", "--plot", "a.gif"], "ends in .png"),
         (["--steps", "1e-3,5e-4", "--reference", "3e-4"], "must divide"),
         (["--steps", "1e-3,5e-4"], "--reference"),

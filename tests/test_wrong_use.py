@@ -81,7 +81,7 @@ def snapshot(**given: Any) -> granular.Snapshot:
         (lambda r: granular.over_frames(r, granular.stress, BOX, every=0), "every = 0"),
         (lambda r: r.export("nowhere", "csv", every=1.5), "every: 1.5 is no whole number"),
         (lambda r: r.export("nowhere", "csv", start="0.1"), "start: '0.1' is no time"),
-        (lambda r: Look.of("png", {"width": "big"}), "width: 'big' is no number"),
+        (lambda r: Look.of("png", {"width": "big"}), "width: 'big' is not a number"),
         (lambda r: Look.of("mp4", {"speed": float("inf")}), "speed: inf is not above 0 and at most"),
         (lambda r: Look.of("png", {"camera": 3}), "camera: there is no 3"),
         (lambda r: carom.audit.check(r)["momentun"], "did you mean momentum"),

@@ -79,11 +79,11 @@ class Found(NamedTuple):
 
 def placed_long_lines(text: str) -> list[Found]:
     lines = enumerate(without_code(text).splitlines(), 1)
-    return [Found(number, line) for number, line in lines if len(line) > LINE and line[0] != "|"]
+    return [Found(number, line) for number, line in lines if len(line) > LINE and line[0] not in "|!"]
 
 
 def long_lines(text: str) -> list[str]:
-    """Lines of prose longer than the standard allows; rows of tables cannot be wrapped and do not count."""
+    """Lines of prose longer than the standard allows; rows of tables and pictures cannot be wrapped and do not count."""
     return [found.text for found in placed_long_lines(text)]
 
 

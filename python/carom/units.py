@@ -161,7 +161,7 @@ def _article(name: str) -> str:
 @lru_cache(maxsize=256)
 def _parse_unit(text: str, cure: str, wanted: Dimension | None = None) -> _Unit:
     """Products and powers of `UNITS`: `kg/m^3`, `kg m^2`, `m/s2`, `1/s`. A slash divides by the next factor
-    only. An unknown unit is told with one that would make the `wanted` dimension, if it may have been meant.
+    only. An unknown unit is reported with one that would make the `wanted` dimension, if it may have been meant.
     """
     factor, pi, exponents = Fraction(1), 0, (0, 0, 0, 0)
     position = 0

@@ -10,7 +10,7 @@ problem p, with impulses `r_p` that change the momenta by `M u_p` (moments over 
 
 where `T = 2 (|R| + |M W|)` is the same of what is solved already and a problem adds to: nothing for the loads (problem 0),
 the loads for problem 1, and the larger of that and of what remained of it with problem 1 for all later ones. The floor is
-`m r touching_tolerance / h`, or `m V tolerance_floor` if that is more. Little islands of a later problem are asked for more.
+`m r touching_tolerance / h`, or `m V tolerance_floor` if that is more. Clusters of a later problem have finer bounds.
 
 The residual of a contact is `r - P(r - s z/w)` with its measure `z`, its compliance `w = D_cc` and `s = 1/2` (R1). Hence
 of its normal row `-z <= 2 w rho`, and where `z > 0` either `z <= 2 w rho` or `r_N <= rho`: one that gives next to nothing

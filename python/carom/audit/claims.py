@@ -1,6 +1,6 @@
 """What `run.json` and the attributes of the results claim, against what the tables show.
 
-    identity            that of the scenario beside it: whoever changes an option or a body changes it
+    identity            that of the scenario beside it: a change of an option or a body changes it
     status, outcome     the last step; a run that is done has come to the end that its scenario asks for
     summary             counts, largest and mean values, energies and final states, from /steps and the last frame
     frames              every multiple of `every` up to the last step has one

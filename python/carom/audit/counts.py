@@ -74,7 +74,7 @@ def _impacts(run: Run, tally: Tally) -> None:
     most = np.minimum(s["impact_problems"], 1 if run.options["impact"] == "one-shot" else np.inf)
     beyond = np.maximum(0, highest - most)
     tally.measure("counts", beyond, 0.0, lambda i: run.step_place(i + 1))
-    # Parts of a step that are given up and made anew may have scaled more than those that count.
+    # Sub-steps that are given up and made anew may have scaled more than those that count.
     scale = s["restitution_scale"]
     off = np.where(run.cut, least < scale, least != scale) | ~((scale >= 0.0) & (scale <= 1.0))
     tally.measure("counts", off, 0.0, lambda i: run.step_place(i + 1))

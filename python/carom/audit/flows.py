@@ -1,6 +1,6 @@
 """Balls that enter and leave: by the tables `[[inflow]]` and `[[outlet]]`, and by the events that tell of them.
 
-    outlet      no ball of a frame is where it would have left, and whoever left had come to such a place
+    outlet      no ball of a frame is where it would have left, and a ball that left had come to such a place
     inflow      the k-th ball enters no sooner than `start + k/rate`, in the region, with its velocity within the spread
     frames      have the balls that events and the scenario say
 

@@ -138,7 +138,7 @@ def pushes(block: Block) -> tuple[F64, F64]:
 
 @once
 def strokes(block: Block) -> tuple[F64, F64]:
-    """(B, N) `pushes`, or the same of the recorded impacts if they are more: impulses of the parts of a step may cancel in
+    """(B, N) `pushes`, or the same of the recorded impacts if they are more: impulses of the sub-steps may cancel in
     those of its contacts.
     """
     sums = pushes(block)

@@ -49,9 +49,7 @@ def law(form: Sequence[Any], x: F64, *, before: bool = False) -> Dual:
         return np.asarray(polynomial(x)), np.asarray(polynomial.deriv()(x))
     if kind == "table":
         return _table(np.asarray(data, dtype=np.float64), x, rounding, before)
-    with np.errstate(
-        all="ignore"
-    ):  # a formula may have no value somewhere; whoever needs it there will see a NaN
+    with np.errstate(all="ignore"):  # a formula may have no value somewhere; its user will see a NaN there
         tree = _parsed(str(data))
         way = -1.0 if before else 1.0
         (value, at), (_, beside) = (_evaluate(tree, place, way) for place in (x, x + way * rounding))

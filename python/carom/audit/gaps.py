@@ -103,7 +103,7 @@ def complementarity(block: Block, tally: Tally) -> None:
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
     bound = np.maximum(touching, np.where(block.large[c.k], block.pile_overlap[c.k] * length, 0.0))
-    # Eq. 44 alone keeps gaps from opening: what it leaves of `p gap`, p = 0.5/D_cc.
+    # Eq. 44 alone prevents gaps from opening. The bound is its residual of `p gap`, p = 0.5/D_cc.
     left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
     bound = bound + left
     if run.loads_once:  # loads press where the contact opens by less than they may bring back

@@ -2,7 +2,7 @@
 
 Where the frames do not show the state before and after each step, the recorded speeds are held against one another alone:
 approach and `V^-` differ by what loads give in a step, and by the impulses of problem 0 that an impact takes back: those
-carry at most the whole weight, or what was recorded of them, which is more where balls are wedged. Impacts slower than that
+carry at most the whole weight, or what was recorded of them, which is more where balls are jammed. Impacts slower than that
 are not judged.
 """
 
@@ -128,7 +128,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
 
 
 def _missing(block: Block, tally: Tally) -> None:
-    """Whoever approached before the step and got an impulse in it has had an impact (rules R2, R3): it is in the table."""
+    """A contact that approached before the step and got an impulse in it had an impact (R2, R3): it is in the table."""
     run, c = block.run, block.rows
     if run.method == "penalty" or run.options["impact"] == "sequence-paper" or not run.has_contacts:
         return

@@ -25,7 +25,7 @@ class Rates:
 
 
 class Pairs(NamedTuple):
-    """K pairs of bodies, of which B may be a wall, with the places that tell a wall's velocity."""
+    """K pairs of bodies, of which B may be a wall, with the places at which a wall's velocity is taken."""
 
     a: I64
     b: I64

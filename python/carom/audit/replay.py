@@ -74,7 +74,7 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
 
 def _better(one: Told, other: Told, again: I64) -> Told:
     """Of the rows `again`, which were read in another way too, the reading that fits better. Whether a slow contact restores
-    slip may be sure in one of them alone: then nothing is told.
+    slip may be sure in one of them alone: then nothing is reported.
     """
     first = one.of(~np.isin(one.rows, again))
     _, mine, theirs = np.intersect1d(one.rows, again[other.rows], assume_unique=True, return_indices=True)

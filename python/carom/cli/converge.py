@@ -105,7 +105,7 @@ def numbers(option: str, given: list[str]) -> list[float]:
         return [float(part) for text in given for part in text.split(",") if part.strip()]
     except ValueError:
         raise typer.BadParameter(
-            f"{','.join(given)!r} holds what is no number; write for example {option} 1e-2,5e-3"
+            f"{','.join(given)!r} holds a value that is not a number; write for example {option} 1e-2,5e-3"
         ) from None
 
 

@@ -161,7 +161,7 @@ def _attempts(
 
 
 def _read(path: Path) -> tuple[ContactProblem, list[str]]:
-    """The problem of a file in local form, and what is told about it."""
+    """The problem of a file in local form, and the warnings about it."""
     from carom.problem import ContactProblem
     from carom.problem.errors import ContactProblemWarning, refuse
 
@@ -194,7 +194,7 @@ def _facts(problem: ContactProblem, *, rank: bool) -> dict[str, Any]:
 
 
 def _expanded(given: Path) -> list[Path]:
-    """The files that an argument names; a directory without any stays, to be told."""
+    """The files that an argument names; a directory without any stays, to be reported."""
     if not given.is_dir():
         return [given]
     if (given / "run.json").is_file():  # results.h5 is no contact problem

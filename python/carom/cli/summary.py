@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: Counts that are zero where all went well, and what each is called in words, for one and for many.
 TROUBLES = {
     "unconverged": ("sub-problem accepted unconverged", "sub-problems accepted unconverged"),
-    "fallbacks": ("rescue by a fallback", "rescues by a fallback"),
+    "fallbacks": ("solve by a backup method", "solves by a backup method"),
     "truncated_sequences": ("impact sequence cut short", "impact sequences cut short"),
     "halvings": ("step halved", "steps halved"),
     "missed_impacts": ("impact missed", "impacts missed"),

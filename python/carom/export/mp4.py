@@ -14,7 +14,7 @@ from carom.show.film.shoot import pictures
 def write(selection: Selection, directory: Path, look: Look) -> list[Path]:
     """`film.mp4`."""
     path = directory / "film.mp4"
-    encode.ffmpeg()  # that it is missing is told before anything is drawn
+    encode.ffmpeg()  # a missing ffmpeg is reported before anything is drawn
     with whole_file(path) as temporary:
         encode.mp4(pictures(selection, look), look, temporary)
     return [path]

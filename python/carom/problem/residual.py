@@ -75,7 +75,7 @@ def residual_of(problem: LocalProblem, r: Any) -> Residual:
     if r.shape not in ((problem.rows,), (problem.contacts, problem.dimension)):
         raise refuse("r", f"its shape is {r.shape}", f"it must be ({problem.rows},)")
     r = r.reshape(-1)
-    with np.errstate(over="ignore", invalid="ignore"):  # an r that ran away is reported as infinite, below
+    with np.errstate(over="ignore", invalid="ignore"):  # an r without bound is reported as infinite, below
         u = problem.W.dot(r) + problem.q
     if not (np.isfinite(r).all() and np.isfinite(u).all()):
         # Divisible by construction; a solver that gave up returns such an r.

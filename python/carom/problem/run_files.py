@@ -19,7 +19,7 @@ from carom.result.directory import RunDir
 
 FOLDER = "problems"
 FAILING = "failing_problem.h5"
-#: Entries of a kept problem that go to the file as they are.
+#: Entries of a stored problem that go to the file as they are.
 ORIGIN = (
     "level",
     "step",

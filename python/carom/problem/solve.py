@@ -89,7 +89,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether `err` is at most `tol`, with forces that did not run away (`explained`)."""
+        """Whether `err` is at most `tol`, with forces that did not grow without bound (`explained`)."""
         return self.err <= self.tol and self.explained
 
     @cached_property
@@ -230,7 +230,7 @@ def solve(
     except ValueError as error:
         raise CaromError(one_line(f"{solver}: {error}")) from error
     r = np.array(found["r"], dtype=np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):  # an r that ran away; its err is infinite
+    with np.errstate(over="ignore", invalid="ignore"):  # an r without bound; its err is infinite
         u = local.W.dot(r) + local.q
     for array in (r, u):
         array.setflags(write=False)

@@ -36,7 +36,7 @@ PORTION, LONGEST = 3.0, 30.0
 REST_SPEED = 1e-6
 #: A ball is on the bed if its lowest point is nearer than this many radii.
 TOUCHING = 1e-6
-#: The order of convergence is told from residuals near enough to the solution and above rounding.
+#: The order of convergence is read from residuals near enough to the solution and above rounding.
 CONVERGING, ROUNDING = 1e-2, 1e-14
 
 # What the paper prints.
@@ -238,7 +238,7 @@ def _solver(result: Result) -> list[Row]:
     told = f"order {order:.2f} (residuals {a:.0e}, {b:.0e}, {c:.0e})"
     verdict = "agrees" if order > 1.7 else "differs"
     # With rolling resistance discs are full at a tiny slip, and the quadratic phase begins late: where even the next
-    # residual of a quadratic sequence, C c^2 with C = c / b^2, is rounding, no order can be told from what is left.
+    # residual of a quadratic sequence, C c^2 with C = c / b^2, is rounding, no order can be read from what is left.
     if 1.0 < order <= 1.7 and c**3 / b**2 < ROUNDING:
         verdict = "superlinear, next is rounding"
     return [*rows, Row("convergence at the impact step", "quadratic", told, verdict, order, 2.0)]

@@ -1,6 +1,6 @@
 """Quantities with an error of first order in the step: a row at the paper's h, and one of their limit for h -> 0.
 
-What a row admits at h is told by the runs themselves, not chosen: of v(h) = v(0) + c h + O(h^2) two steps give c. It is
+The error admitted at h follows from the runs, and is not chosen: of v(h) = v(0) + c h + O(h^2) two steps give c. It is
 the limit that proves the law, since the impact in it falls on an instant, not on the end of a step.
 """
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -13,13 +14,16 @@ from carom.reproduce.errata import ERRATA, Erratum
 from carom.reproduce.runner import Failure, Report
 
 TITLE = "The examples of the paper, reproduced"
-#: A verdict is told by a mark and a word, never by colour alone.
+#: A verdict is shown by a mark and a word, never by colour alone.
 MARKS: Mapping[Verdict, str] = {"ok": "✓ ok", "paper in error": "✎ paper in error", "short": "✗ short"}
 #: Significant digits of a number: enough to see its tolerance, at least and at most these.
 FEWEST, MOST = 2, 10
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A space at which no line ends.
 _HARD = "\N{NO-BREAK SPACE}"
+#: A space at which no line of the Markdown ends, and which is an ordinary one in the page.
+_TIED = "\ue000"
+_LINE = 100
 _ERRATA = "Errors found in the paper"
 _FAILURES = "What failed"
 
@@ -31,7 +35,25 @@ def markdown(report: Report, folder: str, facts: Mapping[str, str]) -> str:
     for example in report.examples:
         blocks += _section(example, report.files.get(example.id, {}), folder)
     blocks += [*_options(report.examples), "## This page", table(("", ""), facts.items())]
-    return "\n\n".join(blocks) + "\n"
+    return "\n\n".join(map(wrapped, blocks)) + "\n"
+
+
+def wrapped(block: str) -> str:
+    """A paragraph or a list in lines of at most 100 characters; tables, headings, pictures and code as they are."""
+    if re.match(r"[#|!<`]|    ", block):
+        return block
+    # Code stays on one line, and no line begins with what would make it an item of a list.
+    tied = re.sub(r"`[^`]+`", lambda code: re.sub(r"\s", _TIED, code[0]), block)
+    filled = []
+    for item in re.split(r"\n(?=- |\d+\. )", tied):
+        begin = re.match(r"(?:- |\d+\. )?", item)
+        text = re.sub(r"[ \n]+(?=(?:[-+*#>]|\d+[.)])[ \n])", _TIED, re.sub(r"[ \n]+", " ", item))
+        indent = " " * len(begin[0]) if begin else ""
+        lines = textwrap.wrap(
+            text, _LINE, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        )
+        filled += lines
+    return "\n".join(filled).replace(_TIED, " ")
 
 
 def heading(example: Example) -> str:
@@ -85,8 +107,8 @@ def _introduction(report: Report) -> list[str]:
         else ""
     )
     return [
-        "Every numerical example of *Simulation of impacts between spherical rigid bodies with frictional effects*, run"
-        " anew by Carom and held against what the paper prints and against closed forms.",
+        "This page lists every number that the paper prints beside theory and Carom's result. The paper is *Simulation of"
+        " impacts between spherical rigid bodies with frictional effects*. Carom ran all of its examples anew.",
         f"{len(report.rows)} numbers: {', '.join(told)}.{quick}",
     ]
 
@@ -120,9 +142,9 @@ def _place(failure: Failure) -> str:
 def _reading() -> str:
     return (
         "*Paper*: what is printed there. *Analytic*: a closed form, corrected where the paper errs. The value that Carom's"
-        " is compared with is **bold**; *difference* is Carom minus that value, *tolerance* the most that is admitted, and"
-        " the letter beside it says under the table where it comes from. Verdicts: ✓ ok; ✎ paper in error, Carom agrees"
-        " with the corrected value; ✗ short, the difference is greater than the tolerance."
+        " is compared with is **bold**. *Difference* is Carom minus that value. *Tolerance* is the largest difference that"
+        " is admitted; the letter beside it says under the table where it comes from. Verdicts: ✓ ok; ✎ paper in error,"
+        " Carom agrees with the corrected value; ✗ short, the difference is greater than the tolerance."
     )
 
 
@@ -211,8 +233,8 @@ def _rows(rows: Sequence[Row]) -> list[str]:
         )
     head = ("quantity", "paper", "analytic", "Carom", "difference", "tolerance", "verdict")
     blocks = [table(head, lines, right=range(1, 6))]
-    tolerances = "; ".join(f"({_letter(k)}) {origin}" for k, origin in enumerate(origins))
-    blocks.append(f"Tolerances: {tolerances}.")
+    blocks.append("Tolerances:")
+    blocks.append("\n".join(f"- ({_letter(k)}) {origin}" for k, origin in enumerate(origins)))
     if notes:
         blocks.append("\n".join(f"{k}. {note}" for k, note in enumerate(notes, 1)))
     return blocks

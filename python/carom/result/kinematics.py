@@ -1,4 +1,4 @@
-"""`Frames`: what can be told from the motion alone, of a whole result or of a part of one (`Result.sel`)."""
+"""`Frames`: what follows from the motion alone, of a whole result or of a part of one (`Result.sel`)."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ _MMAP_THRESHOLD, _SIZE = -3, 1 << 20
 
 
 def release_early(balls: int) -> bool:
-    """Let freed arrays of this process go back to the system, if there are so many balls and the C library can be told."""
+    """Let freed arrays of this process go back to the system, if there are so many balls and the C library can do it."""
     if balls < MANY or sys.platform != "linux":
         return False
     library = ctypes.CDLL(None)

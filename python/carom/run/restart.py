@@ -33,7 +33,7 @@ ASIDE = ".aside"
 
 
 def _silent(text: str) -> None:
-    """For who does not want to be told."""
+    """For callers that want no report."""
 
 
 @dataclass(frozen=True)

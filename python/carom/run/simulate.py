@@ -80,7 +80,7 @@ def simulate(
     `force`), and Ctrl-C and SIGTERM leave a checkpoint. `progress` is called about ten times a second. Ctrl-C stops between
     two steps, then raises `KeyboardInterrupt`.
 
-    `save_problems` keeps contact problems in `problems/` of the run directory (docs/reference/problems.md; without `out` a
+    `save_problems` stores contact problems in `problems/` of the run directory (docs/reference/problems.md; without `out` a
     temporary one), in
     `problem_form` "local" or "global": of one step, of several (`[100, 200]`, `range(200, 301, 50)`, `"100,200:300:50"`,
     `"all"`), or the hardest of the run (`"worst:10"`).

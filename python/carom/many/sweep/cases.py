@@ -1,6 +1,6 @@
 """The worker's side: simulates a piece of a study and leaves its rows in the folder, whole or not at all.
 
-Nothing is sent back but counts. Whoever kills the worker, the driver or the scheduler, parts that were written stay; a
+Nothing is sent back but counts. If the worker, the driver or the scheduler is killed, parts that were written stay; a
 piece that is begun again first looks what it left there itself.
 """
 

@@ -62,7 +62,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
     needs = "a study on several processes needs dask", "cluster", ", or workers = 0 for this process alone"
     config, distributed = extra("dask.config", *needs), extra("distributed", *needs)
     with ExitStack() as stack:
-        # A worker that is killed, or a scheduler that goes, is told here in one line and not by dask in fifty.
+        # A worker that is killed, or a scheduler that goes, is reported here in one line and not by dask in fifty.
         for logger in _loggers("distributed", "tornado.application"):
             stack.callback(logger.setLevel, logger.level)
             logger.setLevel(logging.CRITICAL)

@@ -79,7 +79,7 @@ class Snapshot:
     """What to do where there are no contacts."""
 
     def __post_init__(self) -> None:
-        # Lists of other programs are welcome; what does not fit together is told here and not in the midst of a measure.
+        # Lists of other programs are welcome; mismatches are reported here, not in the midst of a measure.
         if np.ndim(self.radius) != 1:
             raise CaromError("Snapshot: radius is no list; give one radius for each ball, (N,), in m")
         n = len(self.radius)

@@ -288,7 +288,7 @@ def _figure_3b(pair: SpherePair, run: Trace) -> Figure:
         "time in s",
         "angular velocity in rad/s",
         tuple(curves),
-        "Equal and opposite while the contact sticks; then B runs away with the square of the time, and A gains speed"
+        "Equal and opposite while the contact sticks; then B turns on with the square of the time, and A gains speed"
         " steadily. The exact curve of B is eq. 46 with its factor corrected.",
     )
 

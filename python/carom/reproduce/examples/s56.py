@@ -139,7 +139,7 @@ run as printed it is 1.005. The sixth iteration at the break is the gap toleranc
 steps the shift of the multipliers (`proximal_shift`, see 5.2); the mean of 0.03 at velocity level is the default law's,
 which starts from the impulses of the step before. The paper's 9 and 26 line searches in the third and fourth iteration of
 the step of the break do not occur under any of these options. Carom scales the multipliers row by row instead of by one
-characteristic mass; whether that is the whole difference cannot be told from the paper.
+characteristic mass. The paper does not show whether that is the whole difference.
 """
 
 

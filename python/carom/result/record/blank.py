@@ -44,7 +44,7 @@ def image(
 ) -> bytes:
     """The bytes of a file with the columns of `block` and no rows, set up in memory under a `name` that is free.
 
-    HDF5 does not survive to run out of room while it sets up a file. In memory too it tells files by their names, and runs
+    HDF5 does not survive to run out of room while it sets up a file. In memory too it knows files by their names, and runs
     of one process are set up at the same time.
     """
     pages = {"fs_strategy": "page", "fs_page_size": PAGE}

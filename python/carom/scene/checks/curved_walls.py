@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 CURVED = ("sphere", "cylinder", "cone")
 """Kinds of curved walls, whose last parameter says whether spheres live inside."""
 MOST_CHANGE = 0.01
-"""Part of the energy of a motion above which its change by the scheme is told of."""
+"""Part of the energy of a motion above which its change by the scheme is warned of."""
 CLOSE = 1e-3
 """Gap, in radii, up to which a ball is taken to run on a wall."""
 SLIGHT = 1e-3

@@ -30,7 +30,7 @@ from carom.scene.tables.laws import value_at
 from carom.scene.tables.model import Contact, World
 
 WORTH_TELLING = 0.02
-"""Gain over the kinetic energy before the impact from which it is told of."""
+"""Gain over the kinetic energy before the impact from which a message warns of it."""
 ANGLES, DIVISIONS, SLIPS = 25, 24, 13
 """Points of the search: angles between the normals, division of the normal impulse, friction within its bound."""
 SEARCHES = 7

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 TOUCHING = 1e-6
 """Gap, in radii, up to which a contact counts as closed: joints keep a gap, so that a rounded position never closes."""
 HELD = 1e-6
-"""Part of a unit row that joints do not hold, up to which they hold it. Beyond, they and the contact are a wedge."""
+"""Part of a unit row that joints do not hold, up to which they hold it. Beyond it, they and the contact jam."""
 SHARE = 1e-6
 """Part of the load, over the largest, from which a joint takes part in it."""
 MOST_NAMED = 3
 """Joints that one message names."""
 MOST_TOLD = 20
-"""Contacts that are told of."""
+"""Contacts that a message lists."""
 SAMPLES = 200
 """Times of a run at which the gap is looked at that joints and walls prescribe."""
 

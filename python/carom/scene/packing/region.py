@@ -70,7 +70,7 @@ class Box:
         periodic: Any = self.periodic
         words = isinstance(
             periodic, str
-        )  # of a scenario: `periodic = "xy"`; an array could not be told axes by it
+        )  # of a scenario: `periodic = "xy"`; an array has no axes of this name
         if words or len(periodic) != 3 or not all(isinstance(x, bool | np.bool_) for x in periodic):
             meant = tuple(axis in periodic for axis in "xyz") if words else (True, True, False)
             cure = f"give True or False for each of x, y and z, for example {meant}"

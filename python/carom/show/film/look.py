@@ -62,7 +62,7 @@ class Look:
         for name in ("width", "height", "fps", "speed", "at"):
             value = getattr(self, name)
             if value is not None and not isinstance(value, int | float):
-                raise CaromError(f"{name}: {value!r} is no number")
+                raise CaromError(f"{name}: {value!r} is not a number")
         for name in ("width", "height"):
             value = getattr(self, name)
             if not SIDES[0] <= value <= SIDES[1] or value != int(value):

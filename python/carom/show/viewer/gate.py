@@ -1,4 +1,4 @@
-"""Who may talk to the live view: whoever knows its address.
+"""Who may talk to the live view: anybody who knows its address.
 
 A server on the loopback address is open to every page that the browser shows. A foreign page can open a WebSocket to it,
 and, by a name that it lets point here (DNS rebinding), read its pages. Thus each request must name this machine as host,
