@@ -83,6 +83,30 @@ def test_the_map_leaves_nothing_out() -> None:
     assert not [part for part in parts if str(part.relative_to(ROOT)) not in known]
 
 
+def test_what_the_map_says_is_in_a_file_is_there() -> None:
+    """`solve_pile` in `crates/.../position.rs`: the name is one of that file."""
+    said = re.findall(
+        r"`(\w+)` in\s+`([\w./-]+\.rs)`", (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    )
+    assert len(said) >= 12
+    wrong = [
+        (name, path)
+        for name, path in said
+        if not re.search(rf"\b{name}\b", (ROOT / path).read_text(encoding="utf-8"))
+    ]
+    assert not wrong
+
+
+def test_the_map_says_where_each_step_of_a_contact_is() -> None:
+    """`meet` (`candidates.rs`) in the walk of a contact: the file below the core's sources has that name."""
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    walk = text.partition("The same in words.")[2].partition("| question")[0]
+    said = re.findall(r"`(?:\w+::)?(\w+)`\s+\(`([\w/]+\.rs)`\)", walk)
+    assert len(said) >= 7
+    core = ROOT / "crates" / "carom-core" / "src"
+    assert not [(n, f) for n, f in said if not re.search(rf"\b{n}\b", (core / f).read_text(encoding="utf-8"))]
+
+
 def test_the_map_uses_the_phase_names_of_the_step() -> None:
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     block = text.split("```")[1]
