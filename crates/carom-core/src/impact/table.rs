@@ -43,7 +43,7 @@ impl ImpactTable {
     }
 
     /// Whether a problem is an impact: not that of the loads, nor a first one in which only loads act (laws without a problem of
-    /// loads have rest in it). `closed`: one of its contacts was closing at t_n.
+    /// loads have rest in it). `closed`: the loads had a problem of their own, or a contact of this one was closing at t_n.
     pub fn begin_problem(&mut self, problem: u32, closed: bool) {
         self.has_impact |= problem > 1 || (problem == 1 && closed);
     }

@@ -143,7 +143,7 @@ fn solve_single<const MOVING: bool>(
     scratch.corrections.set(c.a, jump);
     let packed = single::pack(c, &s);
     let status = if s.slip { Status::Slip } else { Status::Stick };
-    if !resting && gamma_n < -tol {
+    if !resting && (options.loads_once() || gamma_n < -tol) {
         let world = c.to_world(c.n1, &packed);
         scratch.impacts.push(ImpactRecord {
             problem: 1,
