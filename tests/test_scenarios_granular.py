@@ -190,20 +190,26 @@ def emptying(result: carom.Result) -> tuple[float, float]:
 
 @pytest.mark.long
 def test_a_slot_empties_at_the_rate_of_beverloo() -> None:
-    result = simulated("hopper_slot")
-    p = result.parameters
-    r, width = p["r"], p["L"]
-    position = np.asarray(result.position)
-    fraction = packing_fraction(
-        position[int(np.searchsorted(np.asarray(result.time), 0.14))],
-        r,
-        np.array([-p["side"] / 4, 2 * r, 4 * r]),
-        np.array([p["side"] / 4, width - 2 * r, 0.08]),
-    )
-    first, second = emptying(result)
+    """For the mean of six packings: arches come and go in the slot, and rates of 200 grains scatter by 6 per cent. Of 20
+    packings the second rate is 1.02 of the first in the mean, and 0.88 to 1.23 in single ones.
+    """
+    rates, laws = [], []
+    for seed in range(1, 7):
+        result = simulated("hopper_slot", values={"seed": seed})
+        p = result.parameters
+        r, width = p["r"], p["L"]
+        fraction = packing_fraction(
+            np.asarray(result.position)[int(np.searchsorted(np.asarray(result.time), 0.14))],
+            r,
+            np.array([-p["side"] / 4, 2 * r, 4 * r]),
+            np.array([p["side"] / 4, width - 2 * r, 0.08]),
+        )
+        rates.append(emptying(result))
+        free = (p["B"] - 1.4 * 2 * r) ** 1.5 * (width - 1.4 * 2 * r)
+        laws.append(1.03 * fraction * np.sqrt(G) * free / (4 / 3 * pi * r**3))
+    first, second = np.mean(rates, axis=0)
     assert second == pytest.approx(first, rel=0.15)
-    law = fraction * np.sqrt(G) * (p["B"] - 1.4 * 2 * r) ** 1.5 * (width - 1.4 * 2 * r) / (4 / 3 * pi * r**3)
-    assert 0.5 * (first + second) == pytest.approx(1.03 * law, rel=0.2)
+    assert 0.5 * (first + second) == pytest.approx(np.mean(laws), rel=0.2)
 
 
 def out_of_a_cone(*, until: float = 0.8, **values: float) -> tuple[carom.Result, float, float]:
