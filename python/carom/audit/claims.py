@@ -1,7 +1,8 @@
 """What `run.json` and the attributes of the results claim, against what the tables show.
 
     identity            that of the scenario beside it: a change of an option or a body changes it
-    status, outcome     the last step; a run that is done has come to the end that its scenario asks for
+    status, outcome     the last step; a run that is done has come to the end that its scenario asks for, one that is running
+                        tells nothing of an end
     summary             counts, largest and mean values, energies and final states, from /steps and the last frame
     frames              every multiple of `every` up to the last step has one
 
@@ -70,12 +71,11 @@ def judge(run: Run, tally: Tally) -> None:
             "claims", [float(rows)], 0.0, at(f"scenario.toml: record.{table}, of which the results have rows")
         )
     _frames(run, tally)
-    if about.get("status") != "running":
-        claims = [*_ending(run, about)]
-        if isinstance(about.get("summary"), Mapping):
-            claims += _summary(run, about, about["summary"])
-        for claim in claims:
-            _compare(tally, claim)
+    claims = [*_ending(run, about)]
+    if isinstance(about.get("summary"), Mapping):
+        claims += _summary(run, about, about["summary"])
+    for claim in claims:
+        _compare(tally, claim)
 
 
 def _frames(run: Run, tally: Tally) -> None:
@@ -92,8 +92,14 @@ def _frames(run: Run, tally: Tally) -> None:
 def _ending(run: Run, about: Mapping[str, Any]) -> Iterator[Claim]:
     outcome, last = about.get("outcome") or {}, len(run.steps["step"])
     kind, status = outcome.get("kind"), about.get("status")
-    yield "status", status, kind if kind in ENDED else "failed", 0.0
-    if kind == "error":
+    ended = "running" if not outcome else kind if kind in ENDED else "failed"
+    yield "status", status, ended, 0.0
+    # What ended outside of the steps, or has not ended, has no numbers of an end.
+    told = bool(outcome) and kind != "error" and not (kind == "interrupted" and "step" not in outcome)
+    yield "summary", isinstance(about.get("summary"), Mapping), told, 0.0
+    if not outcome:
+        yield "finished", about.get("finished"), None, 0.0
+    if not told:
         return
     if status in ENDED:
         yield "outcome.step", outcome.get("step"), last, 0.0

@@ -290,6 +290,8 @@ def relaunch(
             about["segments"] = []
         changes.note_changes(directory, about, before, run.model, run.simulation.step)
         about.update(status="running", outcome=None)
+        for of_the_end in ("summary", "finished"):
+            about.pop(of_the_end, None)
         run.about = about
         writer = run.writer(directory, saved.rows if saved else Rows())
         run.open_segment(writer)
