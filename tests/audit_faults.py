@@ -158,15 +158,16 @@ def move_body(frame: int, body: int, by: F64) -> Fault:
     return edit
 
 
-def restitute(row: int, factor: float) -> Fault:
-    """The impulse of an impact and of its contact is larger, with the motion that it would give and the speeds so."""
+def _given_otherwise(row: int, change: Callable[[F64, F64], F64]) -> Fault:
+    """The impulse of an impact and of its contact has a `change` of its parts more, with the motion that this gives."""
 
     def edit(file: h5py.File) -> None:
         a, b = (int(i) for i in file["impacts/body"][row])
         step = int(file["impacts/step"][row])
         frame = int(np.searchsorted(file["frames/step"][:], step))
         normal, impulse = file["impacts/normal"][row], file["impacts/impulse"][row]
-        extra = (factor - 1.0) * (impulse @ normal) * normal
+        push = (impulse @ normal) * normal
+        extra = change(push, impulse - push)
         rows = rows_of(file, frame)
         own = rows.start + int(np.flatnonzero((file["contacts/body"][rows] == (a, b)).all(axis=1))[0])
         file["impacts/impulse"][row] = impulse + extra
@@ -176,13 +177,27 @@ def restitute(row: int, factor: float) -> Fault:
         steps = (file["frames/step"][frame:] - step).astype(float)
         for body, sign in ((a, 1.0), (b, -1.0)):
             if body < n:
-                dv = sign * extra / file["bodies/mass"][body]
+                mass, inertia, radius = (
+                    file[f"bodies/{name}"][body] for name in ("mass", "inertia", "radius")
+                )
+                dv = sign * extra / mass
                 file["frames/velocity"][frame:, body] += dv
                 file["frames/position"][frame:, body] += h * steps[:, None] * dv
+                file["frames/angular_velocity"][frame:, body] -= radius * np.cross(normal, extra) / inertia
                 gained += dv @ normal * sign
         file["impacts/separation"][row] += gained
 
     return edit
+
+
+def restitute(row: int, factor: float) -> Fault:
+    """The push of an impact is so many times as large, with the motion that it would give."""
+    return _given_otherwise(row, lambda push, slide: (factor - 1.0) * push)
+
+
+def restore_slip(row: int, factor: float) -> Fault:
+    """Its friction is."""
+    return _given_otherwise(row, lambda push, slide: (factor - 1.0) * slide)
 
 
 def open_contact(frame: int, by: float) -> Fault:

@@ -126,6 +126,23 @@ def joined() -> carom.Scene:
     return scene
 
 
+def linked() -> carom.Scene:
+    """Two balls that a spring with a damper links fall on a floor and a third one, which drag slows down."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    for other in ("ball", "wall"):
+        scene.contact("ball", other, friction=0.3, restitution=0.5)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    for name, at, speed in (
+        ("a", (0, 0, 0.03), 0.5),
+        ("b", (0.05, 0, 0.06), 0.5),
+        ("slow", (0.1, 0, 0.02), 0.0),
+    ):
+        scene.sphere(name, radius=0.02, mass=0.1, material="ball", position=at, velocity=(speed, 0, 0))
+    scene.spring("a", "b", stiffness=200.0, damping=1.0, rest_length=0.05)
+    scene.drag("slow", translation=0.5, rotation=1e-5)
+    return scene
+
+
 def loaded() -> carom.Scene:
     """A ball with a spring, drag and a force in time."""
     scene = ball_on_plane((0, 0, 0))

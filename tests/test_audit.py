@@ -59,6 +59,8 @@ CLEAN: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, object]]] = {
     "dropped": (scenes.dropped, 0.1, {}),
     "joined": (scenes.joined, 0.5, {}),
     "joined-moreau": (scenes.joined, 0.5, {"method": "moreau"}),
+    "linked": (scenes.linked, 0.2, {}),
+    "linked-once": (scenes.linked, 0.2, {"position_friction": "once"}),
     "loaded": (scenes.loaded, 0.3, {}),
     "flowing": (scenes.flowing, 0.6, {}),
     "wall-ahead": (scenes.wall_ahead, 0.1, {}),
@@ -156,8 +158,8 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
         "spinning cone",
     ),
     "moment of an impact drives": ("dropped", fault.scale("impacts/moment", 0, -1.0), "roll"),
-    "slip restored too little": ("dropped", fault.more_friction(0, 0.9), "slip"),
-    "slip restored too little, two balls": ("two-tangential", fault.more_friction(0, 0.9), "slip"),
+    "slip restored too little": ("dropped", fault.restore_slip(0, 0.9), "slip"),
+    "slip restored too little, two balls": ("two-tangential", fault.restore_slip(0, 0.9), "slip"),
     "closing contact, beside a load": (
         "dropped",
         fault.push_velocity(90, 1, np.array([0, 0, -1e-4])),
@@ -202,6 +204,22 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
         }.items()
         for column in columns
     },
+    # What joints, dampers and drag hold is judged by what they answer.
+    **{
+        f"{what}, {name}": (name, plant, kind)
+        for name, row in {"joined": 3, "linked": 1, "linked-once": 1}.items()
+        for what, plant, kind in (
+            ("restitution too large", fault.restitute(row, 1.01), "impact"),
+            ("restitution too small", fault.restitute(row, 0.99), "impact"),
+            ("approach misstated", fault.scale("impacts/approach", row, 1.001), "impact speeds"),
+            ("friction beyond its cone", fault.more_friction(row, 4.0), "friction cone"),
+            ("impact not told", fault.lose_impact(row), "impact"),
+            ("work of pushes", fault.scale_largest("contacts/work_normal", 1.01), "work"),
+            ("work of friction", fault.scale_largest("contacts/work_friction", 1.01), "work"),
+            ("contacts give energy", fault.more_work(79 if name == "joined" else 30, 1.0), "passivity"),
+        )
+    },
+    "energy added to a ball, joined": ("joined", fault.speed_up(99, 0, 1.2), "energy balance"),
     "frame shifted": ("break", fault.shift_frame(200), "position"),
     "frame shifted, moreau": ("drum-moreau", fault.shift_frame(100), "position"),
     "quaternion scaled": ("rolling", fault.scale_quaternion(50, 0), "quaternion"),

@@ -16,6 +16,7 @@ from carom.audit.report import Place, Tally
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 T = TypeVar("T")
+Of = TypeVar("Of", "Block", Run)
 
 #: Numbers that a block holds of one frame column at most.
 BLOCK = 100_000
@@ -23,14 +24,14 @@ BLOCK = 100_000
 ALL_PAIRS = 64
 
 
-def once(compute: Callable[[Block], T]) -> Callable[[Block], T]:
-    """What several laws ask of a block is computed once for each; nobody changes it."""
+def once(compute: Callable[[Of], T]) -> Callable[[Of], T]:
+    """What several laws ask of a run or a block is computed once for each; nobody changes it."""
 
     @wraps(compute)
-    def found(block: Block) -> T:
-        if compute not in block.known:
-            block.known[compute] = compute(block)
-        return block.known[compute]  # type: ignore[no-any-return]
+    def found(of: Of) -> T:
+        if compute not in of.known:
+            of.known[compute] = compute(of)
+        return of.known[compute]  # type: ignore[no-any-return]
 
     return found
 
@@ -277,8 +278,36 @@ class Block:
     @cached_property
     def tolerance(self) -> F64:
         """(B,) tol_r of eq. 44 as it held in each interval."""
+        return np.where(self.companion, np.maximum(self._asked, self._residual), self._asked)
+
+    @cached_property
+    def _asked(self) -> F64:
         t = self.run.loosest
         return np.where(self.large, max(t["tolerance"], t["pile_tolerance"]), t["tolerance"])
+
+    @cached_property
+    def _residual(self) -> F64:
+        s = self.run.steps
+        return np.maximum(self.over(s["residual_velocity"]), self.over(s["residual_position"]))
+
+    @cached_property
+    def companion(self) -> NDArray[np.bool_]:
+        """(B,) intervals with a step that a convex companion ended (`docs/theory/algorithm.md`, section 5): a fallback left
+        more than the tolerance, and yet nothing was accepted without convergence.
+        """
+        s = self.run.steps
+        fallen = (self.over(s["fallbacks"]) > 0) & (self.over(s["unconverged"]) == 0)
+        return np.asarray(fallen & (self._residual > self._asked))
+
+    def skip_companions(self, tally: Tally, kind: str, k: I64) -> None:
+        """Friction and restitution of companions are not those of the laws."""
+        why = "steps ended with convex companions (fallbacks, residual above the tolerance): what slides moves apart there"
+        tally.skip(
+            kind,
+            why,
+            "a smaller step, and no joints or contacts that repeat one another",
+            int(self.companion[k].sum()),
+        )
 
     @cached_property
     def pile_overlap(self) -> F64:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces, groups, loads_once
+from carom.audit import forces, groups, loads_once, works
 from carom.audit.block import Block, once
 from carom.audit.bounds import gain
 from carom.audit.data import Run
@@ -72,14 +72,10 @@ def friction(block: Block) -> F64:
 
 def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rates:
     run, c = block.run, block.rows
-    x, v, w, t = (
-        (block.x0, block.v0, block.w0, block.t0) if start else (block.centres, block.v1, block.w1, block.t1)
-    )
+    v, w, t = (block.v0, block.w0, block.t0) if start else (block.v1, block.w1, block.t1)
     ball = np.minimum(c.b, run.bodies - 1)
     motion = (v[c.k, c.a], w[c.k, c.a], v[c.k, ball], w[c.k, ball])
-    centre = x[c.k, c.a]
-    if run.loads_once and not start:  # walls act where their surface is
-        centre = centre - c.gap[:, None] * normal
+    centre = block.x0[c.k, c.a] if start else loads_once.at_walls(block, c.k, c.a, c.b, normal)
     return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start), motion, normal, lever)
 
 
@@ -101,8 +97,6 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     angle = np.where(angle > 0.0, np.maximum(angle, norm(c.normal - block.start[1])), 0.0)
     parts = forces.split(impulse, c.normal, block.start[1])
     place = _place(block)
-    # Impulses along two frames: their sum is in neither cone.
-    angle = np.where(loads_once.unsure(block), norm(c.normal - block.start[1]), angle)
     judged = np.flatnonzero(angle < 0.5 * np.pi)
     open_place = _place(block, judged)
     for kind in ("sign", "friction cone"):
@@ -131,7 +125,9 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
         pushed = np.where(angle > 0.0, size, np.maximum(*(p.normal for p in parts)))
         spins = [np.abs(dot(moment, p.lever)) for p in parts]
         rolls = [norm(across(moment, p.lever)) for p in parts]
-        turned = norm(moment) * np.sin(np.minimum(angle, 0.5 * np.pi))
+        # Moments of several steps may cancel: each is at most that of both radii.
+        both = sum(run.coefficient(of, index) for of in ("rolling_radius", "spinning_radius"))
+        turned = np.maximum(norm(moment), both * size) * np.sin(np.minimum(angle, 0.5 * np.pi))
         value = np.minimum(*(rolls if kind == "rolling cone" else spins)) - turned
         bound = left * np.maximum(radius, 0.0) + left * run.radius[c.a] + 16.0 * EPS * norm(moment) + noise[1]
         tally.measure(kind, np.maximum(value - radius * pushed, 0.0), bound, place)
@@ -147,12 +143,9 @@ def _regularised(block: Block) -> tuple[F64, F64]:
     spin = np.maximum(norm(block.w0), norm(block.w1)) + forces.pushes(block)[1] / run.inertia
     fast = forces.speeds(block) + run.radius * spin
     halves = 4.0 * EPS * block.updates[c.k]
-
-    def both(each: F64) -> F64:
-        of_b = np.where(c.b < run.bodies, each[c.k, np.minimum(c.b, run.bodies - 1)], 0.0)
-        return np.asarray(halves * (each[c.k, c.a] + of_b))
-
-    return both(run.mass * fast), both(run.inertia * spin)
+    return halves * forces.together(block, run.mass * fast), halves * forces.together(
+        block, run.inertia * spin
+    )
 
 
 @once
@@ -196,9 +189,8 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     quiet = ~block.summed | (block.over(run.steps["impact_problems"]) <= 1)
     why = "piles do not record which contacts took part in later impact problems"
     tally.skip("slip", why, 'impacts = "every" in [record]', int((single & ~quiet[c.k]).sum()))
-    unsure = loads_once.unsure(block)
-    tally.skip("slip", loads_once.WHY, loads_once.CURE, int((single & unsure).sum()))
-    odd = odd | ~quiet[c.k] | unsure
+    block.skip_companions(tally, "slip", c.k[single])
+    odd = odd | ~quiet[c.k] | block.companion[c.k]
     hit = struck(block)
     impulse = loads_once.stated(block)[0]
     size = norm(impulse)
@@ -222,7 +214,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         told = np.select([c.status == 1, c.status == 2], [moving, short], np.inf)
         defects.append(np.maximum(defect, told))
         bounds.append(left * (1.0 + mu))
-    best = np.argmin([d / b for d, b in zip(defects, bounds, strict=True)], axis=0)
+    best = np.argmin([d / np.maximum(b, 1e-300) for d, b in zip(defects, bounds, strict=True)], axis=0)
     value, bound = (np.where(best == 0, x[0], x[1]) for x in (defects, bounds))
     tally.measure("slip", value[rows], bound[rows], _place(block, rows))
     _turning(block, tally, rows, left, index)
@@ -300,18 +292,22 @@ def passivity(block: Block, tally: Tally) -> None:
             tally.skip("passivity", "springs of friction give back what they hold", cure, block.count)
             return
         columns = c.work[:, 1:]  # normal forces give back what they took: between frames they may do work
-    n, held = run.bodies + 1, groups.held(block)[c.k, c.a]
-    why = groups.HELD + "; judged as a rise of energy"
-    tally.skip("passivity", why, groups.CURE, len(np.unique(c.k[held])))
-    rows = np.flatnonzero(block.kept[c.k] & ~held)
+    n, redone = run.bodies + 1, groups.redone(block)[c.k, c.a]
+    # In whole steps the replay of impacts has the sum that counts.
+    hidden = np.unique(c.k[redone & ~(block.single[c.k] & run.has_impacts)])
+    block.skip(tally, "passivity", groups.REDONE, hidden, "" if run.has_impacts else "impacts = true")
+    rows = np.flatnonzero(block.kept[c.k] & ~redone)
     group, mine = np.unique(groups.labels(block)[c.k, c.a][rows], return_inverse=True)
     k = group // n
-    work, size = (
-        np.bincount(mine, w[rows].sum(axis=1), minlength=len(group)) for w in (columns, np.abs(columns))
-    )
+    # Works of loads that are solved once are those along the mean of two normals, and along the last one they do none.
+    turned = norm(c.impulse) * norm(c.normal - block.start[1]) * forces.together(block, forces.speeds(block))
+    # Joints hold to the tolerance, and what they push against that is work.
+    held = np.where(groups.held(block)[c.k, c.a], works.bound(block, c), 0.0)
+    given = columns.sum(axis=1), np.abs(columns).sum(axis=1), turned * run.loads_once + held
+    work, size, off = (np.bincount(mine, of[rows], minlength=len(group)) for of in given)
     problems = block.total(run.steps["impact_problems"] + 1.0)[k]
     top = block.over(run.steps["energy_kinetic"])[k]
-    bound = problems * gain(block)[k] * top + block.tolerance[k] * size + 64.0 * EPS * (size + top)
+    bound = problems * gain(block)[k] * top + block.tolerance[k] * size + 64.0 * EPS * (size + top) + off
     tally.measure(
         "passivity",
         np.maximum(work, 0.0),

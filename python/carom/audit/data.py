@@ -59,6 +59,8 @@ class Run:
 
         self.result = result
         self.doubted = False
+        #: What was computed of it (`block.once`).
+        self.known: dict[Any, Any] = {}
         self.path = Path(result.path)
         scene = Scene.from_toml(self.path / "scenario.toml")
         self.opaque = [place.name for place in scene.load_functions if place.function is None]
@@ -132,6 +134,7 @@ class Run:
         """The same run, as if it had made none of the claims that no table bears out."""
         found = copy(self)
         found.__dict__.pop("loosest", None)
+        found.known = {}
         found.doubted = True
         return found
 

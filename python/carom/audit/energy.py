@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.audit import groups, loads_once, reactions
-from carom.audit.block import Block
+from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.forces import pushes, solved_again, speeds
-from carom.audit.loads import of_loads, remembered
+from carom.audit.forces import pushes, speeds, together
+from carom.audit.loads import of_loads, remembered, solved_again
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
@@ -158,8 +158,7 @@ def _balance(block: Block, tally: Tally) -> None:
         gained = np.where(block.there, run.mass * ((block.v1 - block.v0) @ run.gravity), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     value[outer] = total - (value.sum(axis=1) - value[outer])
-    impulse, speed = norm(c.impulse), speeds(block)
-    at = speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, np.minimum(c.b, run.bodies - 1)], 0.0)
+    impulse, at = norm(c.impulse), together(block, speeds(block))
     moved = norm(loads_once.shifts(block)) * norm(run.gravity)
     # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
     solved = 4.0 * block.tolerance[c.k] * (impulse * at + moved + np.abs(c.work).sum(axis=1))
@@ -168,8 +167,7 @@ def _balance(block: Block, tally: Tally) -> None:
     )
     top = summed(size, np.abs(c.work).sum(axis=1))
     top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
-    unknown = loads_once.unsure(block) | run.loads_once & ~block.single[c.k]
-    off = np.where(unknown, 0.5 * run.h * impulse * norm(run.gravity), 0.0)
+    off = np.where(run.loads_once & ~block.single[c.k], 0.5 * run.h * impulse * norm(run.gravity), 0.0)
     bound = summed(_forced(block), solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top
     bound = bound + (solved_again(block) * norm(run.gravity))[:, None]
@@ -182,14 +180,11 @@ def _balance(block: Block, tally: Tally) -> None:
     root = label == np.arange(bodies).reshape(label.shape)
     busy = np.bincount(mine, minlength=bodies).reshape(label.shape) > 0
     busy[outer] = True
-    answered = groups.held(block)
-    tally.skip(
-        "energy balance",
-        groups.HELD + "; judged as a rise of energy",
-        groups.CURE,
-        int((root & busy & answered).sum()),
-    )
-    judged = root & busy & ~answered & (block.kept & ~(block.cut & (run.method == "moreau")))[:, None]
+    # What joints, springs and drag do within a step is known to what it may add; what the scheme damps is no fault.
+    held = groups.held(block)
+    value = np.where(held, np.maximum(value, 0.0), value)
+    bound = bound + np.where(held, block.total(_answered(run))[:, None], 0.0)
+    judged = root & busy & (block.kept & ~(block.cut & (run.method == "moreau")))[:, None]
     k, first = np.nonzero(judged)
 
     def place(i: int) -> Place:
@@ -294,15 +289,24 @@ def rises(run: Run, tally: Tally) -> None:
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
+    bound = bound + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
+    tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
+
+
+@once
+def _answered(run: Run) -> F64:
+    """(S,) by how much springs, drag and joints may raise the energy in a step beyond their work on record, J (`rises`)."""
+    kinetic, h = np.append(_at_start(run)[0], run.steps["energy_kinetic"]), run.h
+    found = np.zeros(len(kinetic) - 1)
     if run.joints or run.loads:
         second = np.pad(np.abs(np.diff(kinetic, n=2)), 1, mode="edge" if len(kinetic) > 2 else "constant")
-        bound = bound + remembered(run, np.maximum(second[1:], second[:-1]))
-        jump = np.where(s["impact_problems"] > 0, h * motion * _grip(run), 0.0)
-        bound = bound + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
+        found = found + remembered(run, np.maximum(second[1:], second[:-1]))
+        motion = np.maximum(kinetic[1:], kinetic[:-1])
+        jump = np.where(run.steps["impact_problems"] > 0, h * motion * _grip(run), 0.0)
+        found = found + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
     if run.joints:
-        bound = bound + reactions.unsteady(run)
-    bound = bound + _unsteady(run) * np.abs(s["energy_work"])
-    tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
+        found = found + reactions.unsteady(run)
+    return found
 
 
 def _grip(run: Run) -> float:

@@ -185,30 +185,12 @@ def bent(block: Block) -> F64:
     c, run = block.rows, block.run
     way = together(block, shifts(block)[0])
     with np.errstate(invalid="ignore"):
-        angle = np.where(way > 0.0, np.minimum(way * _curvature(block), np.pi), 0.0)
+        angle = np.where(way > 0.0, np.minimum(way * curvature(block), np.pi), 0.0)
     found = np.zeros((block.count, run.bodies))
     each, ball = 2.0 * norm(c.position_impulse) * angle, c.b < run.bodies
     add_at(found, (c.k, c.a), each)
     add_at(found, (c.k[ball], c.b[ball]), each[ball])
     return found
-
-
-@once
-def solved_again(block: Block) -> F64:
-    """(B,) what positions may be off, N s^2: their loads are solved with the normals where the smooth motion ends, and those
-    of velocities again with the last ones. Impulses change by the momenta that the turn of these normals brings across.
-    """
-    run, c = block.run, block.rows
-    if not run.loads_once:
-        return np.zeros(block.count)
-    dt = block.dt[:, None, None]
-    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.gravity)
-    fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
-        norm(block.w0), norm(block.w1)
-    )
-    turned = np.minimum(together(block, moved) * _curvature(block), 1.0)
-    each = turned * together(block, run.mass * (fast + run.h * norm(run.gravity)))
-    return np.asarray(run.h * np.bincount(c.k, np.nan_to_num(each), minlength=block.count))
 
 
 def together(block: Block, of: F64) -> F64:
@@ -217,7 +199,7 @@ def together(block: Block, of: F64) -> F64:
     return np.asarray(of[c.k, c.a] + np.where(c.b <= last, of[c.k, np.minimum(c.b, last)], 0.0))
 
 
-def _curvature(block: Block) -> F64:
+def curvature(block: Block) -> F64:
     """(K,) by how much the normal of each recorded contact turns on the way of its bodies, 1/m; 0 at flat walls."""
     c, run = block.rows, block.run
     curvature = 1.0 / (run.radius[c.a] + run.radius[np.minimum(c.b, run.bodies - 1)])
@@ -233,7 +215,7 @@ def turn(block: Block) -> F64:
     """
     c, run = block.rows, block.run
     speed = speeds(block)
-    relative, curvature = together(block, speed), _curvature(block)
+    relative, curved = together(block, speed), curvature(block)
     spin = np.zeros(len(c))
     for k in np.unique(c.b[c.b >= run.bodies]):
         wall, rows = run.walls[k - run.bodies], np.flatnonzero(c.b == k)
@@ -250,5 +232,5 @@ def turn(block: Block) -> F64:
                 )
                 spin[rows] = 2.0 * rate
     with np.errstate(invalid="ignore"):
-        angle = (np.where(relative > 0.0, curvature * relative, 0.0) + spin) * block.dt[c.k]
+        angle = (np.where(relative > 0.0, curved * relative, 0.0) + spin) * block.dt[c.k]
     return np.minimum(angle, np.pi)

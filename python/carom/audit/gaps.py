@@ -89,8 +89,7 @@ def complementarity(block: Block, tally: Tally) -> None:
         gap = np.where(single & pushed, _middle(block)[0], gap)
     ball = np.minimum(c.b, run.bodies - 1)
     length = np.minimum(run.radius[c.a], np.where(c.b < run.bodies, run.radius[ball], np.inf))
-    speed = forces.speeds(block)
-    way = 2.0 * (speed[c.k, c.a] + np.where(c.b < run.bodies, speed[c.k, ball], 0.0)) * block.dt[c.k]
+    way = 2.0 * forces.together(block, forces.speeds(block)) * block.dt[c.k]
     for w, wall in enumerate(run.walls):
         mine = c.b == run.bodies + w
         if wall.travels and mine.any():

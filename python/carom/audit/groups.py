@@ -18,8 +18,7 @@ from carom.audit.hits import components
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
-HELD = "of groups with joints, springs or drag: these answer within an impact, off record"
-CURE = "leave out joints, springs and drag there"
+REDONE = "joints, dampers and drag answer impulses of loads anew in an impact, and so the works of contacts do not add up"
 
 
 @once
@@ -94,3 +93,19 @@ def held(block: Block) -> Bool:
     found = np.zeros(label.size, dtype=bool)
     found[label[:, :-1][:, block.run.answering]] = True
     return np.asarray(found[label])
+
+
+@once
+def redone(block: Block) -> Bool:
+    """(B, N + 1) groups of these in which an impact may have followed loads: joints answer what remains of their impulses
+    with it (algorithm, section 7).
+    """
+    run, label = block.run, labels(block)
+    found = np.zeros(label.size, dtype=bool)
+    if run.has_impacts:
+        r = hits.of_block(block)
+        loads = r.problem == 0
+        found[label[r.k[loads], r.a[loads]]] = True
+    else:
+        found[label[block.over(run.steps["impact_problems"]) > 1]] = True
+    return np.asarray(found[label] & held(block))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import bounds, forces, groups, hits, loads_once, replay
+from carom.audit import answers, bounds, forces, hits, loads_once, replay
 from carom.audit.block import Block
 from carom.audit.cones import struck
 from carom.audit.gaps import closing
@@ -61,11 +61,10 @@ def judge(block: Block, tally: Tally) -> None:
     known = np.bincount(group, gone)[group] == 0
     seen, group = seen[known], group[known]
     whole = np.zeros(len(rows), dtype=bool)
-    answered = groups.held(block)[rows.k, rows.a]
     whole[seen] = run.has_contacts
-    whole &= ~piled & ~answered
-    tally.skip("impact", groups.HELD, groups.CURE, int((answered & ~piled).sum()))
-    _recorded(block, tally, rows.of(~whole & ~piled & ~answered))
+    whole &= ~piled
+    _recorded(block, tally, rows.of(~whole & ~piled))
+    whole = answers.sure(block, tally, "impact", whole, rows)
     _ends(block, tally, rows.of(seen), group)
     remained = np.zeros(len(rows), dtype=bool)
     if run.has_contacts:
@@ -95,15 +94,16 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     """At some rows for the velocities of the frame before or after the step, along the recorded normals."""
     run = block.run
     ball = np.minimum(r.b, run.bodies - 1)
-    x, v, w, t = (
-        (block.x0, block.v0, block.w0, block.t0) if start else (block.centres, block.v1, block.w1, block.t1)
-    )
+    v, w, t = (block.v0, block.w0, block.t0) if start else (block.v1, block.w1, block.t1)
     foot = normal = r.normal
     if start:
-        _, foot = run.meet(t[r.k], r.a, r.b, x[r.k, r.a], x[r.k, ball])
+        centre = block.x0[r.k, r.a]
+        _, foot = run.meet(t[r.k], r.a, r.b, centre, block.x0[r.k, ball])
         normal = foot if run.loads_once else normal
+    else:
+        centre = loads_once.at_walls(block, r.k, r.a, r.b, normal)
     motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])
-    return rates(run, Pairs(r.a, r.b, t[r.k], x[r.k, r.a], foot, not start), motion, normal, normal)
+    return rates(run, Pairs(r.a, r.b, t[r.k], centre, foot, not start), motion, normal, normal)
 
 
 def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
@@ -133,8 +133,7 @@ def _missing(block: Block, tally: Tally) -> None:
     if run.method == "penalty" or run.options["impact"] == "sequence-paper" or not run.has_contacts:
         return
     judged = block.single & ~block.summed & block.there.all(axis=1) & block.kept
-    judged = judged[c.k] & ~groups.held(block)[c.k, c.a]
-    rows = np.flatnonzero(judged & (dot(c.impulse, c.normal) > 0.0) & ~struck(block))
+    rows = np.flatnonzero(judged[c.k] & (dot(c.impulse, c.normal) > 0.0) & ~struck(block))
     if not rows.size:
         return
     k, a, b = c.k[rows], c.a[rows], c.b[rows]
@@ -205,8 +204,8 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     if not len(r):
         return
     missing = "" if run.has_contacts else "contacts = true"
-    if run.loads or run.options["impact"] == "sequence-paper":
-        why = "loads or the printed law stand between the recorded speeds"
+    if run.loads or run.joints or run.options["impact"] == "sequence-paper":
+        why = "loads, joints or the printed law stand between the recorded speeds"
         block.skip(tally, "impact", why, r.k, missing)
         return
     e = run.coefficient("restitution", run.law_index(r.a, r.b))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from carom.audit.block import Block, once
 from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
-from carom.audit.forces import pushes, shifts, strokes
+from carom.audit.forces import curvature, pushes, shifts, strokes, together
 from carom.audit.formula import law
 from carom.audit.vectors import cross, dot, norm, rotated
 
@@ -284,6 +284,27 @@ def _joints(block: Block, out: Loads) -> None:
             out.shift_slack[:, body] += np.stack([fall, fall / run.radius[body]], axis=1)
             out.shift_slack[:, body] += way / np.array([run.mass[body], run.inertia[body]])
             out.unknown[:, body] |= ~block.kept
+
+
+@once
+def solved_again(block: Block) -> F64:
+    """(B,) what positions may be off, N s^2: their loads are solved with the normals where the smooth motion ends, and those
+    of velocities again with the last ones. Impulses change by the momenta that the turn of these normals brings across,
+    and by what loads that depend on the motion change by.
+    """
+    run, c = block.run, block.rows
+    if not run.loads_once:
+        return np.zeros(block.count)
+    dt = block.dt[:, None, None]
+    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.gravity)
+    fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
+        norm(block.w0), norm(block.w1)
+    )
+    turned = np.minimum(together(block, moved) * curvature(block), 1.0)
+    each = turned * together(block, run.mass * (fast + run.h * norm(run.gravity)))
+    again = np.nan_to_num(of_loads(block).alone_slack)
+    changed = (again[..., 0] + again[..., 1] / run.radius).sum(axis=1)
+    return np.asarray(run.h * (changed + np.bincount(c.k, np.nan_to_num(each), minlength=block.count)))
 
 
 #: Intervals before a block from which reactions are remembered.

@@ -21,6 +21,7 @@ from carom.audit.block import Block, once
 from carom.audit.vectors import add_at, cross, dot, norm, unit
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 
 class Mean(NamedTuple):
@@ -57,6 +58,17 @@ def parts(impulse: F64, normal: F64) -> tuple[F64, F64]:
     return along, impulse - along[:, None] * normal
 
 
+def at_walls(block: Block, k: I64, a: I64, b: I64, normal: F64) -> F64:
+    """(K, 3) centres of balls `a` for the velocities of walls `b` after a step: of loads that are solved once it is the
+    surface that moves, and a ball may have left it.
+    """
+    centre, run = block.centres[k, a], block.run
+    if not run.loads_once:
+        return centre
+    gap, _ = run.meet(block.t1[k], a, b, block.x1[k, a], block.x1[k, np.minimum(b, run.bodies - 1)])
+    return np.asarray(centre - gap[:, None] * normal)
+
+
 class Loads(NamedTuple):
     """Impulses and moments of the loads at each recorded contact, (K, 3) each."""
 
@@ -81,27 +93,6 @@ def of_loads(block: Block) -> Loads:
         for part, given in ((parts[k], r.impulse), (parts[k + 2], r.moment)):
             add_at(part, (contact[rows],), given[rows])
     return Loads(parts[0], parts[2], parts[1], parts[3])
-
-
-@once
-def unsure(block: Block) -> NDArray[np.bool_]:
-    """(K,) recorded contacts of which nobody knows what the loads gave: where these close others an impact problem follows,
-    and the table of impacts has it only if some contact approached. Not of those that are alone on a wall.
-    """
-    run, c = block.run, block.rows
-    if not run.loads_once:
-        return np.zeros(len(c), dtype=bool)
-    n, many = run.bodies, block.over(run.steps["impact_problems"]) > 1
-    met = np.zeros((block.count, n), dtype=np.int64)
-    ball = c.b < n
-    np.add.at(met, (c.k, c.a), 1)
-    np.add.at(met, (c.k[ball], c.b[ball]), 1)
-    single = (c.b >= n) & (met[c.k, c.a] == 1)
-    return np.asarray(many[c.k] & ~groups.struck(block)[c.k, c.a] & ~single)
-
-
-WHY = "loads that close contacts are solved in turn with these, off record, where loads are solved once"
-CURE = 'position_friction = "paper"'
 
 
 @once
@@ -132,16 +123,6 @@ def shifts(block: Block) -> F64:
     loads = of_loads(block).solved
     normal = along_mean(loads, block.start[1], c.normal).normal
     return np.asarray(c.position_impulse + 0.5 * block.run.h * (loads - normal[:, None] * c.normal))
-
-
-def unsure_bodies(block: Block) -> NDArray[np.bool_]:
-    """(B, N) bodies of such contacts."""
-    c, found = block.rows, np.zeros((block.count, block.run.bodies), dtype=bool)
-    rows = unsure(block)
-    found[c.k[rows], c.a[rows]] = True
-    rows = rows & (c.b < block.run.bodies)
-    found[c.k[rows], c.b[rows]] = True
-    return found
 
 
 def turns(block: Block) -> tuple[F64, F64]:

@@ -18,11 +18,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces, loads_once
+from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.forces import Sums
-from carom.audit.loads import Loads, of_loads
+from carom.audit.loads import Loads, of_loads, solved_again
 from carom.audit.report import Tally
 from carom.audit.vectors import (
     EPS,
@@ -60,9 +60,6 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
         for kind in ("momentum", "spin", "position", "rotation"):
             tally.skip(kind, CONTACTS, RECORD, int((known & ~free).sum()))
         known &= free
-    sure = ~(loads_once.unsure_bodies(block) & known) if run.has_contacts else np.ones_like(known)
-    for kind in ("spin", "position", "rotation"):
-        tally.skip(kind, loads_once.WHY, loads_once.CURE, int((~sure).sum()))
     hidden = np.nonzero(block.there & loads.unknown)[0]
     if run.opaque:
         cure = "judge the run with a load that a scenario can hold"
@@ -70,7 +67,6 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
     else:
         block.skip(tally, "momentum", "springs and drag: " + PARTS, hidden)
     _momentum(block, tally, sums, loads, known)
-    known = known & sure
     _spin(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
     touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
@@ -143,7 +139,7 @@ def _position(
         c = block.rows
         tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
                       lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))  # fmt: skip
-    left = block.left(norm(block.rows.position_impulse)) + block.floor + forces.solved_again(block)
+    left = block.left(norm(block.rows.position_impulse)) + block.floor + solved_again(block)
     left = left[:, None] / run.mass
     reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
     turned = np.where(block.piled[:, None], forces.bent(block) / run.mass, 0.0)
@@ -176,7 +172,7 @@ def _rotation(
         (norm(loads.impulse[..., 3:]) + loads.spread[..., 1]) / inertia[:, 0] * block.dt[:, None],
     )
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
-    floor = block.floor + forces.solved_again(block)
+    floor = block.floor + solved_again(block)
     left = (block.left(size)[:, None] + floor[:, None] * run.radius) / inertia[:, 0]
     left = left + np.where(block.piled[:, None], forces.bent(block) * run.radius / inertia[:, 0], 0.0)
     struck = forces.strokes(block)[1] * block.dt[:, None]

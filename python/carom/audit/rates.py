@@ -37,7 +37,7 @@ class Pairs(NamedTuple):
     end: bool
     """Whether the times are those of the ends of steps."""
 
-    def of(self, rows: slice) -> Pairs:
+    def of(self, rows: slice | I64) -> Pairs:
         """Some of them."""
         a, b, time = self.a[rows], self.b[rows], self.time[rows]
         return Pairs(a, b, time, self.centre[rows], self.foot[rows], self.end)

@@ -1,14 +1,16 @@
-"""Newton's law at every recorded impact, by a replay of the impact problems of a step from the state at its start.
+"""Newton's law at every recorded impact, by a replay of the impact problems of a step.
 
-From `V = v_n + h g` (weight and loads of the step) the impulses of problem after problem are added. Before each problem the
-recorded approach, after it the recorded separation must be those of `V`; and where a contact has an impulse
+From `V = v_{n+1}` less what all impulses gave (`answers`: joints, dampers and drag answer them), the velocities that the
+loads have left, the impulses of problem after problem are added. Before each problem the recorded approach, after it the
+recorded separation must be those of `V`; and where a contact has an impulse
 
     gamma_N^+ = -s e_N min(0, G_N V^-),   V^- = v_n + (W - W_0)       (eqs. 16, 24, 27; algorithm, section 5)
 
 with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` the recorded share of restitution. Where
 0 < s < 1 this is the least that `gamma_N^+` may be, and friction is anywhere in its cone. Else friction is held against
 `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together (rule R4), the first one
-counted from the motion that problem 0 has left. The problem that ends a sequence which was cut obeys the same law; that of
+counted from the motion that problem 0 has left. It takes back what joints and loads answered to impulses of problem 0 that
+remain, and answers them anew. The problem that ends a sequence which was cut obeys the same law; that of
 `sequence-paper` has no restitution.
 Bounds: `bounds`.
 """
@@ -20,11 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import bounds, forces, loads_once, works
+from carom.audit import answers, bounds, forces, loads_once, works
 from carom.audit.block import Block
 from carom.audit.cones import opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
-from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, across, add_at, cross, dot, norm
@@ -66,6 +67,7 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     again = np.flatnonzero((doubt & either)[r.k])
     other = Replay(block, r.of(again), kept[again], ~end[again]).run_all() if again.size else {}
     where = place(block, r)
+    block.skip_companions(tally, "impact", r.k)
     for kind, told in found.items():
         if kind in other:
             told = _better(told, other[kind], again)
@@ -101,20 +103,12 @@ class Replay:
         self.inertia = np.tile(
             np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1), (block.count, 1)
         )
-        old = np.concatenate([block.v0, block.w0], axis=-1)
-        now = old + of_loads(block).impulse / self.inertia[: run.bodies]
-        now[..., :3] += run.gravity * block.dt[:, None, None]
-        self.old, self.now, self.scratch = (
-            old.reshape(-1, 6),
-            now.reshape(-1, 6),
-            np.zeros((now[..., 0].size, 6)),
+        self.answers = answers.of_block(block)
+        self.old, self.now = (
+            np.concatenate(ends, axis=-1).reshape(-1, 6)
+            for ends in ((block.v0, block.w0), (block.v1, block.w1))
         )
-        reach = np.abs(np.nan_to_num(now))
-        #: (B,) largest speed of a body, at the start or after any problem.
-        self.top = (norm(reach[..., :3]) + run.radius * norm(reach[..., 3:])).max(axis=1, initial=0.0)
-        self.speed = self.top.copy()
-        #: Motion that problem 0 has left.
-        self.loaded = self.now
+        self.scratch = np.zeros_like(self.now)
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         ball = np.minimum(r.b, run.bodies - 1)
         self.at = r.k * run.bodies + r.a, r.k * run.bodies + ball
@@ -141,12 +135,37 @@ class Replay:
         # Places and times of the walls' own motion, at t_n and at t_{n+1}.
         self.pairs = (
             first if once else first._replace(foot=self.lever),
-            Pairs(r.a, r.b, block.t1[r.k], block.centres[r.k, r.a], r.normal, end=True),
+            Pairs(
+                r.a,
+                r.b,
+                block.t1[r.k],
+                loads_once.at_walls(block, r.k, r.a, r.b, r.normal),
+                r.normal,
+                end=True,
+            ),
         )
         self.compliance = compliance(run, r.a, r.b)
         self.squares = bounds.squares(run, r)
-        self.plain = np.sqrt(np.bincount(r.k, self.squares, minlength=block.count))
         self.wrench = self._wrenches()
+        given = np.flatnonzero(kept | (r.problem > 0))
+        where, gained = self._moved(given)
+        self.now[where] -= gained
+        #: Motion that problem 0 has left.
+        self.loaded = self.now
+        reach = np.abs(np.nan_to_num(self.now)).reshape(block.count, -1, 6)
+        #: (B,) largest speed of a body, at the start or after any problem.
+        self.top = (norm(reach[..., :3]) + run.radius * norm(reach[..., 3:])).max(axis=1, initial=0.0)
+        self.speed = self.top.copy()
+        #: (B,) size of all multipliers: reactions of joints are no more than what they answer, in the norm of the masses.
+        self.plain = np.sqrt(np.bincount(r.k, self.squares, minlength=block.count))
+        answering = np.zeros(block.count, dtype=bool)
+        answering[where[self.answers.group_of[where % run.bodies] >= 0] // run.bodies] = True
+        inert = (
+            np.minimum(run.mass, run.inertia / run.radius**2),
+            np.maximum(run.mass, run.inertia / run.radius**2),
+        )
+        self.plain *= np.where(answering, 1.0 + np.sqrt(inert[1].max() / inert[0].min()), 1.0)
+        self.answering = answering
 
     def run_all(self) -> dict[str, Told]:
         """Problem 0, then 1, 2, ...; what the laws say of each."""
@@ -154,12 +173,16 @@ class Replay:
         numbers, first = np.unique(r.problem, return_index=True)
         begin = int(np.searchsorted(r.problem, 1))
         loads = slice(0, begin)
-        at, offset = self._moved(loads, self.wrench)
+        at, offset = self._moved(loads, loads=True)
         before = self._terms(loads, at, offset)
         remained = np.flatnonzero(self.kept[loads])
-        at_kept, change = self._moved(remained, self.wrench)
+        at_kept, change = self._moved(remained, free=True)
         chosen = np.append(remained, np.arange(begin, int(np.searchsorted(r.problem, 2))))
-        then = self._terms(chosen, *self._moved(chosen, self.wrench))
+        at_first, first_change = self._moved(chosen)
+        then = self._terms(chosen, at_first, first_change)
+        self.scratch[at_kept] = change
+        first_change -= self.scratch[at_first]
+        self.scratch[at_kept] = 0.0
         # Before the first problem V^- is v_n itself, also where it took impulses of the loads back.
         minus = self.old.copy()
         minus[at] -= offset
@@ -168,7 +191,7 @@ class Replay:
             rows = slice(int(low), int(high))
             if problem > 0:
                 solved = before if problem == 1 else np.maximum(before, then)
-            where, own = self._moved(rows, self.wrench)
+            where, own = (at_first, first_change) if problem == 1 else self._moved(rows, loads=problem == 0)
             self._problem(rows, where, own, solved, minus if problem > 1 else self.old)
             if problem == 0:
                 self.loaded = self.now.copy()
@@ -219,33 +242,37 @@ class Replay:
         self._tell("work", last[mine][order], value[order], spread[mine][order])
 
     def _wrenches(self) -> tuple[F64, F64]:
-        """Velocities that each row gives its two bodies, (K, 6); none to walls."""
+        """Momenta that each row gives its two bodies, (K, 6); none to walls."""
         run, r = self.block.run, self.r
         reach = np.append(run.radius, 0.0)
         arm = self.arm
         ball = (r.b < run.bodies)[:, None]
         of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
         of_b = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
-        return of_a / self.inertia[self.at[0]], np.where(ball, of_b, 0.0) / self.inertia[self.at[1]]
+        return of_a, np.where(ball, of_b, 0.0)
 
-    def _moved(self, rows: slice | I64, given: tuple[F64, F64]) -> tuple[I64, F64]:
-        """The bodies of some rows, each once, (M,), and what the rows give them together, (M, 6)."""
+    def _moved(self, rows: slice | I64, *, loads: bool = False, free: bool = False) -> tuple[I64, F64]:
+        """The bodies that some rows move, each once, (M,), and the velocities that the rows give them together, (M, 6): of
+        `loads` that were solved once; `free`, where nothing answers them.
+        """
         a, b = (at[rows] for at in self.at)
         hit = np.zeros(len(self.now), dtype=bool)
         hit[a] = hit[b[self.r.b[rows] < self.block.run.bodies]] = True
-        for at, wrench in zip((a, b), given, strict=True):
+        for at, wrench in zip((a, b), self.wrench, strict=True):
             add_at(self.scratch, (at,), wrench[rows])
         where = np.flatnonzero(hit)
         found = self.scratch[where]
         self.scratch[where] = 0.0
-        return where, found
+        if free:
+            return where, found / self.inertia[where]
+        return self.answers.of(where, found, loads=loads and self.block.run.loads_once)
 
     def _terms(self, rows: slice | I64, at: I64, change: F64) -> F64:
         """(B,) `bounds.terms` of some rows and of the velocities that they change."""
         return bounds.terms(self.block, self.r.k[rows], self.squares[rows], at, change * self.inertia[at])
 
     def _rates(
-        self, rows: slice, motion: tuple[F64, F64], *, old: bool = False, printed: bool = False
+        self, rows: slice | I64, motion: tuple[F64, F64], *, old: bool = False, printed: bool = False
     ) -> Rates:
         """At some rows for motions of their bodies, (K, 6); `old`: walls as at t_n; `printed`: the normal of t_n."""
         p = self.pairs[0 if old else 1].of(rows)
@@ -333,6 +360,9 @@ class Replay:
         )
 
     def _tell(self, kind: str, rows: I64, value: F64, bound: F64) -> None:
+        if kind in ("impact", "slip", "roll"):
+            lawful = ~self.block.companion[self.r.k[rows]]
+            rows, value, bound = rows[lawful], value[lawful], bound[lawful]
         self.told.setdefault(kind, []).append(Told(rows, value, bound))
 
     def _energy(self, rows: slice, moved: tuple[I64, F64], rho: F64, before: Rates, after: Rates) -> None:
@@ -366,22 +396,34 @@ class Replay:
         largest = np.lexsort((norm(r.impulse), r.k))
         largest = np.sort(largest[np.flatnonzero(np.append(np.diff(r.k[largest]), 1))])
         k, first = np.unique(r.k, return_index=True)
-        gained = total(work)
-        if r.problem[0] == 1 and not moving.any():
-            # Against the velocities that the loads have left, some of which the first impact takes back.
-            motion = self.now.copy()
+        gained = since = total(work)
+        if r.problem[0] == 1:
+            # From the velocities that the loads have left, less what those did that are solved anew.
+            loads, motion = self.r.problem == 0, self.now.copy()
             motion[at] += change
-            energies = [
-                0.5 * np.sum((self.inertia * of**2).reshape(count, -1), axis=1)
-                for of in (motion, self.loaded)
-            ]
-            since = energies[0] - energies[1]
-            bound = bound + 64.0 * EPS * energies[1]
-            gained = np.maximum(gained, since)
-        else:
-            since = total(work)
+            anew = np.flatnonzero(loads & ~self.kept)
+            since = total(self._work_since(rows, motion))
+            since = since - np.bincount(self.r.k[anew], self._work_since(anew, motion), minlength=count)
+            # What remains of them is answered anew: nothing holds the joints before this problem.
+            redone = self.answering & (np.bincount(self.r.k, loads, minlength=count) > 0)
+            # Who has given up restitution is not asked whether the loads alone had left less.
+            asked = np.bincount(r.k, r.scale, minlength=count) > 0.0
+            gained = np.where(
+                asked, np.where(redone, since, np.maximum(gained, since)), np.where(redone, 0.0, gained)
+            )
         value = np.maximum(gained, 0.0)
         # Restitution is taken back as far as there is no gain, and no further.
         taken = (np.minimum.reduceat(r.scale, first) > 0.0) & (np.maximum.reduceat(r.scale, first) < 1.0)
         value[k[taken]] = np.maximum(value, np.abs(since))[k[taken]]
         self._tell("passivity", rows.start + largest, value[k], bound[k])
+
+    def _work_since(self, rows: slice | I64, motion: F64) -> F64:
+        """(K,) works of rows by the mean of the velocities that the loads have left and those of a `motion`."""
+        a, b = (of[rows] for of in self.at)
+        first, last = (self._rates(rows, (of[a], of[b])) for of in (self.loaded, motion))
+        moment = self.r.moment[rows]
+        if self.block.run.loads_once:
+            stated = loads_once.along_mean(moment, self.first[rows], self.r.normal[rows]).stated
+            moment = np.where((self.r.problem[rows] == 0)[:, None], stated, moment)
+        found = works.done(self.push[rows], self.slide[rows], moment, self.lever[rows], first, last)
+        return np.asarray(found.sum(axis=1))

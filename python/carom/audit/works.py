@@ -3,7 +3,7 @@
     W_N = P_N (G_N V + G_N V')/2        and so of sliding, rolling and spinning, with P_T, M_R and M_S
 
 Over a step they add up over its problems (`replay`). In a group without impacts there is one problem, that of the loads: it
-begins with `V = v_n + h g` and the loads, and leaves what the frame after the step has.
+leaves what the frame after the step has, and begins with that less what its impulses gave (`answers`).
 
 Bound: rounding, and what the solver may have left of the velocities for which it has the works (`Block.left`).
 """
@@ -13,11 +13,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces, groups, loads_once
+from carom.audit import answers, forces, groups, loads_once
 from carom.audit.block import Block, Rows
 from carom.audit.data import Run
 from carom.audit.hits import Hits
-from carom.audit.loads import of_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, across, cross, dot, norm, unit
@@ -82,32 +81,28 @@ def judge(block: Block, tally: Tally) -> None:
         c.k[quiet & ~block.single[c.k]],
     )
     quiet &= block.single[c.k] & block.there[c.k, c.a]
-    held = groups.held(block)[c.k, c.a]
-    tally.skip("work", groups.HELD, groups.CURE, int((held & quiet).sum()))
-    unsure = loads_once.unsure(block) & quiet
-    tally.skip("work", loads_once.WHY, loads_once.CURE, int(unsure.sum()))
-    held = held | unsure
-    rows = np.flatnonzero(quiet & ~held)
+    quiet = answers.sure(block, tally, "work", quiet, c)
+    rows = np.flatnonzero(quiet)
     if not rows.size:
         return
     k, a, b = c.k[rows], c.a[rows], c.b[rows]
     ball = np.minimum(b, run.bodies - 1)
-    given = of_loads(block).impulse
-    v = block.v0 + run.gravity * block.dt[:, None, None] + given[..., :3] / run.mass[:, None]
-    w = block.w0 + given[..., 3:] / run.inertia[:, None]
     normal, moment = c.normal[rows], c.moment[rows]
-    centre = block.centres[k, a]
-    if run.loads_once:  # walls act where their surface is
-        centre = centre - c.gap[rows, None] * normal
+    centre = loads_once.at_walls(block, k, a, b, normal)
     pairs = Pairs(a, b, block.t1[k], centre, normal, end=True)
-    ends = [(vs[k, a], ws[k, a], vs[k, ball], ws[k, ball]) for vs, ws in ((v, w), (block.v1, block.w1))]
+
+    def motion(of: F64) -> Motion:
+        return of[k, a, :3], of[k, a, 3:], of[k, ball, :3], of[k, ball, 3:]
+
+    start = [motion(answers.before_contacts(block, reading)) for reading in (0, 1)]
+    end = block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball]
     impulse, first, values = c.impulse[rows], block.start[1][rows], []
     if run.loads_once:
-        found = along_mean(run, pairs, impulse, moment, first, ends)
+        found = along_mean(run, pairs, impulse, moment, first, [start[0], end])
         values.append(np.abs(c.work[rows] - found).max(axis=1))
     else:
-        for part in forces.split(impulse, normal, first):
-            before, after = (rates(run, pairs, motion, normal, part.lever) for motion in ends)
+        for part, begun in zip(forces.split(impulse, normal, first), start, strict=True):
+            before, after = (rates(run, pairs, of, normal, part.lever) for of in (begun, end))
             value = np.abs(c.work[rows] - done(part.normal, part.sliding, moment, part.lever, before, after))
             values.append(value.max(axis=1))
     tally.measure(

@@ -1,0 +1,251 @@
+"""What joints, dampers and drag answer to impulses of contacts, at once and in every impact problem (algorithm, section 7):
+
+    (M + w C) dV = P + G^T Lambda,    G dV = 0,    w = h (Moreau-Jean: theta h)
+
+with the gradients `G` of joints where the velocity level has the bodies, and `C = -df/dv` of dampers and drag there. Where
+loads are solved once the reactions to them act along the mean of `G` at both ends of the step. `dV` is linear in `P`, and
+one, also where rows of joints repeat one another; only rows that nearly do leave it unsure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.audit import forces, hits
+from carom.audit.block import Block, Rows, once
+from carom.audit.data import Run
+from carom.audit.loads import of_loads
+from carom.audit.report import Tally
+from carom.audit.vectors import cross, exponential, product, rotated, unit
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+Places = tuple[F64, F64]
+"""Centres (A, N, 3) and orientations (A, N, 4)."""
+
+#: Singular values of rows, over the largest: below these rows repeat one another, and in between nobody can tell.
+SAME, UNSURE = 1e-10, 1e-6
+
+
+class Group(NamedTuple):
+    """Bodies that answer together in A intervals of a block."""
+
+    bodies: I64
+    slot: I64
+    """(B,) the number of an interval among the A, -1 where the group had no contact in one whole step."""
+    answer: tuple[F64, F64]
+    """(A, 6n, 6n) velocities over momenta: to impulses of loads that were solved once, and to all others."""
+
+
+class Answers:
+    """Velocities that impulses give the bodies of a block."""
+
+    def __init__(self, block: Block) -> None:
+        run, n = block.run, block.run.bodies
+        self.inertia = np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1)
+        self.groups: list[Group] = []
+        #: (N,) the group of each body, -1 for those that nothing holds.
+        self.group_of = np.full(n, -1)
+        #: (B, N) whose answer is not sure.
+        self.unsure = np.zeros((block.count, n), dtype=bool)
+        met = _met(block)
+        for bodies in _answering(run):
+            active = np.flatnonzero(met[:, bodies].any(axis=1) & block.single)
+            if not len(active):
+                continue
+            self.group_of[bodies] = len(self.groups)
+            slot = np.full(block.count, -1)
+            slot[active] = np.arange(len(active))
+            answer, unsure = _answers(block, bodies, active)
+            self.unsure[np.ix_(active[unsure], bodies)] = True
+            self.groups.append(Group(bodies, slot, answer))
+
+    def of(self, at: I64, momenta: F64, *, loads: bool = False) -> tuple[I64, F64]:
+        """The bodies that momenta (M, 6) move, given at `at` (interval times N plus body, each once), and their velocities;
+        of impulses of the `loads`.
+        """
+        n = len(self.inertia)
+        k, body = np.divmod(at, n)
+        free = self.group_of[body] < 0
+        where, found = [at[free]], [momenta[free] / self.inertia[body[free]]]
+        for number, group in enumerate(self.groups):
+            mine = np.flatnonzero(self.group_of[body] == number)
+            if not mine.size:
+                continue
+            which, row = np.unique(k[mine], return_inverse=True)
+            given = np.zeros((len(which), len(group.bodies), 6))
+            given[row, np.searchsorted(group.bodies, body[mine])] = momenta[mine]
+            matrix = group.answer[0 if loads else 1][group.slot[which]]
+            moved = np.einsum("aij,aj->ai", matrix, given.reshape(len(which), -1))
+            where.append((which[:, None] * n + group.bodies).ravel())
+            found.append(moved.reshape(-1, 6))
+        return np.concatenate(where), np.concatenate(found)
+
+
+@once
+def of_block(block: Block) -> Answers:
+    """Of the whole steps of a block."""
+    return Answers(block)
+
+
+def before_contacts(block: Block, reading: int = 0) -> F64:
+    """(B, N, 6) velocities that the loads have left where contacts begin to act, of groups without impacts, by a reading of
+    the moments (`forces`): those of the frame less what the recorded impulses gave.
+    """
+    sums = forces.of_contacts(block)
+    given = np.concatenate([sums.impulse, sums.moments[reading]], axis=-1).reshape(-1, 6)
+    at = np.flatnonzero((given != 0.0).any(axis=1) & np.repeat(block.single, block.run.bodies))
+    found = np.concatenate([block.v1, block.w1], axis=-1).reshape(-1, 6).copy()
+    where, moved = of_block(block).of(at, given[at], loads=block.run.loads_once)
+    found[where] -= moved
+    return found.reshape(block.count, -1, 6)
+
+
+def sure(block: Block, tally: Tally, kind: str, chosen: Bool, c: Rows | hits.Hits) -> Bool:
+    """(K,) those of the `chosen` rows whose answers are one; the others are not judged."""
+    doubt = of_block(block).unsure[c.k, c.a] & chosen
+    doubt |= (
+        (c.b < block.run.bodies) & of_block(block).unsure[c.k, np.minimum(c.b, block.run.bodies - 1)] & chosen
+    )
+    if doubt.any():
+        first = block.run.names[int(c.a[np.argmax(doubt)])]
+        why = f"joints of {first} nearly repeat one another: no one can tell what they answer to an impulse"
+        tally.skip(kind, why, "leave out what repeats", int(doubt.sum()))
+    return np.asarray(chosen & ~doubt)
+
+
+def _met(block: Block) -> Bool:
+    """(B, N) bodies with a contact or impact on record."""
+    run = block.run
+    found = np.zeros((block.count, run.bodies), dtype=bool)
+    for table in ([block.rows] if run.has_contacts else []) + (
+        [hits.of_block(block)] if run.has_impacts else []
+    ):
+        found[table.k, table.a] = True
+        ball = table.b < run.bodies
+        found[table.k[ball], table.b[ball]] = True
+    return found
+
+
+def _dampers(run: Run) -> list[dict[str, Any]]:
+    return [load for load in run.loads if load["kind"] == "spring" and load["damping"] > 0.0]
+
+
+def _drags(run: Run) -> list[dict[str, Any]]:
+    return [load for load in run.loads if load["kind"] == "drag"]
+
+
+def _answering(run: Run) -> Iterator[I64]:
+    """The bodies of each group."""
+    held = {int(one[side]) for one in (*run.joints, *_dampers(run)) for side in "ab"} - {-1}
+    held |= {int(load["body"]) for load in _drags(run)}
+    bodies = np.array(sorted(held), dtype=np.int64)
+    for number in np.unique(run.linked[bodies]):
+        yield bodies[run.linked[bodies] == number]
+
+
+def _answers(block: Block, bodies: I64, active: I64) -> tuple[tuple[F64, F64], Bool]:
+    """Both answers of a group in some intervals, and where they are not sure."""
+    run = block.run
+    ends: list[Places] = [(x[active], q[active]) for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
+    if run.method != "moreau":
+        start = _placed(run, bodies, ends[0])[0] if run.loads_once else None
+        return _at(run, bodies, ends[1], start)
+    # Moreau-Jean asks where the smooth motion ends. Its velocities are those of the loads, held by the joints there.
+    given, theta = of_loads(block), float(run.options["theta"])
+    old, new = (
+        np.concatenate(of, axis=-1)[active][:, bodies] for of in ((block.v0, block.w0), (block.v1, block.w1))
+    )
+    inert = np.repeat(np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1)
+    pushed = given.alone[active][:, bodies] / inert
+    pushed[..., :3] += run.h * run.gravity
+    smooth = old + pushed
+    for _ in range(6):
+        mean = run.h * ((1.0 - theta) * old + theta * smooth)
+        x, q = ends[0][0].copy(), ends[0][1].copy()
+        x[:, bodies] += mean[..., :3]
+        q[:, bodies] = product(exponential(mean[..., 3:]), q[:, bodies])
+        found = _at(run, bodies, (x, q), None)
+        apart = (inert * (new - old - pushed)).reshape(len(active), -1)
+        smooth = new - np.einsum("aij,aj->ai", found[0][1], apart).reshape(new.shape)
+    return found
+
+
+def _at(run: Run, bodies: I64, places: Places, start: F64 | None) -> tuple[tuple[F64, F64], Bool]:
+    """`_answers` at some places; reactions to loads act along the mean of the rows there and those of the `start`."""
+    rows, damped = _placed(run, bodies, places)
+    weight = run.h * (float(run.options["theta"]) if run.method == "moreau" else 1.0)
+    size = 6 * len(bodies)
+    inert = np.repeat(np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1).ravel()
+    for load in _drags(run):
+        if load["body"] in bodies:
+            at = 6 * int(np.searchsorted(bodies, load["body"]))
+            inert[at : at + 3] += weight * load["translation"]
+            inert[at + 3 : at + 6] += weight * load["rotation"]
+    matrix = np.tile(np.diag(inert), (len(rows), 1, 1)) + weight * np.einsum("ari,arj->aij", damped, damped)
+    inverse = np.linalg.inv(matrix)
+    if not rows.shape[1]:
+        return (inverse, inverse), np.zeros(len(rows), dtype=bool)
+    root = np.linalg.cholesky(inverse)
+    seen = rows @ root
+    seen = seen / np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
+    _, values, along = np.linalg.svd(seen, full_matrices=False)
+    shares = values / values.max(axis=1, keepdims=True)
+    held = along * (shares > SAME)[:, :, None]
+    unsure = ((shares > SAME) & (shares < UNSURE)).any(axis=1)
+    plain = inverse - root @ (held.transpose(0, 2, 1) @ held) @ root.transpose(0, 2, 1)
+    if start is None:
+        return (plain, plain), unsure
+    acting = 0.5 * (start + rows)
+    across = np.linalg.pinv(rows @ inverse @ acting.transpose(0, 2, 1), rcond=SAME)
+    return (inverse @ (np.eye(size) - acting.transpose(0, 2, 1) @ across @ rows @ inverse), plain), unsure
+
+
+def _placed(run: Run, bodies: I64, places: Places) -> tuple[F64, F64]:
+    """Gradients (A, rows, 6n) of the joints of a group, and of its dampers times the roots of their coefficients."""
+    held = [
+        _gradient(row[:2], (joint["a"], row[2]), (joint["b"], row[3]), bodies, places)
+        for joint in run.joints
+        if joint["a"] in bodies
+        for row in joint["rows"]
+    ]
+    damped = [
+        np.sqrt(load["damping"])
+        * _gradient(
+            ("distance", None), (load["a"], load["arm_a"]), (load["b"], load["arm_b"]), bodies, places
+        )
+        for load in _dampers(run)
+        if load["a"] in bodies
+    ]
+    none = np.zeros((len(places[0]), 0, 6 * len(bodies)))
+    return tuple(np.stack(g, axis=1) if g else none for g in (held, damped))  # type: ignore[return-value]
+
+
+def _gradient(
+    row: tuple[str, Any], a: tuple[int, Any], b: tuple[int, Any], bodies: I64, places: Places
+) -> F64:
+    """(A, 6n) `[d, R s_A x d, -d, -R s_B x d]` of a point or distance, `[0, e, 0, -e]` of a rotation."""
+    x, q = places
+    kind, direction = row
+    levers, at = [], []
+    for body, arm in (a, b):
+        given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (len(x), 3))
+        levers.append(rotated(q[:, body], given) if body >= 0 else np.zeros_like(given))
+        at.append(x[:, body] + levers[-1] if body >= 0 else given)
+    d = (
+        unit(at[0] - at[1])
+        if kind == "distance"
+        else np.broadcast_to(np.asarray(direction, dtype=np.float64), (len(x), 3))
+    )
+    found = np.zeros((len(x), len(bodies), 6))
+    for (body, _), lever, sign in zip((a, b), levers, (1.0, -1.0), strict=True):
+        if body >= 0:
+            mine = np.searchsorted(bodies, body)
+            found[:, mine, 3:] += sign * (d if kind == "rotation" else cross(lever, d))
+            found[:, mine, :3] += sign * (0.0 if kind == "rotation" else d)
+    return found.reshape(len(x), 6 * len(bodies))
