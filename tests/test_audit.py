@@ -241,6 +241,9 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "time tampered": ("rolling", fault.tamper_time(30, 1e-9), "clock"),
     "mass changed": ("rolling", fault.heavier(0), "scenario"),
     "wall impulse misstated": ("shaken", fault.lighter_wall(0), "wall impulse"),
+    "ball moved, joined": ("joined", fault.move_body(100, 2, np.array([0, 1e-9, 0])), "position"),
+    "ball moved beside its joint": ("joined", fault.move_body(100, 1, np.array([0, 1e-5, 0])), "position"),
+    "ball turned beside its joint": ("joined", fault.turn_body(100, 0, 5e-4), "rotation"),
     "joint torn": ("joined", fault.move_body(100, 1, np.array([0, 1e-6, 0])), "joint"),
     "joint torn in its speeds": (
         "joined",

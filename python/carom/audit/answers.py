@@ -17,8 +17,11 @@ from numpy.typing import NDArray
 
 from carom.audit import forces, hits
 from carom.audit.block import Block, Rows, once
+from carom.audit.corrections import groups as joined
+from carom.audit.corrections import swing
 from carom.audit.data import Run
-from carom.audit.loads import of_loads
+from carom.audit.loads import of_loads, remembered
+from carom.audit.reactions import LARGEST
 from carom.audit.report import Tally
 from carom.audit.vectors import cross, exponential, product, rotated, unit
 
@@ -91,6 +94,36 @@ class Answers:
 def of_block(block: Block) -> Answers:
     """Of the whole steps of a block."""
     return Answers(block)
+
+
+def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
+    """Ways (B, N, 6) that bodies are off, without those that joints give along their directions, and how far they may be:
+    `bound` and `held` (B, N, 2), beside joints and by them.
+
+    In one step of nsga that is `off` less its part in the span of `M^-1 G^T`, in the norm of the masses, in which a group
+    may be off by the root of the sum of all squares. Directions turn by at most `4 h rate` from those of the steps before.
+    """
+    run, off, alone, held = block.run, off.copy(), bound, np.minimum(held, LARGEST)
+    bound = bound + held
+    single = np.flatnonzero(block.single)
+    if run.method != "nsga" or not len(single):
+        return off, bound
+    for names, joints in joined(run.joints):
+        bodies = np.array(names, dtype=np.int64)
+        mine, places = np.ix_(single, bodies), (block.x1[single], block.q1[single])
+        answer, _ = _at(run, bodies, places, None, answering=False)
+        inert = np.stack([run.mass[bodies], run.inertia[bodies]], axis=1)
+        given = (np.repeat(inert, 3, axis=1) * off[mine]).reshape(len(single), -1)
+        off[mine] = np.einsum("aij,aj->ai", answer[1], given).reshape(len(single), -1, 6)
+        rate = np.max([swing(block, joint, end)[1] for joint in joints for end in (0, 1)], axis=0)
+        turned = np.where(block.single, np.minimum(1.0, 4.0 * run.h * rate), 1.0)[:, None, None]
+        # What was before a block may have had any direction.
+        earlier = held[:1, bodies] * (block.first > 1)
+        kept = remembered(run, np.concatenate([earlier, held[:, bodies]]))[1:]
+        across = remembered(run, np.concatenate([earlier, turned * kept]))[1:]
+        size = (inert * (alone[mine] + across[single]) ** 2).sum(axis=(1, 2), keepdims=True)
+        bound[mine] = np.sqrt(size / inert)
+    return off, bound
 
 
 def before_contacts(block: Block, reading: int = 0) -> F64:
@@ -176,13 +209,17 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[tuple[F64, F64], B
     return found
 
 
-def _at(run: Run, bodies: I64, places: Places, start: F64 | None) -> tuple[tuple[F64, F64], Bool]:
-    """`_answers` at some places; reactions to loads act along the mean of the rows there and those of the `start`."""
-    rows, damped = _placed(run, bodies, places)
+def _at(
+    run: Run, bodies: I64, places: Places, start: F64 | None, *, answering: bool = True
+) -> tuple[tuple[F64, F64], Bool]:
+    """`_answers` at some places, of joints alone without `answering` loads; reactions to loads act along the mean of the
+    rows there and those of the `start`.
+    """
+    rows, damped = _placed(run, bodies, places, answering=answering)
     weight = run.h * (float(run.options["theta"]) if run.method == "moreau" else 1.0)
     size = 6 * len(bodies)
     inert = np.repeat(np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1).ravel()
-    for load in _drags(run):
+    for load in _drags(run) if answering else ():
         if load["body"] in bodies:
             at = 6 * int(np.searchsorted(bodies, load["body"]))
             inert[at : at + 3] += weight * load["translation"]
@@ -206,7 +243,7 @@ def _at(run: Run, bodies: I64, places: Places, start: F64 | None) -> tuple[tuple
     return (inverse @ (np.eye(size) - acting.transpose(0, 2, 1) @ across @ rows @ inverse), plain), unsure
 
 
-def _placed(run: Run, bodies: I64, places: Places) -> tuple[F64, F64]:
+def _placed(run: Run, bodies: I64, places: Places, *, answering: bool = True) -> tuple[F64, F64]:
     """Gradients (A, rows, 6n) of the joints of a group, and of its dampers times the roots of their coefficients."""
     held = [
         _gradient(row[:2], (joint["a"], row[2]), (joint["b"], row[3]), bodies, places)
@@ -220,7 +257,7 @@ def _placed(run: Run, bodies: I64, places: Places) -> tuple[F64, F64]:
             ("distance", None), (load["a"], load["arm_a"]), (load["b"], load["arm_b"]), bodies, places
         )
         for load in _dampers(run)
-        if load["a"] in bodies
+        if answering and load["a"] in bodies
     ]
     none = np.zeros((len(places[0]), 0, 6 * len(bodies)))
     return tuple(np.stack(g, axis=1) if g else none for g in (held, damped))  # type: ignore[return-value]

@@ -176,9 +176,15 @@ class Block:
         run = self.run
         if not self._smooth:
             return self.x1
+        theta, dt = float(run.options["theta"]), self.dt[:, None, None]
+        if run.has_contacts:
+            from carom.audit.answers import before_contacts
+
+            return np.asarray(
+                self.x0 + dt * ((1.0 - theta) * self.v0 + theta * before_contacts(self)[..., :3])
+            )
         from carom.audit.loads import of_loads
 
-        theta, dt = float(run.options["theta"]), self.dt[:, None, None]
         gained = of_loads(self).impulse[..., :3] / run.mass[:, None] + dt * run.gravity
         return np.asarray(self.x0 + dt * (self.v0 + theta * gained))
 
@@ -187,11 +193,12 @@ class Block:
         return self.run.method == "moreau" and any(wall.moves for wall in self.run.walls)
 
     def wall_slack(self, k: I64, a: I64, b: I64) -> F64:
-        """(K,) by how much the velocity of wall `b` at ball `a` is off, m/s: loads that depend on the motion are known to
-        their slack, and so are the `centres` of Moreau-Jean, at which walls that turn have their velocities.
+        """(K,) by how much the velocity of wall `b` at ball `a` is off, m/s: without recorded contacts loads that depend on
+        the motion are known to their slack, and so are the `centres` of Moreau-Jean, at which walls that turn have their
+        velocities.
         """
         found, run = np.zeros(len(k)), self.run
-        if not (self._smooth and run.loads):
+        if not (self._smooth and run.loads) or run.has_contacts:
             return found
         from carom.audit.loads import of_loads
 

@@ -33,6 +33,8 @@ class Loads:
     """Displacement and turn in one step by loads that depend on the time, (B, N, 6), m and rad; nsga alone."""
     shift_slack: F64
     """(B, N, 2) m, rad."""
+    shift_held: F64
+    """(B, N, 2) what joints may do besides, along their directions, of which nothing is recorded at the position level."""
     unknown: NDArray[np.bool_]
     """(B, N) bodies of which the loads cannot be known."""
     alone: F64
@@ -54,9 +56,11 @@ def of_loads(block: Block) -> Loads:
     run = block.run
     shape = (block.count, run.bodies)
     six, two = (*shape, 6), (*shape, 2)
-    impulse, slack, spread, varied, shift, shift_slack = (np.zeros(s) for s in (six, two, two, two, six, two))
+    impulse, slack, spread, varied, shift, shift_slack, shift_held = (
+        np.zeros(s) for s in (six, two, two, two, six, two, two)
+    )
     unknown = np.zeros(shape, dtype=bool)
-    found = Loads(impulse, slack, spread, varied, shift, shift_slack, unknown, impulse, slack)
+    found = Loads(impulse, slack, spread, varied, shift, shift_slack, shift_held, unknown, impulse, slack)
     for load in run.loads:
         if load["kind"] == "force":
             _applied(block, load, found)
@@ -71,7 +75,7 @@ def of_loads(block: Block) -> Loads:
         # The theta rule moves bodies by their velocities alone, whatever changed these.
         found.shift[:] = 0.0
         if not run.options["position_projection"]:
-            found.shift_slack[:] = 0.0
+            found.shift_slack[:] = found.shift_held[:] = 0.0
     return found
 
 
@@ -243,7 +247,7 @@ def _joints(block: Block, out: Loads) -> None:
     run = block.run
     for bodies, moved, kicked in list(corrections(block, out)):
         for k, inert in enumerate(np.sqrt((run.mass[bodies], run.inertia[bodies]))):
-            out.shift_slack[:, bodies, k] += moved[:, None] / inert
+            out.shift_held[:, bodies, k] += moved[:, None] / inert
             out.spread[:, bodies, k] += kicked[:, None] * inert  # what cancels within the interval
     given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])
     struck = {
@@ -282,7 +286,7 @@ def _joints(block: Block, out: Loads) -> None:
             # Multipliers of joints at positions are not recorded; they are solved against the way of the weight at least.
             fall = 16.0 * block.tolerance * norm(run.gravity) * block.dt**2
             out.shift_slack[:, body] += np.stack([fall, fall / run.radius[body]], axis=1)
-            out.shift_slack[:, body] += way / np.array([run.mass[body], run.inertia[body]])
+            out.shift_held[:, body] += way / np.array([run.mass[body], run.inertia[body]])
             out.unknown[:, body] |= ~block.kept
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import forces
+from carom.audit import answers, forces
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.forces import Sums
@@ -70,8 +70,16 @@ def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
     _spin(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
     touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
-    _position(block, tally, sums, loads, known, touched)
-    _rotation(block, tally, sums, loads, known, touched)
+    ways, way_bound = _position(block, tally, sums, loads, touched)
+    turns, turn_bound = _rotation(block, sums, loads, touched)
+    bound = np.stack([way_bound, turn_bound], axis=-1)
+    found = [
+        answers.unheld(block, np.concatenate([ways, turn], axis=-1), bound, loads.shift_held)
+        for turn in turns
+    ]
+    for k, kind in enumerate(("position", "rotation")):
+        value = np.minimum(*(norm(off[..., 3 * k : 3 * k + 3]) for off, _ in found))
+        _take(block, tally, kind, value, found[0][1][..., k], known)
 
 
 def _rounding(block: Block) -> F64:
@@ -114,8 +122,9 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.b
 
 
 def _position(
-    block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_], touched: NDArray[np.bool_]
-) -> None:
+    block: Block, tally: Tally, s: Sums, loads: Loads, touched: NDArray[np.bool_]
+) -> tuple[F64, F64]:
+    """(B, N, 3) by how much centres are off, m, and may be, (B, N)."""
     run = block.run
     dt, g = block.dt[:, None, None], run.gravity
     smooth = loads.shift[..., :3]
@@ -128,7 +137,6 @@ def _position(
     whole = dt * (theta * block.v1 + (1.0 - theta) * block.v0) if moreau else flight
     single = block.single
     way = np.where(single[:, None, None], whole, flight) + s.shift / run.mass[:, None]
-    value = norm(block.x1 - block.x0 - way)
     size = norm(block.x0) + norm(block.x1) + norm(dt * block.v0) + norm(dt * block.v1)
     size = size + np.where(s.count > 0, run.radius, 0.0)  # gaps are differences of lengths
     size = size + s.shift_size / run.mass
@@ -144,12 +152,11 @@ def _position(
     reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
     turned = np.where(block.piled[:, None], forces.bent(block) / run.mass, 0.0)
     bound = bound + np.where(touched, left + turned + np.where(single[:, None], 0.0, reach), 0.0)
-    _take(block, tally, "position", value, bound, known)
+    return block.x1 - block.x0 - way, bound
 
 
-def _rotation(
-    block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_], touched: NDArray[np.bool_]
-) -> None:
+def _rotation(block: Block, s: Sums, loads: Loads, touched: NDArray[np.bool_]) -> tuple[list[F64], F64]:
+    """(B, N, 3) by how much orientations are off, rad, by either reading of the moments, and may be, (B, N)."""
     run = block.run
     dt = block.dt[:, None, None]
     inertia = run.inertia[:, None]
@@ -159,12 +166,9 @@ def _rotation(
     single = block.single
     psi = np.where(single[:, None, None], whole, dt * block.w0) + loads.shift[..., 3:]
     turned = product(block.q1, conjugate(block.q0))
-    value = np.minimum(
-        *(
-            norm(rotation_vector(product(conjugate(exponential(psi + m / inertia)), turned)))
-            for m in s.shift_moments
-        )
-    )
+    found = [
+        rotation_vector(product(conjugate(exponential(psi + m / inertia)), turned)) for m in s.shift_moments
+    ]
     bound = _rounding(block) * (4.0 + norm(dt * block.w0)) + loads.shift_slack[..., 1]
     bound = bound + np.where(
         single[:, None],
@@ -178,7 +182,7 @@ def _rotation(
     struck = forces.strokes(block)[1] * block.dt[:, None]
     reach = 2.0 * (struck + s.shift_size * run.radius) / inertia[:, 0]
     bound = bound + np.where(touched, left + np.where(single[:, None], 0.0, reach), 0.0)
-    _take(block, tally, "rotation", value, bound, known)
+    return found, bound
 
 
 def walls(block: Block, tally: Tally) -> None:
