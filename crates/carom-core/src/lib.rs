@@ -18,6 +18,7 @@ pub mod joint;
 pub mod level;
 mod loads_once;
 pub mod model;
+pub mod moment;
 pub mod options;
 pub mod outcome;
 mod parallel;

@@ -94,6 +94,8 @@ named_choice! {
         MoreauJean = "moreau",
         /// Continuous contact forces, explicit substeps (crate `carom-penalty`).
         Penalty = "penalty",
+        /// No step: closed motion from one impact to the next (crate `carom-events`).
+        Events = "events",
     }
 }
 

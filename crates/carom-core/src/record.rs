@@ -112,7 +112,8 @@ impl Recorder {
         } else {
             &scratch.impacts[..]
         };
-        for &impact in impacts {
+        for (k, &impact) in impacts.iter().enumerate() {
+            let time = scratch.impact_times.get(k).copied().unwrap_or(time);
             self.block.impacts.push(TimedImpact { step, time, impact });
         }
         for (level, history) in scratch.history.iter().enumerate() {

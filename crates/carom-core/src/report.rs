@@ -358,6 +358,8 @@ impl Outcome {
             Failure::TooFar { .. } => "too_fast",
             Failure::TooManyPairs => "too_many_pairs",
             Failure::TooManySubsteps => "too_many_substeps",
+            Failure::TooManyEvents(..) => "too_many_events",
+            Failure::NoClosedForm { .. } => "no_closed_form",
         }
     }
 
@@ -398,6 +400,10 @@ impl Outcome {
             (Failure::TooManySubsteps, _) => {
                 "the contacts are far too stiff for the step; take a shorter step, a lower stiffness or resolution"
             }
+            (Failure::TooManyEvents(..), _) => {
+                "impacts follow one another without end: look at these bodies, or take method = \"nsga\""
+            }
+            (Failure::NoClosedForm { .. }, _) => "method = \"nsga\" simulates it",
             (Failure::Friction { .. }, _) => {
                 "a friction law must give a finite number not below 0 at every slip speed that occurs: max(0, ...) helps"
             }

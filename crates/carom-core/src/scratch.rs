@@ -1,6 +1,7 @@
 //! What can be recomputed: allocated once, reused in every step.
 
 use crate::contact::Contact;
+use crate::flow::Left;
 use crate::impact::ImpactScratch;
 use crate::islands::Islands;
 use crate::level::coupling::Trial;
@@ -49,6 +50,10 @@ pub struct Scratch {
     /// Warm-start impulses found in this step.
     pub warm: Vec<Warm>,
     pub impacts: Vec<ImpactRecord>,
+    /// Time of each, s; empty where impacts have the time of their step.
+    pub impact_times: Vec<f64>,
+    /// Balls that left within the step, of methods that know when.
+    pub left: Left,
     /// Histories of the longest solve of each level in this step: smooth, position, velocity.
     pub history: [History; 3],
     pub keeper: Keeper,
@@ -94,6 +99,8 @@ impl Scratch {
             solve: SolveScratch::new(model),
             warm: Vec::new(),
             impacts: Vec::new(),
+            impact_times: Vec::new(),
+            left: Left::default(),
             history: Default::default(),
             keeper: Keeper::default(),
             pile: Pile::new(),
@@ -120,6 +127,8 @@ impl Scratch {
             (self.warm, self.impacts) = (Vec::new(), Vec::new());
         }
         self.impacts.clear();
+        self.impact_times.clear();
+        self.left = Left::default();
         self.warm.clear();
         for history in &mut self.history {
             history.clear();

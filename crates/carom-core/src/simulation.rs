@@ -55,12 +55,12 @@ impl Simulation {
     /// A run by a method of this crate.
     ///
     /// # Panics
-    /// With method `penalty`, which another crate has: `carom_penalty::simulation` knows all methods.
+    /// With methods `penalty` and `events`, which crates of their own have: `carom_penalty::simulation`, `carom_events::simulation`.
     pub fn new(model: Model, initial: InitialState) -> Simulation {
         let stepper: Box<dyn Stepper> = match model.options.method {
             Method::Nsga => Box::new(step),
             Method::MoreauJean => Box::new(moreau::step),
-            Method::Penalty => panic!("method penalty needs carom_penalty::simulation"),
+            Method::Penalty | Method::Events => panic!("this method is in a crate of its own"),
         };
         Simulation::with_stepper(model, initial, stepper)
     }
@@ -76,8 +76,10 @@ impl Simulation {
         let coefficients = (0..=o.deepest())
             .map(|depth| o.step / f64::from(1u32 << depth))
             .map(|h| match o.method {
-                // The substeps of contact forces need h alone.
-                Method::Nsga | Method::Penalty => Coefficients::new(o.spectral_radius, h),
+                // What has no step of this kind needs h alone.
+                Method::Nsga | Method::Penalty | Method::Events => {
+                    Coefficients::new(o.spectral_radius, h)
+                }
                 Method::MoreauJean => Coefficients::theta_rule(o.theta, h),
             })
             .collect();
@@ -216,11 +218,14 @@ impl Simulation {
             self.failed = None;
         }
         self.state.step = number;
+        let left = std::mem::take(&mut self.scratch.left);
         if !self.model.flow.is_none() {
             let (walls, events) = (&mut self.scratch.walls, &mut self.recorder.block.events);
             walls.place(&self.model, time);
-            let exchange = exchange(&self.model, &mut self.state, walls, number, time, events);
-            report.add_exchange(&exchange);
+            events.extend(left.events);
+            let mut at_end = exchange(&self.model, &mut self.state, walls, number, time, events);
+            at_end.join(&left.exchange);
+            report.add_exchange(&at_end);
         }
         let (velocity, radius) = (&self.state.velocity[..], &self.model.radius[..]);
         let fastest = |_, (v, r): (&[DVec3], &[f64])| {
@@ -388,7 +393,12 @@ impl Simulation {
                     "its motion is no number".to_owned()
                 });
             }
-            Failure::MissingLaw(a, b) => out.bodies = vec![a, b],
+            Failure::MissingLaw(a, b) | Failure::TooManyEvents(a, b) => out.bodies = vec![a, b],
+            Failure::NoClosedForm { bodies, why } => {
+                out.bodies = pair(bodies);
+                out.bodies.dedup();
+                out.message = Some(why.text().to_owned());
+            }
             Failure::Friction { bodies, mu, slip } => {
                 out.bodies = pair(bodies);
                 out.message = Some(format!("mu = {mu} at a slip of {slip:.3e} m/s"));

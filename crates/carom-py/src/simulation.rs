@@ -34,8 +34,11 @@ impl Simulation {
             None => carom_core::Options::default(),
         };
         let input = convert::model_input(model)?;
-        let made = Model::new(&input, options)
-            .and_then(|(model, initial)| carom_penalty::simulation(model, initial));
+        let made =
+            Model::new(&input, options).and_then(|(model, initial)| match model.options.method {
+                Method::Events => carom_events::simulation(model, initial),
+                _ => carom_penalty::simulation(model, initial),
+            });
         let inner = made.map_err(|e| ModelError::new_err(e.to_string()))?;
         Ok(Simulation { inner })
     }

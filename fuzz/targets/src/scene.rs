@@ -8,12 +8,16 @@ pub(crate) use build::scene_of;
 pub(crate) use judge::Judge;
 
 use crate::draw::Draw;
+use carom_core::options::Method;
 use carom_core::{Model, ModelInput, Options, Simulation};
 
 /// None: the scene is refused.
 pub(crate) fn simulation_of(input: &ModelInput, options: Options) -> Option<Simulation> {
     let (model, initial) = Model::new(input, options).ok()?;
-    carom_penalty::simulation(model, initial).ok()
+    match model.options.method {
+        Method::Events => carom_events::simulation(model, initial).ok(),
+        _ => carom_penalty::simulation(model, initial).ok(),
+    }
 }
 
 /// A scene is refused, or stepped: then all numbers stay finite until the outcome says why they would not.

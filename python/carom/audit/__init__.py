@@ -115,7 +115,7 @@ def _warnings(run: Run) -> list[str]:
         count = int((run.steps[column] > 0).sum())
         if count and not (column == "truncated" and remarks(result, "cut_short")):
             found.append(f"{words} ({count} steps)")
-    parts = int(run.cut.sum()) if run.method != "penalty" else 0
+    parts = 0 if run.divides else int(run.cut.sum())
     if parts:
         found.append(f"steps were made in parts, whose bounds are wider ({parts} steps)")
     return found

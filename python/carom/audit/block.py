@@ -106,7 +106,7 @@ class Block:
         self._leave_out_events()
         self.cut = self.over(run.cut) > 0
         """(B,) intervals with a step in parts."""
-        self.single = (self.n == 1) & ~self.cut & (run.method != "penalty")
+        self.single = (self.n == 1) & ~self.cut & (not run.divides)
         """(B,) intervals of one whole step: there all laws can be judged exactly."""
         self.updates = self.n + self.total(run.steps["substeps"] + run.steps["halvings"])
         """(B,) how often the state was written."""

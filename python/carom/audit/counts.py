@@ -162,9 +162,9 @@ def _penetration(block: Block, near: Near, tally: Tally) -> None:
     length = np.minimum(run.radius[near.a], other)
     depth = np.where(np.isfinite(near.gap1), np.maximum(0.0, -near.gap1), 0.0)
     extent = np.nanmax(np.abs(block.x1), axis=(1, 2), initial=0.0) + run.radius.max(initial=0.0)
-    # Where a step was made in parts, or penalty counts its substeps, the deepest may have been within it; of balls that
+    # Where a step was made in parts, or the method divides steps, the deepest may have been within it; of balls that
     # come and go the frames do not show all.
-    last = run.cut[block.s1 - 1] | (run.method == "penalty") | ~block.there.all(axis=1)
+    last = run.cut[block.s1 - 1] | run.divides | ~block.there.all(axis=1)
     for name, each, smallest in (
         ("penetration", depth, 1.0),
         ("penetration_relative", depth / length, float(run.radius.min(initial=np.inf))),

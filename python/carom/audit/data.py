@@ -295,6 +295,11 @@ class Run:
         parts = np.zeros(len(self.steps["step"])) if self.method == "penalty" else self.steps["substeps"]
         return np.asarray((self.steps["halvings"] > 0) | (parts > 0))
 
+    @property
+    def divides(self) -> bool:
+        """Whether the method divides steps by itself: then no step is one whole."""
+        return self.method in ("penalty", "events")
+
     def ends(self, problem: NDArray[Any]) -> NDArray[np.bool_]:
         """Whether an impact problem of this number ends a sequence that was cut."""
         return np.asarray(problem > (self.options["max_problems"] or MOST_PROBLEMS))

@@ -85,7 +85,7 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
     impulse, shift = _filtered(run, (*load["force"], *load["torque"]))
     change = np.abs(np.diff(_at_steps(run, (*load["force"], *load["torque"])), axis=0))
     # A step in parts runs the filter in parts, which later steps remember.
-    loose = remembered(run, change * (run.cut | (run.method == "penalty"))[:, None]) * run.h
+    loose = remembered(run, change * (run.cut | run.divides)[:, None]) * run.h
     for j in range(6):
         out.impulse[:, body, j] += block.total(impulse[:, j])
         out.spread[:, body, j // 3] += block.total(np.abs(impulse[:, j]))

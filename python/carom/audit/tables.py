@@ -70,9 +70,10 @@ def _clock(run: Run, tally: Tally) -> None:
         at = np.asarray(table["step"]).astype(np.int64)
         if not at.size:
             continue
-        off = np.abs(np.asarray(table["time"]) - at * h) + h * (
-            (at > len(number)) | (np.diff(at, prepend=0) < 0)
-        )
+        late = np.asarray(table["time"]) - at * h
+        if run.method == "events":  # whose impacts lie within the step
+            late = np.where((-h <= late) & (late <= 0.0), 0.0, late)
+        off = np.abs(late) + h * ((at > len(number)) | (np.diff(at, prepend=0) < 0))
         tally.measure("clock", off, 2.0 * EPS * at * h, _steps(run, at))
     ends = np.asarray(run.result._segments.column("frames", "contact_end")).astype(np.int64)
     tally.measure("clock", (np.diff(ends, prepend=0) < 0) * h, 0.0, run.frame_place)

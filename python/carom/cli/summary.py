@@ -116,7 +116,8 @@ def _troubles(summary: Mapping[str, Any], result: Result) -> str:
         f"{n} {one if n == 1 else many}" for k, (one, many) in TROUBLES.items() if (n := summary.get(k))
     ]
     travel = summary.get("travel_max") or 0.0
-    if travel > MOST_TRAVEL and "penalty" not in summary:  # whose substeps see every impact
+    divides = result.scene.run.options()["method"] in ("penalty", "events")  # which see every impact
+    if travel > MOST_TRAVEL and not divides:
         found.append(f"balls moved up to {travel:.2g} radii in a step, impacts may be missed (shorten step)")
     return "troubles    " + ("; ".join(found) if found else "none")
 

@@ -151,10 +151,11 @@ def listed(times: float | Sequence[float]) -> list[float]:
 
 
 def default_methods() -> list[str]:
-    """Every method that the core has, the default one first, and Moreau-Jean with projection too."""
+    """Every method with a step, the default one first, and Moreau-Jean with projection too."""
     return [
         name
         for m in _core.choices()["method"]
+        if m != "events"  # which refuses much, and is asked for
         for name in ([m, f"{m}+{_PROJECTION}"] if m == "moreau" else [m])
     ]
 

@@ -61,7 +61,7 @@ def sources(scene: Scene | None = None) -> dict[str, str]:
     if run["method"] == "penalty":
         used.append("penalty")
     else:
-        used.append("moreau" if run["method"] == "moreau" else "nsga")
+        used += [run["method"]] if run["method"] in ("moreau", "nsga") else []  # events is of Carom
         used.append("newton")
         if CONTACTS_PER_BALL * len(scene.names) > run["pile_contacts"]:
             used.append("piles")

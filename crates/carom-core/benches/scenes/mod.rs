@@ -65,6 +65,10 @@ fn build(input: &ModelInput, options: Options) -> Simulation {
 
 /// Section 5.6 of the paper.
 pub fn billiard_break(options: Options) -> Simulation {
+    build(&billiard_break_input(), options)
+}
+
+pub fn billiard_break_input() -> ModelInput {
     let s = 3f64.sqrt() * R;
     let positions = vec![
         [0.635, 0.635, R],
@@ -74,7 +78,27 @@ pub fn billiard_break(options: Options) -> Simulation {
     ];
     let mut velocities = vec![[0.0; 3]; 4];
     velocities[0] = [10.729, 0.0, 0.0];
-    build(&base(positions, velocities, vec![[0.0; 3]; 4]), options)
+    base(positions, velocities, vec![[0.0; 3]; 4])
+}
+
+/// A diamond of nine balls with gaps of about 0.1 mm, each another one, and the cue ball that breaks it; on the table of section 5.6.
+pub fn nine_ball_input() -> ModelInput {
+    let mut positions = vec![[0.635, 0.64, R]];
+    let pitch = 2.0 * R + 1e-4;
+    for row in 0..5 {
+        let across = row.min(4 - row);
+        for k in 0..=across {
+            let jitter = |n: usize| 4e-6 * ((7 * row + 3 * k + n) % 11) as f64;
+            let y = (k as f64 - 0.5 * across as f64) * pitch;
+            let x = 1.905 + 0.75f64.sqrt() * pitch * row as f64;
+            positions.push([x + jitter(0), 0.635 + y + jitter(5), R]);
+        }
+    }
+    let mut velocities = vec![[0.0; 3]; 10];
+    velocities[0] = [8.94, 0.0, 0.0];
+    let mut spins = vec![[0.0; 3]; 10];
+    spins[0] = [0.0, 30.0, 0.0];
+    base(positions, velocities, spins)
 }
 
 /// Four balls in pure rolling, slow enough not to meet a cushion within the bench.

@@ -73,16 +73,28 @@ fn remove(
         if !model.flow.outlets.iter().any(leaves) {
             continue;
         }
-        add(&mut exchange.energy_out, energy(model, state, i));
-        state.set_absent(i);
-        exchange.removed += 1;
-        events.push(Event {
-            step,
-            time,
-            body: i as u32,
-            entered: false,
-        });
+        take_out(model, state, i, (step, time), events, exchange);
     }
+}
+
+/// Takes ball `i` out, where it is.
+pub fn take_out(
+    model: &Model,
+    state: &mut State,
+    i: usize,
+    (step, time): (u64, f64),
+    events: &mut Vec<Event>,
+    exchange: &mut Exchange,
+) {
+    add(&mut exchange.energy_out, energy(model, state, i));
+    state.set_absent(i);
+    exchange.removed += 1;
+    events.push(Event {
+        step,
+        time,
+        body: i as u32,
+        entered: false,
+    });
 }
 
 fn admit(

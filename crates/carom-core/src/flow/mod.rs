@@ -76,6 +76,24 @@ pub struct Exchange {
     pub energy_out: [f64; 2],
 }
 
+impl Exchange {
+    pub(crate) fn join(&mut self, other: &Exchange) {
+        self.entered += other.entered;
+        self.removed += other.removed;
+        for k in 0..2 {
+            self.energy_in[k] += other.energy_in[k];
+            self.energy_out[k] += other.energy_out[k];
+        }
+    }
+}
+
+/// What left within a step.
+#[derive(Clone, Debug, Default)]
+pub struct Left {
+    pub events: Vec<Event>,
+    pub exchange: Exchange,
+}
+
 impl Flow {
     /// Neither inflows nor outlets: every ball is there all the time.
     pub fn is_none(&self) -> bool {

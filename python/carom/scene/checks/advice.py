@@ -71,7 +71,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
 
 def _has_substeps(parts: Parts) -> bool:
     """Whether the method divides the steps by itself: what is said of their length does not hold for it."""
-    return parts.run is not None and parts.run.options()["method"] == "penalty"
+    return parts.run is not None and parts.run.options()["method"] in ("penalty", "events")
 
 
 def _step_length(parts: Parts, world: World) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ class Options(TypedDict, total=False):
 
     until: float | str | None
     step: float | str
-    method: Literal["nsga", "moreau", "penalty"]
+    method: Literal["nsga", "moreau", "penalty", "events"]
     spectral_radius: float | str
     theta: float | str
     position_projection: bool

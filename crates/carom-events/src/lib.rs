@@ -1,0 +1,37 @@
+//! Method `events`: the limit of small steps, computed without one. Motion between impacts is known in closed form, the times of impacts are roots of
+//! polynomials, and the impact law is that of the step, by the same code ([`carom_core::moment::impact`]).
+//!
+//! `motion.rs` has the modes of a ball and their closed forms, `meet.rs` when bodies meet, [`roots`] the roots, `queue.rs` what
+//! happens next, `foresee.rs` fills it, `step.rs` is the loop over events. `check.rs` says what it cannot do. `docs/theory/events.md` states all of it.
+//!
+//! To the core this is a [`Stepper`](carom_core::step::Stepper) like any other: what it calls a step is the time between two reports. It keeps
+//! nothing from one to the next but the state.
+
+mod check;
+mod foresee;
+mod meet;
+mod motion;
+mod queue;
+pub mod roots;
+mod step;
+mod sums;
+
+use carom_core::{InitialState, Model, ModelError, Simulation};
+
+/// Closing speed over that of the group (1) at which an impact begins, and residual (1) to which impact problems are solved. In a step larger ones hide behind its
+/// own error; here they would be the only one.
+const EXACT: [f64; 2] = [1e-13, 1e-12];
+
+/// A run by method `events`.
+///
+/// # Errors
+/// What has no closed motion between impacts is refused by name.
+pub fn simulation(mut model: Model, initial: InitialState) -> Result<Simulation, ModelError> {
+    check::check(&model)?;
+    let o = &mut model.options;
+    o.closing_tolerance_speed = o.closing_tolerance_speed.min(EXACT[0]);
+    o.tolerance = o.tolerance.min(EXACT[1]);
+    o.pile_tolerance = o.pile_tolerance.min(EXACT[1]);
+    let stepper = Box::new(step::Events::default());
+    Ok(Simulation::with_stepper(model, initial, stepper))
+}

@@ -1,0 +1,65 @@
+//! The limit of the steps of `nsga`.
+
+use crate::common::rack;
+use crate::{advance, begin, options, run};
+use carom_core::options::{Impact, Method};
+use carom_core::{Options, Simulation};
+
+fn apart(a: &Simulation, b: &Simulation) -> f64 {
+    let n = a.state.velocity.len();
+    (0..n)
+        .map(|i| (a.state.velocity[i] - b.state.velocity[i]).length())
+        .fold(0.0, f64::max)
+}
+
+/// A break of a rack that touches, with bounces on the table: the error of a step goes with its size.
+#[test]
+fn steps_converge_to_it() {
+    let mut input = rack();
+    input.laws[1].2[3] = 0.0;
+    let exact = run(&input, 0.01, 1);
+    let error = |h: f64| {
+        let o = Options {
+            method: Method::Nsga,
+            ..options(h)
+        };
+        let mut s = begin(&input, o);
+        assert!(advance(&mut s, (0.01 / h).round() as u64).is_none());
+        apart(&s, &exact)
+    };
+    // The impact lies at other parts of the steps: means over steps that have it everywhere.
+    let mean = |h: f64| {
+        (0..12)
+            .map(|k| error(0.01 / (0.01 / h + k as f64).round()).ln())
+            .sum::<f64>()
+            / 12.0
+    };
+    let (coarse, fine) = (mean(1e-5), mean(1e-6));
+    let order = (coarse - fine) / 10f64.ln();
+    assert!((0.75..1.25).contains(&order), "order {order}");
+    assert!(fine.exp() < 2e-4, "{}", fine.exp());
+}
+
+/// The law of a group is that of the step: one step whose impact lies where it begins makes the same velocities, for every law.
+#[test]
+fn the_law_of_a_group_is_that_of_the_step() {
+    for impact in [Impact::Sequence, Impact::SequencePaper, Impact::OneShot] {
+        let mut input = rack();
+        input.laws[1].2[3] = 0.0;
+        // In contact at the start.
+        input.position[0][0] = -2.0 * crate::common::R;
+        let h = 1e-9;
+        let [mut exact, mut step] = [Method::Events, Method::Nsga].map(|method| {
+            let o = Options {
+                method,
+                impact,
+                ..options(h)
+            };
+            begin(&input, o)
+        });
+        assert!(advance(&mut exact, 1).is_none() && advance(&mut step, 1).is_none());
+        let apart = apart(&exact, &step);
+        assert!(apart < 5e-7, "{impact:?}: {apart:e}");
+        assert!(exact.state.velocity[0].x < 0.0, "{impact:?}");
+    }
+}

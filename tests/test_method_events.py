@@ -1,0 +1,82 @@
+"""Method `events` from Python: exact frames, clean audits, runs that are taken up again, refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import carom
+import numpy as np
+import pytest
+from carom.audit import check
+
+MU, G, R = 0.2, 9.8, 0.028575
+
+
+def shot(rolling_radius: float = 0.0, **run: object) -> carom.Scene:
+    """A ball that slides down a table with cushions, towards another one."""
+    scene = carom.Scene(
+        "a shot", gravity=(0, 0, -G), run={"method": "events", "until": 2.0, "step": 0.05, **run}
+    )
+    for name in ("ball", "bed", "rail"):
+        scene.material(name)
+    scene.contact("ball", "ball", friction=0.06, restitution=0.95)
+    scene.contact("ball", "bed", friction=MU, restitution=0.5, rolling_radius=rolling_radius)
+    scene.contact("ball", "rail", friction=0.14, restitution=0.85)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.plane("end", point=(2.5, 0, 0), normal=(-1, 0, 0), material="rail")
+    scene.sphere("cue", radius=R, mass=0.17, position=(0, 0, R), velocity=(2.0, 0, 0), material="ball")
+    scene.sphere("object", radius=R, mass=0.17, position=(1.2, 0.02, R), material="ball")
+    return scene
+
+
+def test_frames_are_exact_at_their_times() -> None:
+    result = carom.simulate(shot(until=0.5, step=1e-2))
+    ends = 2.0 / (3.5 * MU * G)
+    t = np.minimum(result.time, ends)
+    way = 2.0 * t - 0.5 * MU * G * t**2 + (result.time - t) * (2.0 - MU * G * ends)
+    np.testing.assert_allclose(result["cue"].position[:, 0], way, rtol=0, atol=3e-15)
+    assert len(result.time) == 51
+
+
+def test_impacts_have_their_times_and_audits_are_clean(tmp_path: Path) -> None:
+    for every in (1, 4):
+        result = carom.simulate(shot(), out=tmp_path / f"run{every}", every=every)
+        assert result.outcome.kind == "done"
+        hits = result.impacts
+        off = np.abs(np.asarray(hits["time"]) / 0.05 % 1.0 - 0.5)
+        assert len(off) > 2
+        assert off.max() < 0.499  # none at the end of a step
+        report = check(tmp_path / f"run{every}")
+        assert report.ok, str(report)
+
+
+def test_a_run_is_taken_up_again_with_the_same_bits(tmp_path: Path) -> None:
+    whole = carom.simulate(shot())
+    carom.simulate(shot(), until=0.7, out=tmp_path / "run")
+    parts = carom.resume(tmp_path / "run", until=2.0)
+    np.testing.assert_array_equal(parts.position[-1], whole.position[-1])
+    np.testing.assert_array_equal(parts.angular_velocity[-1], whole.angular_velocity[-1])
+    np.testing.assert_array_equal(parts.orientation[-1], whole.orientation[-1])
+
+
+def test_pockets_take_balls_when_they_come() -> None:
+    scene = shot(until=2.0, step=0.5)
+    scene.outlet(low=(1.6, -1, -1), high=(2.2, 1, 1))
+    result = carom.simulate(scene)
+    time = dict(result.events.left())["object"]
+    other = carom.simulate(shot(until=time, step=time))
+    assert other["object"].position[-1, 0] == pytest.approx(1.6, abs=1e-12)
+
+
+def test_what_cannot_be_done_is_refused_by_name() -> None:
+    scene = shot()
+    scene.spring("cue", "object", stiffness=1.0, rest_length=1.2)
+    with pytest.raises(
+        carom.CaromError, match="events does not know springs or loads beyond the weight; choose nsga"
+    ):
+        carom.simulate(scene)
+
+
+def test_motion_without_a_closed_form_ends_the_run() -> None:
+    with pytest.raises(carom.CaromError, match=r'slides and turns out of line.*method = "nsga" simulates it'):
+        carom.simulate(shot(rolling_radius=1e-3))
