@@ -77,6 +77,21 @@ def test_what_cannot_be_done_is_refused_by_name() -> None:
         carom.simulate(scene)
 
 
-def test_motion_without_a_closed_form_ends_the_run() -> None:
-    with pytest.raises(carom.CaromError, match=r'slides and turns out of line.*method = "nsga" simulates it'):
-        carom.simulate(shot(rolling_radius=1e-3))
+def test_bodies_that_press_one_another_end_the_run() -> None:
+    scene = shot()
+    at = 2.5 - R
+    scene.sphere("at the rail", radius=R, mass=0.17, position=(at, 1.0, R), material="ball")
+    push = (0, 50, 0)
+    scene.sphere(
+        "b", radius=R, mass=0.17, position=(at - 2 * R, 1.0, R), angular_velocity=push, material="ball"
+    )
+    with pytest.raises(carom.CaromError, match=r'press one another.*method = "nsga" simulates it'):
+        carom.simulate(scene)
+
+
+def test_a_table_with_rolling_resistance_comes_to_rest(tmp_path: Path) -> None:
+    scene = shot(rolling_radius=1e-3, until=12.0, step=0.5)
+    result = carom.simulate(scene, out=tmp_path / "run")
+    assert not result.velocity[-1].any()
+    report = check(tmp_path / "run")
+    assert report.ok, str(report)

@@ -123,8 +123,6 @@ pub enum Failure {
 /// What no closed form is known for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Open {
-    /// A ball slides and turns out of line, with rolling resistance.
-    Curved,
     /// A ball that rolls, with more rolling resistance than friction can balance.
     Skids,
     /// Bodies that press one another.
@@ -134,7 +132,6 @@ pub enum Open {
 impl Open {
     pub fn text(self) -> &'static str {
         match self {
-            Open::Curved => "it slides and turns out of line, with rolling resistance",
             Open::Skids => "its rolling resistance is more than friction can balance",
             Open::Presses => "they press one another",
         }

@@ -43,5 +43,10 @@ fn main() {
         &scenes::billiard_break_input(),
         3.0,
     );
-    measure("nine-ball break, 10 s", &scenes::nine_ball_input(), 10.0);
+    let mut nine = scenes::nine_ball_input();
+    measure("nine-ball break, 10 s", &nine, 10.0);
+    // Slides that turn, and an end of all motion.
+    nine.laws[1].2[3] = 4e-4;
+    nine.laws[1].2[4] = 3.3e-4;
+    measure("nine-ball break to rest, 15 s", &nine, 15.0);
 }

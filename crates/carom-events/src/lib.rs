@@ -1,13 +1,14 @@
 //! Method `events`: the limit of small steps, computed without one. Motion between impacts is known in closed form, the times of impacts are roots of
 //! polynomials, and the impact law is that of the step, by the same code ([`carom_core::moment::impact`]).
 //!
-//! `motion.rs` has the modes of a ball and their closed forms, `meet.rs` when bodies meet, [`roots`] the roots, `queue.rs` what
+//! `motion.rs` has the modes of a ball and their closed forms (`curved.rs` the one that has none), `meet.rs` when bodies meet, [`roots`] the roots, `queue.rs` what
 //! happens next, `foresee.rs` fills it, `step.rs` is the loop over events. `check.rs` says what it cannot do. `docs/theory/events.md` states all of it.
 //!
 //! To the core this is a [`Stepper`](carom_core::step::Stepper) like any other: what it calls a step is the time between two reports. It keeps
 //! nothing from one to the next but the state.
 
 mod check;
+mod curved;
 mod foresee;
 mod meet;
 mod motion;

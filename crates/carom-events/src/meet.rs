@@ -1,15 +1,16 @@
 //! When two bodies meet: their gap as polynomials of time, and the first fall of each.
 //!
-//! Between events positions are polynomials of second degree, so that a gap to a plane is one of second degree, the square of a distance from a
-//! point or a line one of fourth, and what tells whether a circle is near one of eighth. A wall has features: faces, edges, corners, rims. Each is
+//! Where positions are polynomials of second degree a gap to a plane is one of second degree, the square of a distance from a
+//! point or a line one of fourth, and what tells whether a circle is near one of eighth. Pieces of curves have more terms: `K` of the course, `S = 2K - 1` of
+//! squares, `R = 4K - 3` of squares of these. A wall has features: faces, edges, corners, rims. Each is
 //! looked at as if it had no end; whether the wall itself is there is asked of the geometry that the step uses.
 
 use crate::roots::{deflated, falls};
 use carom_geom::{Disc, Rectangle, Shape};
 use glam::DVec3;
 
-/// Place of a ball as a polynomial of the time since some moment: `x[0] + x[1] t + x[2] t^2`.
-pub type Course = [DVec3; 3];
+/// Place of a ball as a polynomial of the time since some moment, lowest coefficient first.
+pub type Course<const K: usize> = [DVec3; K];
 
 /// What counts as nothing: gap (m), speed (m/s), acceleration (m/s^2); and the time (s) below which a flight between two contacts is none.
 #[derive(Clone, Copy, Debug)]
@@ -84,55 +85,72 @@ fn closes<const N: usize>(
     }
 }
 
+/// `|d|^2`.
+#[inline]
+pub fn square<const K: usize, const S: usize>(d: &Course<K>) -> [f64; S] {
+    let mut f = [0.0; S];
+    for i in 0..K {
+        f[2 * i] += d[i].length_squared();
+        for j in i + 1..K {
+            f[i + j] += 2.0 * d[i].dot(d[j]);
+        }
+    }
+    f
+}
+
 /// The gap of two balls, over the sum `reach` of their radii in its square: `(|x|^2 - reach^2)/(2 reach)`.
 #[inline]
-fn distance_gap(d: &Course, reach: f64) -> [f64; 5] {
-    let scale = 0.5 / reach;
-    let [x, v, a] = *d;
-    [
-        // Of squares that are alike the difference would be rounding.
-        (x.length() - reach) * (x.length() + reach) * scale,
-        2.0 * x.dot(v) * scale,
-        (v.length_squared() + 2.0 * x.dot(a)) * scale,
-        2.0 * v.dot(a) * scale,
-        a.length_squared() * scale,
-    ]
+fn distance_gap<const K: usize, const S: usize>(d: &Course<K>, reach: f64) -> [f64; S] {
+    let mut f = square(d);
+    // Of squares that are alike the difference would be rounding.
+    let distance = d[0].length();
+    f[0] = (distance - reach) * (distance + reach);
+    f.map(|c| 0.5 / reach * c)
+}
+
+/// The part of a course along a direction.
+#[inline]
+pub fn along<const K: usize>(course: &Course<K>, direction: DVec3) -> [f64; K] {
+    course.map(|c| c.dot(direction))
 }
 
 /// Two balls: `between` is the place of one from the other.
-pub fn balls(between: &Course, reach: f64, end: f64, nothing: &Nothing) -> Meeting {
-    let [x, v, a] = *between;
-    let way = end * (v.length() + end * a.length());
-    if x.length() - reach > way {
-        return Meeting::Never;
-    }
-    let f = distance_gap(between, reach);
+pub fn balls<const K: usize, const S: usize>(
+    between: &Course<K>,
+    reach: f64,
+    end: f64,
+    nothing: &Nothing,
+) -> Meeting {
+    let f: [f64; S] = distance_gap(between, reach);
     closes(f, f[0] <= nothing.gap, end, nothing, |_| true)
 }
 
 /// A ball of radius `r` and a wall that does not move.
-pub fn wall(shape: &Shape, course: &Course, r: f64, end: f64, nothing: &Nothing) -> Meeting {
-    let [x, v, a] = *course;
-    let way = end * (v.length() + end * a.length());
-    if shape.clearance(x, r) > way {
-        return Meeting::Never;
-    }
-    let mut look = Look {
+pub fn wall<const K: usize, const S: usize, const R: usize>(
+    shape: &Shape,
+    course: &Course<K>,
+    r: f64,
+    end: f64,
+    nothing: &Nothing,
+) -> Meeting {
+    let mut look = Look::<K, S, R> {
         shape,
         course,
         r,
         end,
         nothing,
-        touches: shape.meet(x, r).is_some_and(|p| p.gap <= nothing.gap),
+        touches: shape
+            .meet(course[0], r)
+            .is_some_and(|p| p.gap <= nothing.gap),
         found: Meeting::Never,
     };
     look.all();
     look.found
 }
 
-struct Look<'a> {
+struct Look<'a, const K: usize, const S: usize, const R: usize> {
     shape: &'a Shape,
-    course: &'a Course,
+    course: &'a Course<K>,
     r: f64,
     end: f64,
     nothing: &'a Nothing,
@@ -140,7 +158,7 @@ struct Look<'a> {
     found: Meeting,
 }
 
-impl Look<'_> {
+impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
     fn all(&mut self) {
         match *self.shape {
             Shape::HalfSpace { point, normal } => self.plane(point, normal),
@@ -196,62 +214,54 @@ impl Look<'_> {
     }
 
     fn plane(&mut self, point: DVec3, normal: DVec3) {
-        let [x, v, a] = *self.course;
-        self.feature([
-            (x - point).dot(normal) - self.r,
-            v.dot(normal),
-            a.dot(normal),
-        ]);
+        let mut f = along(self.course, normal);
+        f[0] = (self.course[0] - point).dot(normal) - self.r;
+        self.feature(f);
+    }
+
+    /// The course from a point.
+    fn from(&self, point: DVec3) -> Course<K> {
+        let mut d = *self.course;
+        d[0] -= point;
+        d
+    }
+
+    /// The course across an axis.
+    fn across(&self, point: DVec3, axis: DVec3) -> Course<K> {
+        self.from(point).map(|d| d - axis * axis.dot(d))
     }
 
     /// A ball of radius `size`, or a point.
     fn point(&mut self, centre: DVec3, size: f64) {
-        let [x, v, a] = *self.course;
-        self.feature(distance_gap(&[x - centre, v, a], self.r + size));
+        let f: [f64; S] = distance_gap(&self.from(centre), self.r + size);
+        self.feature(f);
     }
 
     /// A cylinder of radius `size` without end, or a line.
     fn line(&mut self, point: DVec3, axis: DVec3, size: f64) {
-        self.feature(distance_gap(&self.across(point, axis), self.r + size));
+        let f: [f64; S] = distance_gap(&self.across(point, axis), self.r + size);
+        self.feature(f);
     }
 
     /// The inside of a ball, or of a cylinder about an axis.
     fn inside(&mut self, centre: DVec3, axis: Option<DVec3>, size: f64) {
-        let [x, v, a] = *self.course;
         let from = match axis {
             Some(axis) => self.across(centre, axis),
-            None => [x - centre, v, a],
+            None => self.from(centre),
         };
         if size > self.r {
-            self.feature(distance_gap(&from, size - self.r).map(|c| -c));
+            let f: [f64; S] = distance_gap(&from, size - self.r);
+            self.feature(f.map(|c| -c));
         }
-    }
-
-    /// The course across an axis.
-    fn across(&self, point: DVec3, axis: DVec3) -> Course {
-        let [x, v, a] = *self.course;
-        [x - point, v, a].map(|d| d - axis * axis.dot(d))
     }
 
     /// A circle: with `s = |x|^2 + size^2 - r^2` and `p` the place in its plane, `s^2 = 4 size^2 |p|^2` where the ball touches it.
     fn rim(&mut self, centre: DVec3, normal: DVec3, size: f64) {
-        let [x, v, a] = *self.course;
-        let d = [x - centre, v, a];
-        let p = self.across(centre, normal);
-        let square = |d: &Course| {
-            let [x, v, a] = *d;
-            [
-                x.length_squared(),
-                2.0 * x.dot(v),
-                v.length_squared() + 2.0 * x.dot(a),
-                2.0 * v.dot(a),
-                a.length_squared(),
-            ]
-        };
-        let (mut s, q) = (square(&d), square(&p));
+        let mut s: [f64; S] = square(&self.from(centre));
+        let q: [f64; S] = square(&self.across(centre, normal));
         s[0] += size * size - self.r * self.r;
         let scale = 1.0 / (8.0 * size * size * self.r);
-        let mut f = [0.0; 9];
+        let mut f = [0.0; R];
         for (i, a) in s.iter().enumerate() {
             for (j, b) in s.iter().enumerate() {
                 f[i + j] += scale * a * b;
@@ -264,8 +274,12 @@ impl Look<'_> {
     /// Takes in when the ball meets a feature, the first time that the wall itself is there.
     fn feature<const N: usize>(&mut self, f: [f64; N]) {
         let near = |t: f64| {
-            let [x, v, a] = *self.course;
-            let met = self.shape.meet(x + t * (v + t * a), self.r);
+            let x = self
+                .course
+                .iter()
+                .rev()
+                .fold(DVec3::ZERO, |x, c| x * t + *c);
+            let met = self.shape.meet(x, self.r);
             met.is_some_and(|p| p.gap <= self.nothing.gap)
         };
         let touches = self.touches && f[0].abs() <= self.nothing.gap;

@@ -10,9 +10,10 @@
 //! turn    v = 0, w_t = 0
 //! ```
 //!
-//! and in all but flight `w_n` falls by `delta g/(kappa r^2)` to 0. With rolling resistance a slide has this form only while slip and turning
-//! lie in one line; else their directions turn, and no closed form is known ([`Open::Curved`]).
+//! and in all but flight `w_n` falls by `delta g/(kappa r^2)` to 0. With rolling resistance slip and turning keep their directions only while
+//! they lie in one line; else the motion goes on in pieces (`curved.rs`).
 
+use crate::curved::{series, Rates, TERMS};
 use carom_core::outcome::Open;
 use carom_core::Model;
 use glam::DVec3;
@@ -21,6 +22,10 @@ use glam::DVec3;
 const ROUNDING: f64 = 1e-13;
 /// Share (1) by which slip and turning may leave one line and count as in it.
 const IN_LINE: f64 = 1e-12;
+/// Slip over the speeds (1) below which its direction turns no more: the last moment of a slide.
+const LAST_SLIP: f64 = 1e-11;
+/// The same as a time, s, that is left: less is lost in the rounding of times.
+const LAST_TIME: f64 = 1e-12;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
@@ -45,6 +50,8 @@ pub enum End {
     /// All motion of the centre.
     Stop,
     Spin,
+    /// A piece of a curve.
+    Piece,
 }
 
 /// A level surface that carries a ball.
@@ -58,15 +65,19 @@ pub struct Support {
     pub law: u32,
 }
 
-/// The motion of a ball from `start` on: positions `x[0] + x[1] t + x[2] t^2`, angular velocity `w[0] + w[1] t`, `t` since `start`.
+/// The motion of a ball from `start` on: position `x[0] + x[1] t + x[2] t^2 ...`, angular velocity `w[0] + w[1] t ...`, `t` since `start`. Terms from
+/// `terms` on are 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Motion {
     pub mode: Mode,
     pub support: Option<Support>,
     /// s, since the start of the step.
     pub start: f64,
-    pub x: [DVec3; 3],
-    pub w: [DVec3; 2],
+    pub x: [DVec3; TERMS],
+    pub w: [DVec3; TERMS],
+    pub terms: usize,
+    /// Bound of the acceleration of the centre, m/s^2.
+    pub most: f64,
     /// How long this form holds, s, and what ends it.
     pub holds: f64,
     pub end: End,
@@ -79,11 +90,21 @@ impl Motion {
             mode: Mode::Flight,
             support: None,
             start,
-            x: [x, v, 0.5 * gravity],
-            w: [w, DVec3::ZERO],
-            holds: f64::INFINITY,
-            end: End::Never,
+            ..Motion::plain([x, v, 0.5 * gravity], w)
         }
+    }
+
+    /// A parabola with a constant angular velocity.
+    fn plain(course: [DVec3; 3], w: DVec3) -> Motion {
+        let mut motion = Motion {
+            holds: f64::INFINITY,
+            terms: 3,
+            most: 2.0 * course[2].length(),
+            ..Motion::default()
+        };
+        motion.x[..3].copy_from_slice(&course);
+        motion.w[0] = w;
+        motion
     }
 
     /// It holds until a time (s since its start) at most.
@@ -103,7 +124,7 @@ impl Motion {
             End::Turning => [v, spin],
             End::Stop => [DVec3::ZERO, spin],
             End::Spin => [v, w - spin],
-            End::Never => [v, w],
+            End::Never | End::Piece => [v, w],
         }
     }
 
@@ -131,15 +152,17 @@ impl Motion {
         let mut motion = Motion {
             support: Some(support),
             start,
-            x: [x, v, DVec3::ZERO],
-            w: [w, DVec3::ZERO],
-            holds: f64::INFINITY,
-            end: End::Never,
             mode: Mode::Slide,
+            ..Motion::plain([x, v, DVec3::ZERO], w)
         };
         let rolling = bounds.rolling * g / (kappa * r * r);
         if slides && bounds.sliding > 0.0 {
-            motion.slide(slip, q, bounds.sliding * g, rolling * r, kappa, (r, n))?;
+            let rates = Rates {
+                a: bounds.sliding * g,
+                b: rolling * r,
+                c: bounds.sliding * g / kappa,
+            };
+            motion.slide(v, q, rates, (r, n), speed);
         } else if slides {
             // Without friction rolling resistance acts on turning alone.
             let rate = turn.length();
@@ -165,41 +188,46 @@ impl Motion {
         Ok(motion)
     }
 
-    /// `friction` and `resistance`: what sliding and rolling resistance take from `v` and `q` in a second.
-    fn slide(
-        &mut self,
-        slip: DVec3,
-        q: DVec3,
-        friction: f64,
-        resistance: f64,
-        kappa: f64,
-        (r, n): (f64, DVec3),
-    ) -> Result<(), Open> {
+    fn slide(&mut self, v: DVec3, q: DVec3, rates: Rates, (r, n): (f64, DVec3), speed: f64) {
+        let Rates { a, b, c } = rates;
+        let slip = v + q;
         let size = slip.length();
         let along = slip / size;
         // By friction `q` changes against the slip; resistance opposes it.
-        let mut rate = friction / kappa;
-        if resistance > 0.0 {
+        let mut rate = c;
+        if b > 0.0 {
             let (in_line, off) = (q.dot(along), q.cross(along).length());
-            if off > IN_LINE * (q.length() + size) {
-                return Err(Open::Curved);
+            let last = (LAST_SLIP * speed).max(LAST_TIME * (a + b + c));
+            if off > IN_LINE * (q.length() + size) && size > last {
+                return self.curve(v, q, rates, (r, n));
             }
-            let still = in_line.abs() <= ROUNDING * size;
-            if still {
-                rate = (rate - resistance).max(0.0);
+            if in_line.abs() <= ROUNDING * size {
+                rate = (rate - b).max(0.0);
             } else {
-                rate += resistance.copysign(in_line);
+                rate += b.copysign(in_line);
                 if in_line / rate > 0.0 {
                     self.until(in_line / rate, End::Turning);
                 }
             }
         }
-        self.x[2] = -0.5 * friction * along;
+        self.x[2] = -0.5 * a * along;
+        self.most = a;
         self.w[1] = rate / r * n.cross(along);
-        if friction + rate > 0.0 {
-            self.until(size / (friction + rate), End::Slip);
+        if a + rate > 0.0 {
+            self.until(size / (a + rate), End::Slip);
         }
-        Ok(())
+    }
+
+    /// A piece of a slide out of line.
+    fn curve(&mut self, v: DVec3, q: DVec3, rates: Rates, (r, n): (f64, DVec3)) {
+        let (v, q, holds) = series(v, q, rates);
+        for k in 1..TERMS - 1 {
+            self.x[k + 1] = v[k] / (k + 1) as f64;
+            self.w[k] = -n.cross(q[k]) / r;
+        }
+        self.terms = TERMS;
+        self.most = rates.a;
+        self.until(holds, End::Piece);
     }
 
     fn roll(
@@ -224,43 +252,80 @@ impl Motion {
                 return Err(Open::Skids);
             }
             self.x[2] = -0.5 * slowing / speed * v;
+            self.most = slowing;
             self.w[1] = n.cross(2.0 * self.x[2]) / r;
             self.until(speed / slowing, End::Stop);
         }
         Ok(())
     }
 
+    /// Value of a series of `terms` terms.
+    #[inline]
+    fn value(c: &[DVec3; TERMS], terms: usize, t: f64) -> DVec3 {
+        let rest = c[..terms].iter().rev();
+        rest.fold(DVec3::ZERO, |sum, c| sum * t + *c)
+    }
+
     /// Place `t` seconds after the start of the step.
     #[inline]
     pub fn place(&self, t: f64) -> DVec3 {
-        let t = t - self.start;
-        self.x[0] + t * (self.x[1] + t * self.x[2])
+        Self::value(&self.x, self.terms, t - self.start)
     }
 
     /// Velocity and angular velocity.
     #[inline]
     pub fn velocities(&self, t: f64) -> [DVec3; 2] {
         let t = t - self.start;
-        [self.x[1] + 2.0 * t * self.x[2], self.w[0] + t * self.w[1]]
+        let terms = (1..self.terms).rev();
+        let v = terms.fold(DVec3::ZERO, |sum, k| sum * t + k as f64 * self.x[k]);
+        [v, Self::value(&self.w, self.terms - 1, t)]
+    }
+
+    /// By how much both velocities change in `dt` seconds from its start on: not as differences, which round.
+    pub fn changes(&self, dt: f64) -> [DVec3; 2] {
+        let terms = (2..self.terms).rev();
+        let v = terms.fold(DVec3::ZERO, |sum, k| sum * dt + k as f64 * self.x[k]);
+        let terms = (1..self.terms - 1).rev();
+        let w = terms.fold(DVec3::ZERO, |sum, k| sum * dt + self.w[k]);
+        [dt * v, dt * w]
+    }
+
+    /// The course from a time on, of which `K` terms are not 0.
+    pub fn course<const K: usize>(&self, now: f64) -> [DVec3; K] {
+        let mut c = [DVec3::ZERO; K];
+        c.copy_from_slice(&self.x[..K]);
+        let by = now - self.start;
+        if by != 0.0 {
+            for k in 0..K {
+                for i in (k..K - 1).rev() {
+                    let above = c[i + 1];
+                    c[i] += by * above;
+                }
+            }
+        }
+        c
     }
 
     /// The rotation between two times, in parts of which each is exact to the fourth order: spatial increments (rad), in their order.
-    pub fn turns(&self, from: f64, to: f64) -> impl Iterator<Item = DVec3> {
+    pub fn turns(&self, from: f64, to: f64) -> impl Iterator<Item = DVec3> + '_ {
         let (t0, t1) = (from - self.start, to - self.start);
-        let [a, b] = self.w;
-        let turning = a.cross(b).length();
         let whole = t1 - t0;
-        // Along one line it is exact; else the error of a part is of fifth order.
-        let parts = if turning == 0.0 {
-            1.0
-        } else {
-            let rate = (a + t0 * b).length().max((a + t1 * b).length());
+        let at = move |t: f64| Self::value(&self.w, self.terms - 1, t);
+        let turning = self.terms > 3 || self.w[0].cross(self.w[1]) != DVec3::ZERO;
+        // About one line it is exact; else the error of a part is of fifth order.
+        let parts = if turning {
+            let rate = at(t0).length().max(at(t1).length());
             (whole * rate / MOST_TURN).ceil().clamp(1.0, MOST_PARTS)
+        } else {
+            1.0
         };
         let dt = whole / parts;
+        let node = dt * 0.75f64.sqrt() / 3.0;
         (0..parts as u32).map(move |k| {
             let middle = t0 + (f64::from(k) + 0.5) * dt;
-            dt * (a + middle * b) - dt * dt * dt / 12.0 * a.cross(b)
+            let (first, last) = (at(middle - node), at(middle + node));
+            // Magnus, with the two nodes of Gauss.
+            0.5 * dt * (first + last) + dt * node / 2.0 * last.cross(first)
         })
     }
 }
@@ -278,13 +343,8 @@ mod tests {
     /// Against many small rotations at the rate of their middle.
     #[test]
     fn orientations_follow_an_axis_that_turns() {
-        let motion = Motion {
-            w: [
-                DVec3::new(30.0, -10.0, 80.0),
-                DVec3::new(-90.0, 40.0, -20.0),
-            ],
-            ..Motion::default()
-        };
+        let mut motion = Motion::plain([DVec3::ZERO; 3], DVec3::new(30.0, -10.0, 80.0));
+        motion.w[1] = DVec3::new(-90.0, 40.0, -20.0);
         let advance = |q: DQuat, psi: DVec3| carom_core::rotation::advance(psi, q);
         let found = motion.turns(0.0, 0.4).fold(DQuat::IDENTITY, advance);
         let many = 2_000_000;

@@ -272,7 +272,7 @@ impl Run<'_> {
         let state = &mut *self.state;
         state.position[i] = motion.place(t);
         [state.velocity[i], state.angular_velocity[i]] = motion.velocities(t);
-        if motion.w != [DVec3::ZERO; 2] {
+        if motion.w[0] != DVec3::ZERO || motion.w[1] != DVec3::ZERO {
             for turn in motion.turns(motion.start, t) {
                 state.orientation[i] = rotation::advance(turn, state.orientation[i]);
             }

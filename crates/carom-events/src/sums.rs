@@ -56,12 +56,11 @@ impl Sums {
             return WorldImpulse::default();
         };
         let (n, r, m) = (support.normal, model.radius[i], model.mass[i]);
-        let ([v0, w0], [v1, w1]) = (motion.velocities(motion.start), motion.velocities(t));
         let along = m * support.g * dt * n;
         let bounds = model.laws[support.law as usize].bounds;
-        // Not as a difference of velocities, which rounds.
-        let friction = 2.0 * m * dt * motion.x[2];
-        let rest = model.inertia[i] * dt * motion.w[1] + r * n.cross(friction);
+        let [dv, dw] = motion.changes(dt);
+        let friction = m * dv;
+        let rest = model.inertia[i] * dw + r * n.cross(friction);
         // What is not there is not left to rounding.
         let about = n * n.dot(rest);
         let moment = [(rest - about, bounds.rolling), (about, bounds.spinning)]
@@ -69,9 +68,19 @@ impl Sums {
             .filter(|(_, bound)| *bound > 0.0)
             .map(|(part, _)| part)
             .sum::<DVec3>();
-        let slip = |v: DVec3, w: DVec3| v + r * n.cross(w);
-        let (mean_slip, mean_turn) = (0.5 * (slip(v0, w0) + slip(v1, w1)), 0.5 * (w0 + w1));
-        let (spin, spinning) = (n.dot(mean_turn), n.dot(moment));
+        // Forces that keep their size act against slip and turning: of the means of these by Simpson's rule, exact where they change evenly.
+        let rates = |t: f64| {
+            let [v, w] = motion.velocities(t);
+            let spin = n.dot(w);
+            [
+                (v + r * n.cross(w)).length(),
+                (w - spin * n).length(),
+                spin.abs(),
+            ]
+        };
+        let [first, middle, last] = [motion.start, motion.start + 0.5 * dt, t].map(rates);
+        let mean = |k: usize| (first[k] + 4.0 * middle[k] + last[k]) / 6.0;
+        let load = m * support.g * dt;
         let sum = self.of.entry((i as u32, support.wall)).or_default();
         (sum.law, sum.normal) = (support.law, n);
         sum.status = if motion.mode == Mode::Slide {
@@ -82,9 +91,11 @@ impl Sums {
         sum.along += along;
         sum.impulse += along + friction;
         sum.moment += moment;
-        sum.work[1] += friction.dot(mean_slip);
-        sum.work[2] += moment.dot(mean_turn) - spin * spinning;
-        sum.work[3] += spin * spinning;
+        if motion.mode == Mode::Slide {
+            sum.work[1] -= bounds.sliding * load * mean(0);
+        }
+        sum.work[2] -= bounds.rolling * load * mean(1);
+        sum.work[3] -= bounds.spinning * load * mean(2);
         WorldImpulse {
             impulse: along + friction,
             moment,

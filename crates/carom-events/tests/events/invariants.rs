@@ -86,7 +86,10 @@ fn breaks() {
         let gap = [0.0, 1e-6, 1e-4][number % 3];
         let spin = [0; 3].map(|_| draw(-150.0, 150.0));
         let (offset, speed) = (draw(-0.02, 0.02), draw(0.5, 12.0));
-        let input = rack(count, gap, offset, speed, spin, LAWS);
+        let mut laws = LAWS;
+        laws[1][3] = [0.0, 4e-4][number % 2];
+        laws[1][4] = [0.0, 3e-4][number % 2];
+        let input = rack(count, gap, offset, speed, spin, laws);
         let (mut s, outcome) = frames(&input, 4.0, 1000);
         if let Some(o) = outcome {
             assert_eq!(o.kind(), "no_closed_form", "{number}: {o:?}");
@@ -111,7 +114,7 @@ fn breaks() {
         }
     }
     println!("{pressed} of {BREAKS} breaks have balls that press one another");
-    assert!(20 * pressed < BREAKS, "{pressed}");
+    assert!(10 * pressed < BREAKS, "{pressed}");
 }
 
 /// More in the studies of `docs/validation`; these take seconds.
