@@ -8,6 +8,7 @@ use crate::roots::{falls, value};
 use carom_core::flow::Outlet;
 use carom_core::{Model, State};
 use carom_geom::Shape;
+use glam::DVec3;
 
 /// Gap over the smaller radius (1) of bodies that touch. Larger: they meet too early; smaller: rounding parts what touches.
 const TOUCH: f64 = 1e-11;
@@ -110,9 +111,12 @@ impl Foresight<'_> {
         queue: &mut Queue,
     ) {
         let (course, left): (Course<K>, f64) = (self.motions[i].course(self.now), self.left(i));
-        self.walls::<K, S, R>(i, &course, left, queue);
+        let speed = course[1].length();
+        let way = MORE * left * (speed + 0.5 * self.motions[i].most * left);
+        self.walls::<K, S, R>(i, &course, [left, way], queue);
         let boxes = self.model.flow.outlets.iter();
         let first = boxes
+            .filter(|o| !is_far(o, course[0], way))
             .filter_map(|o| passes(o, &course, left))
             .fold(f64::INFINITY, f64::min);
         if first.is_finite() {
@@ -132,13 +136,11 @@ impl Foresight<'_> {
         &self,
         i: usize,
         course: &Course<K>,
-        left: f64,
+        [left, way]: [f64; 2],
         queue: &mut Queue,
     ) {
         let (n, r) = (self.model.spheres(), self.model.radius[i]);
         let nothing = nothing(self.model, self.fastest, r);
-        let speed = course[1].length();
-        let way = MORE * left * (speed + 0.5 * self.motions[i].most * left);
         for (w, wall) in self.model.walls.iter().enumerate() {
             let bodies = (i as u32, (n + w) as u32);
             if self.motions[i].support.is_some_and(|s| s.wall == bodies.1) {
@@ -196,6 +198,14 @@ fn leaves<const K: usize, const S: usize>(
         }
         _ => None,
     }
+}
+
+/// Whether a centre at `x` cannot come through a side of the box of an outlet in a way so long.
+fn is_far(outlet: &Outlet, x: DVec3, way: f64) -> bool {
+    if outlet.inside {
+        return (x - x.clamp(outlet.low, outlet.high)).length_squared() > way * way;
+    }
+    (x - outlet.low).min(outlet.high - x).min_element() > way
 }
 
 /// When a centre enters the box of an outlet, or leaves that which it has to stay in.

@@ -118,7 +118,7 @@ impl Run<'_> {
         self.events.motions.clear();
         self.events.motions.resize(n, Motion::default());
         for i in 0..n {
-            self.set_off(i, 0.0)?;
+            self.set_off(i, 0.0, self.support(i))?;
         }
         for i in 0..n {
             if self.state.present[i] {
@@ -140,8 +140,8 @@ impl Run<'_> {
         foresight.ball(i, with, &mut self.events.queue);
     }
 
-    /// The motion of ball `i` from its state at `now` on.
-    fn set_off(&mut self, i: usize, now: f64) -> Result<(), Failure> {
+    /// The motion of ball `i` from its state at `now` on: on a surface with a gap (m) to it, or through the air.
+    fn set_off(&mut self, i: usize, now: f64, on: Option<(Support, f64)>) -> Result<(), Failure> {
         let (x, [v, w]) = (
             self.state.position[i],
             [self.state.velocity[i], self.state.angular_velocity[i]],
@@ -151,7 +151,7 @@ impl Run<'_> {
             false => DVec3::ZERO,
         };
         let mut motion = Motion::flight(now, x, [v, w], g);
-        if let Some((support, gap)) = self.support(i) {
+        if let Some((support, gap)) = on {
             let x = x - gap * support.normal;
             let rises = support.normal.dot(v);
             if rises != 0.0 {
@@ -217,13 +217,18 @@ impl Run<'_> {
                 bodies: event.bodies,
                 why: Open::Presses,
             }),
-            What::Change | What::Edge => {
+            What::Change => {
                 self.bring(i, t);
-                let [v, w] = match event.what {
-                    What::Change => self.events.motions[i].at_end(self.model.radius[i]),
-                    _ => self.events.motions[i].velocities(t),
-                };
+                let motion = &self.events.motions[i];
+                let ([v, w], on) = (motion.at_end(self.model.radius[i]), motion.support);
                 (self.state.velocity[i], self.state.angular_velocity[i]) = (v, w);
+                self.events.queue.forget(i);
+                self.set_off(i, t, on.map(|support| (support, 0.0)))?;
+                self.foresee(i, t, |_| true);
+                Ok(())
+            }
+            What::Edge => {
+                self.bring(i, t);
                 self.go_on(&[i], t)
             }
             What::Leave => {
@@ -233,7 +238,7 @@ impl Run<'_> {
                 let (events, exchange) = (&mut left.events, &mut left.exchange);
                 take_out(self.model, self.state, i, at, events, exchange);
                 self.events.queue.forget(i);
-                self.set_off(i, t)
+                self.set_off(i, t, None)
             }
             What::Meet => self.meet((a, b), t),
         }
@@ -243,7 +248,7 @@ impl Run<'_> {
     fn go_on(&mut self, balls: &[usize], t: f64) -> Result<(), Failure> {
         for &i in balls {
             self.events.queue.forget(i);
-            self.set_off(i, t)?;
+            self.set_off(i, t, self.support(i))?;
         }
         for (k, &i) in balls.iter().enumerate() {
             self.foresee(i, t, |j| !balls[..k].contains(&j));
