@@ -21,6 +21,9 @@ pub struct Nothing {
     pub flight: f64,
 }
 
+/// Share (1) of a time that its rounding may be off. Larger: grazing times are made worse.
+const POLISH: f64 = 1e-9;
+
 /// What becomes of a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Meeting {
@@ -283,7 +286,29 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
             met.is_some_and(|p| p.gap <= self.nothing.gap)
         };
         let touches = self.touches && f[0].abs() <= self.nothing.gap;
-        let meeting = closes(f, touches, self.end, self.nothing, near);
+        let meeting = match closes(f, touches, self.end, self.nothing, near) {
+            Meeting::At(t) if t > 0.0 => Meeting::At(self.polished(t)),
+            other => other,
+        };
         self.found = self.found.or(meeting);
+    }
+
+    /// A time of meeting once more by the gap itself: polynomials of high degree round where it does not.
+    fn polished(&self, t: f64) -> f64 {
+        let terms = self.course.iter().enumerate().rev();
+        let (x, v) = terms.fold((DVec3::ZERO, DVec3::ZERO), |(x, v), (k, c)| {
+            let slope = if k > 0 { v * t + k as f64 * *c } else { v };
+            (x * t + *c, slope)
+        });
+        let by = self
+            .shape
+            .meet(x, self.r)
+            .map_or(0.0, |p| p.gap / p.normal.dot(v));
+        // Where it grazes the rate of the gap means nothing.
+        if by.abs() <= POLISH * t {
+            (t - by).clamp(0.0, self.end)
+        } else {
+            t
+        }
     }
 }

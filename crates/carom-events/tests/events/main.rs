@@ -5,6 +5,7 @@ mod closed_forms;
 mod common;
 mod invariants;
 mod limits;
+mod walls;
 
 use carom_core::options::Method;
 use carom_core::{ModelInput, Options, Outcome, Recording, Simulation};

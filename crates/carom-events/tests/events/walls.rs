@@ -1,0 +1,120 @@
+//! Walls of all shapes are met when the geometry of the step says that they are reached: by sampling, which knows nothing of roots.
+
+use crate::common::{balls, G, R};
+use crate::{advance, begin, options};
+use carom_core::wall::{Ball, Cylinder, Disc, Rectangle, Shape};
+use glam::DVec3;
+
+fn draws(seed: u64) -> impl FnMut(f64, f64) -> f64 {
+    let mut x = 0x9e37_79b9_7f4a_7c15u64 ^ (seed + 1).wrapping_mul(0xd134_2543_de82_ef95);
+    move |low, high| {
+        x ^= x << 13;
+        x ^= x >> 7;
+        x ^= x << 17;
+        low + (high - low) * (x >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// A wall near the origin, of the size of a few balls.
+fn shape(number: u64, draw: &mut impl FnMut(f64, f64) -> f64) -> Shape {
+    let mut unit = || DVec3::from([0; 3].map(|_| draw(-1.0, 1.0))).normalize();
+    let (normal, other) = (unit(), unit());
+    let side = (other - normal * normal.dot(other)).normalize();
+    let centre = 0.02 * unit();
+    match number % 6 {
+        0 => Shape::Rectangle(Rectangle {
+            centre,
+            normal,
+            side,
+            half: [draw(0.01, 0.1), draw(0.01, 0.1)],
+        }),
+        1 => Shape::Disc(Disc {
+            centre,
+            normal,
+            radius: draw(0.05, 0.12),
+            hole: 0.0,
+        }),
+        2 => Shape::Disc(Disc {
+            centre,
+            normal,
+            radius: 0.12,
+            hole: draw(0.01, 0.1),
+        }),
+        3 => Shape::Ball(Ball {
+            centre,
+            radius: draw(0.02, 0.1),
+            inside: false,
+        }),
+        4 => Shape::Cylinder(Cylinder {
+            centre,
+            axis: normal,
+            radius: draw(0.04, 0.1),
+            half: f64::INFINITY,
+            inside: false,
+        }),
+        _ => Shape::Cylinder(Cylinder {
+            centre,
+            axis: normal,
+            radius: draw(0.04, 0.1),
+            half: draw(0.02, 0.1),
+            inside: true,
+        }),
+    }
+}
+
+#[test]
+fn walls_are_met_where_they_are() {
+    let (mut met, until, samples) = (0, 0.3, 60_000);
+    for number in 0..600 {
+        let mut draw = draws(number);
+        let wall = shape(number, &mut draw);
+        let from = 0.35 * DVec3::from([0; 3].map(|_| draw(-1.0, 1.0))).normalize();
+        let aim = DVec3::from([0; 3].map(|_| draw(-0.08, 0.08)));
+        let g = DVec3::new(0.0, 0.0, -G);
+        let v = (aim - from) / 0.15 - 0.075 * g;
+        let gap = |t: f64| {
+            wall.meet(from + t * (v + 0.5 * t * g), R)
+                .expect("a wall")
+                .gap
+        };
+        let mut input = balls(&[from.to_array()], &[]);
+        input.gravity = g.to_array();
+        input.laws = vec![(0, 1, [0.0, 1.0, 0.0, 0.0, 0.0])];
+        input.walls = vec![(wall, 1)];
+        input.velocity[0] = v.to_array();
+        if gap(0.0) < 0.0 {
+            continue;
+        }
+        let at = |k: i32| until * f64::from(k) / f64::from(samples);
+        let first = (1..=samples).find(|&k| gap(at(k)) < 0.0);
+        let mut s = begin(&input, options(until));
+        let outcome = advance(&mut s, 1);
+        assert!(outcome.is_none(), "{number}: {outcome:?}");
+        let found = s.take_block().impacts.first().map(|i| i.time);
+        let Some(k) = first else {
+            // What samples do not see is a graze.
+            assert!(
+                found.is_none_or(|t| gap(t).abs() < 1e-12 * R),
+                "{number}: {found:?}"
+            );
+            continue;
+        };
+        let (mut low, mut high) = (at(k - 1), at(k));
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if gap(middle) < 0.0 {
+                high = middle
+            } else {
+                low = middle
+            }
+        }
+        let found = found.expect("it was met");
+        // Grazing hits are known to the root of the rounding.
+        assert!(
+            (found - low).abs() < 1e-8 && gap(found).abs() < 1e-12 * R,
+            "{number}: {found} {low}"
+        );
+        met += 1;
+    }
+    assert!(met > 250, "{met}");
+}
