@@ -211,7 +211,7 @@ MEANINGS: dict[str, Meaning] = {
     "steps/restitution_scale": Meaning("1", "smallest factor on the restitution by the energy safeguard"),
     "steps/substeps": Meaning(
         "1",
-        "sub-steps of method penalty; parts into which events divide a step; with others those of a step divided so that"
+        "sub-steps of method penalty; intervals between events; with others those of a step divided so that"
         " nothing passes through anything, else 0",
     ),
     "steps/substep_min": Meaning("s", "smallest of them, 0 if there are none"),

@@ -51,7 +51,7 @@ OPTIONS: dict[str, Option] = {
     "step": Option("time step h", POSITIVE, "time"),
     "method": Option(
         "method in time; nsga is the nonsmooth generalized-alpha scheme, moreau Moreau-Jean time stepping,"
-        " penalty continuous contact forces, events exact motion from one impact to the next"
+        " penalty continuous contact forces, events exact motion between impacts"
     ),
     "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
     "theta": Option(
