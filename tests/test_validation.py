@@ -72,6 +72,20 @@ def test_a_random_drop_does_not_fail(balls: int, seed: int) -> None:
     assert not json.loads(done.stdout)["failed"], done.stdout
 
 
+def test_a_jam_of_five_contacts_ends_with_its_companion() -> None:
+    """One of `drops.py --narrow`: its convex companion moves what slides apart, by a millionth of the friction."""
+    code = "import drops; print(drops.drop(12, 39, drops.NARROW, pile_tolerance=1e-7)['outcome'])"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=VALIDATION / "drops",
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert done.stdout.strip() == "None"
+
+
 @pytest.mark.long
 def test_pyramids_do_as_friction_says_and_a_wedged_one_stops_no_run() -> None:
     """`validation/pyramids/rest.py`; and one with hair gaps, which friction wedges before all of them are closed."""

@@ -10,6 +10,7 @@ mod convex;
 mod hybrid;
 mod linearised;
 
+use crate::companion::moved_apart;
 use crate::cone::Status;
 use crate::judge::Terms;
 use crate::ladder::{Attempt, IslandWay, IslandWhen, ISLAND};
@@ -194,7 +195,7 @@ impl Newton {
         let terms = self.evaluate(&mut on, &[lambda, u].concat());
         let residual = on.relative(&terms);
         self.history.push(residual);
-        let closed = on.is_large() || self.gaps_closed(on.system, options);
+        let closed = on.is_large() || self.gaps_closed(on.system, options, 0.0);
         SolveReport {
             converged: residual < options.tolerance && closed,
             residual,
@@ -304,7 +305,9 @@ impl Newton {
         }
     }
 
-    fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
+    /// Whether what is pressed is closed and nothing overlaps, as far as the options ask for it. `share` of the friction moves apart what slides
+    /// (convex companions alone).
+    fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions, share: f64) -> bool {
         options.gap_tolerance.is_infinite()
             || system.contacts.iter().all(|c| {
                 let tolerance = options.gap_tolerance * c.length + GAP_ROUNDINGS * options.rounding;
@@ -313,7 +316,11 @@ impl Newton {
                     return self.at.z[rows].iter().all(|z| z.abs() <= tolerance);
                 }
                 let z = self.at.z[c.row as usize];
-                z >= -tolerance && (self.at.phi[c.row as usize] == 0.0 || z <= tolerance)
+                let closed = || {
+                    let apart = share * moved_apart(&c.bounds, &self.at.z[c.rows()]);
+                    z <= tolerance + apart
+                };
+                z >= -tolerance && (self.at.phi[c.row as usize] == 0.0 || closed())
             })
     }
 }
@@ -343,7 +350,7 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         newton.history.push(report.residual);
         report.converged = merit.is_finite()
             && report.residual < on.options.tolerance
-            && newton.gaps_closed(on.system, on.options);
+            && newton.gaps_closed(on.system, on.options, 0.0);
         if report.converged {
             x[..newton.at.phi.len()].copy_from_slice(&newton.at.phi);
         }

@@ -96,7 +96,7 @@ impl Newton {
         for (slot, status) in self.at.statuses.iter_mut().enumerate() {
             *status = companion::status(on.system, slot, lambda);
         }
-        total.converged = !closes && self.gaps_closed(on.system, on.options);
+        total.converged = !closes && self.gaps_closed(on.system, on.options, friction);
         total
     }
 

@@ -41,7 +41,7 @@ impl Newton {
             }
             // Gaps of large islands are a target here, no condition: in a tight one they may contradict one another by rounding.
             let solved = total.residual < options.tolerance;
-            let closed = self.gaps_closed(on.system, options);
+            let closed = self.gaps_closed(on.system, options, 0.0);
             if solved && (!exact || closed) {
                 total.converged = large || closed;
                 break;
