@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
 import sys
@@ -31,7 +32,10 @@ print(resident() - before)
 
 def stays(balls: int) -> int:
     command = [sys.executable, "-c", STAYS, str(balls)]
-    return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    # Dask sets `MALLOC_TRIM_THRESHOLD_` in the process that starts workers: glibc then keeps nothing in either case.
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("MALLOC_")}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return int(done.stdout)
 
 
 def test_few_balls_change_nothing() -> None:
@@ -40,6 +44,4 @@ def test_few_balls_change_nothing() -> None:
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
 def test_freed_arrays_go_back_with_many_balls() -> None:
-    assert stays(MANY) < 40e6
-    # Freed arrays went back all the same in one of some twenty runs; presumably the heap could not grow where it lay.
-    assert max(stays(1) for _ in range(5)) > 100e6
+    assert stays(MANY) < 40e6 < 100e6 < stays(1)
