@@ -36,41 +36,17 @@ pub fn impact(
     carrier: impl Fn(usize) -> Option<u32>,
     report: &mut StepReport,
 ) -> Result<(), Failure> {
-    let n = model.spheres();
-    let spheres = |pairs: &[ContactKey]| {
-        let both = pairs.iter().flat_map(|&(a, b)| [a as usize, b as usize]);
-        let mut found: Vec<usize> = both.filter(|&i| i < n).collect();
-        found.sort_unstable();
-        found.dedup();
-        found
-    };
-    let spheres = spheres(pairs);
+    let both = pairs.iter().flat_map(|&(a, b)| [a as usize, b as usize]);
+    let mut spheres: Vec<usize> = both.filter(|&i| i < model.spheres()).collect();
+    spheres.sort_unstable();
+    spheres.dedup();
     let fastest = spheres.iter().fold(0.0f64, |most, &i| {
         let turning = model.radius[i] * state.angular_velocity[i].length();
         most.max(state.velocity[i].length() + turning)
     });
     let g = model.gravity.length();
     let h = if g > 0.0 { LOAD * fastest / g } else { 0.0 };
-    scratch.contacts.clear();
-    for &(a, b) in pairs {
-        if model.law_of(a as usize, b as usize).is_none() {
-            return Err(Failure::MissingLaw(a, b));
-        }
-        let (walls, contacts) = (&scratch.walls, &mut scratch.contacts);
-        let anywhere = f64::INFINITY;
-        push_candidate(
-            model,
-            state,
-            walls,
-            &state.position,
-            (a, b),
-            anywhere,
-            contacts,
-        )?;
-    }
-    for c in &mut scratch.contacts {
-        c.closed = true;
-    }
+    close(model, state, scratch, pairs)?;
     let loads: Vec<DVec3> = (spheres.iter())
         .map(|&i| match carrier(i) {
             Some(_) => h * model.gravity,
@@ -116,5 +92,25 @@ pub fn impact(
             state.velocity[i] += *load;
         }
     }
+    Ok(())
+}
+
+/// The contacts of an impact, all closed.
+fn close(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    pairs: &[ContactKey],
+) -> Result<(), Failure> {
+    let (walls, contacts) = (&scratch.walls, &mut scratch.contacts);
+    let (position, anywhere) = (&state.position, f64::INFINITY);
+    contacts.clear();
+    for &(a, b) in pairs {
+        if model.law_of(a as usize, b as usize).is_none() {
+            return Err(Failure::MissingLaw(a, b));
+        }
+        push_candidate(model, state, walls, position, (a, b), anywhere, contacts)?;
+    }
+    contacts.iter_mut().for_each(|c| c.closed = true);
     Ok(())
 }

@@ -169,46 +169,6 @@ class Block:
         return np.asarray(self.s1 % int(every) == 0)
 
     @cached_property
-    def centres(self) -> F64:
-        """(B, N, 3) where the velocity level of the last step has the centres, for velocities of walls: as in the frame;
-        Moreau-Jean takes the end of the smooth motion.
-        """
-        run = self.run
-        if not self._smooth:
-            return self.x1
-        theta, dt = float(run.options["theta"]), self.dt[:, None, None]
-        if run.has_contacts:
-            from carom.audit.answers import before_contacts
-
-            return np.asarray(
-                self.x0 + dt * ((1.0 - theta) * self.v0 + theta * before_contacts(self)[..., :3])
-            )
-        from carom.audit.loads import of_loads
-
-        gained = of_loads(self).impulse[..., :3] / run.mass[:, None] + dt * run.gravity
-        return np.asarray(self.x0 + dt * (self.v0 + theta * gained))
-
-    @property
-    def _smooth(self) -> bool:
-        return self.run.method == "moreau" and any(wall.moves for wall in self.run.walls)
-
-    def wall_slack(self, k: I64, a: I64, b: I64) -> F64:
-        """(K,) by how much the velocity of wall `b` at ball `a` is off, m/s: without recorded contacts loads that depend on
-        the motion are known to their slack, and so are the `centres` of Moreau-Jean, at which walls that turn have their
-        velocities.
-        """
-        found, run = np.zeros(len(k)), self.run
-        if not (self._smooth and run.loads) or run.has_contacts:
-            return found
-        from carom.audit.loads import of_loads
-
-        way = float(run.options["theta"]) * self.dt[:, None] * of_loads(self).slack[..., 0] / run.mass
-        for w, wall in enumerate(run.walls):
-            rows = np.flatnonzero(b == run.bodies + w)
-            found[rows] = wall.turning(self.t1[k[rows]]) * way[k[rows], a[rows]]
-        return found
-
-    @cached_property
     def rows(self) -> Rows:
         """The contacts that were recorded in these intervals."""
         run = self.run

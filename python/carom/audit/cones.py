@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from carom.audit import forces, groups, loads_once, works
 from carom.audit.block import Block, once
 from carom.audit.bounds import gain
+from carom.audit.centres import at_walls, wall_slack
 from carom.audit.data import Run
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
@@ -75,7 +76,7 @@ def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rat
     v, w, t = (block.v0, block.w0, block.t0) if start else (block.v1, block.w1, block.t1)
     ball = np.minimum(c.b, run.bodies - 1)
     motion = (v[c.k, c.a], w[c.k, c.a], v[c.k, ball], w[c.k, ball])
-    centre = block.x0[c.k, c.a] if start else loads_once.at_walls(block, c.k, c.a, c.b, normal)
+    centre = block.x0[c.k, c.a] if start else at_walls(block, c.k, c.a, c.b, normal)
     return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start), motion, normal, lever)
 
 
@@ -204,7 +205,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         push = np.maximum(part.normal, 0.0)
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
-        noise = 64.0 * EPS * scale + block.wall_slack(c.k, c.a, c.b)
+        noise = 64.0 * EPS * scale + wall_slack(block, c.k, c.a, c.b)
         own = compliance(run, c.a, c.b)
         still = 2.0 * own[1] * left + noise
         defect = opposed(part.sliding, found.slip, mu * push, left, still)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carom.audit import answers, bounds, forces, hits, loads_once, replay
 from carom.audit.block import Block
+from carom.audit.centres import at_walls, wall_slack
 from carom.audit.cones import struck
 from carom.audit.gaps import closing
 from carom.audit.hits import Hits
@@ -101,7 +102,7 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
         _, foot = run.meet(t[r.k], r.a, r.b, centre, block.x0[r.k, ball])
         normal = foot if run.loads_once else normal
     else:
-        centre = loads_once.at_walls(block, r.k, r.a, r.b, normal)
+        centre = at_walls(block, r.k, r.a, r.b, normal)
     motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])
     return rates(run, Pairs(r.a, r.b, t[r.k], centre, foot, not start), motion, normal, normal)
 
@@ -122,7 +123,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     # Speeds are recorded as the solver left them, velocities follow from its impulses.
     squares = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
     left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
-    left = left + block.wall_slack(final.k, final.a, final.b)
+    left = left + wall_slack(block, final.k, final.a, final.b)
     off = np.abs(final.separation - _motion(block, final).normal)
     tally.measure("impact speeds", off, 640.0 * EPS * scale + left, hits.place(block, final))
 

@@ -1,4 +1,4 @@
-"""Loads of a step that were solved once, for velocities and positions (`position_friction = "once"`; algorithm, section 10).
+"""Loads of a step that were solved once, for velocities and positions (`position_friction = "once"`; algorithm, section 12).
 
 Impulses `P0` of the loads act along the mean of the frames at both ends of the step, `Gm = (G_n + G_{n+1})/2`: a normal
 part along `m = (n_0 + n_1)/2`, and tangents that are the means of those of `n_0` and of `n_1`, turned the shortest way. The
@@ -56,17 +56,6 @@ def parts(impulse: F64, normal: F64) -> tuple[F64, F64]:
     """(K,) and (K, 3): the part of impulses along a unit normal, and the rest."""
     along = dot(impulse, normal)
     return along, impulse - along[:, None] * normal
-
-
-def at_walls(block: Block, k: I64, a: I64, b: I64, normal: F64) -> F64:
-    """(K, 3) centres of balls `a` for the velocities of walls `b` after a step: of loads that are solved once it is the
-    surface that moves, and a ball may have left it.
-    """
-    centre, run = block.centres[k, a], block.run
-    if not run.loads_once:
-        return centre
-    gap, _ = run.meet(block.t1[k], a, b, block.x1[k, a], block.x1[k, np.minimum(b, run.bodies - 1)])
-    return np.asarray(centre - gap[:, None] * normal)
 
 
 class Loads(NamedTuple):

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from carom.audit import answers, bounds, forces, loads_once, works
 from carom.audit.block import Block
+from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -139,7 +140,7 @@ class Replay:
                 r.a,
                 r.b,
                 block.t1[r.k],
-                loads_once.at_walls(block, r.k, r.a, r.b, r.normal),
+                at_walls(block, r.k, r.a, r.b, r.normal),
                 r.normal,
                 end=True,
             ),

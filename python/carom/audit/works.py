@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from carom.audit import answers, forces, groups, loads_once
 from carom.audit.block import Block, Rows
+from carom.audit.centres import at_walls
 from carom.audit.data import Run
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -88,7 +89,7 @@ def judge(block: Block, tally: Tally) -> None:
     k, a, b = c.k[rows], c.a[rows], c.b[rows]
     ball = np.minimum(b, run.bodies - 1)
     normal, moment = c.normal[rows], c.moment[rows]
-    centre = loads_once.at_walls(block, k, a, b, normal)
+    centre = at_walls(block, k, a, b, normal)
     pairs = Pairs(a, b, block.t1[k], centre, normal, end=True)
 
     def motion(of: F64) -> Motion:

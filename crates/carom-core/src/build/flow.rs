@@ -2,8 +2,9 @@
 
 use super::ModelInput;
 use crate::flow::{Flow, Region};
-use crate::outcome::{entry, finite, ModelError};
+use crate::outcome::{entry, finite, within_bounds, ModelError, FASTEST};
 use crate::wall;
+use glam::DVec3;
 
 /// Balls with a joint or a load of their own; what is no ball may be among them.
 fn held_bodies(input: &ModelInput) -> impl Iterator<Item = u32> + '_ {
@@ -55,6 +56,14 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
                 let text = format!("is {value}; it must be finite and not negative");
                 return refuse(quantity, text);
             }
+        }
+        let fastest = flow.velocity.abs() + DVec3::splat(flow.spread);
+        if !within_bounds(fastest, DVec3::ZERO) {
+            let text = format!(
+                "is {:?} m/s with a spread of {} m/s; a ball may enter with at most {FASTEST:e} m/s",
+                flow.velocity, flow.spread
+            );
+            return refuse("velocity", text);
         }
     }
     if let Some(body) = held_bodies(input).find(|&b| taken.get(b as usize) == Some(&true)) {

@@ -51,7 +51,8 @@ impl Scaled {
                     let turn = root(at..at + dim);
                     factor[group.row + at..group.row + at + dim].fill(turn);
                     // |y_b| turn <= bound y_N normal.
-                    *bound *= normal / turn;
+                    // Finite: an infinite bound times no impulse would be NaN.
+                    *bound = (*bound * (normal / turn)).min(f64::MAX);
                     at += dim;
                 }
             }
