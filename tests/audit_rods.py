@@ -37,7 +37,7 @@ def _cluster(made: carom.Scene, rng: np.random.Generator, k: int, middle: Any) -
     spin = rng.normal(size=3) * rng.choice([0, 5.0])
     along = rng.normal(size=3)
     along /= np.linalg.norm(along)
-    half = RADIUS * along * float(rng.choice([1.000001, 1.5, 2.5]))
+    half = RADIUS * along * float(rng.choice([1.0, 1.5, 2.5]))
     across = np.cross(along, [0.0, 0.0, 1.0])
     across *= 0.045 / np.linalg.norm(across)
     places = {

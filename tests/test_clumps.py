@@ -10,9 +10,8 @@ import pytest
 from carom import audit
 
 G, R, DENSITY = 9.8, 0.01, 2500.0
-GAP = 1e-6 * R
-REACH = 2 * R + GAP
-"""Distance of the centres, m."""
+REACH = 2 * R
+"""Distance of the centres, m: balls of a clump may touch."""
 
 
 def dumbbell(
@@ -69,4 +68,49 @@ def test_a_dumbbell_slides_to_rest_as_a_block() -> None:
     middle = run.contacts.at(100)
     loads = {pair[0]: impulse[2] for pair, impulse in zip(middle.pair, middle["impulse"], strict=True)}
     assert loads["right"] - loads["left"] == pytest.approx(mu * sum(loads.values()), rel=1e-3)
+    assert audit.check(run).ok
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("friction", ["paper", "once"])
+def test_a_tumbling_dumbbell_of_touching_balls_has_no_contact_within(method: str, friction: str) -> None:
+    """Its own contact would repeat the joints, and has pushed with impulses without bound."""
+    scene = dumbbell((0, 0, 3 * R), (1, 0, 0.4), restitution=0.5)
+    for ball in scene.spheres:
+        ball.velocity = tuple(np.cross((3.0, 7.0, 0.0), np.subtract(ball.position, (0, 0, 3 * R))))
+        ball.angular_velocity = (3.0, 7.0, 0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    run = carom.simulate(
+        scene,
+        step=5e-4,
+        until=0.5,
+        every=1,
+        contacts=True,
+        impacts=True,
+        method=method,
+        position_friction=friction,
+    )
+    assert {b for _, b in run.contacts["pair"]} == {"floor"}
+    report = audit.check(run)
+    assert report.ok, report
+
+
+def test_three_balls_of_a_clump_touch_all_round() -> None:
+    """A pair that no joint names is held apart by the others."""
+    scene = carom.Scene(gravity=(0, 0, -G))
+    for other in ("ball", "wall"):
+        scene.contact("ball", other, friction=0.3, restitution=0.5)
+    places = R * np.array([[0, 0, 3], [2, 0, 3], [1, 0, 3 + math.sqrt(3)]])
+    for name, place in zip("abc", places, strict=True):
+        scene.sphere(name, radius=R, density=DENSITY, material="ball", position=place.tolist(),
+                     velocity=np.cross((0, 5.0, 0), place - places[0]).tolist(), angular_velocity=(0, 5.0, 0))  # fmt: skip
+    for pair in ("ab", "bc"):
+        between = [places["abc".index(name)] for name in pair]
+        scene.joint("ball", between=list(pair), point=(0.5 * (between[0] + between[1])).tolist())
+        scene.joint("lock", between=list(pair))
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    run = carom.simulate(scene, step=5e-4, until=0.4, every=1, contacts=True, impacts=True)
+    assert {b for _, b in run.contacts["pair"]} == {"floor"}
+    closing = np.linalg.norm(run["a"].position - run["c"].position, axis=1)
+    assert np.abs(closing - 2 * R).max() < 1e-9 * R
     assert audit.check(run).ok

@@ -149,3 +149,28 @@ def joint_wrenches(rows: list[JointRow], multipliers: F64, gradient: F64, joints
         part = slice(3, 6) if row.kind == "rotation" else slice(0, 3)
         given[row.joint, part] += multiplier * along[6 * row.ends.a : 6 * row.ends.a + 6][part]
     return given
+
+
+def never_meet(joints: Sequence[Mapping[str, Any]], bodies: int) -> set[frozenset[int]]:
+    """Pairs of spheres whose centres joints keep at one distance: a rod between centres, a pivot at one of them, or clumps,
+    in which pairs with a common point do not turn against one another.
+    """
+    found, clumps = set(), [{body} for body in range(bodies)]
+    for joint in joints:
+        pair = frozenset((int(joint["a"]), int(joint["b"])))
+        mine = [
+            row for other in joints if {int(other["a"]), int(other["b"])} == pair for row in other["rows"]
+        ]
+        constant = [row for row in mine if row[4][0] == "constant"]
+        points, turns = (
+            [row for row in constant if row[0] == kind and -1 not in pair] for kind in ("point", "rotation")
+        )
+        arms = [[bool(np.any(row[side])) for side in (2, 3)] for row in constant if row[0] == "distance"]
+        pivot = len(points) >= 3 and not all(np.any(points[0][side]) for side in (2, 3))
+        if -1 not in pair and (pivot or [False, False] in arms):
+            found.add(pair)
+        axes = [np.linalg.matrix_rank([row[1] for row in rows]) if rows else 0 for rows in (points, turns)]
+        if axes == [3, 3]:
+            whole = set().union(*(clump for clump in clumps if clump & pair))
+            clumps = [clump for clump in clumps if not clump & pair] + [whole]
+    return found | {frozenset((a, b)) for clump in clumps for a in clump for b in clump if a != b}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .joint import JointRow, read_joints
+from .joint import JointRow, never_meet, read_joints
 from .law import ScalarLaw, read_law
 from .load import Load, read_loads
 from .pose import F64 as F64
@@ -235,12 +235,15 @@ def _pairs(model: Mapping[str, Any], radius: F64, planes: int) -> list[Pair]:
     }
     sphere_material = [int(m) for m in model.get("material", np.zeros(n))]
     material = sphere_material + [int(m) for m in model.get("plane_material", np.zeros(planes))]
+    apart = never_meet(model.get("joints", ()), n)
     pairs = []
     for a in range(n):
         for b in range(a + 1, n + planes):
             law = laws.get(frozenset((material[a], material[b])))
             if law is None:
                 raise ValueError(f"no contact law for the materials {material[a]} and {material[b]}")
+            if frozenset((a, b)) in apart:
+                continue
             reference = float(radius[a]) if b >= n else float(min(radius[a], radius[b]))
             pairs.append(Pair(a, b, b - n if b >= n else -1, law, reference))
     return pairs

@@ -144,6 +144,9 @@ fn near(
         if between.length_squared() > reach * reach {
             return Ok(None);
         }
+        if model.held_apart.holds(pair) && between == position[i] - position[j] {
+            return Ok(None);
+        }
         gap = periodic.sphere_sphere(position[i], ra, position[j], rb).gap;
     }
     // A pair without a law may come near, not touch.
@@ -167,7 +170,9 @@ fn begin(
     let ((a, b), law) = (near.pair, &model.laws[near.law as usize]);
     let (i, j, n) = (a as usize, b as usize, model.spheres());
     let (ra, x) = (model.radius[i], state.position[i]);
-    c.forget(model.options.loads_once());
+    let once = model.options.loads_once();
+    c.forget(once);
+    c.jointed = once && (model.is_jointed(i) || model.is_jointed(j));
     (c.a, c.b, c.law, c.bounds) = (a, b, near.law, law.bounds);
     (c.gap_check, c.gap) = (near.gap, near.gap);
     let start;

@@ -44,6 +44,9 @@ pub struct Contact {
     pub load: [f64; 6],
     /// The normal with which the loads were solved.
     pub load_normal: DVec3,
+    /// Whether a joint holds one of its bodies: loads then act along the frame of `n1`, as what joints answer does. Where a joint and a contact
+    /// nearly hold the same motion, large impulses along a mean frame would give energy.
+    pub jointed: bool,
     /// Whether the loads are solved with this contact ([`crate::level::loads`]).
     pub resting: bool,
     /// Work of the step's impulses: normal, sliding, rolling, spinning, J.
@@ -111,9 +114,10 @@ impl Contact {
         (self.n1, self.end_frame) = (n, true);
     }
 
-    /// The contact with the mean of its frames at both ends of the step: impulses along it move bodies over curved surfaces to second order.
+    /// The contact with the mean of its frames at both ends of the step: impulses along it move bodies over curved surfaces to second order. Of
+    /// bodies with joints: with the last one.
     pub fn middle(&self) -> Contact {
-        if self.n0 == self.n1 {
+        if self.n0 == self.n1 || self.jointed {
             return *self;
         }
         let mut start = *self;

@@ -12,6 +12,7 @@ mod cures;
 mod finish;
 pub mod flow;
 pub mod force;
+pub mod held_apart;
 pub mod impact;
 pub mod islands;
 pub mod joint;

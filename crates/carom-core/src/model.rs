@@ -2,6 +2,7 @@
 
 use crate::flow::Flow;
 use crate::force::Load;
+use crate::held_apart::HeldApart;
 use crate::joint::Joint;
 use crate::options::Options;
 use crate::wall::Wall;
@@ -77,6 +78,8 @@ pub struct Model {
     pub(crate) law_table: Vec<u32>,
     pub(crate) materials: usize,
     pub joints: Vec<Joint>,
+    /// Pairs that joints keep from meeting.
+    pub held_apart: HeldApart,
     /// Loads beyond the weight.
     pub loads: Vec<Arc<dyn Load>>,
     /// Joints, then loads that depend on the motion.
@@ -118,6 +121,12 @@ impl Model {
     #[inline]
     pub fn is_free(&self) -> bool {
         self.joints.is_empty() && self.loads.is_empty()
+    }
+
+    /// Whether a joint holds a body (walls from N on: none does).
+    #[inline]
+    pub fn is_jointed(&self, body: usize) -> bool {
+        self.held_apart.has_joint(body)
     }
 
     /// Law of a pair of bodies (`b` may be a wall: index N + w), if its materials have one.

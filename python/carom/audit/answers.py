@@ -2,9 +2,8 @@
 
     (M + w C) dV = P + G^T Lambda,    G dV = 0,    w = h (Moreau-Jean: theta h)
 
-with the gradients `G` of joints where the velocity level has the bodies, and `C = -df/dv` of dampers and drag there. Where
-loads are solved once the reactions to them act along the mean of `G` at both ends of the step. `dV` is linear in `P`, and
-one, also where rows of joints repeat one another; only rows that nearly do leave it unsure.
+with the gradients `G` of joints where the velocity level has the bodies, and `C = -df/dv` of dampers and drag there. `dV` is
+linear in `P`, and one, also where rows of joints repeat one another; only rows that nearly do leave it unsure.
 """
 
 from __future__ import annotations
@@ -41,8 +40,8 @@ class Group(NamedTuple):
     bodies: I64
     slot: I64
     """(B,) the number of an interval among the A, -1 where the group had no contact in one whole step."""
-    answer: tuple[F64, F64]
-    """(A, 6n, 6n) velocities over momenta: to impulses of loads that were solved once, and to all others."""
+    answer: F64
+    """(A, 6n, 6n) velocities over momenta."""
 
 
 class Answers:
@@ -68,9 +67,9 @@ class Answers:
             self.unsure[np.ix_(active[unsure], bodies)] = True
             self.groups.append(Group(bodies, slot, answer))
 
-    def of(self, at: I64, momenta: F64, *, loads: bool = False) -> tuple[I64, F64]:
-        """The bodies that momenta (M, 6) move, given at `at` (interval times N plus body, each once), and their velocities;
-        of impulses of the `loads`.
+    def of(self, at: I64, momenta: F64) -> tuple[I64, F64]:
+        """The bodies that momenta (M, 6) move, and their velocities. They are given at `at`: interval times N plus body,
+        each once.
         """
         n = len(self.inertia)
         k, body = np.divmod(at, n)
@@ -83,7 +82,7 @@ class Answers:
             which, row = np.unique(k[mine], return_inverse=True)
             given = np.zeros((len(which), len(group.bodies), 6))
             given[row, np.searchsorted(group.bodies, body[mine])] = momenta[mine]
-            matrix = group.answer[0 if loads else 1][group.slot[which]]
+            matrix = group.answer[group.slot[which]]
             moved = np.einsum("aij,aj->ai", matrix, given.reshape(len(which), -1))
             where.append((which[:, None] * n + group.bodies).ravel())
             found.append(moved.reshape(-1, 6))
@@ -111,10 +110,10 @@ def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
     for names, joints in joined(run.joints):
         bodies = np.array(names, dtype=np.int64)
         mine, places = np.ix_(single, bodies), (block.x1[single], block.q1[single])
-        answer, _ = _at(run, bodies, places, None, answering=False)
+        answer, _ = _at(run, bodies, places, answering=False)
         inert = np.stack([run.mass[bodies], run.inertia[bodies]], axis=1)
         given = (np.repeat(inert, 3, axis=1) * off[mine]).reshape(len(single), -1)
-        off[mine] = np.einsum("aij,aj->ai", answer[1], given).reshape(len(single), -1, 6)
+        off[mine] = np.einsum("aij,aj->ai", answer, given).reshape(len(single), -1, 6)
         rate = np.max([swing(block, joint, end)[1] for joint in joints for end in (0, 1)], axis=0)
         turned = np.where(block.single, np.minimum(1.0, 4.0 * run.h * rate), 1.0)[:, None, None]
         # What was before a block may have had any direction.
@@ -134,7 +133,7 @@ def before_contacts(block: Block, reading: int = 0) -> F64:
     given = np.concatenate([sums.impulse, sums.moments[reading]], axis=-1).reshape(-1, 6)
     at = np.flatnonzero((given != 0.0).any(axis=1) & np.repeat(block.single, block.run.bodies))
     found = np.concatenate([block.v1, block.w1], axis=-1).reshape(-1, 6).copy()
-    where, moved = of_block(block).of(at, given[at], loads=block.run.loads_once)
+    where, moved = of_block(block).of(at, given[at])
     found[where] -= moved
     return found.reshape(block.count, -1, 6)
 
@@ -182,13 +181,12 @@ def _answering(run: Run) -> Iterator[I64]:
         yield bodies[run.linked[bodies] == number]
 
 
-def _answers(block: Block, bodies: I64, active: I64) -> tuple[tuple[F64, F64], Bool]:
-    """Both answers of a group in some intervals, and where they are not sure."""
+def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
+    """The answers of a group in some intervals, and where they are not sure."""
     run = block.run
     ends: list[Places] = [(x[active], q[active]) for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
     if run.method != "moreau":
-        start = _placed(run, bodies, ends[0])[0] if run.loads_once else None
-        return _at(run, bodies, ends[1], start)
+        return _at(run, bodies, ends[1])
     # Moreau-Jean asks where the smooth motion ends. Its velocities are those of the loads, held by the joints there.
     given, theta = of_loads(block), float(run.options["theta"])
     old, new = (
@@ -203,21 +201,16 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[tuple[F64, F64], B
         x, q = ends[0][0].copy(), ends[0][1].copy()
         x[:, bodies] += mean[..., :3]
         q[:, bodies] = product(exponential(mean[..., 3:]), q[:, bodies])
-        found = _at(run, bodies, (x, q), None)
+        found = _at(run, bodies, (x, q))
         apart = (inert * (new - old - pushed)).reshape(len(active), -1)
-        smooth = new - np.einsum("aij,aj->ai", found[0][1], apart).reshape(new.shape)
+        smooth = new - np.einsum("aij,aj->ai", found[0], apart).reshape(new.shape)
     return found
 
 
-def _at(
-    run: Run, bodies: I64, places: Places, start: F64 | None, *, answering: bool = True
-) -> tuple[tuple[F64, F64], Bool]:
-    """`_answers` at some places, of joints alone without `answering` loads; reactions to loads act along the mean of the
-    rows there and those of the `start`.
-    """
+def _at(run: Run, bodies: I64, places: Places, *, answering: bool = True) -> tuple[F64, Bool]:
+    """`_answers` at some places, of joints alone without `answering` loads."""
     rows, damped = _placed(run, bodies, places, answering=answering)
     weight = run.h * (float(run.options["theta"]) if run.method == "moreau" else 1.0)
-    size = 6 * len(bodies)
     inert = np.repeat(np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1).ravel()
     for load in _drags(run) if answering else ():
         if load["body"] in bodies:
@@ -227,7 +220,7 @@ def _at(
     matrix = np.tile(np.diag(inert), (len(rows), 1, 1)) + weight * np.einsum("ari,arj->aij", damped, damped)
     inverse = np.linalg.inv(matrix)
     if not rows.shape[1]:
-        return (inverse, inverse), np.zeros(len(rows), dtype=bool)
+        return inverse, np.zeros(len(rows), dtype=bool)
     root = np.linalg.cholesky(inverse)
     seen = rows @ root
     seen = seen / np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
@@ -235,12 +228,7 @@ def _at(
     shares = values / values.max(axis=1, keepdims=True)
     held = along * (shares > SAME)[:, :, None]
     unsure = ((shares > SAME) & (shares < UNSURE)).any(axis=1)
-    plain = inverse - root @ (held.transpose(0, 2, 1) @ held) @ root.transpose(0, 2, 1)
-    if start is None:
-        return (plain, plain), unsure
-    acting = 0.5 * (start + rows)
-    across = np.linalg.pinv(rows @ inverse @ acting.transpose(0, 2, 1), rcond=SAME)
-    return (inverse @ (np.eye(size) - acting.transpose(0, 2, 1) @ across @ rows @ inverse), plain), unsure
+    return inverse - root @ (held.transpose(0, 2, 1) @ held) @ root.transpose(0, 2, 1), unsure
 
 
 def _placed(run: Run, bodies: I64, places: Places, *, answering: bool = True) -> tuple[F64, F64]:

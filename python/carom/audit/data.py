@@ -21,6 +21,7 @@ from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
 from carom.result.record.walls import tables
+from carom.scene.assembly.held_apart import HeldApart, held_apart
 from carom.scene.tables.options import MOST_PROBLEMS
 
 if TYPE_CHECKING:
@@ -243,6 +244,20 @@ class Run:
             if a >= 0 and b >= 0:
                 found[found == found[b]] = found[a]
         return found
+
+    @cached_property
+    def held_apart(self) -> HeldApart:
+        """Pairs of balls that joints keep from meeting."""
+        return held_apart(self.joints, self.bodies)
+
+    @cached_property
+    def jointed(self) -> NDArray[np.bool_]:
+        """(N,) balls with a joint."""
+        found = np.zeros(self.bodies + 1, dtype=bool)
+        found[[body for joint in self.joints for body in (joint["a"], joint["b"])]] = (
+            True  # the ground is last
+        )
+        return found[:-1]
 
     @cached_property
     def answering(self) -> NDArray[np.bool_]:

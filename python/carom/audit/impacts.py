@@ -190,7 +190,8 @@ def _sign(block: Block, tally: Tally, r: Hits) -> None:
     _, start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])
     impulse = r.impulse
     if run.loads_once:
-        mean = loads_once.along_mean(impulse, start, r.normal)
+        first = loads_once.first_normals(run, r.a, r.b, start, r.normal)
+        mean = loads_once.along_mean(impulse, first, r.normal)
         impulse = np.where((r.problem == 0)[:, None], mean.stated, impulse)
     parts = forces.split(impulse, r.normal, start)
     excess = np.minimum(*(norm(p.sliding) - mu * np.maximum(p.normal, 0.0) for p in parts))

@@ -191,12 +191,15 @@ def _jumps(block: Block, load: dict[str, Any]) -> dict[int, F64]:
             rate = rate + impulse[:, body] / run.mass[body] + arm * moment[:, body] / run.inertia[body]
             moved = moved + way[:, body] + arm * turned[:, body]
     lines = [_line(block, load, end) for end in (0, 1)]
-    shortest = np.maximum(np.minimum(*(length for _, length, _, _ in lines)) - moved, 1e-300)
+    shortest = np.minimum(*(length for _, length, _, _ in lines)) - moved
+    # Two directions differ by 2 at most.
+    turn = np.where(moved < 2.0 * shortest, moved / np.where(shortest > 0.0, shortest, 1.0), 2.0)
     tension = np.maximum(*(np.abs(t) for _, _, t, _ in lines)) + float(load["stiffness"]) * moved
     tension = tension + float(load["damping"]) * rate
     fastest = np.maximum(*(norm(v) for _, _, _, v in lines)) + rate
-    stiff = float(load["stiffness"]) + (tension + float(load["damping"]) * fastest) / shortest
-    pull = float(load["damping"]) * rate + np.where(moved > 0.0, stiff * moved, 0.0)
+    pull = (
+        float(load["damping"]) * (rate + fastest * turn) + float(load["stiffness"]) * moved + tension * turn
+    )
     return {
         body: np.stack([pull, arm * (pull + tension * turned[:, max(body, 0)])], axis=1) for body, arm in ends
     }

@@ -6,7 +6,8 @@ laws of contact hold of their components, in the frame of `n_1`. Positions follo
 
     x' = x + h v + h^2 g/2 + (h/2) W0 + M^-1 (nu - (h/2) P0_N) n,      W0 = M^-1 Gm^T P0
 
-with `nu` the recorded position impulse. An impact takes `P0` of its contacts back, positions keep them.
+with `nu` the recorded position impulse. Contacts of balls with joints have one frame, that of `n_1`. An impact takes `P0` of
+its contacts back, positions keep them.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from carom.audit import groups, hits
 from carom.audit.block import Block, once
+from carom.audit.data import Run
 from carom.audit.vectors import add_at, cross, dot, norm, unit
 
 F64 = NDArray[np.float64]
@@ -50,6 +52,20 @@ def along_mean(impulse: F64, first: F64, second: F64) -> Mean:
     size = np.where(norm(axis) > 0.0, turned / length, 0.0)[:, None]
     stated = normal[:, None] * second + flat + size * cross(axis, second)
     return Mean(normal, stated, cross(middle, flat) + size * axis)
+
+
+def first_normals(run: Run, a: I64, b: I64, start: F64, end: F64) -> F64:
+    """(K, 3) `n_0` of contacts with these normals at both ends of the step."""
+    jointed = np.append(run.jointed, False)
+    one = jointed[a] | jointed[np.minimum(b, run.bodies)]
+    return np.where(one[:, None], end, start)
+
+
+@once
+def firsts(block: Block) -> F64:
+    """(K, 3) `n_0` of the recorded contacts."""
+    c = block.rows
+    return first_normals(block.run, c.a, c.b, block.start[1], c.normal)
 
 
 def parts(impulse: F64, normal: F64) -> tuple[F64, F64]:
@@ -90,7 +106,7 @@ def stated(block: Block) -> tuple[F64, F64]:
     c = block.rows
     if not block.run.loads_once:
         return c.impulse, c.moment
-    loads, first = of_loads(block), block.start[1]
+    loads, first = of_loads(block), firsts(block)
     return (
         c.impulse - loads.remained + along_mean(loads.remained, first, c.normal).stated,
         c.moment - loads.remained_moment + along_mean(loads.remained_moment, first, c.normal).stated,
@@ -100,7 +116,7 @@ def stated(block: Block) -> tuple[F64, F64]:
 def arms(block: Block) -> F64:
     """(K, 3) `n x P_T` of the recorded impulses."""
     c, loads = block.rows, of_loads(block).remained
-    return np.asarray(cross(c.normal, c.impulse - loads) + along_mean(loads, block.start[1], c.normal).arm)
+    return np.asarray(cross(c.normal, c.impulse - loads) + along_mean(loads, firsts(block), c.normal).arm)
 
 
 @once
@@ -110,12 +126,12 @@ def shifts(block: Block) -> F64:
     if not block.run.loads_once:
         return c.position_impulse
     loads = of_loads(block).solved
-    normal = along_mean(loads, block.start[1], c.normal).normal
+    normal = along_mean(loads, firsts(block), c.normal).normal
     return np.asarray(c.position_impulse + 0.5 * block.run.h * (loads - normal[:, None] * c.normal))
 
 
 def turns(block: Block) -> tuple[F64, F64]:
     """(K, 3) twice: `n x` what moved the bodies of each contact, and the moments beside it, N s^2 and N m s^2."""
     loads, half = of_loads(block), 0.5 * block.run.h
-    arm = along_mean(loads.solved, block.start[1], block.rows.normal).arm
+    arm = along_mean(loads.solved, firsts(block), block.rows.normal).arm
     return half * arm, block.rows.position_moment + half * loads.solved_moment

@@ -76,13 +76,22 @@ def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
             close = norm(d) <= reach[:, a] + reach[:, b]
         close &= block.there[:, a] & block.there[:, b]
         k, pair = np.nonzero(close)
-        return k, a[pair], b[pair], way[k, a[pair]] + way[k, b[pair]]
+        return _free(block, way, k, a[pair], b[pair])
     found = []
     for interval in range(block.count):
         here = np.flatnonzero(block.there[interval])
         first, second = neighbours(block.x0[interval, here], reach[interval, here], run.period)
         found.append((np.full(len(first), interval), here[first], here[second]))
-    k, a, b = (np.concatenate(part) for part in zip(*found, strict=True))
+    return _free(block, way, *(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def _free(block: Block, way: F64, k: I64, a: I64, b: I64) -> tuple[I64, I64, I64, F64]:
+    """The pairs that no joint keeps from meeting, with the ways of both; images of such a pair may meet."""
+    run = block.run
+    apart = block.x0[k, a] - block.x0[k, b]
+    itself = np.isclose(run.between(block.x0[k, a], block.x0[k, b]), apart, rtol=0.0, atol=1e-9).all(axis=1)
+    rows = np.flatnonzero(~(run.held_apart.holds(a, b) & itself))
+    k, a, b = k[rows], a[rows], b[rows]
     return k, a, b, way[k, a] + way[k, b]
 
 

@@ -126,10 +126,10 @@ class Replay:
         self.push = np.where(end, both[0].normal, both[1].normal)
         self.slide = np.where(end[:, None], both[0].sliding, both[1].sliding)
         self.arm = cross(self.lever, self.slide)
-        self.first = start
+        self.first = loads_once.first_normals(run, r.a, r.b, start, r.normal)
         if once:
             loads = (r.problem == 0)[:, None]
-            mean = loads_once.along_mean(r.impulse, start, r.normal)
+            mean = loads_once.along_mean(r.impulse, self.first, r.normal)
             self.push = np.where(loads[:, 0], mean.normal, self.push)
             self.slide = np.where(loads, mean.stated - mean.normal[:, None] * r.normal, self.slide)
             self.arm = np.where(loads, mean.arm, self.arm)
@@ -174,7 +174,7 @@ class Replay:
         numbers, first = np.unique(r.problem, return_index=True)
         begin = int(np.searchsorted(r.problem, 1))
         loads = slice(0, begin)
-        at, offset = self._moved(loads, loads=True)
+        at, offset = self._moved(loads)
         before = self._terms(loads, at, offset)
         remained = np.flatnonzero(self.kept[loads])
         at_kept, change = self._moved(remained, free=True)
@@ -192,7 +192,7 @@ class Replay:
             rows = slice(int(low), int(high))
             if problem > 0:
                 solved = before if problem == 1 else np.maximum(before, then)
-            where, own = (at_first, first_change) if problem == 1 else self._moved(rows, loads=problem == 0)
+            where, own = (at_first, first_change) if problem == 1 else self._moved(rows)
             self._problem(rows, where, own, solved, minus if problem > 1 else self.old)
             if problem == 0:
                 self.loaded = self.now.copy()
@@ -252,9 +252,9 @@ class Replay:
         of_b = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
         return of_a, np.where(ball, of_b, 0.0)
 
-    def _moved(self, rows: slice | I64, *, loads: bool = False, free: bool = False) -> tuple[I64, F64]:
-        """The bodies that some rows move, each once, (M,), and the velocities that the rows give them together, (M, 6): of
-        `loads` that were solved once; `free`, where nothing answers them.
+    def _moved(self, rows: slice | I64, *, free: bool = False) -> tuple[I64, F64]:
+        """The bodies that some rows move, each once, (M,), and the velocities that the rows give them together, (M, 6);
+        `free`, where nothing answers them.
         """
         a, b = (at[rows] for at in self.at)
         hit = np.zeros(len(self.now), dtype=bool)
@@ -266,7 +266,7 @@ class Replay:
         self.scratch[where] = 0.0
         if free:
             return where, found / self.inertia[where]
-        return self.answers.of(where, found, loads=loads and self.block.run.loads_once)
+        return self.answers.of(where, found)
 
     def _terms(self, rows: slice | I64, at: I64, change: F64) -> F64:
         """(B,) `bounds.terms` of some rows and of the velocities that they change."""

@@ -99,6 +99,7 @@ def judge(block: Block, tally: Tally) -> None:
     end = block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball]
     impulse, first, values = c.impulse[rows], block.start[1][rows], []
     if run.loads_once:
+        first = loads_once.firsts(block)[rows]
         found = along_mean(run, pairs, impulse, moment, first, [start[0], end])
         values.append(np.abs(c.work[rows] - found).max(axis=1))
     else:

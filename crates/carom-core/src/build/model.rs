@@ -2,6 +2,7 @@
 
 use super::{flow, ModelInput};
 use crate::force::Dependence;
+use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
 use crate::options::Options;
@@ -64,6 +65,7 @@ impl Model {
             law_table,
             materials,
             joints: input.joints.clone(),
+            held_apart: HeldApart::new(&input.joints, n),
             loads: input.loads.clone(),
             links,
             options,

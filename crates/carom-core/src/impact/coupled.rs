@@ -4,7 +4,7 @@
 use super::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::islands::Island;
-use crate::joint::{add_reaction, Joint, Pose};
+use crate::joint::add_reaction;
 use crate::level::coupling::Trial;
 use crate::model::Model;
 use crate::report::StepReport;
@@ -134,12 +134,7 @@ impl ImpactScratch {
                 &zeros[..dim],
             );
             if model.options.loads_once() {
-                let mut start = Rows::default();
-                joint.gradient_at(&poses_at_start(state, joint), &mut start);
-                let mean = |(old, new): (&[[f64; NODE_DOF]; 2], &[[f64; NODE_DOF]; 2])| {
-                    [0, 1].map(|k| std::array::from_fn(|j| 0.5 * (old[k][j] + new[k][j])))
-                };
-                self.middle.extend(start.iter().zip(&rows[..dim]).map(mean));
+                self.middle.extend_from_slice(&rows[..dim]);
             }
         }
     }
@@ -223,18 +218,4 @@ impl ImpactScratch {
             }
         }
     }
-}
-
-/// Placements of a joint's bodies at t_n.
-fn poses_at_start(state: &State, joint: &Joint) -> [Pose; 2] {
-    let pose = |i: usize| Pose {
-        position: state.position[i],
-        orientation: state.orientation[i],
-    };
-    let b = if joint.grounded() {
-        Pose::GROUND
-    } else {
-        pose(joint.b as usize)
-    };
-    [pose(joint.a as usize), b]
 }

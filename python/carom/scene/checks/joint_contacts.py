@@ -14,12 +14,13 @@ import numpy as np
 from carom.errors import quoted
 from carom.scene.assembly.bodies import F64, Bodies
 from carom.scene.assembly.distances import gaps, normals
-from carom.scene.assembly.mechanics import Rows
+from carom.scene.assembly.held_apart import held_apart
+from carom.scene.assembly.mechanics import Rows, joints_for_core, numbers
 from carom.scene.checks.joint_start import MOST_ROWS, Group, groups
 from carom.scene.checks.overlap import overlaps
 from carom.scene.checks.walls import called
 from carom.scene.messages import Finding
-from carom.scene.tables.joints import default_name
+from carom.scene.tables.joints import Joint, default_name
 from carom.scene.tables.laws import value_at
 from carom.scene.tables.model import Contact
 from carom.scene.tables.walls import PLANE
@@ -113,8 +114,12 @@ def _touches(parts: Parts, systems: Joined) -> Iterator[Touch]:
             normal = normals(wall, position[k : k + 1])[0]
             yield Touch(held[k], None, normal, float(gap[k]), wall, called(wall), wall.material)
     periods = parts.world.periodic if parts.world is not None else None
+    joints = [joint for _, joint in parts.entries["joint"] if isinstance(joint, Joint)]
+    free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), len(bodies.names))
     for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, periods):
         a, b = held[i], held[j]
+        if free.holds(np.array([a]), np.array([b]))[0]:
+            continue
         away = bodies.position[a] - bodies.position[b]
         for k, period in enumerate(periods or ()):
             away[k] -= period * round(away[k] / period) if period else 0.0
