@@ -192,6 +192,8 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
                 seen["reactions"] += 1
             continue
         assert report is None or nullity(core, model, block) > 0, "differs, and its contacts are independent"
+        if block["steps"]["halvings"][0]:
+            core, block = in_one_piece(model, saved)
         judged = Reference(model)
         judged.state = before
         verdict = judge_core_step(judged, core, block)
@@ -199,6 +201,18 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
         seen["redundant"] += 1
         return
     seen["equal"] += 1
+
+
+def in_one_piece(model: dict[str, Any], saved: dict[str, Any]) -> tuple[_core.Simulation, dict[str, Any]]:
+    """The step made whole, to a tolerance that multipliers allow which are not unique: rounding moves these along each other,
+    and 1e-13 may be below what that leaves. The core then makes two half steps, which are no step of the oracle's.
+    """
+    options = {"max_halvings": 0, "tolerance": 1e-11, "pile_tolerance": 1e-11}
+    core = _core.Simulation({**model, "options": {**model["options"], **options}})
+    core.restore(saved)
+    block = core.advance(1, 1, True, 1e9)
+    assert block["outcome"] is None, block["outcome"]
+    return core, block
 
 
 @pytest.mark.usefixtures("linked")
