@@ -204,8 +204,10 @@ def compare_linked(seed: int, seen: Counter[str]) -> None:
 
 
 def in_one_piece(model: dict[str, Any], saved: dict[str, Any]) -> tuple[_core.Simulation, dict[str, Any]]:
-    """The step made whole, to a tolerance that multipliers allow which are not unique: rounding moves these along each other,
-    and 1e-13 may be below what that leaves. The core then makes two half steps, which are no step of the oracle's.
+    """The step made whole, to a tolerance that multipliers allow which are not unique.
+
+    Rounding moves these along each other, and 1e-13 may be below what that leaves. The core then makes two half steps, which
+    are no step of the oracle's.
     """
     options = {"max_halvings": 0, "tolerance": 1e-11, "pile_tolerance": 1e-11}
     core = _core.Simulation({**model, "options": {**model["options"], **options}})
