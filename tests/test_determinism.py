@@ -22,7 +22,7 @@ import carom
 import numpy as np
 import pytest
 from carom.cli.examples import find
-from carom.result.record.layout import EVENTS, TABLES
+from carom.result.record.layout import SOMETIMES, TABLES
 from carom.run import loop as drive
 from carom.run import sinks
 from physics_scenes import R, balls
@@ -39,7 +39,7 @@ def column(result: carom.Result, name: str) -> Any:
 
 def everything(result: carom.Result) -> Recorded:
     """All that a run recorded: shape and bytes of each column of each table."""
-    names = [f"{table}/{name}" for table in (*TABLES, EVENTS) for name in result._segments.columns(table)]
+    names = [f"{table}/{name}" for table in (*TABLES, *SOMETIMES) for name in result._segments.columns(table)]
     columns = {name: column(result, name) for name in names}
     return {name: (values.shape, values.tobytes()) for name, values in columns.items()}
 

@@ -179,7 +179,7 @@ def in_results(change: Callable[[h5py.File], object]) -> Callable[[Path], None]:
 
 
 def last_commit(rows: int) -> Callable[[Path], None]:
-    return in_results(lambda file: file["commit"].__setitem__(-1, np.full(7, rows, dtype=np.uint64)))
+    return in_results(lambda file: file["commit"].__setitem__(-1, rows))
 
 
 def constant(key: str, value: object) -> Callable[[Path], None]:

@@ -13,7 +13,7 @@ import pytest
 from carom import Result, Scene
 from carom.cli.examples import find
 from carom.problem.run_files import FAILING
-from carom.result.record.layout import EVENTS, TABLES
+from carom.result.record.layout import SOMETIMES, TABLES
 from carom.scene import plan
 
 #: Scenes of balls, walls that move, balls that come and go, joints and contacts in every frame.
@@ -31,7 +31,7 @@ def columns(result: Result) -> dict[str, Any]:
     """All that the run recorded, by table and column, and what does not change."""
     record = result._segments
     found = {
-        f"{t}/{c}": np.asarray(record.column(t, c)) for t in (*TABLES, EVENTS) for c in record.columns(t)
+        f"{t}/{c}": np.asarray(record.column(t, c)) for t in (*TABLES, *SOMETIMES) for c in record.columns(t)
     }
     return found | {
         f"{table}/{name}": values

@@ -77,7 +77,7 @@ def test_what_cannot_be_done_is_refused_by_name() -> None:
         carom.simulate(scene)
 
 
-def test_bodies_that_press_one_another_end_the_run() -> None:
+def test_balls_that_press_one_another_are_stepped_and_said_so(tmp_path: Path) -> None:
     scene = shot()
     at = 2.5 - R
     scene.sphere("at the rail", radius=R, mass=0.17, position=(at, 1.0, R), material="ball")
@@ -85,8 +85,32 @@ def test_bodies_that_press_one_another_end_the_run() -> None:
     scene.sphere(
         "b", radius=R, mass=0.17, position=(at - 2 * R, 1.0, R), angular_velocity=push, material="ball"
     )
-    with pytest.raises(carom.CaromError, match=r'press one another.*method = "nsga" simulates it'):
-        carom.simulate(scene)
+    result = carom.simulate(scene, out=tmp_path / "run")
+    report = check(tmp_path / "run")
+    assert report.ok, str(report)
+    rows = result.transitions
+    press, release = (rows.where(rows.event == kind) for kind in ("press", "release"))
+    assert set(press.pair.ravel()) == {"b", "at the rail"}
+    assert set(press.after) == {"stepped"} == set(release.before)
+    assert result.summary["handovers"] == len(np.unique(press.time)) >= 1
+    stepped = result.summary["stepped"]
+    assert stepped == pytest.approx(np.sum(np.unique(release.time) - np.unique(press.time)))
+    finer = carom.simulate(scene, pressing_step=1e-5)
+    for name in scene.names:
+        off = np.abs(result[name].position[-1] - finer[name].position[-1]).max()
+        assert off < 1e-4, name
+
+
+def test_transitions_are_those_of_the_closed_form() -> None:
+    result = carom.simulate(shot(until=0.5, step=0.5))
+    rows = result.transitions.between("cue")
+    [ends] = rows.where(rows.event == "slip ends").time
+    assert ends == pytest.approx(2.0 / (3.5 * MU * G), rel=1e-14)
+    assert rows.before[0] == "slide"
+    assert rows.after[0] == "roll"
+    hit = result.transitions.between("cue", "object")
+    assert set(hit.time) <= set(result.impacts["time"])
+    assert not len(carom.simulate(shot(until=0.01, step=1e-3), method="nsga").transitions)
 
 
 def test_a_table_with_rolling_resistance_comes_to_rest(tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ pub mod state;
 pub mod step;
 pub mod stepper;
 pub mod timers;
+pub mod transition;
 mod travel;
 pub mod wall;
 pub mod workspace;

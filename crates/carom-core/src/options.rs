@@ -305,6 +305,8 @@ options! {
     penalty_slip_speed: f64 = 1e-3,
     /// Substeps per contact time.
     penalty_resolution: u32 = 50,
+    /// Method events: longest step of `nsga` while bodies press one another, s.
+    pressing_step: f64 = 1e-4,
     /// Worker threads of the search for pairs and candidates, of islands side by side, and of sweeps and impact cascades in large ones;
     /// results never depend on this number.
     threads: u32 = 1,
@@ -361,6 +363,7 @@ impl Options {
             ("proximal_shift", self.proximal_shift),
             ("penalty_young_modulus", self.penalty_young_modulus),
             ("penalty_slip_speed", self.penalty_slip_speed),
+            ("pressing_step", self.pressing_step),
         ] {
             if !(value > 0.0 && value.is_finite()) {
                 let text = format!("is {value:e}; it must be finite and above 0");

@@ -99,11 +99,6 @@ pub enum Failure {
     TooManySubsteps,
     /// More events within a step of method `events` than it may have, at last of these bodies.
     TooManyEvents(u32, u32),
-    /// A motion that method `events` knows no closed form for.
-    NoClosedForm {
-        bodies: (u32, u32),
-        why: Open,
-    },
     /// A pair would meet after a relative travel (m) of the radius `length` (m) of one or more.
     TooFar {
         bodies: (u32, u32),
@@ -118,24 +113,6 @@ pub enum Failure {
         mu: f64,
         slip: f64,
     },
-}
-
-/// What no closed form is known for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Open {
-    /// A ball that rolls, with more rolling resistance than friction can balance.
-    Skids,
-    /// Bodies that press one another.
-    Presses,
-}
-
-impl Open {
-    pub fn text(self) -> &'static str {
-        match self {
-            Open::Skids => "its rolling resistance is more than friction can balance",
-            Open::Presses => "they press one another",
-        }
-    }
 }
 
 /// Level of a sub-problem.

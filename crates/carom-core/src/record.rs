@@ -7,6 +7,7 @@ use crate::outcome::ImpactRecord;
 use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
+use crate::transition::Transition;
 use glam::DVec3;
 
 /// Impulses of one contact accumulated since the last frame.
@@ -65,6 +66,7 @@ pub struct Block {
     pub contact_end: Vec<u64>,
     pub contacts: Vec<ContactRecord>,
     pub impacts: Vec<TimedImpact>,
+    pub transitions: Vec<Transition>,
     pub steps: Vec<StepReport>,
     pub residuals: Vec<ResidualRecord>,
 }
@@ -88,6 +90,7 @@ pub struct Recorder {
 /// A point to which a recorder can go back.
 pub struct Mark {
     impacts: usize,
+    transitions: usize,
     residuals: usize,
     open: Vec<ContactRecord>,
     open_joints: Vec<[DVec3; 2]>,
@@ -116,6 +119,7 @@ impl Recorder {
             let time = scratch.impact_times.get(k).copied().unwrap_or(time);
             self.block.impacts.push(TimedImpact { step, time, impact });
         }
+        self.block.transitions.extend(&scratch.transitions);
         for (level, history) in scratch.history.iter().enumerate() {
             if !history.values.is_empty() {
                 self.block.residuals.push(ResidualRecord {
@@ -142,6 +146,7 @@ impl Recorder {
     pub fn mark(&self) -> Mark {
         Mark {
             impacts: self.block.impacts.len(),
+            transitions: self.block.transitions.len(),
             residuals: self.block.residuals.len(),
             open: self.open.clone(),
             open_joints: self.open_joints.clone(),
@@ -152,6 +157,7 @@ impl Recorder {
     /// Undoes what was added by [`Self::add_step`] since a mark. Frames are added between steps, never within one.
     pub fn rewind(&mut self, mark: Mark) {
         self.block.impacts.truncate(mark.impacts);
+        self.block.transitions.truncate(mark.transitions);
         self.block.residuals.truncate(mark.residuals);
         self.open = mark.open;
         self.open_joints = mark.open_joints;

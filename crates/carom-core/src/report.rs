@@ -109,6 +109,9 @@ step_report! {
     /// cut so that nothing passes through anything, 0 where it was not.
     substeps: u32,
     substep_min: f64,
+    /// How often method `events` handed the motion to steps of `nsga`, and for how long in all, s.
+    handovers: u32,
+    stepped: f64,
 }
 
 impl StepReport {
@@ -171,7 +174,7 @@ impl StepReport {
     }
 
     /// Merges the second half of a halved step into the first.
-    fn merge(&mut self, later: &StepReport) {
+    pub fn merge(&mut self, later: &StepReport) {
         let earlier = *self;
         *self = *later;
         self.join(&earlier);
@@ -182,6 +185,8 @@ impl StepReport {
         self.penetration_relative = self.penetration_relative.max(earlier.penetration_relative);
         self.halvings += earlier.halvings;
         self.relisted += earlier.relisted;
+        self.handovers += earlier.handovers;
+        self.stepped += earlier.stepped;
         self.take_substeps(earlier.substeps, earlier.substep_min);
     }
 
@@ -261,6 +266,9 @@ pub struct Monitors {
     /// Substeps and the smallest, s; 0 if there were none.
     pub substeps: u64,
     pub substep_min: f64,
+    /// Of method `events`: how often steps took over, and for how long, s.
+    pub handovers: u64,
+    pub stepped: f64,
 }
 
 impl Monitors {
@@ -310,6 +318,8 @@ impl Monitors {
         self.energy_rises += u64::from(rise > 1e-12 * self.energy_scale + rounding);
         self.energy_final = energy;
         self.travel = self.travel.max(travel);
+        self.handovers += u64::from(r.handovers);
+        self.stepped += r.stepped;
         if r.substeps > 0 {
             let first = self.substeps == 0;
             self.substep_min = if first {
@@ -359,7 +369,6 @@ impl Outcome {
             Failure::TooManyPairs => "too_many_pairs",
             Failure::TooManySubsteps => "too_many_substeps",
             Failure::TooManyEvents(..) => "too_many_events",
-            Failure::NoClosedForm { .. } => "no_closed_form",
         }
     }
 
@@ -403,7 +412,6 @@ impl Outcome {
             (Failure::TooManyEvents(..), _) => {
                 "impacts follow one another without end: look at these bodies, or take method = \"nsga\""
             }
-            (Failure::NoClosedForm { .. }, _) => "method = \"nsga\" simulates it",
             (Failure::Friction { .. }, _) => {
                 "a friction law must give a finite number not below 0 at every slip speed that occurs: max(0, ...) helps"
             }

@@ -14,6 +14,7 @@ use crate::pile::memory::Pile;
 use crate::problem::Keeper;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
+use crate::transition::Transition;
 use crate::wall::places::Walls;
 use crate::workspace::{Corrections, IslandScratch, SolveScratch};
 use carom_geom::NeighbourList;
@@ -52,6 +53,8 @@ pub struct Scratch {
     pub impacts: Vec<ImpactRecord>,
     /// Time of each, s; empty where impacts have the time of their step.
     pub impact_times: Vec<f64>,
+    /// Of methods with events.
+    pub transitions: Vec<Transition>,
     /// Balls that left within the step, of methods that know when.
     pub left: Left,
     /// Histories of the longest solve of each level in this step: smooth, position, velocity.
@@ -100,6 +103,7 @@ impl Scratch {
             warm: Vec::new(),
             impacts: Vec::new(),
             impact_times: Vec::new(),
+            transitions: Vec::new(),
             left: Left::default(),
             history: Default::default(),
             keeper: Keeper::default(),
@@ -128,6 +132,7 @@ impl Scratch {
         }
         self.impacts.clear();
         self.impact_times.clear();
+        self.transitions.clear();
         self.left = Left::default();
         self.warm.clear();
         for history in &mut self.history {

@@ -394,11 +394,6 @@ impl Simulation {
                 });
             }
             Failure::MissingLaw(a, b) | Failure::TooManyEvents(a, b) => out.bodies = vec![a, b],
-            Failure::NoClosedForm { bodies, why } => {
-                out.bodies = pair(bodies);
-                out.bodies.dedup();
-                out.message = Some(why.text().to_owned());
-            }
             Failure::Friction { bodies, mu, slip } => {
                 out.bodies = pair(bodies);
                 out.message = Some(format!("mu = {mu} at a slip of {slip:.3e} m/s"));

@@ -7,9 +7,13 @@
 //! To the core this is a [`Stepper`](carom_core::step::Stepper) like any other: what it calls a step is the time between two reports. It keeps
 //! nothing from one to the next but the state.
 
+mod carry;
 mod check;
+mod close;
 mod curved;
 mod foresee;
+mod group;
+mod handover;
 mod meet;
 mod motion;
 mod queue;
@@ -17,6 +21,7 @@ pub mod roots;
 mod step;
 mod sums;
 
+use carom_core::options::Method;
 use carom_core::{InitialState, Model, ModelError, Simulation};
 
 /// Closing speed over that of the group (1) at which an impact begins, and residual (1) to which impact problems are solved. In a step larger ones hide behind its
@@ -29,10 +34,12 @@ const EXACT: [f64; 2] = [1e-13, 1e-12];
 /// What has no closed motion between impacts is refused by name.
 pub fn simulation(mut model: Model, initial: InitialState) -> Result<Simulation, ModelError> {
     check::check(&model)?;
+    let mut stepping = model.clone();
+    stepping.options.method = Method::Nsga;
     let o = &mut model.options;
     o.closing_tolerance_speed = o.closing_tolerance_speed.min(EXACT[0]);
     o.tolerance = o.tolerance.min(EXACT[1]);
     o.pile_tolerance = o.pile_tolerance.min(EXACT[1]);
-    let stepper = Box::new(step::Events::default());
+    let stepper = Box::new(step::Events::new(stepping));
     Ok(Simulation::with_stepper(model, initial, stepper))
 }

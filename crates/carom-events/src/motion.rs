@@ -14,7 +14,7 @@
 //! they lie in one line; else the motion goes on in pieces (`curved.rs`).
 
 use crate::curved::{series, Rates, TERMS};
-use carom_core::outcome::Open;
+use carom_core::transition::{Kind, Mode};
 use carom_core::Model;
 use glam::DVec3;
 
@@ -26,17 +26,6 @@ const IN_LINE: f64 = 1e-12;
 const LAST_SLIP: f64 = 1e-11;
 /// The same as a time, s, that is left: less is lost in the rounding of times.
 const LAST_TIME: f64 = 1e-12;
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mode {
-    #[default]
-    Flight,
-    Slide,
-    Roll,
-    /// In place, about the normal.
-    Turn,
-    Rest,
-}
 
 /// What ends a closed form.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,6 +41,18 @@ pub enum End {
     Spin,
     /// A piece of a curve.
     Piece,
+}
+
+impl End {
+    /// What it is called in the table of transitions, if it is told there.
+    pub fn kind(self) -> Option<Kind> {
+        match self {
+            End::Slip => Some(Kind::SlipEnd),
+            End::Stop => Some(Kind::RollEnd),
+            End::Spin => Some(Kind::SpinEnd),
+            End::Never | End::Turning | End::Piece => None,
+        }
+    }
 }
 
 /// A level surface that carries a ball.
@@ -128,7 +129,8 @@ impl Motion {
         }
     }
 
-    /// Ball `i` on a surface, from velocities of which that along the normal is dropped.
+    /// Ball `i` on a surface, from velocities of which that along the normal is dropped. None where rolling resistance is more than friction can
+    /// balance: there is no closed form.
     pub fn supported(
         model: &Model,
         i: usize,
@@ -136,7 +138,7 @@ impl Motion {
         start: f64,
         x: DVec3,
         [v, w]: [DVec3; 2],
-    ) -> Result<Motion, Open> {
+    ) -> Option<Motion> {
         let (n, g, r) = (support.normal, support.g, model.radius[i]);
         let law = &model.laws[support.law as usize];
         let bounds = law.bounds;
@@ -185,7 +187,7 @@ impl Motion {
             motion.w[1] -= spinning * spin.signum() * n;
             motion.until(spin.abs() / spinning, End::Spin);
         }
-        Ok(motion)
+        Some(motion)
     }
 
     fn slide(&mut self, v: DVec3, q: DVec3, rates: Rates, (r, n): (f64, DVec3), speed: f64) {
@@ -198,10 +200,12 @@ impl Motion {
         if b > 0.0 {
             let (in_line, off) = (q.dot(along), q.cross(along).length());
             let last = (LAST_SLIP * speed).max(LAST_TIME * (a + b + c));
-            if off > IN_LINE * (q.length() + size) && size > last {
+            // Turning so slow is over before a time is: what grows from it lies in the line of the slip.
+            let turns = q.length() > (ROUNDING * size).max(LAST_TIME * (b + c));
+            if turns && off > IN_LINE * (q.length() + size) && size > last {
                 return self.curve(v, q, rates, (r, n));
             }
-            if in_line.abs() <= ROUNDING * size {
+            if !turns {
                 rate = (rate - b).max(0.0);
             } else {
                 rate += b.copysign(in_line);
@@ -238,25 +242,25 @@ impl Motion {
         kappa: f64,
         (r, n): (f64, DVec3),
         friction: f64,
-    ) -> Result<(), Open> {
+    ) -> Option<()> {
         let speed = v.length();
         self.w[0] = n.cross(v) / r + spin * n;
         if speed == 0.0 {
-            self.mode = if spin == 0.0 { Mode::Rest } else { Mode::Turn };
-            return Ok(());
+            self.mode = if spin == 0.0 { Mode::Rest } else { Mode::Spin };
+            return Some(());
         }
         self.mode = Mode::Roll;
         if resistance > 0.0 {
             let slowing = resistance / (1.0 + kappa);
             if slowing > friction {
-                return Err(Open::Skids);
+                return None;
             }
             self.x[2] = -0.5 * slowing / speed * v;
             self.most = slowing;
             self.w[1] = n.cross(2.0 * self.x[2]) / r;
             self.until(speed / slowing, End::Stop);
         }
-        Ok(())
+        Some(())
     }
 
     /// Value of a series of `terms` terms.

@@ -84,6 +84,18 @@ impl Queue {
         }));
     }
 
+    /// The bodies that press one another now.
+    pub fn pressing(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let events = self.heap.iter().map(|Reverse(event)| event);
+        let holds = |e: &&Event| e.what == What::Press && self.still_holds(e);
+        events.filter(holds).map(|e| e.bodies)
+    }
+
+    fn still_holds(&self, event: &Event) -> bool {
+        let (a, b) = event.bodies;
+        event.counts == [self.count(a), self.count(b)]
+    }
+
     /// The next one that still holds, if it is due by a time.
     pub fn next(&mut self, end: f64) -> Option<Event> {
         while let Some(Reverse(event)) = self.heap.peek().copied() {
@@ -91,8 +103,7 @@ impl Queue {
                 return None;
             }
             self.heap.pop();
-            let (a, b) = event.bodies;
-            if event.counts == [self.count(a), self.count(b)] {
+            if self.still_holds(&event) {
                 return Some(event);
             }
         }

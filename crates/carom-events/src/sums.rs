@@ -1,7 +1,8 @@
 //! What contacts gave in a step: impulses of impacts, and of surfaces that carry balls.
 
-use crate::motion::{Mode, Motion, Support};
+use crate::motion::{Motion, Support};
 use carom_core::contact::{Contact, ContactKey, WorldImpulse};
+use carom_core::transition::Mode;
 use carom_core::{Model, State};
 use carom_solve::Status;
 use glam::DVec3;
@@ -16,10 +17,12 @@ struct Sum {
     along: DVec3,
     impulse: DVec3,
     moment: DVec3,
+    /// Of steps that took over: the corrections of positions, kg m and kg m^2.
+    position: WorldImpulse,
     work: [f64; 4],
 }
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Sums {
     of: BTreeMap<ContactKey, Sum>,
 }
@@ -29,15 +32,19 @@ impl Sums {
         self.of.clear();
     }
 
-    /// The contacts of an impact.
-    pub fn add_impact(&mut self, contacts: &[Contact]) {
-        for c in contacts.iter().filter(|c| c.lambda != [0.0; 6]) {
+    /// The contacts of an impact, or of a step.
+    pub fn add(&mut self, contacts: &[Contact]) {
+        let acts = |c: &&Contact| c.lambda != [0.0; 6] || c.nu != [0.0; 6];
+        for c in contacts.iter().filter(acts) {
             let (world, along) = c.impulse();
+            let position = c.to_world(c.n1, &c.nu);
             let sum = self.of.entry((c.a, c.b)).or_default();
             (sum.law, sum.normal, sum.status) = (c.law, c.n1, c.status);
             sum.along += along;
             sum.impulse += world.impulse;
             sum.moment += world.moment;
+            sum.position.impulse += position.impulse;
+            sum.position.moment += position.moment;
             for (sum, part) in sum.work.iter_mut().zip(c.work) {
                 *sum += part;
             }
@@ -150,9 +157,14 @@ impl Sums {
                 impulse: sum.impulse,
                 moment: sum.moment,
             };
-            let mut lambda = [0.0; 6];
+            let (mut lambda, mut nu) = ([0.0; 6], [0.0; 6]);
             contact.to_rows(&world, &mut lambda);
-            Contact { lambda, ..contact }
+            contact.to_rows(&sum.position, &mut nu);
+            Contact {
+                lambda,
+                nu,
+                ..contact
+            }
         }));
     }
 }

@@ -8,7 +8,7 @@ use crate::state::{
     monitor_arrays, monitors_from, open_values, put_keys, put_kinematics, put_pairs, read_open,
     read_pairs, read_state, touch_values, warm_values,
 };
-use crate::tables::{outcome_dict, put_block};
+use crate::tables::{outcome_dict, put_block, put_transitions};
 use crate::ModelError;
 use carom_core::options::Method;
 use carom_core::problem::Steps;
@@ -105,6 +105,9 @@ impl Simulation {
         let (joints, walls) = (model.joints.len(), model.recorded_walls());
         if !model.flow.is_none() {
             flow::put_events(&out, &block.events)?;
+        }
+        if model.options.method == Method::Events {
+            put_transitions(&out, &block.transitions)?;
         }
         put_block(&out, block, model.spheres(), joints, walls)?;
         match outcome {
@@ -228,6 +231,7 @@ impl Simulation {
             ("unconverged", m.unconverged),
             ("halvings", m.halvings),
             ("substeps", m.substeps),
+            ("handovers", m.handovers),
             ("entered", m.entered),
             ("removed", m.removed),
             ("missed_impacts", m.missed_impacts),
@@ -236,6 +240,7 @@ impl Simulation {
         ] {
             out.set_item(name, value)?;
         }
+        out.set_item("stepped", m.stepped)?;
         out.set_item("restitution_scale_min", m.restitution_scale)?;
         out.set_item("residual_position_max", m.residual_position)?;
         out.set_item("residual_velocity_max", m.residual_velocity)?;

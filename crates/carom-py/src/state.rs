@@ -213,7 +213,7 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
 }
 
 /// All numbers of the monitors in the order of a checkpoint: counts, and measures.
-fn numbers(m: &mut Monitors) -> ([&mut u64; 26], [&mut f64; 14]) {
+fn numbers(m: &mut Monitors) -> ([&mut u64; 27], [&mut f64; 15]) {
     let counts = [
         &mut m.steps,
         &mut m.smooth.max,
@@ -241,6 +241,7 @@ fn numbers(m: &mut Monitors) -> ([&mut u64; 26], [&mut f64; 14]) {
         &mut m.substeps,
         &mut m.entered,
         &mut m.removed,
+        &mut m.handovers,
     ];
     let measures = [
         &mut m.restitution_scale,
@@ -257,6 +258,7 @@ fn numbers(m: &mut Monitors) -> ([&mut u64; 26], [&mut f64; 14]) {
         &mut m.substep_min,
         &mut m.energy_in,
         &mut m.energy_out,
+        &mut m.stepped,
     ];
     (counts, measures)
 }
@@ -268,8 +270,11 @@ pub fn monitor_arrays(m: &Monitors) -> (Vec<u64>, Vec<f64>) {
 }
 
 pub fn monitors_from(counts: &[u64], measures: &[f64]) -> Option<Monitors> {
-    // Without the last two of each: of a version in which balls did not come and go.
-    if !matches!((counts.len(), measures.len()), (26, 14) | (24, 12)) {
+    // Without the last of each: of a version without hand-overs; without three: in which balls did not come and go.
+    if !matches!(
+        (counts.len(), measures.len()),
+        (27, 15) | (26, 14) | (24, 12)
+    ) {
         return None;
     }
     let mut m = Monitors::default();

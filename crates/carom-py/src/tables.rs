@@ -3,6 +3,7 @@
 use crate::arrays::{put, Table};
 use carom_core::record::{Block, ContactRecord, ResidualRecord, TimedImpact};
 use carom_core::report::Column;
+use carom_core::transition::Transition;
 use carom_core::{Outcome, StepReport};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -75,6 +76,23 @@ pub fn put_block(
     out.set_item("impacts", impacts)?;
     out.set_item("steps", steps)?;
     out.set_item("residuals", residuals)
+}
+
+/// The table of transitions of methods that have them; -1 for a body where none had a part.
+pub fn put_transitions(out: &Bound<'_, PyDict>, records: &[Transition]) -> PyResult<()> {
+    let dict = PyDict::new(out.py());
+    let table = Table {
+        out: &dict,
+        records,
+    };
+    table.column("step", |r| r.step)?;
+    table.column("time", |r| r.time)?;
+    table.rows("body", |r| {
+        [i64::from(r.body), r.other.map_or(-1, i64::from)]
+    })?;
+    table.column("kind", |r| r.kind as u8)?;
+    table.rows("mode", |r| r.modes.map(|mode| mode as u8))?;
+    out.set_item("transitions", dict)
 }
 
 fn put_contacts(out: &Bound<'_, PyDict>, records: &[ContactRecord]) -> PyResult<()> {

@@ -30,7 +30,8 @@ Claim = tuple[str, Any, Any, float]
 
 ENDED = ("done", "stopped", "interrupted")
 #: Key of the summary -> column of /steps that it sums up or takes the largest of.
-SUMS = {name: name for name in ("fallbacks", "unconverged", "halvings", "substeps", "entered", "removed")} | {
+COUNTS = ("fallbacks", "unconverged", "halvings", "substeps", "handovers", "entered", "removed")
+SUMS = {name: name for name in COUNTS} | {
     "missed_impacts": "missed_impacts",
     "relisted": "relisted",
     "truncated_sequences": "truncated",
@@ -143,6 +144,7 @@ def _summary(run: Run, about: Mapping[str, Any], told: Mapping[str, Any]) -> Ite
         yield claim(key, sum(part.get(key, 0.0) for part in about.get("segments", ())), 16.0 * EPS)
     for key, column in SUMS.items():
         yield claim(key, int(s[column].sum()) + first.get(key, 0))
+    yield claim("stepped", float(s["stepped"].sum()), steps * EPS)
     for key, column in LARGEST.items():
         yield claim(key, s[column].max(initial=0))
     for key, column in SPREADS.items():

@@ -82,6 +82,14 @@ def _rows(run: Run, tally: Tally) -> None:
         who, kind = _whole(events["body"]), _whole(events["kind"])
         _count(tally, (who < 0) | (who >= run.bodies), "/events/body")
         _count(tally, (kind != 0) & (kind != 1), "/events/kind")
+    changes = run.result.transitions
+    if len(changes):
+        _count(tally, _disordered(_whole(changes["step"]), 1, last), "/transitions/step")
+        who, other = _whole(changes["body"]).T
+        wrong = (who < 0) | (who >= run.bodies) | (other < -1) | (other >= len(run.names))
+        _count(tally, wrong, "/transitions/body")
+        _count(tally, _whole(changes["kind"]) >= len(changes.EVENTS), "/transitions/kind")
+        _count(tally, (_whole(changes["mode"]) >= len(changes.MODES)).any(axis=1), "/transitions/mode")
 
 
 def _whole(column: Any) -> NDArray[np.int64]:

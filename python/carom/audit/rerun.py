@@ -121,7 +121,7 @@ def _once(original: Result, threads: int) -> Rerun:
 
 
 def _compare(original: Result, again: Result) -> tuple[int, int, tuple[Difference, ...]]:
-    from carom.result.record.layout import EVENTS, TABLES
+    from carom.result.record.layout import SOMETIMES, TABLES
 
     found: list[Difference] = []
     datasets = numbers = 0
@@ -134,7 +134,7 @@ def _compare(original: Result, again: Result) -> tuple[int, int, tuple[Differenc
                     Difference(f"{table}/{name}", 0, -1, -1, "", _show(was, name), _show(became, name))
                 )
             numbers += int(np.size(was.get(name, ())))
-    for table in (*TABLES, EVENTS):
+    for table in (*TABLES, *SOMETIMES):
         mine, others = original._segments.columns(table), again._segments.columns(table)
         for name in dict.fromkeys([*mine, *others]):
             if (table, name) == ("residuals", "end") and not _rows(original._segments, table, name):

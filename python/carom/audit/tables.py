@@ -65,14 +65,14 @@ def _clock(run: Run, tally: Tally) -> None:
     tally.measure("clock", backwards, 0.0, lambda i: run.frame_place(i + 1))
     late = np.maximum(0, run.step - len(number)) * h
     tally.measure("clock", late, 0.0, run.frame_place)
-    tables = [run.result.impacts] + ([run.result.events] if len(run.result.events) else [])
-    for table in tables:
+    for table in (run.result.impacts, run.result.events, run.result.transitions):
         at = np.asarray(table["step"]).astype(np.int64)
         if not at.size:
             continue
         late = np.asarray(table["time"]) - at * h
         if run.method == "events":  # whose impacts lie within the step
-            late = np.where((-h <= late) & (late <= 0.0), 0.0, late)
+            slack = 2.0 * EPS * at * h
+            late = np.where((-h - slack <= late) & (late <= 0.0), 0.0, late)
         off = np.abs(late) + h * ((at > len(number)) | (np.diff(at, prepend=0) < 0))
         tally.measure("clock", off, 2.0 * EPS * at * h, _steps(run, at))
     ends = np.asarray(run.result._segments.column("frames", "contact_end")).astype(np.int64)

@@ -43,6 +43,7 @@ def info(run: Run, as_json: Json = False) -> None:
         "time_last": float(result.time[-1]) if len(result.time) else None,
         "impacts": len(result.impacts),
         "contacts": len(result.contacts),
+        **({"transitions": count} if (count := len(result.transitions)) else {}),
         "segments": result.segment_names,
         "bytes": size_on_disk(result.path),
         "versions": dict(result.versions),

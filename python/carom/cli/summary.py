@@ -39,6 +39,7 @@ def text(summary: Mapping[str, Any], result: Result) -> str:
         *head,
         _events(result),
         _flow(summary, result),
+        _handed(summary),
         _iterations(summary),
         _troubles(summary, result),
         _energy(summary, result),
@@ -88,6 +89,14 @@ def _flow(summary: Mapping[str, Any], result: Result) -> str:
     coming = sum(inflow.count for inflow in result.scene.inflows)
     entered = f"{summary['entered']} of {counted(coming, 'ball')} entered, " if coming else ""
     return f"flow        {entered}{summary['removed']}{'' if coming else ' balls'} left"
+
+
+def _handed(summary: Mapping[str, Any]) -> str:
+    """What method `events` could not do in closed form."""
+    if not summary.get("handovers"):
+        return ""
+    times = counted(summary["handovers"], "time")
+    return f"pressing    nsga took over {times}, for {summary['stepped']:.3g} s in all"
 
 
 def _iterations(summary: Mapping[str, Any]) -> str:

@@ -39,8 +39,8 @@ def sheets(selection: Selection) -> Iterator[Sheet]:
     yield _frames(selection)
     yield _contacts(selection)
     result = selection.result
-    for name, table in (("impacts", result.impacts), ("events", result.events), ("steps", result.steps)):
-        yield _rows(selection, name, table)
+    for name in ("impacts", "events", "transitions", "steps"):
+        yield _rows(selection, name, getattr(result, name))
 
 
 def _bodies(selection: Selection) -> Sheet:

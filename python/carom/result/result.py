@@ -23,7 +23,17 @@ from carom.result.directory import RunDir, temporary
 from carom.result.kinematics import Frames, Selection, chosen_bodies, chosen_frames
 from carom.result.record import Column, Memory, Record, Segments, Writer
 from carom.result.run_json import checked
-from carom.result.tables import Contacts, Energy, Events, Impacts, Outcome, Residuals, Static, Steps
+from carom.result.tables import (
+    Contacts,
+    Energy,
+    Events,
+    Impacts,
+    Outcome,
+    Residuals,
+    Static,
+    Steps,
+    Transitions,
+)
 from carom.result.walls import Walls
 from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
@@ -242,6 +252,11 @@ class Result(Frames):
     def events(self) -> Events:
         """One row per ball that entered or left; none without inflows and outlets."""
         return Events(self._segments, self.names)
+
+    @cached_property
+    def transitions(self) -> Transitions:
+        """One row per ball whose motion changed at an event of method `events`; none with other methods."""
+        return Transitions(self._segments, [*self.names, *self.wall_names])
 
     @property
     def flows(self) -> bool:

@@ -210,6 +210,35 @@ class Events(Table):
         return type(self)(self._segments, self._names, rows)
 
 
+class Transitions(_Pairs):
+    """One row per ball whose motion changed at an event of method `events`: `step`, `time` (s), `body` (the ball and what
+    did it, -1 for nothing), `kind`, `mode` (before and after). In words: `pair`, `event`, `before`, `after`.
+    """
+
+    name = "transitions"
+    EVENTS = ("impact", "slip ends", "roll ends", "spin ends", "edge", "outlet", "press", "release")
+    MODES = ("flight", "slide", "roll", "spin", "rest", "stepped", "gone")
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        if not self._segments.columns(self.name):  # of another method
+            return dict.fromkeys(
+                ("step", "time", "body", "kind", "mode", "pair", "event", "before", "after"),
+                lambda: np.zeros(0),
+            )
+        words = np.array([*self.MODES, "?"], dtype=object)
+        kinds = np.array([*self.EVENTS, "?"], dtype=object)
+        return {
+            **super()._derived(),
+            "event": lambda: kinds[np.minimum(np.asarray(self["kind"]), len(kinds) - 1)],
+            "before": lambda: words[np.minimum(np.asarray(self["mode"])[:, 0], len(words) - 1)],
+            "after": lambda: words[np.minimum(np.asarray(self["mode"])[:, 1], len(words) - 1)],
+        }
+
+    def _pair(self) -> Array:
+        """(rows, 2) names, "" for nothing."""
+        return np.where(np.asarray(self["body"]) < 0, "", super()._pair())
+
+
 class Residuals(Table):
     """One row per recorded contact problem; `history(step)` gives the residual norms of its iterations."""
 

@@ -65,16 +65,17 @@ fn remove(
         return;
     }
     for i in 0..model.spheres() {
-        if !state.present[i] || model.flow.held[i] {
-            continue;
+        if is_out(model, state, i) {
+            take_out(model, state, i, (step, time), events, exchange);
         }
-        let x = state.position[i];
-        let leaves = |o: &Outlet| model.periodic.in_box(x, o.low, o.high) == o.inside;
-        if !model.flow.outlets.iter().any(leaves) {
-            continue;
-        }
-        take_out(model, state, i, (step, time), events, exchange);
     }
+}
+
+/// Whether ball `i` is where an outlet takes it.
+pub fn is_out(model: &Model, state: &State, i: usize) -> bool {
+    let x = state.position[i];
+    let leaves = |o: &Outlet| model.periodic.in_box(x, o.low, o.high) == o.inside;
+    state.present[i] && model.flow.outlets.iter().any(leaves) && !model.flow.held[i]
 }
 
 /// Takes ball `i` out, where it is.

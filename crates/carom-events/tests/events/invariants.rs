@@ -82,7 +82,8 @@ fn breaks() {
     };
     let asked = std::env::var("CAROM_BREAKS").ok();
     let breaks = asked.map_or(BREAKS, |n| n.parse().expect("a number"));
-    let mut pressed = 0;
+    let (mut pressed, mut stepped) = (0, 0.0);
+    let mut deepest = [0.0f64; 2];
     for number in 0..breaks {
         let count = 3 + number % 13;
         let gap = [0.0, 1e-6, 1e-4][number % 3];
@@ -93,19 +94,19 @@ fn breaks() {
         laws[1][4] = [0.0, 3e-4][number % 2];
         let input = rack(count, gap, offset, speed, spin, laws);
         let (mut s, outcome) = frames(&input, 4.0, 1000);
-        if let Some(o) = outcome {
-            assert_eq!(o.kind(), "no_closed_form", "{number}: {o:?}");
-            pressed += 1;
-            continue;
-        }
+        assert!(outcome.is_none(), "{number}: {outcome:?}");
         let m = &s.monitors;
+        let by_steps = usize::from(m.handovers > 0);
+        pressed += by_steps;
+        stepped += m.stepped;
+        deepest[by_steps] = deepest[by_steps].max(m.penetration_relative);
         assert!(
-            m.penetration_relative < 1e-12,
+            m.penetration_relative < [1e-12, 1e-9][by_steps],
             "{number}: {:e}",
             m.penetration_relative
         );
         assert!(
-            m.energy_max_rise <= 1e-14 * m.energy_scale,
+            m.energy_max_rise <= [1e-14, 1e-9][by_steps] * m.energy_scale,
             "{number}: {:e}",
             m.energy_max_rise
         );
@@ -115,7 +116,9 @@ fn breaks() {
             assert!(y > R && y < 1.27 - R + 2e-12, "{number}: {y}");
         }
     }
-    println!("{pressed} of {breaks} breaks have balls that press one another");
+    println!(
+        "{pressed} of {breaks} breaks have balls that press one another, for {stepped:.2} s in all; deepest overlaps {deepest:?} of a radius"
+    );
     assert!(10 * pressed < breaks, "{pressed}");
 }
 

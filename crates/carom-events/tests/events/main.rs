@@ -3,6 +3,7 @@
 mod closed_forms;
 #[path = "../../../carom-core/tests/common/mod.rs"]
 mod common;
+mod handover;
 mod invariants;
 mod limits;
 mod walls;

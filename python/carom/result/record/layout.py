@@ -15,8 +15,8 @@ FORMAT = 1
 #: Groups of a file, in the order of the columns of `/commit`.
 TABLES = ("frames", "contacts", "steps", "impacts", "residuals")
 
-#: A group that only a run has whose balls come and go.
-EVENTS = "events"
+#: Groups that only some runs have: whose balls come and go, whose method has events.
+SOMETIMES = ("events", "transitions")
 
 #: The column of a flat table that holds running ends into another one; they are made global on writing.
 ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
@@ -43,6 +43,7 @@ class Rows(NamedTuple):
     residuals: int = 0
     values: int = 0
     events: int = 0
+    transitions: int = 0
 
     def __add__(self, other: object) -> Rows:  # element by element, not concatenation
         if not isinstance(other, tuple) or len(other) != len(self):
@@ -52,7 +53,7 @@ class Rows(NamedTuple):
 
 def tables(owner: Container[str]) -> tuple[str, ...]:
     """The tables of a block, of a file or of their columns."""
-    return (*TABLES, EVENTS) if EVENTS in owner else TABLES
+    return (*TABLES, *(table for table in SOMETIMES if table in owner))
 
 
 def count(block: Mapping[str, Any]) -> Rows:
@@ -215,6 +216,8 @@ MEANINGS: dict[str, Meaning] = {
         " nothing passes through anything, else 0",
     ),
     "steps/substep_min": Meaning("s", "smallest of them, 0 if there are none"),
+    "steps/handovers": Meaning("1", "how often method events handed the motion to steps of nsga"),
+    "steps/stepped": Meaning("s", "time in the step that those steps made"),
     "residuals/step": Meaning("1", "step of the contact problem"),
     "residuals/level": Meaning("1", "1 position, 2 velocity"),
     "residuals/problem": Meaning("1", "number of the contact problem in its step and level"),
@@ -225,6 +228,17 @@ MEANINGS: dict[str, Meaning] = {
     "events/time": Meaning("s", "time at the end of that step"),
     "events/body": Meaning("1", "index of the ball"),
     "events/kind": Meaning("1", "1 the ball enters, 0 it leaves"),
+    "transitions/step": Meaning("1", "number of the step in which it happened"),
+    "transitions/time": Meaning("s", "when it happened"),
+    "transitions/body": Meaning("1", "(row, 2) the ball, and the body or wall that did it, -1 if none did"),
+    "transitions/kind": Meaning(
+        "1",
+        "0 impact, 1 slip ends, 2 roll ends, 3 spin ends, 4 edge, 5 outlet, 6 press: nsga takes over, 7 release",
+    ),
+    "transitions/mode": Meaning(
+        "1",
+        "(row, 2) of the ball before and after: 0 flight, 1 slide, 2 roll, 3 spin, 4 rest, 5 stepped, 6 gone",
+    ),
     "bodies/name": Meaning("1", "names"),
     "bodies/radius": Meaning("m", "radii"),
     "bodies/mass": Meaning("kg", "masses"),

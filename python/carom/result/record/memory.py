@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.result.record.layout import ENDS, EVENTS, MEANINGS, TABLES, TEXTS, Meaning, Rows, count, tables
+from carom.result.record.layout import ENDS, MEANINGS, SOMETIMES, TABLES, TEXTS, Meaning, Rows, count, tables
 from carom.result.record.reader import Column
 
 #: Blocks that wait before their columns are joined, and steps of a block that does not wait: a run of single steps would
@@ -22,7 +22,7 @@ BLOCKS = 1000
 class Memory:
     """All that a run records, or some of its `keep` tables alone. The other arguments are those of `Writer`."""
 
-    def __init__(self, *, keep: Collection[str] = (*TABLES, EVENTS), **described: Any) -> None:
+    def __init__(self, *, keep: Collection[str] = (*TABLES, *SOMETIMES), **described: Any) -> None:
         self.first = self.rows = Rows()
         self.last_frame: int | None = None  # step of the newest frame
         self.described = described

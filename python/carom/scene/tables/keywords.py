@@ -57,6 +57,7 @@ class Options(TypedDict, total=False):
     penalty_friction: Literal["regularised", "spring"]
     penalty_slip_speed: float | str
     penalty_resolution: int
+    pressing_step: float | str
     threads: int
     contacts_per_thread: int
     shared_contacts_per_thread: int

@@ -143,6 +143,9 @@ OPTIONS: dict[str, Option] = {
         "speed",
     ),
     "penalty_resolution": Option("penalty only: substeps per contact time", Bounds(ge=4, le=100_000)),
+    "pressing_step": Option(
+        "events only: longest step of nsga, which takes over while bodies press one another", POSITIVE, "time"
+    ),
     "on_nonconvergence": Option("what to do with a step that could not be solved; warn goes on"),
 }
 

@@ -1,0 +1,53 @@
+//! What happens to a ball between and at the events of a method that has them.
+
+/// What a ball does between two events.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Mode {
+    #[default]
+    Flight,
+    Slide,
+    Roll,
+    /// In place, about the normal.
+    Spin,
+    Rest,
+    /// It is in no closed form: the default scheme makes steps.
+    Stepped,
+    /// It has left.
+    Gone,
+}
+
+/// What changed the motion of a ball.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Kind {
+    Impact,
+    /// The slip ends.
+    SlipEnd,
+    /// Its centre stops.
+    RollEnd,
+    /// The spin about the normal ends.
+    SpinEnd,
+    /// The surface that carried it ends.
+    Edge,
+    /// An outlet takes it.
+    Outlet,
+    /// It presses another body: it is handed to steps.
+    Press,
+    /// Nothing presses any more.
+    Release,
+}
+
+/// A ball whose motion changed at an event, of methods that have such.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transition {
+    pub step: u64,
+    /// s.
+    pub time: f64,
+    pub kind: Kind,
+    pub body: u32,
+    /// The body that did it, if one did.
+    pub other: Option<u32>,
+    /// Before and after.
+    pub modes: [Mode; 2],
+}

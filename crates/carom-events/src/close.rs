@@ -1,0 +1,66 @@
+//! The end of a step: the state, energies, overlaps and the record of contacts.
+
+use crate::step::Run;
+use carom_core::force::total::weight_potential;
+use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
+use carom_core::scratch::Scratch;
+use carom_core::StepReport;
+
+impl Run<'_> {
+    /// The state at the end of the step, energies and overlaps.
+    pub fn end(&mut self) -> Result<(), Failure> {
+        let (model, n, h) = (self.model, self.model.spheres(), self.span.h);
+        for i in 0..n {
+            if self.state.present[i] {
+                self.bring(i, h);
+            }
+        }
+        let impacts = self.scratch.impacts.len();
+        self.scratch.impact_times.resize(impacts, self.span.end);
+        self.scratch.warm.clear();
+        self.state.warm.clear();
+        self.events
+            .sums
+            .hand_over(model, self.state, &mut self.scratch.contacts);
+        let Scratch {
+            islands, contacts, ..
+        } = &mut *self.scratch;
+        islands.build(n, contacts, &[], |_| true);
+        let (state, report) = (&*self.state, &mut *self.report);
+        report.candidates = contacts.len() as u32;
+        report.contacts = contacts.len() as u32;
+        report.islands = islands.len() as u32;
+        report.largest_island = islands.sizes().max().unwrap_or(0);
+        let [mut kinetic, mut potential] = self.scratch.left.exchange.energy_out;
+        for i in 0..n {
+            let (v, w) = (state.velocity[i], state.angular_velocity[i]);
+            kinetic +=
+                0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
+            if state.present[i] {
+                potential += weight_potential(model, i, state.position[i]);
+            }
+            if !within_bounds(v, w) || !state.position[i].is_finite() {
+                return Err(Failure::BlowUp(BlowUp::alone(Level::Velocity, i as u32)));
+            }
+        }
+        (report.energy_kinetic, report.energy_potential) = (kinetic, potential);
+        let deepest = |gap: f64, length: f64, report: &mut StepReport| {
+            report.penetration = report.penetration.max(-gap);
+            report.penetration_relative = report.penetration_relative.max(-gap / length);
+        };
+        for i in (0..n).filter(|&i| state.present[i]) {
+            let (x, r) = (state.position[i], model.radius[i]);
+            for wall in &model.walls {
+                if wall.shape.clearance(x, r) < 0.0 {
+                    let gap = wall.shape.meet(x, r).map_or(0.0, |p| p.gap);
+                    deepest(gap, r, report);
+                }
+            }
+            for j in (i + 1..n).filter(|&j| state.present[j]) {
+                let gap = (x - state.position[j]).length() - r - model.radius[j];
+                deepest(gap, r.min(model.radius[j]), report);
+            }
+        }
+        Ok(())
+    }
+}

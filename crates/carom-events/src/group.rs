@@ -1,0 +1,128 @@
+//! An impact: of which bodies, and what becomes of them.
+
+use crate::step::{Events, Run, JOINS};
+use carom_core::contact::ContactKey;
+use carom_core::moment::impact;
+use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
+use carom_core::scratch::Scratch;
+use carom_core::transition::Kind;
+
+impl Run<'_> {
+    /// An impact: of all bodies that touch, from these two on.
+    pub fn meet(&mut self, pair: ContactKey, t: f64) -> Result<(), Failure> {
+        self.gather(pair, t);
+        let group = std::mem::take(&mut self.events.group);
+        for &i in &group {
+            self.bring(i, t);
+        }
+        let before = self.scratch.impacts.len();
+        let motions = &self.events.motions;
+        impact(
+            self.model,
+            self.state,
+            self.scratch,
+            &self.events.touching,
+            self.span.start + t,
+            |i| motions[i].support.map(|s| s.wall),
+            self.report,
+        )?;
+        for i in &group {
+            let (v, w) = (self.state.velocity[*i], self.state.angular_velocity[*i]);
+            if !within_bounds(v, w) {
+                let touching = self.events.touching.iter().copied();
+                let what = BlowUp::of(Level::Velocity, *i as u32, v, touching);
+                return Err(Failure::BlowUp(what));
+            }
+        }
+        let Scratch {
+            impacts,
+            impact_times,
+            contacts,
+            walls,
+            wall_impulse,
+            ..
+        } = &mut *self.scratch;
+        impact_times.resize(before, self.span.start + t);
+        impact_times.resize(impacts.len(), self.span.start + t);
+        self.events.sums.add(contacts);
+        if self.model.record_walls {
+            walls.collect(
+                self.model,
+                self.state,
+                &self.state.position,
+                contacts,
+                wall_impulse,
+            );
+        }
+        let modes: Vec<_> = group.iter().map(|&i| self.events.motions[i]).collect();
+        self.go_on(&group, t);
+        for (&i, motion) in group.iter().zip(modes) {
+            let carrier = motion.support.map(|s| s.wall);
+            if let Some(other) = self.hit(i, carrier, before) {
+                let modes = [motion.mode, self.events.motions[i].mode];
+                self.note(t, Kind::Impact, i, Some(other), modes);
+            }
+        }
+        self.events.group = group;
+        Ok(())
+    }
+
+    /// What hit ball `i` hardest in the impacts from row `first` on; the surface that carries it only where nothing else did.
+    fn hit(&self, i: usize, carrier: Option<u32>, first: usize) -> Option<u32> {
+        let rows = &self.scratch.impacts[first..];
+        let hits = rows.iter().filter_map(|row| {
+            let other = match i as u32 {
+                i if i == row.a => row.b,
+                i if i == row.b => row.a,
+                _ => return None,
+            };
+            Some((Some(other) != carrier, row.impulse.length(), other))
+        });
+        let hardest = hits.max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        hardest.map(|(.., other)| other)
+    }
+
+    /// Which balls have a part in an impact, and all contacts of theirs, by their keys.
+    fn gather(&mut self, (a, b): ContactKey, t: f64) {
+        let (model, n) = (self.model, self.model.spheres());
+        let Events {
+            motions,
+            group,
+            touching,
+            ..
+        } = &mut *self.events;
+        group.clear();
+        touching.clear();
+        touching.push((a, b));
+        group.push(a as usize);
+        if (b as usize) < n {
+            group.push(b as usize);
+        }
+        let mut next = 0;
+        while let Some(&i) = group.get(next) {
+            next += 1;
+            let (x, r) = (motions[i].place(t), model.radius[i]);
+            for (w, wall) in model.walls.iter().enumerate() {
+                let joins = wall.shape.clearance(x, r) <= JOINS * r
+                    && wall.shape.meet(x, r).is_some_and(|p| p.gap <= JOINS * r);
+                if joins && model.law_of(i, n + w).is_some() {
+                    touching.push((i as u32, (n + w) as u32));
+                }
+            }
+            for j in (0..n).filter(|&j| j != i && self.state.present[j]) {
+                let (reach, s) = (r + model.radius[j], model.radius[j]);
+                let d = motions[j].place(t) - x;
+                let joins = reach + JOINS * r.min(s);
+                if d.length_squared() <= joins * joins && model.law_of(i, j).is_some() {
+                    touching.push((i.min(j) as u32, i.max(j) as u32));
+                    if !group.contains(&j) {
+                        group.push(j);
+                    }
+                }
+            }
+        }
+        touching.sort_unstable();
+        touching.dedup();
+        group.sort_unstable();
+    }
+}

@@ -1,0 +1,120 @@
+//! Where bodies press one another the default scheme takes over, and gives back.
+
+use crate::common::{balls, on_floor, G, R};
+use crate::{advance, begin, options};
+use carom_core::options::Method;
+use carom_core::transition::{Kind, Mode, Transition};
+use carom_core::{ModelInput, Options, Simulation};
+use glam::DVec3;
+
+fn stepped(input: &ModelInput, until: f64, pressing_step: f64) -> Simulation {
+    let o = Options {
+        pressing_step,
+        ..options(until)
+    };
+    let mut s = begin(input, o);
+    let outcome = advance(&mut s, 1);
+    assert!(outcome.is_none(), "{outcome:?}");
+    s
+}
+
+/// Two balls at a cushion, one of them turning so that it climbs on the other: they press until its spin is lost.
+fn at_a_cushion() -> ModelInput {
+    let planes = [
+        ([0.0; 3], [0.0, 0.0, 1.0]),
+        ([R, 0.0, 0.0], [-1.0, 0.0, 0.0]),
+    ];
+    let mut input = balls(
+        &[[0.0, 0.0, R], [-2.0 * R, 0.0, R], [-0.5, 0.3, R]],
+        &planes,
+    );
+    input.gravity = [0.0, 0.0, -G];
+    input.plane_material = vec![1, 2];
+    let cushion = [0.14, 0.85, 0.0, 0.0, 0.0];
+    input.laws = vec![
+        (0, 0, [0.06, 0.93, 0.0, 0.0, 0.0]),
+        (0, 1, [0.2, 0.5, 0.0, 0.0, 0.0]),
+        (0, 2, cushion),
+    ];
+    input.angular_velocity[1] = [0.0, 50.0, 0.0];
+    input.velocity[2] = [0.0, -0.2, 0.0];
+    input
+}
+
+fn rows(s: &mut Simulation) -> Vec<Transition> {
+    s.take_block().transitions
+}
+
+/// The steps that take over converge to one motion, with order 1, and `nsga` alone converges to the same.
+#[test]
+fn steps_take_over_and_give_back() {
+    let (input, until) = (at_a_cushion(), 0.5);
+    let ends = |s: &Simulation| s.state.position.clone();
+    let mut finest = stepped(&input, until, 1e-6);
+    let apart = |a: &[DVec3]| {
+        let exact = ends(&finest);
+        let far = a.iter().zip(&exact).map(|(a, b)| (*a - *b).length());
+        far.fold(0.0, f64::max)
+    };
+    let [coarse, fine] = [1e-3, 1e-4].map(|h| apart(&ends(&stepped(&input, until, h))));
+    assert!(fine < 0.3 * coarse && coarse < 1e-3, "{coarse:e} {fine:e}");
+    let o = Options {
+        method: Method::Nsga,
+        ..options(1e-5)
+    };
+    let mut alone = begin(&input, o);
+    assert!(advance(&mut alone, 50_000).is_none());
+    assert!(apart(&ends(&alone)) < 1e-5, "{:e}", apart(&ends(&alone)));
+    let m = finest.monitors.clone();
+    assert!(
+        m.handovers >= 1 && m.stepped > 0.01 && m.stepped < 0.4,
+        "{m:?}"
+    );
+    let rows = rows(&mut finest);
+    let of = |kind: Kind| rows.iter().filter(|t| t.kind == kind).collect::<Vec<_>>();
+    let press = of(Kind::Press)[0];
+    assert_eq!((press.time, press.modes[1]), (0.0, Mode::Stepped));
+    let time: f64 = of(Kind::Release).last().expect("it ends").time;
+    assert!((time - m.stepped).abs() < 1e-2, "{time} {}", m.stepped);
+}
+
+/// On a slope nothing has a closed form here: the whole run is steps, and the ball rolls down as it should.
+#[test]
+fn a_slope_is_stepped() {
+    let mut input = on_floor([0.4, 0.5, 0.0, 0.0, 0.0]);
+    let (sin, cos) = 0.3f64.sin_cos();
+    input.plane_normal[0] = [sin, 0.0, cos];
+    input.position[0] = [sin * R, 0.0, cos * R];
+    let mut s = stepped(&input, 1.0, 1e-4);
+    let way = 0.5 * G * sin / 1.4;
+    let x = s.state.position[0] - DVec3::new(sin, 0.0, cos) * R;
+    assert!(
+        (x.length() - way).abs() < 1e-3 * way,
+        "{} {way}",
+        x.length()
+    );
+    assert!((s.monitors.stepped - 1.0).abs() < 1e-12);
+    assert_eq!(rows(&mut s)[0].other, Some(1));
+}
+
+/// More rolling resistance than friction can balance: the ball slides to rest by friction alone, without turning.
+#[test]
+fn a_ball_that_skids_is_stepped() {
+    let (mu, v) = (0.05, 0.5);
+    let input = {
+        let mut input = on_floor([mu, 0.5, 0.0, 0.2 * R, 0.0]);
+        input.velocity[0] = [v, 0.0, 0.0];
+        input.angular_velocity[0] = [0.0, v / R, 0.0];
+        input
+    };
+    let s = stepped(&input, 2.0, 1e-4);
+    assert!(s.monitors.stepped > 0.0);
+    assert_eq!(s.state.velocity[0].length(), 0.0);
+    // Turning ends first, at 0.2 g r/(kappa r^2) less friction's part; the way is that of friction alone.
+    let way = v * v / (2.0 * mu * G);
+    assert!(
+        (s.state.position[0].x - way).abs() < 2e-3 * way,
+        "{} {way}",
+        s.state.position[0].x
+    );
+}
