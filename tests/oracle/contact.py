@@ -103,13 +103,18 @@ def friction_of(pair: Pair, sliding: list[F64], u_n: F64 | None) -> float:
 
 
 def element(
-    model: Model, pair: Pair, x_n: F64, u_n: F64 | None = None, tangents: F64 | None = None
+    model: Model,
+    pair: Pair,
+    x_n: F64,
+    u_n: F64 | None = None,
+    tangents: F64 | None = None,
+    normal: F64 | None = None,
 ) -> Element:
-    """Build the element of a pair with the frame of t_n; `tangents` (2,3) replaces the default choice.
+    """Build the element of a pair with the frame of t_n; `tangents` (2,3) and `normal` (3,) replace those at `x_n`.
 
     `x_n` (N,3) centres, `u_n` (6N,) velocities of t_n, needed where friction depends on them.
     """
-    _, n, _ = gap_and_normal(model, pair, x_n)
+    n = gap_and_normal(model, pair, x_n)[1] if normal is None else normal
     t = tangents_of(n) if tangents is None else tangents
     radii = model.radius[list(pair.bodies)]
     sides = [(1.0, float(radii[0])), *((-1.0, float(r)) for r in radii[1:])]

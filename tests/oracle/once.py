@@ -58,17 +58,19 @@ def _islands(pairs: list[Pair]) -> list[list[Pair]]:
 
 def _at(model: Model, e: Element, x: F64) -> Element:
     """The element with the frame at centres x (N,3), turned from that of t_n the shortest way; bounds stay."""
-    _, n, _ = gap_and_normal(model, e.pair, x)
+    return _turned(model, e, x, gap_and_normal(model, e.pair, x)[1])
+
+
+def _turned(model: Model, e: Element, x: F64, n: F64) -> Element:
     turn = (e.normal + n) / (1.0 + e.normal @ n)
-    turned = element(model, e.pair, x, None, np.stack([t - (n @ t) * turn for t in e.tangents]))
+    turned = element(model, e.pair, x, None, np.stack([t - (n @ t) * turn for t in e.tangents]), n)
     return Element(e.pair, n, turned.tangents, turned.rows, e.discs, e.delassus)
 
 
 def _middle(model: Model, e: Element, x: F64) -> Element:
-    """The element with the mean of the rows at t_n and at x."""
-    end = _at(model, e, x)
-    rows = 0.5 * (e.rows + end.rows)
-    return Element(e.pair, end.normal, end.tangents, rows, e.discs, e.delassus)
+    """The element with the frame half-way between those at t_n and at x."""
+    both = e.normal + gap_and_normal(model, e.pair, x)[1]
+    return _turned(model, e, x, both / np.linalg.norm(both))
 
 
 def _jump(
@@ -90,8 +92,9 @@ def _solve_loads(
     for pair in model.pairs:
         e = start[pair.key]
         opening = float(e.rows[0] @ np.concatenate([state.u[6 * b : 6 * b + 6] for b in pair.bodies]))
-        touches = gap_and_normal(model, pair, state.x)[0] <= TOUCH * pair.radius
-        held = touches and opening <= float(np.max(change[list(pair.bodies)]))
+        load = float(np.max(change[list(pair.bodies)]))
+        reach = TOUCH * pair.radius + 0.5 * model.options.step * load
+        held = gap_and_normal(model, pair, state.x)[0] <= reach and opening <= load
         if held or gap_and_normal(model, pair, x)[0] <= TOUCH * pair.radius:
             pairs.append(pair)
     found = Loads()

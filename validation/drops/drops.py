@@ -134,12 +134,18 @@ def main() -> int:
         type=float,
         help=f"pile_tolerance; {WIDE.tolerance:g}, that of granular scenes, or with --narrow {NARROW.tolerance:g}",
     )
+    parser.add_argument(
+        "--position-friction", choices=("paper", "once"), help="whether loads are solved once"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON document instead of the table")
     given = parser.parse_args()
     kind = NARROW if given.narrow else WIDE
     tolerance = kind.tolerance if given.tolerance is None else given.tolerance
     sizes = np.linspace(*kind.balls, given.drops).round().astype(int).tolist()
-    drops = [drop(n, given.seed + k, kind, pile_tolerance=tolerance) for k, n in enumerate(sizes)]
+    options: dict[str, Any] = {"pile_tolerance": tolerance}
+    if given.position_friction:
+        options["position_friction"] = given.position_friction
+    drops = [drop(n, given.seed + k, kind, **options) for k, n in enumerate(sizes)]
     failures = sum(failed(d, kind) for d in drops)
     if given.json:
         print(json.dumps({"drops": drops, "failed": failures}, indent=2))

@@ -61,6 +61,13 @@ pub struct Contact {
     pub status: Status,
 }
 
+/// A vector that turns with a normal, from one to another the shortest way.
+#[inline]
+pub(crate) fn turned(v: DVec3, from: DVec3, to: DVec3) -> DVec3 {
+    let both = from + to;
+    v - v.dot(both) / (1.0 + from.dot(to)) * both + 2.0 * v.dot(from) * to
+}
+
 /// World vectors of a multiplier on body A.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WorldImpulse {
@@ -78,6 +85,12 @@ impl Contact {
         if once {
             (self.load, self.load_normal, self.resting) = ([0.0; 6], DVec3::ZERO, false);
         }
+    }
+
+    /// The multiplier of the normal at the position level that the load stands for, kg m.
+    #[inline]
+    pub fn of_load(&self, h: f64) -> f64 {
+        0.5 * h * self.load[0]
     }
 
     #[inline]
@@ -107,27 +120,30 @@ impl Contact {
     /// The frame of the normal `n` at the end of the step, turned from that of `t_n` the shortest way.
     pub fn turn_to(&mut self, n: DVec3) {
         self.set_start_frame();
-        let to = |t: DVec3| t - n.dot(t) / (1.0 + self.n0.dot(n)) * (self.n0 + n);
         if n != self.n0 {
-            (self.t1, self.t2) = (to(self.t1), to(self.t2));
+            [self.t1, self.t2] = [self.t1, self.t2].map(|t| turned(t, self.n0, n));
         }
         (self.n1, self.end_frame) = (n, true);
     }
 
-    /// The contact with the mean of its frames at both ends of the step: impulses along it move bodies over curved surfaces to second order. Of
-    /// bodies with joints: with the last one.
-    pub fn middle(&self) -> Contact {
+    /// The normal half-way between those of both ends of the step: impulses along it move bodies over curved surfaces to second order. Of bodies
+    /// with joints: the last one.
+    #[inline]
+    pub fn middle_normal(&self) -> DVec3 {
         if self.n0 == self.n1 || self.jointed {
-            return *self;
+            self.n1
+        } else {
+            (self.n0 + self.n1).normalize()
         }
-        let mut start = *self;
-        start.set_start_frame();
-        Contact {
-            n1: 0.5 * (self.n0 + self.n1),
-            t1: 0.5 * (start.t1 + self.t1),
-            t2: 0.5 * (start.t2 + self.t2),
-            ..*self
+    }
+
+    /// The contact with the frame of [`Contact::middle_normal`].
+    pub fn middle(&self) -> Contact {
+        let mut middle = *self;
+        if self.n0 != self.n1 && !self.jointed {
+            middle.turn_to(self.middle_normal());
         }
+        middle
     }
 
     /// World vectors of all impulses of the step, and the part along the normal.

@@ -13,7 +13,7 @@ use glam::DVec3;
 
 /// Finds the contacts whose loads are solved, with their normals where the smooth step ends: those that touch at t_n and do not separate by more
 /// than the loads may bring back, or touch there.
-pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch) {
+pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64) {
     let Scratch {
         linear,
         position,
@@ -26,17 +26,16 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch) {
     team::each(threads, contacts, |c| {
         let gap_allowed = touching * c.length;
         let meets = c.gap_check <= gap_allowed;
-        let touched = c.gap_start <= gap_allowed;
-        if !(meets || touched) {
-            return;
-        }
         let mut speeds = Speeds::default();
         for i in [c.a as usize, c.b as usize] {
             if i < model.spheres() {
                 speeds.add(model, state, linear[i].velocity, i);
             }
         }
-        c.rested = touched;
+        c.rested = c.gap_start <= gap_allowed;
+        if !meets && c.gap_start > gap_allowed + 0.5 * h * speeds.load {
+            return;
+        }
         c.resting = meets || opening(model, state, walls, c) <= speeds.load;
         if c.resting {
             let p = place(model, walls, c, position);

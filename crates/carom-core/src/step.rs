@@ -237,7 +237,7 @@ fn solve_loads(
     report: &mut StepReport,
     demand: Demand,
 ) -> Result<(), Failure> {
-    loads_once::begin(model, state, scratch);
+    loads_once::begin(model, state, scratch, span.h);
     let (spheres, links) = (model.spheres(), &model.links);
     scratch
         .islands

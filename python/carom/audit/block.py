@@ -238,8 +238,6 @@ class Block:
     def least(self) -> float:
         """Contacts of an island up to which it is no pile (`docs/reference/scenario.md`, `pile_contacts`)."""
         o = self.run.options
-        if self.run.loads_once:
-            return float("inf")
         return self.run.small if o["pile_tolerance"] >= 1e-5 else self.run.loosest["pile_contacts"]
 
     @cached_property

@@ -180,7 +180,7 @@ class Run:
 
     @property
     def loads_once(self) -> bool:
-        """Whether loads were solved once, for velocities and positions (`audit.loads_once`): then there are no piles."""
+        """Whether loads were solved once, for velocities and positions (`audit.loads_once`)."""
         o = self.options
         return self.method == "nsga" and o["impact"] == "sequence" and o["position_friction"] == "once"
 

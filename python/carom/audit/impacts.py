@@ -115,7 +115,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     last = np.zeros(len(r), dtype=np.int64)
     np.maximum.at(last, group, r.problem)
     sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least)
-    final = r.of((r.problem == last[group]) | sums)
+    final = r.of((r.problem == last[group]) | (sums & (r.problem > 0)))
     own = compliance(run, final.a, final.b)[0]
     scale = (norm(block.v1) + run.radius * norm(block.w1) + norm(run.gravity) * run.h)[final.k, final.a]
     ball = np.minimum(final.b, run.bodies - 1)

@@ -1,8 +1,8 @@
 """Loads of a step that were solved once, for velocities and positions (`position_friction = "once"`; algorithm, section 12).
 
-Impulses `P0` of the loads act along the mean of the frames at both ends of the step, `Gm = (G_n + G_{n+1})/2`: a normal
-part along `m = (n_0 + n_1)/2`, and tangents that are the means of those of `n_0` and of `n_1`, turned the shortest way. The
-laws of contact hold of their components, in the frame of `n_1`. Positions follow half of the velocities that they give,
+Impulses `P0` of the loads act in the frame half-way between those at both ends of the step, `Gm`: its normal is `n_0 + n_1`
+over its length, and its tangents are those of `n_0` turned the shortest way. The laws of contact hold of their components,
+in the frame of `n_1`. Positions follow half of the velocities that they give,
 
     x' = x + h v + h^2 g/2 + (h/2) W0 + M^-1 (nu - (h/2) P0_N) n,      W0 = M^-1 Gm^T P0
 
@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from carom.audit import groups, hits
 from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.vectors import add_at, cross, dot, norm, unit
+from carom.audit.vectors import add_at, cross, dot, unit
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 
 class Mean(NamedTuple):
-    """Impulses (K, 3) along the mean of two frames."""
+    """Impulses (K, 3) in the frame half-way between two."""
 
     normal: F64
     """Their normal components, (K,)."""
@@ -38,20 +38,13 @@ class Mean(NamedTuple):
 
 
 def along_mean(impulse: F64, first: F64, second: F64) -> Mean:
-    """Impulses along the mean of the frames of the normals `first` and `second`, (K, 3) each."""
-    middle = 0.5 * (first + second)
-    length = norm(middle)
-    normal = dot(impulse, middle) / length**2
-    slide = impulse - normal[:, None] * middle
-    axis = unit(cross(first, second))
-    # Across the axis of the turn the mean of two tangents is shorter than they are, by `length`.
-    along = cross(axis, middle) / length[:, None]
-    turned = dot(slide, along)
-    still = dot(slide, axis)[:, None] * axis
-    flat = np.where(norm(axis)[:, None] > 0.0, still, slide)
-    size = np.where(norm(axis) > 0.0, turned / length, 0.0)[:, None]
-    stated = normal[:, None] * second + flat + size * cross(axis, second)
-    return Mean(normal, stated, cross(middle, flat) + size * axis)
+    """Impulses in the frame half-way between those of the normals `first` and `second`, (K, 3) each."""
+    middle = unit(first + second)
+    normal, slide = parts(impulse, middle)
+    both = middle + second
+    stated = impulse - (dot(impulse, both) / (1.0 + dot(middle, second)))[:, None] * both
+    stated += 2.0 * normal[:, None] * second
+    return Mean(normal, stated, np.asarray(cross(middle, slide)))
 
 
 def first_normals(run: Run, a: I64, b: I64, start: F64, end: F64) -> F64:

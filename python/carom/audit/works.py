@@ -20,7 +20,7 @@ from carom.audit.data import Run
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, across, cross, dot, norm, unit
+from carom.audit.vectors import EPS, across, dot, norm, unit
 
 F64 = NDArray[np.float64]
 Motion = tuple[F64, F64, F64, F64]
@@ -39,8 +39,8 @@ def done(push: F64, slide: F64, moment: F64, lever: F64, before: Rates, after: R
 
 
 def along_mean(run: Run, p: Pairs, impulse: F64, moment: F64, first: F64, motions: list[Motion]) -> F64:
-    """(K, 4) the same of loads that were solved once: along the mean of the normals `first` and `p.foot`, but of walls in
-    the frame of the latter.
+    """(K, 4) the same of loads that were solved once: half-way between the normals `first` and `p.foot`, but of walls in the
+    frame of the latter.
     """
     middle, none = unit(first + p.foot), np.zeros_like(impulse)
     still: Motion = (none, none, none, none)
@@ -50,14 +50,6 @@ def along_mean(run: Run, p: Pairs, impulse: F64, moment: F64, first: F64, motion
     of_motion = done(push, slide, moment, middle, of[0], of[1]) - done(
         push, slide, moment, middle, of[2], of[2]
     )
-    # A tangent that turned is shorter than its lever.
-    n = run.bodies
-    reach = np.append(run.radius, 0.0)
-    spins = (
-        reach[p.a, None] * u[1] + np.where(p.b < n, reach[np.minimum(p.b, n)], 0.0)[:, None] * u[3]
-        for u in motions
-    )
-    of_motion[:, 1] -= 0.5 * dot(stated.arm - cross(middle, slide), sum(spins, none))
     return of_motion + done(stated.normal, across(stated.stated, p.foot), moment, p.foot, wall, wall)
 
 

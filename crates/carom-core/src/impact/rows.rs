@@ -133,16 +133,12 @@ impl ImpactIsland for RowIsland<'_, '_> {
         self.work.normal_velocity(slot, &self.work.jump)
     }
 
-    fn is_resting(&self, slot: usize) -> bool {
-        if self.again {
-            self.contact(slot).resting
-        } else {
-            !self.approaches(slot)
-        }
+    fn contact(&self, slot: usize) -> &Contact {
+        &self.scratch.contacts[self.work.members[slot] as usize]
     }
 
-    fn has_loads(&self) -> bool {
-        self.again && (0..self.slots()).any(|slot| self.contact(slot).load[0] > 0.0)
+    fn again(&self) -> bool {
+        self.again
     }
 
     fn is_pressed(&self, slot: usize) -> bool {
@@ -284,10 +280,6 @@ impl ImpactIsland for RowIsland<'_, '_> {
 }
 
 impl RowIsland<'_, '_> {
-    fn contact(&self, slot: usize) -> &Contact {
-        &self.scratch.contacts[self.work.members[slot] as usize]
-    }
-
     /// Whether the loads that were solved before positions satisfy their conditions at these: no normal has turned by what would make a contact
     /// close.
     fn still_hold(&self) -> bool {

@@ -2,6 +2,7 @@
 //! that are held as rows ([`crate::impact::rows`]) and as spheres ([`crate::pile`]).
 
 use super::law::Law;
+use crate::contact::Contact;
 use crate::options::Problems;
 use crate::report::StepReport;
 
@@ -30,9 +31,16 @@ pub trait ImpactIsland: Sync {
     fn approaches(&self, slot: usize) -> bool {
         self.speed_before(slot) < -self.closing_tolerance(slot)
     }
-    /// Whether the loads are solved with it.
+    fn contact(&self, slot: usize) -> &Contact;
+    /// Whether the loads of this step have been solved before positions were.
+    fn again(&self) -> bool;
+    /// Whether the loads are solved with a contact.
     fn is_resting(&self, slot: usize) -> bool {
-        !self.approaches(slot)
+        if self.again() {
+            self.contact(slot).resting
+        } else {
+            !self.approaches(slot)
+        }
     }
     /// Whether it closes after the problems so far.
     fn closes(&self, slot: usize) -> bool {
@@ -40,7 +48,7 @@ pub trait ImpactIsland: Sync {
     }
     /// Whether the loads of this step are known already.
     fn has_loads(&self) -> bool {
-        false
+        self.again() && (0..self.slots()).any(|slot| self.contact(slot).load[0] > 0.0)
     }
     /// Whether a contact has an impulse.
     fn is_pressed(&self, slot: usize) -> bool;

@@ -48,6 +48,10 @@ impl ImpactTable {
         self.has_impact |= problem > 1 || (problem == 1 && closed);
     }
 
+    pub fn has_impact(&self) -> bool {
+        self.has_impact
+    }
+
     /// Forgets a problem that is solved anew, the first impact or the loads before it.
     pub fn forget_problem(&mut self, problem: u32) {
         self.rows.retain(|row| row.problem != problem);

@@ -2,19 +2,15 @@
 //! without restitution, where the smooth step ends. Positions follow the velocities that they give, `(h/2) W0`, and are corrected along normals alone.
 
 use super::single;
-use super::{closed_form, Task};
+use super::{closed_form, Demand, Task};
 use crate::contact::Contact;
-use crate::impact;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
+use crate::pile::limits::{fits, may_fall_back};
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
-
-/// The multiplier of a contact's normal at the position level that its load stands for, kg m.
-pub(crate) fn of_load(c: &Contact, h: f64) -> f64 {
-    0.5 * h * c.load[0]
-}
+use crate::{impact, pile};
 
 /// Whether the loads leave the gaps of an island as they should be: what they press closed, nothing overlapping.
 #[inline]
@@ -41,7 +37,19 @@ pub fn solve_island(
             return true;
         }
     }
-    island.contacts.is_empty() || impact::rows::solve_loads(task, scratch, island, report)
+    if island.contacts.is_empty() {
+        return true;
+    }
+    if fits(task.model, island) {
+        let others = may_fall_back(island);
+        let accept = task.demand == Demand::Accepted && !others;
+        let solved = pile::solve_velocities(task, scratch, island, report, accept);
+        if solved || !others {
+            return solved;
+        }
+        report.fallbacks += 1;
+    }
+    impact::rows::solve_loads(task, scratch, island, report)
 }
 
 /// A lone contact of a sphere with a plane, in closed form.

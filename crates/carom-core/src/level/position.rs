@@ -40,7 +40,7 @@ pub fn solve_island(
     if is_separated(task.model, scratch.contacts, island) {
         for &m in island.contacts.iter().filter(|_| once) {
             let c = &mut scratch.contacts[m as usize];
-            c.nu[0] = loads::of_load(c, task.span.h);
+            c.nu[0] = c.of_load(task.span.h);
         }
         return true;
     }
@@ -55,10 +55,28 @@ pub fn solve_island(
         }
     }
     let Task {
-        model, state, span, ..
+        model,
+        state,
+        span,
+        demand,
+        ..
     } = *task;
     let accept = task.demand == Demand::Accepted;
     if once {
+        if fits(model, island) {
+            let others = may_fall_back(island);
+            let asked = if others {
+                demand.unless_accepted()
+            } else {
+                demand
+            };
+            let solved =
+                pile::solve_positions(model, state, scratch, island, span, report, asked, None);
+            if solved || !others {
+                return solved;
+            }
+            report.fallbacks += 1;
+        }
         let way = Way::Normals { accept };
         return position_newton::solve(model, state, scratch, island, span, report, way);
     }
@@ -128,7 +146,7 @@ fn correct_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut
     let Task { model, span, .. } = *task;
     let c = &mut scratch.contacts[m as usize];
     let i = c.a as usize;
-    let of_load = loads::of_load(c, span.h);
+    let of_load = c.of_load(span.h);
     c.nu[0] = (of_load - model.mass[i] * c.gap).max(0.0);
     let way = model.inv_mass[i] * (c.nu[0] - of_load) * c.n1;
     let nu = c.nu;

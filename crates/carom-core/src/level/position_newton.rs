@@ -3,7 +3,7 @@
 
 use super::position_measures::{CoupledPositions, Positions};
 use super::rest::{self, Resting};
-use super::{loads, newton_options, position_floor, wedge, worst_group};
+use super::{newton_options, position_floor, wedge, worst_group};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
@@ -257,7 +257,7 @@ fn start_from_loads(
     system: &mut RowSystem,
     lambda: &mut [f64],
 ) -> Vec<f64> {
-    let of_load = |&m: &u32| loads::of_load(&contacts[m as usize], span.h);
+    let of_load = |&m: &u32| contacts[m as usize].of_load(span.h);
     let of_loads: Vec<f64> = island.contacts.iter().map(of_load).collect();
     lambda[..of_loads.len()].copy_from_slice(&of_loads);
     if of_loads.iter().all(|&l| l == 0.0) {

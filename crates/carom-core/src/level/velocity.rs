@@ -50,14 +50,14 @@ pub fn solve_island(
     if fits(model, island) {
         let others = may_fall_back(island);
         let accept = accept_unconverged && !others;
-        if pile::solve_velocities(model, state, scratch, island, span, report, accept) {
+        if pile::solve_velocities(task, scratch, island, report, accept) {
             return true;
         }
         if !others {
             return span.smallest
                 && !accept_unconverged
                 && with_less_friction(scratch, island, report, |scratch, report| {
-                    pile::solve_velocities(model, state, scratch, island, span, report, false)
+                    pile::solve_velocities(task, scratch, island, report, false)
                 });
         }
         report.fallbacks += 1;

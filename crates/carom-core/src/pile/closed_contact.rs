@@ -1,5 +1,6 @@
 //! Contacts and spheres of a pile at the velocity level.
 
+use crate::contact::Contact;
 use carom_solve::rows::WORLD;
 use carom_solve::Status;
 use glam::DVec3;
@@ -36,6 +37,30 @@ pub(super) struct ClosedContact {
     pub scale: f64,
     /// Work that the residuals of its problems explain, J.
     pub explained: f64,
+    /// Its load was solved anew with an impact.
+    pub dropped: bool,
+}
+
+/// Along which normals the impulses of a problem act.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Frame {
+    /// Those of the contacts.
+    #[default]
+    End,
+    /// Those half-way between both ends of the step: loads that are solved once.
+    Middle,
+}
+
+impl Frame {
+    /// A contact as the problem has it.
+    #[inline]
+    pub fn state(self, contacts: &[Contact], m: &ClosedContact) -> ClosedContact {
+        let mut stated = *m;
+        if self == Self::Middle {
+            stated.normal = contacts[m.contact as usize].middle_normal();
+        }
+        stated
+    }
 }
 
 /// What one problem gave a contact.
@@ -62,21 +87,21 @@ impl ClosedContact {
         d + self.normal.cross(spin)
     }
 
-    /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed do not; whether this
-    /// is a part of an impact.
-    pub fn add(&mut self, problem: u32, given: &ProblemImpulse) -> bool {
+    /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed only where that has rows of loads
+    /// (`with_loads`); whether this is a part of an impact.
+    pub fn add(&mut self, problem: u32, given: &ProblemImpulse, with_loads: bool) -> bool {
         self.impulse += given.impulse;
         self.work[0] += given.work[0];
         self.work[1] += given.work[1];
         if problem == 0 {
-            self.load = self.impulse;
+            (self.load, self.dropped) = (self.impulse, false);
             return false;
         }
         if given.impulse == DVec3::ZERO {
             return false;
         }
         if self.problem == 0 {
-            if given.speed[0] >= -self.closing {
+            if given.speed[0] >= -self.closing && !with_loads {
                 return false;
             }
             (self.problem, self.approach) = (problem, given.speed[0]);

@@ -4,6 +4,7 @@ use super::chunks;
 use super::closed_contact::{change, ClosedContact, FIXED};
 use super::roll;
 use super::velocities::Velocities;
+use crate::contact::Contact;
 use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::model::Model;
@@ -85,6 +86,7 @@ impl Pile {
         for m in &mut memory.closed {
             (m.impulse, m.hit, m.work) = (DVec3::ZERO, DVec3::ZERO, [0.0; 2]);
             (m.problem, m.approach, m.scale, m.explained) = (0, 0.0, 1.0, 0.0);
+            m.dropped = true;
         }
         for t in &mut memory.turning {
             (t.moment, t.hit, t.work) = (DVec3::ZERO, DVec3::ZERO, [0.0; 2]);
@@ -95,9 +97,9 @@ impl Pile {
     }
 
     /// Notes the work that the residual of the solution at hand explains at each chosen contact.
-    pub(super) fn explain(&mut self, model: &Model) {
+    pub(super) fn explain(&mut self, model: &Model, contacts: &[Contact]) {
         let (memory, u, moments) = (&self.velocity, &self.corrections, &self.moments);
-        let law = self.law;
+        let (law, frame) = (self.law, self.frame);
         let impulses = &self.impulses;
         chunks::refill(
             self.sweeps.threads,
@@ -105,10 +107,11 @@ impl Pile {
             impulses.len(),
             |k| {
                 let slot = memory.chosen[k];
-                let (m, r) = (&memory.closed[slot as usize], DVec3::from(impulses[k]));
-                let z = memory.measures(model, m, law) + change(m, u);
+                let m = &memory.closed[slot as usize];
+                let (m, z) = memory.state(model, contacts, m, law, frame);
+                let (r, z) = (DVec3::from(impulses[k]), z + change(&m, u));
                 let turned = moments.get(k).map_or(0.0, |&moment| {
-                    DVec3::from(moment).dot(memory.turn(slot) + roll::change(m, u))
+                    DVec3::from(moment).dot(memory.turn(slot) + roll::change(&m, u))
                 });
                 let normal = [r.dot(m.normal), z.dot(m.normal)];
                 let mut work = ContactWork::default();
@@ -127,10 +130,16 @@ impl Pile {
     }
 
     /// Whether the solution at hand gives a group energy. Where its residual may do so it is found more finely first.
-    pub(super) fn gains(&mut self, model: &Model, problem: u32, report: &mut StepReport) -> bool {
+    pub(super) fn gains(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        problem: u32,
+        report: &mut StepReport,
+    ) -> bool {
         let gains = |pile: &Self, admit| pile.limits(pile.found(), admit).is_some();
         if gains(self, Admit::Rounding) && !gains(self, Admit::Explained) {
-            self.solve_finely(model, problem, report);
+            self.solve_finely(model, contacts, problem, report);
         }
         gains(self, Admit::Tolerance(tolerance(model)))
     }

@@ -71,7 +71,6 @@ pub fn fits(model: &Model, island: Island) -> bool {
     island.contacts.len() > least as usize
         && island.is_free()
         && o.solver == Solver::Auto
-        && !o.loads_once()
         && o.impact != Impact::SequencePaper
 }
 

@@ -1,6 +1,7 @@
 //! Memory of the pile solver, and how it takes an island in.
 
 use super::cascade::memory::CascadeMemory;
+use super::closed_contact::Frame;
 use super::velocities::Velocities;
 use super::{chunks, problem_nodes};
 use crate::contact::Contact;
@@ -26,6 +27,8 @@ pub struct Pile {
     pub(super) places: Vec<Place>,
     /// Position level: tangential increments of the contacts over the smooth step; none where memory is short.
     pub(super) slides: Vec<[f64; 3]>,
+    /// The same, where loads are solved once: what they have moved the nodes by along normals, m.
+    pub(super) taken: Vec<DVec3>,
     pub(super) contacts: Vec<spheres::Contact>,
     /// Rolling and spinning friction of the contacts; empty where nothing rolls.
     pub(super) rolls: Vec<spheres::Roll>,
@@ -43,8 +46,9 @@ pub struct Pile {
     pub(super) explained: Vec<f64>,
     /// What is left of restitution at the contacts of each node; empty: all.
     pub(super) scales: Vec<f64>,
-    /// The law of the velocity problem at hand.
+    /// The law of the velocity problem at hand, and the frame of its impulses.
     pub(super) law: Law,
+    pub(super) frame: Frame,
     pub(super) velocity: Velocities,
     pub(super) cascade: CascadeMemory,
     pub(super) problem_nodes: problem_nodes::ProblemNodes,
@@ -65,6 +69,7 @@ impl Pile {
             bodies: Vec::new(),
             places: Vec::new(),
             slides: Vec::new(),
+            taken: Vec::new(),
             contacts: Vec::new(),
             rolls: Vec::new(),
             spheres: Vec::new(),
@@ -76,6 +81,7 @@ impl Pile {
             explained: Vec::new(),
             scales: Vec::new(),
             law: Law::default(),
+            frame: Frame::default(),
             velocity: Velocities::default(),
             cascade: CascadeMemory::default(),
             problem_nodes: problem_nodes::ProblemNodes::default(),

@@ -17,6 +17,7 @@ mod problem_data;
 mod problem_nodes;
 mod record;
 mod rest;
+mod results;
 mod roll;
 mod solve;
 mod start;

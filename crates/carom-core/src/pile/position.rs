@@ -104,8 +104,18 @@ impl Pile {
         demand: Demand,
     ) -> Option<Swept> {
         let (contacts, linear) = (&*scratch.contacts, scratch.linear);
-        let (threads, rolls) = (self.sweeps.threads, any_rolls(model, contacts, members));
-        let wave = self.start_positions(model, state, (contacts, members), linear, span, rolls);
+        let threads = self.sweeps.threads;
+        let once = model.options.loads_once();
+        let rolls = !once && any_rolls(model, contacts, members);
+        self.taken.clear();
+        let of_loads = once.then(|| {
+            let of_load = |&m: &u32| contacts[m as usize].of_load(span.h);
+            members.iter().map(of_load).collect::<Vec<f64>>()
+        });
+        let wave = match &of_loads {
+            Some(of_loads) => self.start_normals(contacts, members, of_loads),
+            None => self.start_positions(model, state, (contacts, members), linear, span, rolls),
+        };
         let at = Linearisation {
             threads,
             model,
@@ -117,13 +127,15 @@ impl Pile {
             position: scratch.position,
             linear,
             angular: scratch.angular,
+            of_loads: of_loads.as_deref(),
         };
         // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
-        let slides = if self.huge { 0 } else { members.len() };
+        let slides = if self.huge || once { 0 } else { members.len() };
         chunks::refill(threads, &mut self.slides, slides, |k| {
             at.slide(&contacts[members[k] as usize]).to_array()
         });
         at.write(&self.slides, &mut self.contacts);
+        at.take_off(self);
         self.rolls.clear();
         if rolls {
             at.write_rolls(&self.contacts, &mut self.rolls);
@@ -273,16 +285,26 @@ impl Pile {
 
     /// Writes the solution into the step.
     fn write_positions(&self, scratch: &mut IslandScratch, members: &[u32], rested: bool) {
-        for (&i, u) in self.spheres.iter().zip(&self.corrections) {
-            let correction = [DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5])];
+        for (node, (&i, u)) in self.spheres.iter().zip(&self.corrections).enumerate() {
+            let taken = self.taken.get(node).copied().unwrap_or(DVec3::ZERO);
+            let way = DVec3::new(u[0], u[1], u[2]) - taken;
+            let correction = [way, DVec3::new(u[3], u[4], u[5])];
             scratch.corrections.set(i, correction);
         }
         let moment = self.position_moments();
+        let once = !self.taken.is_empty();
         let chunks = chunks::cut(members, scratch.contacts);
         team::map(self.sweeps.threads, chunks, |mut chunk| {
             for (slot, &m) in (chunk.first..).zip(chunk.list) {
                 let c = chunk.item(m);
                 let normal = DVec3::from(self.contacts[slot].normal);
+                if once {
+                    let nu = DVec3::from(self.impulses[slot]).dot(normal);
+                    c.nu = [nu, 0.0, 0.0, 0.0, 0.0, 0.0];
+                    // The loads come first, and tell what rested.
+                    (c.held, c.rested) = (false, c.resting && c.rested);
+                    continue;
+                }
                 record::set_frame(c, normal);
                 (c.held, c.rested) = (false, rested);
                 c.nu = record::packed(c, normal, DVec3::from(self.impulses[slot]), moment(slot));

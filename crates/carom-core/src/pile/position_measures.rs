@@ -33,6 +33,9 @@ pub(super) struct Linearisation<'a> {
     pub position: &'a [DVec3],
     pub linear: &'a [Prediction],
     pub angular: &'a [Prediction],
+    /// What the loads have moved along normals already, kg m, from which positions are corrected along normals alone; nothing where they have
+    /// moved nothing.
+    pub of_loads: Option<&'a [f64]>,
 }
 
 impl Linearisation<'_> {
@@ -47,7 +50,10 @@ impl Linearisation<'_> {
             let mut z = spheres::Contact {
                 a,
                 b,
-                friction: c.bounds.sliding,
+                friction: match self.of_loads {
+                    Some(_) => 0.0,
+                    None => c.bounds.sliding,
+                },
                 ..Default::default()
             };
             state(&mut z, &p, DVec3::ZERO, self.slide_of(slides, k));
@@ -55,9 +61,40 @@ impl Linearisation<'_> {
         });
     }
 
+    /// Takes off the sweeps' corrections what the loads have moved, `M^-1 G_N^T` of it with the normals as they are.
+    pub fn take_off(&self, pile: &mut Pile) {
+        let Some(of_loads) = self.of_loads else {
+            return;
+        };
+        let Pile {
+            contacts,
+            taken,
+            bodies,
+            ..
+        } = pile;
+        taken.clear();
+        taken.resize(bodies.len(), DVec3::ZERO);
+        for (z, &of_load) in contacts.iter().zip(of_loads) {
+            let push = of_load * DVec3::from(z.normal);
+            for (node, sign) in [(z.a, 1.0), (z.b, -1.0)] {
+                if node != WORLD {
+                    taken[node as usize] += sign * bodies[node as usize].inv_mass * push;
+                }
+            }
+        }
+        let taken = &*taken;
+        let of = |node: u32| taken.get(node as usize).copied().unwrap_or(DVec3::ZERO);
+        chunks::each(self.threads, contacts, |_, z| {
+            let n = DVec3::from(z.normal);
+            let slip = DVec3::from(z.slip) - n.dot(of(z.a) - of(z.b)) * n;
+            z.slip = slip.to_array();
+        });
+    }
+
     /// Contacts with gaps and normals at the corrections `pile.corrections`, as measures at 0.
     fn rewrite(&self, pile: &mut Pile) {
         let Pile {
+            taken,
             contacts,
             slides,
             places,
@@ -67,7 +104,8 @@ impl Linearisation<'_> {
         } = pile;
         let moved = |node: u32| {
             let u = corrections.get(node as usize);
-            u.map_or(DVec3::ZERO, |u| DVec3::new(u[0], u[1], u[2]))
+            let u = u.map_or(DVec3::ZERO, |u| DVec3::new(u[0], u[1], u[2]));
+            taken.get(node as usize).map_or(u, |taken| u - *taken)
         };
         let centre = |node: u32| DVec3::from(places[node as usize]) + moved(node);
         chunks::each(self.threads, contacts, |k, z| {
@@ -90,6 +128,7 @@ impl Linearisation<'_> {
 
     fn slide_of(&self, slides: &[[f64; 3]], k: usize) -> DVec3 {
         match slides.get(k) {
+            _ if self.of_loads.is_some() => DVec3::ZERO,
             Some(slide) => DVec3::from(*slide),
             None => self.slide(&self.contacts[self.members[k] as usize]),
         }
@@ -99,6 +138,7 @@ impl Linearisation<'_> {
     pub fn follow(&self, pile: &mut Pile, rolls: bool) -> bool {
         pile.sweeps.velocities_into(&mut pile.corrections);
         self.rewrite(pile);
+        self.take_off(pile);
         if pile.sweeps.set_contacts(&pile.contacts).is_err() {
             return false;
         }

@@ -138,7 +138,7 @@ impl Pile {
             return;
         }
         if self.contacts.is_empty() {
-            self.write(model, law);
+            self.write(model, contacts, law);
         }
         let stated = self.stated(&self.impulses, &self.moments);
         let memory = &self.velocity;
@@ -168,7 +168,10 @@ impl Pile {
             let turning = moment.map_or([DVec3::ZERO; 2], |&moment| {
                 [memory.turn(slot), DVec3::from(moment)]
             });
-            Stated::of(m, DVec3::from(c.slip), DVec3::from(*r), turning)
+            Stated {
+                normal: DVec3::from(c.normal),
+                ..Stated::of(m, DVec3::from(c.slip), DVec3::from(*r), turning)
+            }
         });
         stated.collect()
     }

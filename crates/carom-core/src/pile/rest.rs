@@ -85,7 +85,7 @@ impl Pile {
         }
         if self.contacts.is_empty() {
             // Given back since the scene is huge; this island is not.
-            self.write(model, law);
+            self.write(model, contacts, law);
         }
         let solved = (self.impulses.clone(), self.moments.clone());
         if !self.start_held(model, contacts) {

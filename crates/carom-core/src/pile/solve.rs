@@ -1,6 +1,6 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts.
 
-use super::closed_contact::ClosedContact;
+use super::closed_contact::{ClosedContact, Frame};
 use super::{chunks, roll};
 use crate::contact::Contact;
 use crate::impact::law::Law;
@@ -31,7 +31,11 @@ impl Pile {
         (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, places);
         self.scales.clear();
         self.law = law;
-        self.write(model, law);
+        self.frame = match problem {
+            0 if model.options.loads_once() => Frame::Middle,
+            _ => Frame::End,
+        };
+        self.write(model, contacts, law);
         self.load_sweeps().ok()?;
         self.forget_contacts();
         let goal = self.goal(model, problem);
@@ -48,7 +52,7 @@ impl Pile {
             }
         }
         self.keep_velocity(model, contacts, law, problem, &progress);
-        self.explain(model);
+        self.explain(model, contacts);
         self.take(&progress, report)
     }
 
@@ -56,10 +60,11 @@ impl Pile {
     pub(super) fn solve_without_restitution(
         &mut self,
         model: &Model,
+        contacts: &[Contact],
         problem: u32,
         report: &mut StepReport,
     ) -> Option<()> {
-        self.write(model, Law::Plastic);
+        self.write(model, contacts, Law::Plastic);
         self.start_nothing();
         self.load_sweeps().ok()?;
         self.forget_contacts();
@@ -69,12 +74,18 @@ impl Pile {
     }
 
     /// Sweeps on to a finer solution of the problem at hand.
-    pub(super) fn solve_finely(&mut self, model: &Model, problem: u32, report: &mut StepReport) {
+    pub(super) fn solve_finely(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        problem: u32,
+        report: &mut StepReport,
+    ) {
         let goal = finer(&self.goal(model, problem));
         let progress = self.sweeps.settle(&goal);
         report.sweeps_velocity += progress.sweeps as u32;
         self.take_solution();
-        self.explain(model);
+        self.explain(model, contacts);
     }
 
     /// Whether what was found is taken, solved or not.
@@ -118,16 +129,17 @@ impl Pile {
     }
 
     /// The chosen contacts as spheres.
-    pub(super) fn write(&mut self, model: &Model, law: Law) {
-        let memory = &self.velocity;
+    pub(super) fn write(&mut self, model: &Model, contacts: &[Contact], law: Law) {
+        let (memory, frame) = (&self.velocity, self.frame);
         let (threads, part) = (self.sweeps.threads, &self.problem_nodes);
         chunks::refill(threads, &mut self.contacts, memory.chosen.len(), |k| {
             let m = &memory.closed[memory.chosen[k] as usize];
+            let (m, slip) = memory.state(model, contacts, m, law, frame);
             spheres::Contact {
                 a: part.number(m.a),
                 b: part.number(m.b),
                 normal: m.normal.to_array(),
-                slip: memory.measures(model, m, law).to_array(),
+                slip: slip.to_array(),
                 friction: m.friction,
             }
         });
@@ -140,9 +152,9 @@ impl Pile {
         }
     }
 
-    /// Adds the impulses of the solve at hand, and their work, to the totals.
-    pub(super) fn commit(&mut self, problem: u32) {
-        let threads = self.sweeps.threads;
+    /// Adds the impulses of the solve at hand, and their work, to the totals; `once`: the loads of the step are solved once.
+    pub(super) fn commit(&mut self, contacts: &[Contact], problem: u32, once: bool) {
+        let (threads, frame) = (self.sweeps.threads, self.frame);
         let (impulses, moments, u) = (&self.impulses, &self.moments, &self.corrections);
         let scale = |m: &ClosedContact| self.scales.get(m.a as usize).copied().unwrap_or(1.0);
         let memory = &mut self.velocity;
@@ -153,12 +165,13 @@ impl Pile {
             for (k, r) in impulses.iter().enumerate() {
                 let slot = memory.chosen[k];
                 let r = DVec3::from(*r);
-                let m = memory.closed[slot as usize];
+                let m = &memory.closed[slot as usize];
+                let m = frame.state(contacts, m);
                 let given = memory.given(&m, r, u, scale(&m));
                 let turned = moments.get(k).map(|&moment| DVec3::from(moment));
                 let moment = turned.unwrap_or_default();
                 memory.tell(slot, problem, moment, &given);
-                let hits = memory.closed[slot as usize].add(problem, &given);
+                let hits = memory.closed[slot as usize].add(problem, &given, once);
                 if let Some(moment) = turned {
                     let change = roll::change(&m, u);
                     let done = memory.turning_work(slot, moment, change);
@@ -171,8 +184,9 @@ impl Pile {
             team::map(threads, parts, |mut share| {
                 for (k, &slot) in (share.first..).zip(share.list) {
                     let m = share.item(slot);
-                    let given = memory.given(m, DVec3::from(impulses[k]), u, scale(m));
-                    m.add(problem, &given);
+                    let stated = frame.state(contacts, m);
+                    let given = memory.given(&stated, DVec3::from(impulses[k]), u, scale(m));
+                    m.add(problem, &given, once);
                 }
             });
             memory.closed = closed;

@@ -1,5 +1,7 @@
 //! What the problems of a pile start from.
 
+use super::closed_contact::Frame;
+use super::velocities::Velocities;
 use super::warm::Cursor;
 use super::{chunks, record};
 use crate::contact::Contact;
@@ -124,6 +126,51 @@ impl Pile {
             self.start_moments.extend(moments.map(|m| m.to_array()));
         }
         self.velocity.hit = hit && is_large(chosen.len());
+    }
+
+    /// Positions along normals alone: from what the loads have moved them by, or from those that this step has found where pairs have joined. Whether
+    /// the pile is large and has been solved before in this step.
+    pub(super) fn start_normals(
+        &mut self,
+        contacts: &[Contact],
+        members: &[u32],
+        of_loads: &[f64],
+    ) -> bool {
+        let threads = self.sweeps.threads;
+        let contact = |k: usize| &contacts[members[k] as usize];
+        let again = chunks::any(threads, members.len(), |k| contact(k).nu[0] > 0.0);
+        chunks::refill(threads, &mut self.start, members.len(), |k| {
+            let c = contact(k);
+            let size = if again { c.nu[0] } else { of_loads[k] };
+            (size * c.n1).to_array()
+        });
+        self.start_moments.clear();
+        again && is_large(members.len())
+    }
+
+    /// The loads of this step, which are known from before positions were solved.
+    pub(super) fn start_known_loads(&mut self, contacts: &[Contact]) {
+        let (memory, bodies) = (&mut self.velocity, &self.bodies);
+        self.start.clear();
+        self.start_moments.clear();
+        memory.known.clear();
+        memory.known.resize(bodies.len(), [DVec3::ZERO; 2]);
+        for &slot in &memory.chosen {
+            let m = &memory.closed[slot as usize];
+            let c = contacts[m.contact as usize].middle();
+            let load = c.to_world(c.n1, &c.load);
+            let along = Frame::Middle.state(contacts, m);
+            Velocities::push(bodies, &along, load.impulse, &mut memory.known);
+            for (node, sign) in [(m.a, 1.0), (m.b, -1.0)] {
+                if let Some(known) = memory.known.get_mut(node as usize) {
+                    known[1] += sign * bodies[node as usize].inv_inertia * load.moment;
+                }
+            }
+            self.start.push(load.impulse.to_array());
+            if !memory.turning.is_empty() {
+                self.start_moments.push(load.moment.to_array());
+            }
+        }
     }
 
     /// The first impact problem: from what the loads gave.

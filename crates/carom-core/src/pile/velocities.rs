@@ -1,11 +1,12 @@
 //! Nodes and contacts of a pile at the velocity level.
 
+use crate::contact::{turned, Contact};
 use crate::impact::law::Law;
 use crate::impact::table::{ImpactRow, ImpactTable};
 use crate::model::Model;
 use crate::options::Options;
 use crate::pile::chunks;
-use crate::pile::closed_contact::{change, work, ClosedContact, ProblemImpulse};
+use crate::pile::closed_contact::{change, work, ClosedContact, Frame, ProblemImpulse};
 use crate::pile::limits::CLOSING_LEFT;
 use crate::pile::turning::Turning;
 use carom_solve::rows::WORLD;
@@ -21,8 +22,9 @@ pub(super) struct Velocities {
     pub check: Vec<[DVec3; 2]>,
     pub old: Vec<[DVec3; 2]>,
     pub jump: Vec<[DVec3; 2]>,
-    /// Jump of the loads alone.
+    /// Jump of the loads alone; and the one that they had before positions were solved, where that is known.
     pub offset: Vec<[DVec3; 2]>,
+    pub known: Vec<[DVec3; 2]>,
     /// Velocities of moving walls at their contacts, at t_n and t_{n+1}: along the normal of the shape, across of the material.
     pub driven: Vec<[DVec3; 2]>,
     pub chosen: Vec<u32>,
@@ -97,6 +99,29 @@ impl Velocities {
         }
         let e = [m.restitution, m.tangential];
         self.newton(&model.options, (m.normal, m.closing), e, z, minus)
+    }
+
+    /// A contact and its measures at `u = 0` as a problem has them, whose impulses act in `frame`. Its law is asked for along the contact's own normal: of
+    /// the jump of loads that are known nearly ([`Self::known`]) that tells the difference, of what is left it is of second order.
+    #[inline]
+    pub fn state(
+        &self,
+        model: &Model,
+        contacts: &[Contact],
+        m: &ClosedContact,
+        law: Law,
+        frame: Frame,
+    ) -> (ClosedContact, DVec3) {
+        let (stated, mut z) = (frame.state(contacts, m), self.measures(model, m, law));
+        if stated.normal == m.normal {
+            return (stated, z);
+        }
+        let of_known = |m: &ClosedContact| match self.known.is_empty() {
+            true => DVec3::ZERO,
+            false => Self::relative(m, &self.known),
+        };
+        z = turned(z + of_known(m), m.normal, stated.normal) - of_known(&stated);
+        (stated, z)
     }
 
     /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.

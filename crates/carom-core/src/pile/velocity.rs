@@ -1,45 +1,43 @@
 //! Velocity sub-problem of a pile (eqs. 1f-h): the spheres that [`crate::impact::sequence`] works on.
 
+use super::chunks;
 use super::closed_contact::{work, ClosedContact, FIXED};
 use super::energy_gain::SphereSolution;
-use super::{chunks, record};
 use crate::contact::Contact;
 use crate::impact::law::Law;
-use crate::impact::sequence::{loads_first, one_shot, ImpactIsland, Start};
+use crate::impact::sequence::{loads, loads_first, one_shot, ImpactIsland, Start};
 use crate::islands::Island;
-use crate::level::speeds::Speeds;
+use crate::level::speeds::{opening, Speeds};
+use crate::level::Task;
 use crate::model::Model;
 use crate::options::{Impact, Problems};
-use crate::outcome::ImpactRecord;
+use crate::outcome::Level;
 use crate::pile::limits::node;
 use crate::pile::memory::Pile;
 use crate::pile::turning::{any_rolls, Turning};
 use crate::pile::velocities::Velocities;
 use crate::report::StepReport;
-use crate::state::{State, Warm};
+use crate::state::State;
 use crate::stepper::{Prediction, Span};
+use crate::wall::places::Walls;
 use crate::workspace::IslandScratch;
 use carom_solve::rows::WORLD;
 use carom_solve::team;
 use glam::DVec3;
 
-/// Chunks of contacts whose results are on their way. Memory alone: more, and what is found of millions of contacts is held twice.
-const CHUNKS_AT_A_TIME: usize = 64;
-
-/// Solves one island; writes the corrections W of its bodies, `lambda` of its contacts, impacts and warm starts. False: nothing is written.
+/// Solves the velocities of one island, or its loads before positions are; writes the corrections W of its bodies, `lambda` (of loads: `load`) of its
+/// contacts, impacts and warm starts. False: nothing is written.
 pub fn solve_velocities(
-    model: &Model,
-    state: &State,
+    task: &Task,
     scratch: &mut IslandScratch,
     island: Island,
-    span: Span,
     report: &mut StepReport,
     accept: bool,
 ) -> bool {
     let mut pile = std::mem::take(scratch.pile);
     pile.keeper = std::mem::take(scratch.keeper);
     pile.accept = accept;
-    let solved = pile.impacts(model, state, scratch, island, span, report);
+    let solved = pile.impacts(task, scratch, island, report);
     *scratch.keeper = std::mem::take(&mut pile.keeper);
     *scratch.pile = pile;
     solved
@@ -48,13 +46,18 @@ pub fn solve_velocities(
 impl Pile {
     fn impacts(
         &mut self,
-        model: &Model,
-        state: &State,
+        task: &Task,
         scratch: &mut IslandScratch,
         island: Island,
-        span: Span,
         report: &mut StepReport,
     ) -> bool {
+        let Task {
+            model,
+            state,
+            level,
+            span,
+            ..
+        } = *task;
         self.open(model, state, scratch, island, span);
         if self.velocity.speed == 0.0 {
             return true;
@@ -71,9 +74,19 @@ impl Pile {
             state,
             contacts: scratch.contacts,
             linear: scratch.linear,
+            walls: scratch.walls,
             span,
+            again: level == Level::Velocity && model.options.loads_once(),
             report: &mut own,
         };
+        if level == Level::Loads {
+            let Some([resting, _]) = loads(&mut spheres) else {
+                return false;
+            };
+            report.join(&own);
+            self.close_loads(scratch, island, &resting);
+            return true;
+        }
         let solved = match law {
             Impact::OneShot => one_shot(&mut spheres),
             _ => loads_first(&mut spheres),
@@ -109,12 +122,16 @@ impl Pile {
         self.begin(model, contacts, list, &mut solve.node_of, position);
         let threads = self.sweeps.threads;
         let memory = &mut self.velocity;
+        memory.known.clear();
         memory.table.begin(model.every_impact);
         let mut speeds = Speeds::default();
         memory.driven.clear();
+        let once = model.options.loads_once();
         let twists = |c: &Contact| {
             let from = state.position[c.a as usize];
-            let to = position[c.a as usize];
+            // Where loads are solved once the smooth step may have left the surface: it is the surface that moves.
+            let left = if once { c.gap * c.n1 } else { DVec3::ZERO };
+            let to = position[c.a as usize] - left;
             Some([
                 walls.start_twist(model, c, from)?,
                 walls.end_twist(model, c, to)?,
@@ -216,14 +233,16 @@ impl Pile {
     }
 
     /// Forgets the impulses of the chosen contacts; the kept ones' work is restated.
-    fn drop_chosen(&mut self) {
-        let threads = self.sweeps.threads;
+    fn drop_chosen(&mut self, contacts: &[Contact]) {
+        let (threads, frame) = (self.sweeps.threads, self.frame);
         let memory = &mut self.velocity;
         for &slot in &memory.chosen {
             let closed_contact = &mut memory.closed[slot as usize];
             let dropped = std::mem::take(&mut closed_contact.impulse);
+            closed_contact.dropped = true;
             if dropped != DVec3::ZERO {
-                Velocities::push(&self.bodies, closed_contact, -dropped, &mut memory.jump);
+                let m = frame.state(contacts, closed_contact);
+                Velocities::push(&self.bodies, &m, -dropped, &mut memory.jump);
             }
         }
         if !memory.turning.is_empty() {
@@ -231,50 +250,12 @@ impl Pile {
         }
         let mut members = std::mem::take(&mut memory.closed);
         team::each(threads, &mut members, |m| {
-            let before = memory.free(m);
-            m.work = work(m.normal, m.impulse, before, memory.now(m));
+            let stated = frame.state(contacts, m);
+            let before = memory.free(&stated);
+            m.work = work(stated.normal, m.impulse, before, memory.now(&stated));
         });
         memory.closed = members;
         memory.restate_turning_work();
-    }
-
-    /// Writes the island's result into the step's scratch.
-    fn close(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        island: Island,
-        report: &mut StepReport,
-    ) {
-        let memory = &self.velocity;
-        for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
-            scratch.corrections.set(body, *jump);
-        }
-        let mut pieces = chunks::cut(island.contacts, scratch.contacts);
-        // Some at a time: what is found of millions of contacts is not held twice.
-        while !pieces.is_empty() {
-            let some = pieces.drain(..pieces.len().min(CHUNKS_AT_A_TIME)).collect();
-            let found = team::map(self.sweeps.threads, some, |mut share| {
-                let mut found = Found::default();
-                for (slot, &index) in (share.first..).zip(share.list) {
-                    found.take(model, memory, slot, share.item(index));
-                }
-                found
-            });
-            for mut found in found {
-                scratch.warm.append(&mut found.warm);
-                scratch.impacts.append(&mut found.impacts);
-                report.restitution_scale = report.restitution_scale.min(found.restitution_scale);
-                report.missed_impacts += found.missed;
-            }
-        }
-        report.restitution_scale = report.restitution_scale.min(memory.table.least_scale());
-        let of = |slot: usize| {
-            let m = &memory.closed[slot];
-            let c = &scratch.contacts[m.contact as usize];
-            ([c.a, c.b], m.normal)
-        };
-        memory.table.hand_over(of, scratch.impacts);
     }
 }
 
@@ -285,7 +266,10 @@ struct SphereIsland<'p> {
     state: &'p State,
     contacts: &'p [Contact],
     linear: &'p [Prediction],
+    walls: &'p Walls,
     span: Span,
+    /// The loads have been solved before positions were.
+    again: bool,
     report: &'p mut StepReport,
 }
 
@@ -301,8 +285,19 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn speed_before(&self, slot: usize) -> f64 {
+        if self.model.options.loads_once() {
+            return opening(self.model, self.state, self.walls, self.contact(slot));
+        }
         let (velocity, m) = (&self.pile.velocity, &self.pile.velocity.closed[slot]);
         velocity.before(m).dot(m.normal)
+    }
+
+    fn contact(&self, slot: usize) -> &Contact {
+        &self.contacts[self.pile.velocity.closed[slot].contact as usize]
+    }
+
+    fn again(&self) -> bool {
+        self.again
     }
 
     fn speed(&self, slot: usize) -> f64 {
@@ -329,6 +324,7 @@ impl ImpactIsland for SphereIsland<'_> {
         match start {
             Start::Nothing => self.pile.start_nothing(),
             Start::Loads => self.pile.start_first(),
+            Start::LastLoads if self.again => self.pile.start_known_loads(self.contacts),
             Start::LastLoads => {
                 self.pile.start_loads(state, self.contacts, self.span);
                 let gained = |i: usize| (linear[i].velocity - state.velocity[i]).length();
@@ -349,12 +345,13 @@ impl ImpactIsland for SphereIsland<'_> {
 
     fn solve_without_restitution(&mut self, problem: u32) -> bool {
         (self.pile)
-            .solve_without_restitution(self.model, problem, self.report)
+            .solve_without_restitution(self.model, self.contacts, problem, self.report)
             .is_some()
     }
 
     fn add(&mut self, problem: u32) {
-        self.pile.commit(problem);
+        let once = self.model.options.loads_once();
+        self.pile.commit(self.contacts, problem, once);
     }
 
     fn has_safeguard(&self) -> bool {
@@ -362,7 +359,7 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn gains(&mut self, problem: u32) -> bool {
-        self.pile.gains(self.model, problem, self.report)
+        (self.pile).gains(self.model, self.contacts, problem, self.report)
     }
 
     fn take_solution(&mut self) -> SphereSolution {
@@ -378,7 +375,7 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn drop_chosen(&mut self) {
-        self.pile.drop_chosen();
+        self.pile.drop_chosen(self.contacts);
     }
 
     fn forget_all(&mut self, problem: u32) {
@@ -413,73 +410,5 @@ impl ImpactIsland for SphereIsland<'_> {
 
     fn report(&mut self) -> &mut StepReport {
         self.report
-    }
-}
-
-/// What is found at the contacts of a share.
-struct Found {
-    warm: Vec<Warm>,
-    impacts: Vec<ImpactRecord>,
-    missed: u32,
-    /// The least of the contacts that closed: scaled restitution of a contact that only loads press scales nothing.
-    restitution_scale: f64,
-}
-
-impl Default for Found {
-    fn default() -> Self {
-        Found {
-            warm: Vec::new(),
-            impacts: Vec::new(),
-            missed: 0,
-            restitution_scale: 1.0,
-        }
-    }
-}
-
-impl Found {
-    /// Writes the result of a contact, and lists what it gives the next step and the table of impacts.
-    fn take(&mut self, model: &Model, memory: &Velocities, slot: usize, c: &mut Contact) {
-        let m = &memory.closed[slot];
-        // Of a contact without moments.
-        let nothing = Turning::default();
-        let turning = memory.turning.get(slot).unwrap_or(&nothing);
-        record::turn_frame(c, m.normal);
-        c.lambda = record::packed(c, m.normal, m.impulse, turning.moment);
-        c.work = [m.work[0], m.work[1], turning.work[0], turning.work[1]];
-        c.status = m.status(m.impulse);
-        if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
-            let [position, position_moment] = record::position(c, m.normal);
-            self.warm.push(Warm {
-                key: (c.a, c.b),
-                impulse: m.load,
-                moment: turning.load,
-                position,
-                position_moment,
-            });
-        }
-        let free = memory.free(m).dot(m.normal);
-        let touching = c.gap_start <= model.options.touching_tolerance * c.length;
-        if c.gap_check < 0.0 && c.nu[0] > 0.0 && free > m.closing && !touching {
-            self.missed += 1;
-        }
-        if m.problem == 0 {
-            return;
-        }
-        self.restitution_scale = self.restitution_scale.min(m.scale);
-        if memory.table.wanted {
-            return;
-        }
-        self.impacts.push(ImpactRecord {
-            problem: m.problem,
-            a: c.a,
-            b: c.b,
-            status: c.status as u8,
-            normal: m.normal,
-            impulse: m.hit,
-            moment: turning.hit,
-            approach: m.approach,
-            separation: memory.normal_speed(m),
-            restitution_scale: m.scale,
-        });
     }
 }
