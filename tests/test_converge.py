@@ -168,6 +168,21 @@ def test_a_fine_run_and_a_run_directory_are_one_reference(tmp_path: Path) -> Non
         carom.converge(bouncing(), steps, tmp_path / "thin")
 
 
+def test_the_exact_method_is_a_reference() -> None:
+    scene = SCENARIOS / "paper" / "5.6_break.toml"
+    found = carom.converge(scene, [2e-4, 1e-4, 5e-5], "events", ["velocity:ball2"], at=0.2)
+    assert found.reference == "method events"
+    coarse, _, fine = found.errors["velocity:ball2"]
+    assert (
+        0.0 < fine < 0.5 * coarse
+    )  # the order, over random shots: crates/carom-events/tests/events/limits.rs
+    exact = carom.simulate(scene, method="events", step=0.2, until=0.2)["ball2"].velocity[-1]
+    stepped = carom.simulate(scene, step=1e-4, until=0.2, every=2000)["ball2"].velocity[-1]
+    assert found.errors["velocity:ball2"][1] == pytest.approx(error_of(stepped, exact), rel=1e-9)
+    with pytest.raises(carom.CaromError, match='method = "nsga"'):
+        carom.converge(scene, [2e-4, 1e-4], "events", method="events")
+
+
 def test_at_takes_the_error_at_these_times_alone() -> None:
     scene = SCENARIOS / "paper" / "5.6_break.toml"
     found = carom.converge(scene, [1e-3, 5e-4], 1e-4, ["velocity"], at=[0.13])

@@ -64,6 +64,7 @@ _HOMES = {
     "example": "scene.examples",
     "load": "result.result",
     "resume": "run.simulate",
+    "sensitivity": "many.sensitivity",
     "simulate": "run.simulate",
     "simulate_batch": "many.batch",
     "sweep": "many.sweep",

@@ -9,8 +9,9 @@
 
 use glam::DVec3;
 
-/// Terms of a place. More: fewer pieces, each with more work.
-pub const TERMS: usize = 11;
+/// Terms of a place. More: fewer pieces, each with more work; and the squares of the last terms leave the range of numbers where turning is about to
+/// change its direction (in 1e-12 s at least).
+pub const TERMS: usize = 13;
 /// Size of the last terms of a slip at the end of a piece, over the speeds of the ball (1). Larger: not exact; smaller: more pieces.
 const LAST: f64 = 1e-14;
 /// Share (1) of what is left of a slide that a piece may take: beyond its end a series means nothing.

@@ -24,7 +24,7 @@ def converge(
         option(
             "--reference",
             "REF",
-            "Exact solution: a finer step (s), a run directory, or a TOML file with formulas of t.",
+            "Exact solution: a finer step (s), the method events, a run directory, or a TOML file with formulas of t.",
             show_default=False,
         ),
     ],
@@ -75,7 +75,7 @@ def converge(
     found = study_of(
         described,
         numbers("--steps", [steps]),
-        fine if isinstance(fine, float) else Path(reference),
+        fine if isinstance(fine, float) else reference,
         [q for q in quantities.split(",") if q.strip()] if quantities else None,
         until=described.run.until if until is not None else None,
         at=numbers("--at", at or []),

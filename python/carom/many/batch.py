@@ -63,8 +63,8 @@ def simulate_batch(
     Where `mass` or `radius` is given and `inertia` is not, I / (m r^2) stays. `options` are keys of `[run]`, as in
     `carom.simulate`. `threads` is by default the number of processors. With `frames` a frame is kept after each so many
     steps, and of the start, but none of an end that lies between; scenes of a list must have one step then. With `impacts`
-    the table of all impacts. `progress(done, cases)` is called ten times a second and at the end, in this thread; what it
-    raises, and Ctrl-C, end the batch, with the cases that are done as `error.result`.
+    the tables of all impacts and transitions. `progress(done, cases)` is called ten times a second and at the end, in this
+    thread; what it raises, and Ctrl-C, end the batch, with the cases that are done as `error.result`.
 
     `stop`, as in `carom.simulate`, ends a case with the outcome "stopped" where it returns True or a text: each case asks a
     copy of it, in the thread that computes it, after every `callback_every` steps (by default at about 1000 times). Frames
@@ -129,6 +129,8 @@ class Batch:
     """The tables of impacts end to end, with the column `case`; empty unless they were asked for."""
     events: Mapping[str, NDArray[Any]]
     """Balls that entered (`kind` 1) or left (0), with the column `case`; empty without inflows and outlets."""
+    transitions: Mapping[str, NDArray[Any]]
+    """The tables of transitions end to end, with the column `case`; with `impacts`, and of method `events` alone."""
     frame_time: F64
     """(T,) times of the frames, s; T is 0 unless they were asked for."""
     frames: Mapping[str, F64]

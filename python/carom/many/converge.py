@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,9 @@ I64 = NDArray[np.int64]
 
 #: Instants of one run that enter eq. 45, and numbers of their states, at most.
 MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000
+#: The method whose motion is exact, and parts of the finest step that are tried for its rows.
+EXACT: Literal["events"] = "events"
+MOST_PARTS = 100
 
 
 @dataclass(frozen=True)
@@ -137,10 +140,11 @@ def converge(
     """Simulate a scene, or a scenario file, with several steps (s) and fit the order of the error in h.
 
     `reference` is a step finer than all others, which it must divide; or a run (`Result` or directory) whose frames
-    hold all instants; or a TOML file with formulas of t; or a function of the time (s) that returns values such as
-    `{"velocity:cue": (vx, vy, vz)}`. `quantities` are `position`, `velocity`, `angular_velocity` or `orientation`
-    of all spheres, or of one (`velocity:cue`), or one component (`velocity:cue:x`); by default the first three, or
-    what the formulas give. Errors are those of eq. 45 over the instants of each run up to `until` (s), or at the
+    hold all instants; or "events", the exact method; or a TOML file with formulas of t; or a function of the time (s)
+    that returns values such as `{"velocity:cue": (vx, vy, vz)}`. `quantities` are `position`, `velocity`,
+    `angular_velocity` or `orientation` of all spheres, or of one (`velocity:cue`), or one component
+    (`velocity:cue:x`); by default the first three, or what the formulas give.
+    Errors are those of eq. 45 over the instants of each run up to `until` (s), or at the
     times `at` (s) alone. `case` and `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of
     `[run]`, for all runs. What makes an order doubtful is in `remarks` of the result.
     """
@@ -164,7 +168,7 @@ def converge(
     if isinstance(reference, (int, float)):
         jobs.append((float(reference), _shared(_positive(reference), instants)))
     else:
-        truth = _truth(reference, scene)
+        truth = _exact(scene, instants) if reference == EXACT else _truth(reference, scene)
     wanted = [Quantity.of(text, names) for text in quantities or (truth and truth.offered()) or USUAL]
     for quantity in wanted:
         if truth:  # before anything runs
@@ -235,6 +239,22 @@ def _instants(h: float, end: float, at: Sequence[float], spheres: int) -> I64:
     return np.arange(0, last + 1, stride, dtype=np.int64)
 
 
+def _exact(scene: Scene, instants: Mapping[float, I64]) -> Frames:
+    """What method `events` has at all instants: rows of the longest step that divides all others."""
+    if scene.run.method == EXACT:
+        raise CaromError('the runs of the study are exact themselves; give them a step with method = "nsga"')
+    finest = min(instants)
+    shared = (finest / k for k in range(1, MOST_PARTS + 1))
+    h = next((h for h in shared if all(abs(round(c / h) * h - c) <= 1e-9 * c for c in instants)), None)
+    if h is None:
+        raise CaromError("the steps have no common part; take them from one row, as 1e-2,5e-3,2e-3")
+    numbers = np.unique(np.concatenate([own * round(coarse / h) for coarse, own in instants.items()]))
+    [(states, run)] = _run_all(scene.with_options(method=EXACT), [(h, numbers)], 1)
+    if not run.ok:
+        raise CaromError(f"method events is no reference here, it stops: {run.outcome.replace('_', ' ')}")
+    return Frames("method events", scene.names, _times(h, numbers), states, None)
+
+
 def _shared(h: float, instants: Mapping[float, I64]) -> I64:
     """Steps of size `h` at which some run of the study has an instant."""
     numbers = []
@@ -259,7 +279,9 @@ def _truth(reference: object, scene: Scene) -> Truth:
         return Frames.of(reference, scene)
     if callable(reference):
         return Formulas("function", reference, scene.names)
-    raise CaromError("reference must be a step, a run, a TOML file with formulas, or a function of the time")
+    raise CaromError(
+        'reference must be a step, "events", a run, a TOML file with formulas, or a function of the time'
+    )
 
 
 def _run_all(

@@ -45,9 +45,11 @@ class Truth(Protocol):
 
 
 class Frames:
-    """States at instants: those of a fine run, or of a run directory."""
+    """States at instants: those of a fine run, of a run directory, or of the exact method, which has no step."""
 
-    def __init__(self, told: str, bodies: Sequence[str], time: F64, states: States, step: float) -> None:
+    def __init__(
+        self, told: str, bodies: Sequence[str], time: F64, states: States, step: float | None
+    ) -> None:
         self.told, self.step = told, step
         self._bodies, self._time, self._states = bodies, time, states
 

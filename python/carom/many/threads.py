@@ -30,6 +30,8 @@ MONITORS = (
 )
 """What is kept of the core's totals, beside its energies (J) `energy_initial`, `energy_final`, `energy_max_rise`."""
 
+TABLES = ("impacts", "transitions", "events")
+"""Tables that are kept, the first two only if they are asked for."""
 ENERGIES = ("initial", "final", "max_rise")
 
 
@@ -44,7 +46,7 @@ class _Kept(Sink):
 
     def __init__(self, frames: Mapping[str, NDArray[Any]], plan: Plan) -> None:
         self._frames, self._every = frames, plan.every
-        self.tables: dict[str, list[Mapping[str, Any]]] = {"impacts": [], "events": []}
+        self.tables: dict[str, list[Mapping[str, Any]]] = {name: [] for name in TABLES}
 
     def start(self, simulation: Simulation) -> None:
         start = simulation.frame() if self._frames else {}
@@ -111,10 +113,7 @@ class Runner:
             np.float64
         ) * longest.step  # as the core has it
         self.frames = {key: np.full((b, t, n, width), np.nan) for key, width in KINEMATICS.items() if t}
-        self.tables: dict[str, list[dict[str, NDArray[Any]] | None]] = {
-            "impacts": [None] * b,
-            "events": [None] * b,
-        }
+        self.tables: dict[str, list[dict[str, NDArray[Any]] | None]] = {name: [None] * b for name in TABLES}
         self.stop = threading.Event()
         self.done = 0
         self.broken: BaseException | None = None
@@ -222,7 +221,7 @@ class Runner:
         for key in ENERGIES:
             self.monitors[f"energy_{key}"][case] = totals["energy"][key]
         for name, blocks in tables.items():
-            if blocks and (name != "impacts" or self.keep_impacts):
+            if blocks and (name == "events" or self.keep_impacts):
                 self.tables[name][case] = {
                     column: np.concatenate([np.asarray(b[column]) for b in blocks]) for column in blocks[0]
                 }
@@ -254,6 +253,7 @@ class Runner:
             parameters={} if self.overrides is None else self.overrides.values,
             impacts=self._table("impacts"),
             events=self._table("events"),
+            transitions=self._table("transitions"),
             frame_time=self.frame_time,
             frames=self.frames,
             wall_s=wall_s,

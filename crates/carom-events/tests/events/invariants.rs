@@ -7,7 +7,7 @@ use glam::DVec3;
 use std::time::Duration;
 
 /// Balls on a table of so many metres with cushions; laws of ball and ball, bed, cushion.
-fn table(positions: &[[f64; 3]], [length, width]: [f64; 2], laws: [[f64; 5]; 3]) -> ModelInput {
+pub fn table(positions: &[[f64; 3]], [length, width]: [f64; 2], laws: [[f64; 5]; 3]) -> ModelInput {
     let planes = [
         ([0.0; 3], [0.0, 0.0, 1.0]),
         ([0.0; 3], [1.0, 0.0, 0.0]),
@@ -20,6 +20,16 @@ fn table(positions: &[[f64; 3]], [length, width]: [f64; 2], laws: [[f64; 5]; 3])
     input.plane_material = vec![1, 2, 2, 2, 2];
     input.laws = vec![(0, 0, laws[0]), (0, 1, laws[1]), (0, 2, laws[2])];
     input
+}
+
+/// Random numbers between two.
+pub fn draws(mut x: u64) -> impl FnMut(f64, f64) -> f64 {
+    move |low, high| {
+        x ^= x << 13;
+        x ^= x >> 7;
+        x ^= x << 17;
+        low + (high - low) * (x >> 11) as f64 / (1u64 << 53) as f64
+    }
 }
 
 /// A triangle of `count` balls with gaps, hit by the last one.
@@ -71,15 +81,7 @@ fn frames(input: &ModelInput, until: f64, count: u64) -> (Simulation, Option<car
 /// have no closed form; few breaks end so, and none in another way.
 #[test]
 fn breaks() {
-    let mut draw = {
-        let mut x = 0x9e37_79b9_7f4a_7c15u64;
-        move |low: f64, high: f64| {
-            x ^= x << 13;
-            x ^= x >> 7;
-            x ^= x << 17;
-            low + (high - low) * (x >> 11) as f64 / (1u64 << 53) as f64
-        }
-    };
+    let mut draw = draws(0x9e37_79b9_7f4a_7c15);
     let asked = std::env::var("CAROM_BREAKS").ok();
     let breaks = asked.map_or(BREAKS, |n| n.parse().expect("a number"));
     let (mut pressed, mut stepped) = (0, 0.0);

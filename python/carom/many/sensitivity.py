@@ -1,0 +1,207 @@
+"""`carom.sensitivity`: how the end of a shot depends on what it begins with.
+
+Method `events` computes a motion to rounding, so that central differences of it are exact but for their own step. Two of
+them, with a step and its half, leave an error of fourth order, and tell of it. The step is the one that tells the least.
+
+A motion depends smoothly on what it begins with only as long as the same events follow one another. They are in the
+table of transitions: a difference whose runs have other events than the shot itself does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carom.errors import CaromError, quoted
+from carom.many.batch import Batch, simulate_batch
+from carom.many.cases import Overrides
+from carom.result.tables import Transitions
+from carom.run.simulate import scene_of
+from carom.scene.scene import Scene
+
+F64 = NDArray[np.float64]
+Events = list[tuple[int, ...]]
+
+QUANTITIES = ("position", "velocity", "angular_velocity")
+#: Steps of the differences, over the size of what is changed (1 where it is 0). Larger: other events; smaller: rounding.
+STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+#: Places of the runs of a difference, in steps.
+PLACES = (1.0, -1.0, 0.5, -0.5)
+#: Error of a derivative over its size from which no smaller step is tried.
+ENOUGH = 1e-10
+PRESS, SPIN_ENDS = (Transitions.EVENTS.index(event) for event in ("press", "spin ends"))
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of the final state of N balls by P inputs, and by how much they may be off. Balls that left have NaN."""
+
+    inputs: tuple[str, ...]
+    names: tuple[str, ...]
+    """Of the balls."""
+    position: F64
+    """(P, N, 3) of the centres, m over the unit of the input."""
+    velocity: F64
+    """(P, N, 3), m/s over the unit of the input."""
+    angular_velocity: F64
+    """(P, N, 3), rad/s over the unit of the input."""
+    error: F64
+    """(P,) largest difference of two estimates of a derivative, over the largest one of its quantity or, where that is
+    more, over the quantity itself over the input.
+    """
+
+    def of(self, ball: str, quantity: str = "position") -> F64:
+        """(P, 3) derivatives of a quantity of one ball."""
+        if ball not in self.names or quantity not in QUANTITIES:
+            raise CaromError(f"there is no {quantity} of {quoted(ball)} in these sensitivities")
+        return np.asarray(getattr(self, quantity)[:, self.names.index(ball)])
+
+    def __repr__(self) -> str:
+        return f"<sensitivity of {len(self.names)} balls to {', '.join(self.inputs)}; error {self.error.max():.1g}>"
+
+
+def sensitivity(
+    scene: Scene | str | Path | Callable[..., Scene],
+    to: Sequence[str] | Mapping[str, float],
+    *,
+    threads: int | None = None,
+    **options: Any,
+) -> Sensitivity:
+    """Derivatives of the final state by inputs of a shot, through all its impacts, by method `events`.
+
+    `to` names inputs as `carom.simulate_batch` does, each a single number: `"cue.velocity.x"` (m/s), `"cue.radius"` (m),
+    `"ball/cloth.friction"`. Or `scene` is a function that builds a scene, and `to` its arguments with their values,
+    as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`.
+
+    Raises `CaromError` where there is no derivative: where the events that follow depend on the smallest change, as at a
+    grazing hit, and where balls press one another, so that steps are made.
+    """
+    options = {**options, "method": "events"}
+    runs = (
+        _of_function(scene, to, threads, options)
+        if callable(scene)
+        else _of_scene(scene, to, threads, options)
+    )
+    base, value, names = runs
+    batch = base({})
+    if not batch.ok.all():
+        raise CaromError(f"sensitivity: the shot itself fails ({batch.outcome[0]}): {batch.message[0]}")
+    events = _events(batch)[0]
+    if any(row[0] == PRESS for row in events):
+        raise CaromError("sensitivity: balls press one another; what steps compute has no exact derivative")
+    found = [_derivative(base, name, value[name], events) for name in value]
+    parts = {q: np.array([d[q] for d, _ in found]) for q in QUANTITIES}
+    return Sensitivity(tuple(value), tuple(names), **parts, error=np.array([off for _, off in found]))
+
+
+Run = Callable[[Mapping[str, F64]], Batch]
+"""Runs of a shot with other values of some inputs, (B,) each; of none: of the shot itself."""
+
+
+def _of_scene(
+    scene: Scene | str | Path,
+    to: Sequence[str] | Mapping[str, float],
+    threads: int | None,
+    options: Mapping[str, Any],
+) -> tuple[Run, dict[str, float], list[str]]:
+    if isinstance(to, (str, Mapping)):
+        raise CaromError(
+            'sensitivity: to must be a list of inputs, as ["cue.velocity.x"]; values are the scene\'s'
+        )
+    scene = scene_of(scene, "sensitivity").with_options(**options)
+    overrides, value = Overrides(scene, {}), {}
+    for name in to:
+        place, shape = overrides._place(name)
+        if shape:
+            raise CaromError(
+                f"sensitivity: {quoted(name)} is not one number; name its component, as {name}.x"
+            )
+        value[name] = float(overrides._base[place.array][place.index])
+    return (
+        (lambda given: simulate_batch(scene, given, threads=threads, impacts=True)),
+        value,
+        list(scene.names),
+    )
+
+
+def _of_function(
+    build: Callable[..., Scene],
+    to: Sequence[str] | Mapping[str, float],
+    threads: int | None,
+    options: Mapping[str, Any],
+) -> tuple[Run, dict[str, float], list[str]]:
+    if not isinstance(to, Mapping):
+        raise CaromError(
+            'sensitivity: give the arguments of the function with their values, as {"speed": 2.0}'
+        )
+    value = {str(name): float(x) for name, x in to.items()}
+
+    def run(given: Mapping[str, F64]) -> Batch:
+        cases = max((len(x) for x in given.values()), default=1)
+        scenes = [build(**value | {name: float(x[k]) for name, x in given.items()}) for k in range(cases)]
+        return simulate_batch(scenes, threads=threads, impacts=True, **options)
+
+    return run, value, list(build(**value).names)
+
+
+def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict[str, F64], float]:
+    """The derivatives by one input, with the step of the least error."""
+    best: tuple[dict[str, F64], float] | None = None
+    why = "other events follow: a hit grazes, or two happen at one time"
+    for share in STEPS:
+        h = share * (abs(value) or 1.0)
+        at = value + h * np.array(PLACES)
+        batch = run({name: at})
+        if not batch.ok.all():
+            why = f"a run fails: {batch.message[~batch.ok][0]}"
+            continue
+        if any(row != events for row in _events(batch)):
+            continue
+        found, off = {}, 0.0
+        for quantity in QUANTITIES:
+            x = getattr(batch, quantity)
+            whole, half = (x[0] - x[1]) / (at[0] - at[1]), (x[2] - x[3]) / (at[2] - at[3])
+            found[quantity] = (4.0 * half - whole) / 3.0
+            size = max(_largest(found[quantity]), _largest(x) / (abs(value) or 1.0))
+            off = max(off, _largest(found[quantity] - half) / size if size else 0.0)
+        if best is None or off < best[1]:
+            best = found, off
+        if off < ENOUGH:
+            break
+    if best is None:
+        raise CaromError(
+            f"sensitivity: no derivative by {quoted(name)}; where it changes by {STEPS[-1]:g} of its size {why}"
+        )
+    return best
+
+
+def _largest(x: F64) -> float:
+    """Of the balls that are there."""
+    return float(np.nan_to_num(np.abs(x)).max(initial=0.0))
+
+
+def _events(batch: Batch) -> list[Events]:
+    """What happens to the balls in each case, ball by ball. Bounces on one body that follow one another are one: how
+    many there are before they end is no matter of the motion. Nor are ends of spin, which may be one of rounding.
+    """
+    table = batch.transitions
+    found: list[Events] = [[] for _ in range(len(batch))]
+    if not table:
+        return found
+    rows = np.column_stack(
+        [table["case"], table["body"][:, 0], table["kind"], table["body"][:, 1], table["mode"][:, 1]]
+    )
+    order = np.lexsort((np.arange(len(rows)), rows[:, 1], rows[:, 0]))
+    for case, ball, kind, other, after in rows[order].astype(np.int64).tolist():
+        if kind == SPIN_ENDS:
+            continue
+        own = found[case]
+        if own and own[-1][:3] == (kind, ball, other):
+            own.pop()
+        own.append((kind, ball, other, after))
+    return found

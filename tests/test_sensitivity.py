@@ -1,0 +1,116 @@
+"""`carom.sensitivity`: derivatives through slides, rolls and impacts, beside closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import carom
+import numpy as np
+import pytest
+from carom import billiards
+
+MU, G, R, V = 0.2, 9.8, 0.028575, 2.0
+RAIL = 1.2
+
+
+def shot(
+    until: float, offset: float = 0.5, friction: float = MU, rail: float = 0.0, speed: float = V
+) -> carom.Scene:
+    """A ball that slides in x, towards another one whose centre lies so many radii beside its line."""
+    scene = carom.Scene("a shot", gravity=(0, 0, -G), run={"method": "events", "until": until, "step": until})
+    for name in ("ball", "bed", "rail"):
+        scene.material(name)
+    scene.contact("ball", "ball", friction=0.0, restitution=1.0)
+    scene.contact("ball", "bed", friction=friction, restitution=0.5)
+    scene.contact("ball", "rail", friction=0.0, restitution=0.8)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.sphere("cue", radius=R, mass=0.17, position=(0, 0, R), velocity=(speed, 0, 0), material="ball")
+    if rail:
+        scene.plane("end", point=(rail, 0, 0), normal=(-1, 0, 0), material="rail")
+    else:
+        scene.sphere("object", radius=R, mass=0.17, position=(0.5, offset * R, R), material="ball")
+    return scene
+
+
+def test_a_slide_and_the_roll_after_it() -> None:
+    t = 0.1
+    inputs = ["cue.velocity.x", "ball/bed.friction", "cue.angular_velocity.y"]
+    early = carom.sensitivity(shot(t), inputs)
+    np.testing.assert_allclose(early.of("cue")[:, 0], [t, -0.5 * G * t**2, 0.0], rtol=0, atol=1e-9)
+    # It rolls from T = 2 (v - r w)/(7 mu g) on, with v_1 = v - 2 (v - r w)/7, at x = (v^2 - v_1^2)/(2 mu g) + v_1 (t - T).
+    t = 0.7
+
+    def place(v: float, mu: float, w: float) -> float:
+        ends, rolls = 2.0 * (v - R * w) / (7.0 * mu * G), v - 2.0 / 7.0 * (v - R * w)
+        return float((v**2 - rolls**2) / (2.0 * mu * G) + rolls * (t - ends))
+
+    late = carom.sensitivity(shot(t, offset=9.0), inputs)
+    exact = []
+    for k, h in enumerate((1e-5, 1e-6, 1e-3)):
+        up, down = [V, MU, 0.0], [V, MU, 0.0]
+        up[k] += h
+        down[k] -= h
+        exact.append((place(*up) - place(*down)) / (2.0 * h))
+    np.testing.assert_allclose(late.of("cue")[:, 0], exact, rtol=1e-7)
+    assert late.error.max() < 1e-8
+
+
+def test_a_rail_turns_the_velocity_round() -> None:
+    """Without friction `x = rail - r - e (v t - (rail - r))`: the time of the impact depends on the speed, too."""
+    scene = shot(1.0, friction=0.0, rail=RAIL)
+    found = carom.sensitivity(scene, ["cue.velocity.x", "cue.position.x", "ball/rail.restitution"])
+    exact = [-0.8 * 1.0, -0.8, -(V * 1.0 - (RAIL - R))]
+    np.testing.assert_allclose(found.of("cue")[:, 0], exact, rtol=1e-9)
+
+
+def test_a_cut_depends_on_the_aim_as_its_geometry_says() -> None:
+    """The object ball goes along the line of centres, `sin phi = b/(2 r)`, with `v cos phi`: by `b`, the place across."""
+    b = 0.5 * R
+    scene = shot(0.4, friction=0.0)
+    found = carom.sensitivity(scene, ["object.position.y"])
+    angle = math.asin(b / (2.0 * R))
+    per = 1.0 / (2.0 * R * math.cos(angle))  # d phi / d b
+    # velocity v cos phi (cos phi, sin phi)
+    exact = V * per * np.array([-math.sin(2.0 * angle), math.cos(2.0 * angle), 0.0])
+    np.testing.assert_allclose(found.of("object", "velocity")[0], exact, rtol=1e-8, atol=1e-8)
+
+
+def test_a_function_of_a_shot() -> None:
+    def draw(height: float) -> carom.Scene:
+        scene = shot(0.6, speed=0.0)
+        billiards.strike(scene.spheres[0], ball_speed=2.0, direction="0 deg", height=height)
+        return scene
+
+    found = carom.sensitivity(draw, {"height": -0.3})
+    h = 1e-5
+    ends = [carom.simulate(draw(-0.3 + x)).position[-1] for x in (h, -h)]
+    np.testing.assert_allclose(found.position[0], (ends[0] - ends[1]) / (2.0 * h), rtol=1e-5, atol=1e-6)
+
+
+def test_a_break_through_tens_of_impacts() -> None:
+    table = billiards.table("9ft")
+
+    def opening(direction: float) -> carom.Scene:
+        scene = table.scene("a break", until=0.5, step=0.5)
+        table.rack(scene, order="9-ball", gap=1e-4, jitter=2e-5, seed=1)
+        billiards.strike(table.cue_ball(scene, at="head spot"), speed=8.9, direction=direction, height=0.1)
+        return scene
+
+    found = carom.sensitivity(opening, {"direction": 0.01})
+    assert found.error.max() < 1e-6
+    assert np.abs(found.position).max() > 50.0  # m/rad
+    h = 3e-7
+    up, down = (carom.simulate(opening(0.01 + x), method="events").position[-1] for x in (h, -h))
+    exact = (up - down) / (2.0 * h)
+    np.testing.assert_allclose(found.position[0], exact, rtol=0, atol=1e-4 * np.abs(exact).max())
+
+
+def test_where_there_is_no_derivative_it_says_so() -> None:
+    with pytest.raises(carom.CaromError, match=r"no derivative by .*other events follow"):
+        carom.sensitivity(shot(0.6, offset=2.0 - 1e-9, friction=0.0), ["cue.position.y"])
+    with pytest.raises(carom.CaromError, match="not one number"):
+        carom.sensitivity(shot(0.6), ["cue.velocity"])
+    with pytest.raises(carom.CaromError, match="a run fails"):
+        carom.sensitivity(shot(0.3, friction=0.0), ["ball/bed.friction"])  # none is below 0
+    with pytest.raises(carom.CaromError, match="arguments of the function"):
+        carom.sensitivity(shot, ["until"])
