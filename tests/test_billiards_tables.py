@@ -9,7 +9,7 @@ import carom
 import numpy as np
 import pytest
 from billiards_values import G, laws
-from carom import events
+from carom import billiards, events
 from carom.billiards import TABLES, strike
 from carom.errors import CaromError, ScenarioError
 from carom.scene.billiards import table
@@ -249,3 +249,36 @@ def test_a_ball_may_hang_over_a_pocket(at: tuple[float, float]) -> None:
     scene = t.scene(until=0.05, step=1e-3)
     t.ball(scene, "hangs", at)
     assert t.pocketed(carom.simulate(scene)) == []
+
+
+def test_a_shot_is_told_alike_by_both_methods() -> None:
+    t = table("9ft")
+    scene = t.scene(until=2.5, step=1e-4)
+    cue = t.cue_ball(scene, at=(1.6, 0.635))
+    t.ball(scene, "1", at=(1.27, 0.635))
+    t.ball(scene, "2", at=(0.4, 0.3))
+    billiards.strike(cue, ball_speed="3 m/s", direction="0 deg")  # off the foot cushion, and back to ball 1
+    stepped, exact = (
+        t.shot(carom.simulate(scene, method=method, step=step))
+        for method, step in (("nsga", 1e-4), ("events", 2.5))
+    )
+    assert exact.first == "1" == stepped.first
+    assert exact.cushions("cue")[0] == "cushion foot"
+    assert [h.other for h in exact.hits][:2] == [exact.cushions("cue")[0], "1"]
+    assert [(h.ball, h.other) for h in exact.hits][:2] == [(h.ball, h.other) for h in stepped.hits][:2]
+    for a, b in zip(exact.hits[:2], stepped.hits, strict=False):
+        assert a.time == pytest.approx(b.time, abs=1e-3)
+        assert a.speed == pytest.approx(b.speed, rel=2e-3)
+    assert not exact.scratch
+    assert not [h for h in exact.hits if "2" in (h.ball, h.other)]
+
+
+def test_a_scratch_is_called_one() -> None:
+    t = table("9ft")
+    scene = t.scene(until=1.5, step=1.5, method="events")
+    cue = t.cue_ball(scene, at=(2.0, 0.73))
+    billiards.strike(cue, ball_speed="2 m/s", direction="45 deg")
+    found = t.shot(carom.simulate(scene))
+    assert found.scratch
+    assert found.first is None
+    assert found.pocketed[0].pocket == "foot left"

@@ -461,6 +461,10 @@ def test_the_demo_computes_what_it_shows(tmp_path: Path) -> None:
         for quantity in ("ball 2 after the impact", "ball 3 after the impact", "balls 4 and 5 mirror images"):
             assert rows[quantity]["difference"] == "agrees", (case, quantity)
         assert all((tmp_path / f).exists() for f in found["files"])
+        assert contact["exact"] == contact["carom"]
+        speeds = [float(rows["ball 2 after the impact"][name].split()[0]) for name in ("carom", "exact")]
+        assert 0.0 < abs(speeds[0] - speeds[1]) < 0.1, case  # the error of the step
+        assert not rows["iterations, velocity: max / mean"]["exact"]
     rest = [r for r in document["cases"]["5.6_break_rolling"]["rows"] if r["quantity"].endswith("at rest")]
     assert len(rest) == 4
     assert all(row["carom"].startswith("t = ") for row in rest)

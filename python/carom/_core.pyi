@@ -182,7 +182,8 @@ class Simulation:
         `frames["walls"]` (F, P, 6), where walls are recorded, has the impulse on each wall since the last frame, N s, and
         its moment about the wall's point, moved with the wall, N m s. Where balls come and go there are
         `frames["present"]` (F, N) and `events`: `step, time, body, kind`, 1 for a ball that enters, 0 for one that leaves.
-        Method `events` has `transitions`: `step, time, body (X, 2), kind, mode (X, 2)`, as `carom.result.tables` has them.
+        Method `events` has `transitions`: `step, time, body (X, 2), kind, mode (X, 2), position (X, 3), velocity (X, 3)`,
+        as `carom.result.tables` has them.
         """
 
     def state(self) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 //! What happens to a ball between and at the events of a method that has them.
 
+use glam::DVec3;
+
 /// What a ball does between two events.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
@@ -50,4 +52,7 @@ pub struct Transition {
     pub other: Option<u32>,
     /// Before and after.
     pub modes: [Mode; 2],
+    /// Where the centre is then, m, and its velocity afterwards, m/s.
+    pub position: DVec3,
+    pub velocity: DVec3,
 }

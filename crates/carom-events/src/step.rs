@@ -204,6 +204,8 @@ impl Run<'_> {
             body: i as u32,
             other,
             modes,
+            position: self.state.position[i],
+            velocity: self.state.velocity[i],
         });
     }
 

@@ -92,6 +92,8 @@ pub fn put_transitions(out: &Bound<'_, PyDict>, records: &[Transition]) -> PyRes
     })?;
     table.column("kind", |r| r.kind as u8)?;
     table.rows("mode", |r| r.modes.map(|mode| mode as u8))?;
+    table.rows("position", |r| r.position.to_array())?;
+    table.rows("velocity", |r| r.velocity.to_array())?;
     out.set_item("transitions", dict)
 }
 

@@ -40,7 +40,7 @@ def demo(
             note(f"{case}: {result.outcome}")
             code = NOT_CONVERGED
             continue
-        rows = story.compare(result)
+        rows = story.compare(result, story.exactly(result))
         files = [result.view(title=result.title or case).path]
         files += _plots(result, plots)
         document["cases"][case] = {

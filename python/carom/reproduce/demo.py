@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,8 @@ class Row:
     difference: str
     value: float | None = None
     reference: float | None = None
+    exact: str = ""
+    """What the exact method has there, where the line is about the motion."""
 
 
 def scenario(case: str) -> Path:
@@ -83,11 +85,28 @@ def simulate(case: str, out: Path, *, progress: Callable[..., None] | None = Non
     return result
 
 
-def compare(result: Result) -> list[Row]:
-    """The lines of the comparison for either case."""
+def compare(result: Result, exact: Result | None = None) -> list[Row]:
+    """The lines of the comparison for either case, beside those of a run of it by the exact method (`exactly`)."""
+    rows = [*_motion(result), *_solver(result), *_totals(result)]
+    if exact is None:
+        return rows
+    found = {row.quantity: row.carom for row in (*_motion(exact), *_totals(exact))}
+    return [replace(row, exact=found.get(row.quantity, "")) for row in rows]
+
+
+def exactly(result: Result) -> Result:
+    """The same scene by method `events`, with the same frames."""
+    scene = result.scene.with_options(method="events", until=float(result.time[-1]))
+    return launch(scene, None, stop=Interrupt())
+
+
+def _motion(result: Result) -> list[Row]:
     rows = [*_contact(result), *_after(result), _mirror(result)]
-    rows += _rest(result) if _way(result).rho > 0 else [_rolling(result)]
-    return [*rows, *_solver(result), _penetration(result), _energy(result), _computing_time(result)]
+    return rows + (_rest(result) if _way(result).rho > 0 else [_rolling(result)])
+
+
+def _totals(result: Result) -> list[Row]:
+    return [_penetration(result), _energy(result), _computing_time(result)]
 
 
 def first_contact(result: Result, a: str, b: str) -> events.Meeting:
@@ -300,9 +319,19 @@ def _words(quantity: str, paper: str, carom: str, agrees: bool | None) -> Row:
 
 
 def as_table(rows: Sequence[Row], width: int = WIDTH) -> str:
-    """The comparison in lines of at most `width` characters: quantity, paper, Carom, difference; long cells wrap."""
-    cells = [(r.quantity, r.paper, r.carom, r.difference) for r in rows]
-    return table([("quantity", "paper", "Carom", "difference"), *cells], width, head=True, left=range(4))
+    """The comparison in lines of at most `width` characters: quantity, paper, Carom, the exact method where it is there,
+    difference; long cells wrap.
+    """
+    columns = {
+        "quantity": [r.quantity for r in rows],
+        "paper": [r.paper for r in rows],
+        "Carom": [r.carom for r in rows],
+        "exact": [r.exact for r in rows],
+        "difference": [r.difference for r in rows],
+    }
+    shown = {head: cells for head, cells in columns.items() if head != "exact" or any(cells)}
+    lines = zip(*shown.values(), strict=True)
+    return table([tuple(shown), *lines], width, head=True, left=range(len(shown)))
 
 
 def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:

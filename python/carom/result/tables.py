@@ -212,7 +212,8 @@ class Events(Table):
 
 class Transitions(_Pairs):
     """One row per ball whose motion changed at an event of method `events`: `step`, `time` (s), `body` (the ball and what
-    did it, -1 for nothing), `kind`, `mode` (before and after). In words: `pair`, `event`, `before`, `after`.
+    did it, -1 for nothing), `kind`, `mode` (before and after), `position` (m) then, `velocity` (m/s) afterwards.
+    In words: `pair`, `event`, `before`, `after`.
     """
 
     name = "transitions"
@@ -222,7 +223,19 @@ class Transitions(_Pairs):
     def _derived(self) -> Mapping[str, Callable[[], Any]]:
         if not self._segments.columns(self.name):  # of another method
             return dict.fromkeys(
-                ("step", "time", "body", "kind", "mode", "pair", "event", "before", "after"),
+                [
+                    "step",
+                    "time",
+                    "body",
+                    "kind",
+                    "mode",
+                    "position",
+                    "velocity",
+                    "pair",
+                    "event",
+                    "before",
+                    "after",
+                ],
                 lambda: np.zeros(0),
             )
         words = np.array([*self.MODES, "?"], dtype=object)

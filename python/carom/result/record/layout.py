@@ -239,6 +239,8 @@ MEANINGS: dict[str, Meaning] = {
         "1",
         "(row, 2) of the ball before and after: 0 flight, 1 slide, 2 roll, 3 spin, 4 rest, 5 stepped, 6 gone",
     ),
+    "transitions/position": Meaning("m", "(row, xyz) centre of the ball then"),
+    "transitions/velocity": Meaning("m/s", "(row, xyz) its velocity afterwards"),
     "bodies/name": Meaning("1", "names"),
     "bodies/radius": Meaning("m", "radii"),
     "bodies/mass": Meaning("kg", "masses"),

@@ -16,14 +16,17 @@ Nothing here is physics of its own: a cushion is a wall, a pocket an outlet, a s
 from carom.scene.billiards.cue import Strike, cue_impulse, strike
 from carom.scene.billiards.data import LAWS, TABLES, TIPS, Laws, Spec, Value
 from carom.scene.billiards.racks import rack_places
+from carom.scene.billiards.shots import Hit, Shot
 from carom.scene.billiards.table import Pocketed, Table, table
 
 __all__ = [
     "LAWS",
     "TABLES",
     "TIPS",
+    "Hit",
     "Laws",
     "Pocketed",
+    "Shot",
     "Spec",
     "Strike",
     "Table",

@@ -16,6 +16,7 @@ from carom.scene.billiards.data import LAWS, TABLES, Laws, Spec
 from carom.scene.billiards.measures import checked, mark
 from carom.scene.billiards.places import check_place, spots_of
 from carom.scene.billiards.racks import numbers_of, rack_places, rows_of
+from carom.scene.billiards.shots import Shot, shot
 from carom.scene.billiards.walls import noses, outlets, rail
 from carom.scene.scene import Scene
 
@@ -93,7 +94,10 @@ class Table:
     def scene(
         self, title: str = "", *, laws: Laws = LAWS, gravity: float = GRAVITY, record: Any = None, **run: Any
     ) -> Scene:
-        """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`."""
+        """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`.
+
+        `method="events"` suits a table best: its motion is exact, and `step` is the time between two frames.
+        """
         gravity = number("scene", "gravity", gravity, unit="in m/s^2")
         if not isinstance(laws, Laws):
             raise CaromError(f"scene: laws must be of billiards.Laws, as billiards.LAWS is, found {laws!r}")
@@ -218,7 +222,8 @@ class Table:
     def pocketed(self, result: Result | Batch) -> list[Pocketed] | list[list[Pocketed]]:
         """The balls that left in a result of this table, and where: in the order of time. Of a batch, a list for each case.
 
-        In a result the place is that of the last frame before, carried on at its velocity; in a batch the place itself.
+        In a result the place is that of the last frame before, carried on at its velocity; in a batch, and with method
+        `events`, the place itself.
         """
         if not hasattr(result, "left_at"):
             return self._pocketed(result)
@@ -232,10 +237,21 @@ class Table:
                 found[case].append(Pocketed(result.names[ball], where, float(at)))
         return found
 
+    def shot(self, result: Result, cue: str = "cue") -> Shot:
+        """Who hit whom and which cushion, what was pocketed, whether it was a scratch. Times are those of the impacts: exact
+        with method `events`, ends of steps with others.
+        """
+        return shot(result, cue, self._pocketed(result), bed="bed")
+
     def _pocketed(self, result: Result) -> list[Pocketed]:
         time = np.asarray(result.time)
         found = []
+        gone = result.transitions.where(result.transitions["event"] == "outlet")
+        exact = dict(zip(gone["pair"][:, 0], gone["position"], strict=True)) if len(gone) else {}
         for ball, at in result.events.left():
+            if ball in exact:
+                found.append(Pocketed(ball, self._where(exact[ball]), at))
+                continue
             index = result.names.index(ball)
             last = int(np.searchsorted(time, at, side="left")) - 1
             while last > 0 and not result.present[last, index]:

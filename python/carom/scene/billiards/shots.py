@@ -1,0 +1,73 @@
+"""What a shot did, in the words of the game: who hit whom and which cushion, what was pocketed, whether it was a scratch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.errors import CaromError, quoted
+
+if TYPE_CHECKING:
+    from carom.result.result import Result
+    from carom.scene.billiards.table import Pocketed
+
+#: Closing speed, m/s, below which bodies lean on one another and do not hit.
+SLOWEST = 1e-3
+
+
+@dataclass(frozen=True)
+class Hit:
+    """A ball hit another ball, or a cushion, which is named as the wall of the scene: when, s, and how fast, m/s."""
+
+    time: float
+    ball: str
+    other: str
+    speed: float
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One shot: its hits and the pocketed balls, in the order of time."""
+
+    cue: str
+    balls: frozenset[str]
+    hits: tuple[Hit, ...]
+    pocketed: tuple[Pocketed, ...]
+
+    @property
+    def first(self) -> str | None:
+        """The first ball that the cue ball hit, if it hit one."""
+        met = (self._partner(hit, self.cue) for hit in self.hits)
+        return next((name for name in met if name in self.balls), None)
+
+    @property
+    def scratch(self) -> bool:
+        """Whether the cue ball went into a pocket, or off the table."""
+        return any(ball.ball == self.cue for ball in self.pocketed)
+
+    def cushions(self, ball: str) -> list[str]:
+        """The cushions that a ball hit, one after the other."""
+        met = (self._partner(hit, ball) for hit in self.hits)
+        return [name for name in met if name is not None and name not in self.balls]
+
+    @staticmethod
+    def _partner(hit: Hit, ball: str) -> str | None:
+        return {hit.ball: hit.other, hit.other: hit.ball}.get(ball)
+
+
+def shot(result: Result, cue: str, pocketed: list[Pocketed], bed: str, slowest: float = SLOWEST) -> Shot:
+    """The shot of a run; `Table.shot` is the way to call it."""
+    if cue not in result.names:
+        raise CaromError(f"shot: no ball is called {quoted(cue)}")
+    rows = result.impacts
+    speed = -np.asarray(rows["approach"])
+    rows = rows.where((speed > slowest) & (np.asarray(rows["problem"]) > 0) & (rows["pair"][:, 1] != bed))
+    found: dict[tuple[float, str, str], float] = {}
+    # In one impact a pair may meet several times: that is one hit.
+    for time, (a, b), approach in zip(rows["time"], rows["pair"].tolist(), rows["approach"], strict=True):
+        key = float(time), str(a), str(b)
+        found[key] = max(found.get(key, 0.0), -float(approach))
+    hits = tuple(Hit(*key, speed) for key, speed in found.items())
+    return Shot(cue, frozenset(result.names), hits, tuple(pocketed))
