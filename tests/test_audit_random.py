@@ -1,5 +1,5 @@
-"""Random scenes are judged clean: walls that move and loads of every kind (`audit_random`), joints (`audit_rods`), and all
-features at once (`audit_mixed`).
+"""Random scenes are judged clean: walls that move and loads of every kind (`audit_random`), joints (`audit_rods`), all
+features at once (`audit_mixed`), and method `events` (`audit_events`).
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
+import audit_events
 import audit_mixed
 import audit_random
 import audit_rods
@@ -28,12 +29,13 @@ FEW = [
     1999,  # the potential of a spring near its rest length, to a rounding of the coordinates
     189,  # not solved: a ball at rest with drag on a floor without gravity
     252,  # a moment in the penalty method, of a rounding of the spin
+    659,  # a torque that turns back within a step: at both ends of it, it is the same
     *range(3),
 ]
 
 
 @pytest.mark.parametrize(
-    "seeds", [pytest.param(FEW, id="few"), pytest.param(range(300), id="many", marks=pytest.mark.long)]
+    "seeds", [pytest.param(FEW, id="few"), pytest.param(range(700), id="many", marks=pytest.mark.long)]
 )
 def test_random_scenes_with_loads_are_clean(seeds: list[int], tmp_path: Path, trials: Trials) -> None:
     judged: set[str] = set()
@@ -50,7 +52,8 @@ def test_random_scenes_with_loads_are_clean(seeds: list[int], tmp_path: Path, tr
 @pytest.mark.parametrize(
     "seeds",
     [
-        pytest.param([16, 18, 37, 41, 47, 117, *range(3)], id="few"),
+        # 107 stopped while a clump had a contact within; 266: momentum of joints was that of the solver, not to rounding.
+        pytest.param([16, 18, 37, 41, 47, 107, 117, 266, *range(3)], id="few"),
         pytest.param(range(200), id="many", marks=pytest.mark.long),
     ],
 )
@@ -68,8 +71,9 @@ def test_random_scenes_with_rods_and_clumps_are_clean(
 @pytest.mark.parametrize(
     "seeds",
     [
-        # Each was found at fault once: bounds of reactions, of loads after a step in parts, of prescribed motion.
-        pytest.param([16, 17, 23, 25, 37, 44, 138, 160, 170], id="few"),
+        # Each was found at fault once: bounds of reactions, of loads after a step in parts, of prescribed motion; a contact
+        # that repeats a joint (218), springs where smooth motion ends (310), reactions that the filter carries (319, 385).
+        pytest.param([16, 17, 23, 25, 37, 44, 138, 160, 170, 218, 310, 319, 385], id="few"),
         pytest.param(range(200), id="many", marks=pytest.mark.long),
     ],
 )
@@ -90,7 +94,10 @@ def test_random_scenes_of_every_feature_are_clean(seeds: list[int], tmp_path: Pa
 )
 @pytest.mark.parametrize(
     "seeds",
-    [pytest.param([15, 31, 81, 91], id="few"), pytest.param(range(100), id="many", marks=pytest.mark.long)],
+    [
+        pytest.param([15, 31, 67, 81, 91], id="few"),
+        pytest.param(range(100), id="many", marks=pytest.mark.long),
+    ],
 )
 def test_random_scenes_whose_loads_are_solved_once_are_clean(
     seeds: list[int], source: ModuleType, tmp_path: Path, trials: Trials
@@ -102,5 +109,24 @@ def test_random_scenes_whose_loads_are_solved_once_are_clean(
         with suppress(carom.RunFailed):  # what was done until then is judged
             scenes.run(scene, tmp_path / str(seed), source.UNTIL, **{**options, "position_friction": "once"})
         with trials("random scenes with loads solved once judged clean"):
+            report = audit.check(tmp_path / str(seed))
+            assert report.ok, f"seed {seed}: {report!r}"
+
+
+@pytest.mark.parametrize(
+    "seeds",
+    [
+        pytest.param([112, 260, *range(6)], id="few"),
+        pytest.param(range(300), id="many", marks=pytest.mark.long),
+    ],
+)
+def test_random_scenes_of_events_are_clean(seeds: list[int], tmp_path: Path, trials: Trials) -> None:
+    for seed in seeds:
+        scene, options = audit_events.scene(seed)
+        with suppress(
+            carom.RunFailed
+        ):  # some motions have no closed form: what was done until then is judged
+            scenes.run(scene, tmp_path / str(seed), audit_events.UNTIL, **options)
+        with trials("random scenes of method events judged clean"):
             report = audit.check(tmp_path / str(seed))
             assert report.ok, f"seed {seed}: {report!r}"

@@ -151,11 +151,11 @@ def joint_wrenches(rows: list[JointRow], multipliers: F64, gradient: F64, joints
     return given
 
 
-def never_meet(joints: Sequence[Mapping[str, Any]], bodies: int) -> set[frozenset[int]]:
+def never_meet(joints: Sequence[Mapping[str, Any]], radius: F64) -> set[frozenset[int]]:
     """Pairs of spheres whose centres joints keep at one distance: a rod between centres, a pivot at one of them, or clumps,
-    in which pairs with a common point do not turn against one another.
+    in which pairs with a common point do not turn against one another. And those with a pivot where they touch.
     """
-    found, clumps = set(), [{body} for body in range(bodies)]
+    found, clumps = set(), [{body} for body in range(len(radius))]
     for joint in joints:
         pair = frozenset((int(joint["a"]), int(joint["b"])))
         mine = [
@@ -167,6 +167,10 @@ def never_meet(joints: Sequence[Mapping[str, Any]], bodies: int) -> set[frozense
         )
         arms = [[bool(np.any(row[side])) for side in (2, 3)] for row in constant if row[0] == "distance"]
         pivot = len(points) >= 3 and not all(np.any(points[0][side]) for side in (2, 3))
+        if len(points) >= 3 and sum(np.linalg.norm(points[0][side]) for side in (2, 3)) <= 1.001 * sum(
+            radius[list(pair)]
+        ):
+            pivot = True
         if -1 not in pair and (pivot or [False, False] in arms):
             found.add(pair)
         axes = [np.linalg.matrix_rank([row[1] for row in rows]) if rows else 0 for rows in (points, turns)]

@@ -235,7 +235,7 @@ def _pairs(model: Mapping[str, Any], radius: F64, planes: int) -> list[Pair]:
     }
     sphere_material = [int(m) for m in model.get("material", np.zeros(n))]
     material = sphere_material + [int(m) for m in model.get("plane_material", np.zeros(planes))]
-    apart = never_meet(model.get("joints", ()), n)
+    apart = never_meet(model.get("joints", ()), radius)
     pairs = []
     for a in range(n):
         for b in range(a + 1, n + planes):

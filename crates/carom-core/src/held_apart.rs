@@ -1,5 +1,5 @@
-//! Pairs of spheres whose joints keep their centres at one distance. They have no contact: the joints hold its normal in every motion, so that
-//! its force would be what nothing determines (`docs/theory/algorithm.md`, section 7).
+//! Pairs of spheres whose joints keep their centres at one distance, or join them where they touch. They have no contact: joints hold its normal
+//! already, so that nothing would determine its force (`docs/theory/algorithm.md`, section 7).
 
 use crate::joint::{outer, Joint, JointRow, RowKind};
 use carom_laws::Scalar;
@@ -8,6 +8,10 @@ use glam::{DMat3, DVec3};
 
 /// Volume (1) that three unit axes span from which they are three. Too small: axes in a plane count as three, and a hinge as a clump.
 const THREE: f64 = 1e-6;
+
+/// How far beyond the surfaces (1, of the sum of the radii) a ball joint may be that still joins two spheres where they touch. At 0 rounding
+/// decides; large, spheres with room between them pass through one another.
+const AT_SURFACE: f64 = 1e-3;
 
 /// These pairs, of a model.
 #[derive(Clone, Debug, Default)]
@@ -21,7 +25,8 @@ pub struct HeldApart {
 }
 
 impl HeldApart {
-    pub fn new(joints: &[Joint], spheres: usize) -> HeldApart {
+    pub fn new(joints: &[Joint], radius: &[f64]) -> HeldApart {
+        let spheres = radius.len();
         if joints.is_empty() {
             return HeldApart::default();
         }
@@ -30,7 +35,8 @@ impl HeldApart {
         sorted.sort_by_key(|j| key(j));
         let (mut clump, mut pairs) = (apart(spheres), Vec::new());
         for same in sorted.chunk_by(|a, b| key(a) == key(b)) {
-            if same.iter().any(|j| keeps_distance(j)) {
+            let sum = radius[same[0].a as usize] + radius[same[0].b as usize];
+            if same.iter().any(|j| keeps_apart(j, sum)) {
                 pairs.push(key(same[0]));
             }
             let rows = same.iter().flat_map(|j| &j.rows);
@@ -70,16 +76,15 @@ impl HeldApart {
     }
 }
 
-/// A rod of constant length between the centres, or a common point that is the centre of one of both.
-fn keeps_distance(joint: &Joint) -> bool {
-    let at_centre = |arm: DVec3| arm == DVec3::ZERO;
-    let rod = joint.rows.iter().any(|row| {
-        let centres = at_centre(row.arm_a) && at_centre(row.arm_b);
-        row.kind == RowKind::Distance && is_constant(row) && centres
-    });
+/// A rod of constant length between the centres, or a common point that is the centre of one of both or where their surfaces touch; `sum` of
+/// the radii.
+fn keeps_apart(joint: &Joint, sum: f64) -> bool {
     let first = &joint.rows[0];
-    let pivot = at_centre(first.arm_a) || at_centre(first.arm_b);
-    rod || pivot && spans_space(&joint.rows, RowKind::Point)
+    let arms = [first.arm_a, first.arm_b].map(DVec3::length);
+    let rod = first.kind == RowKind::Distance && is_constant(first) && arms == [0.0, 0.0];
+    let at_centre = arms.contains(&0.0);
+    let at_surface = arms[0] + arms[1] <= (1.0 + AT_SURFACE) * sum;
+    rod || (at_centre || at_surface) && spans_space(&joint.rows, RowKind::Point)
 }
 
 fn is_constant(row: &JointRow) -> bool {
@@ -129,6 +134,14 @@ mod tests {
         joint
     }
 
+    fn touching(a: u32, b: u32) -> Joint {
+        let mut joint = beside(a, b);
+        joint.rows.iter_mut().for_each(|row| {
+            (row.arm_a, row.arm_b) = (0.5 * DVec3::X, 0.5001 * DVec3::NEG_X);
+        });
+        joint
+    }
+
     #[test]
     fn rods_between_centres_and_clumps_are_held_apart() {
         let lock = |a, b| joint(a, b, RowKind::Rotation, &AXES, DVec3::ZERO);
@@ -140,13 +153,14 @@ mod tests {
             lock(1, 2),
             joint(3, 4, RowKind::Distance, &[DVec3::X], DVec3::ZERO),
             joint(6, 5, RowKind::Point, &AXES, DVec3::Y),
+            touching(7, 8),
         ];
-        let held = HeldApart::new(&joints, 8);
-        for pair in [(0, 1), (1, 2), (0, 2), (3, 4), (5, 6)] {
+        let held = HeldApart::new(&joints, &[0.5; 9]);
+        for pair in [(0, 1), (1, 2), (0, 2), (3, 4), (5, 6), (7, 8)] {
             assert!(held.holds(pair), "{pair:?}");
         }
         // a wall is behind the spheres
-        for pair in [(2, 3), (4, 5), (0, 7), (7, 8)] {
+        for pair in [(2, 3), (4, 5), (0, 7), (8, 9)] {
             assert!(!held.holds(pair), "{pair:?}");
         }
     }
@@ -165,10 +179,10 @@ mod tests {
             joint(8, GROUND, RowKind::Point, &AXES, DVec3::ZERO),
             joint(9, GROUND, RowKind::Point, &AXES, DVec3::ZERO),
         ];
-        let held = HeldApart::new(&joints, 10);
+        let held = HeldApart::new(&joints, &[0.5; 10]);
         for pair in [(0, 1), (2, 3), (4, 5), (6, 7), (8, 9)] {
             assert!(!held.holds(pair), "{pair:?}");
         }
-        assert!(!HeldApart::new(&[], 4).holds((0, 1)));
+        assert!(!HeldApart::new(&[], &[0.5; 4]).holds((0, 1)));
     }
 }

@@ -90,6 +90,19 @@ pub fn impact(
         if let Some(held) = held.filter(|c| weight > 0.0 && c.lambda[0] >= weight) {
             held.lambda[0] -= weight;
             state.velocity[i] += *load;
+            if held.n1.dot(state.velocity[i]) > NO_IMPACT * load.length() {
+                // It leaves its surface: friction goes with the load. What stays rolls on by what friction gave.
+                let share = weight / (held.lambda[0] + weight);
+                let mut gone = held.lambda.map(|of| share * of);
+                gone[0] = 0.0;
+                for (kept, gone) in held.lambda.iter_mut().zip(gone) {
+                    *kept -= gone;
+                }
+                let (gone, arm) = (held.to_world(held.n1, &gone), -model.radius[i] * held.n1);
+                state.velocity[i] -= model.inv_mass[i] * gone.impulse;
+                let moment = gone.moment + arm.cross(gone.impulse);
+                state.angular_velocity[i] -= model.inv_inertia[i] * moment;
+            }
         }
     }
     Ok(())

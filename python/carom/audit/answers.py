@@ -19,7 +19,7 @@ from carom.audit.block import Block, Rows, once
 from carom.audit.corrections import groups as joined
 from carom.audit.corrections import swing
 from carom.audit.data import Run
-from carom.audit.loads import of_loads, remembered
+from carom.audit.loads import of_loads, pulled_from, remembered
 from carom.audit.reactions import LARGEST
 from carom.audit.report import Tally
 from carom.audit.vectors import cross, exponential, product, rotated, unit
@@ -32,6 +32,8 @@ Places = tuple[F64, F64]
 
 #: Singular values of rows, over the largest: below these rows repeat one another, and in between nobody can tell.
 SAME, UNSURE = 1e-10, 1e-6
+#: How much a contact gives way with its joints, over what it does without, below which they hold nearly the same motion.
+REPEATED = 1e-3
 
 
 class Group(NamedTuple):
@@ -64,8 +66,9 @@ class Answers:
             slot = np.full(block.count, -1)
             slot[active] = np.arange(len(active))
             answer, unsure = _answers(block, bodies, active)
-            self.unsure[np.ix_(active[unsure], bodies)] = True
             self.groups.append(Group(bodies, slot, answer))
+            unsure[_repeated(block, self.groups[-1])] = True
+            self.unsure[np.ix_(active[unsure], bodies)] = True
 
     def of(self, at: I64, momenta: F64) -> tuple[I64, F64]:
         """The bodies that momenta (M, 6) move, and their velocities. They are given at `at`: interval times N plus body,
@@ -146,9 +149,27 @@ def sure(block: Block, tally: Tally, kind: str, chosen: Bool, c: Rows | hits.Hit
     )
     if doubt.any():
         first = block.run.names[int(c.a[np.argmax(doubt)])]
-        why = f"joints of {first} nearly repeat one another: no one can tell what they answer to an impulse"
+        why = f"joints of {first} nearly repeat one another, or a contact: no one can tell what they answer to an impulse"
         tally.skip(kind, why, "leave out what repeats", int(doubt.sum()))
     return np.asarray(chosen & ~doubt)
+
+
+def _repeated(block: Block, group: Group) -> I64:
+    """Slots in which joints hold nearly what a contact between their bodies does: its impulses may then be of any size."""
+    run, c, bodies = block.run, block.rows, group.bodies
+    within = np.isin(c.a, bodies) & np.isin(c.b, bodies) & (c.b < run.bodies)
+    mine = np.flatnonzero(within & (group.slot[c.k] >= 0))
+    parts = np.zeros((len(mine), len(bodies), 6))
+    each = np.arange(len(mine))
+    parts[each, np.searchsorted(bodies, c.a[mine]), :3] = c.normal[mine]
+    parts[each, np.searchsorted(bodies, c.b[mine]), :3] = -c.normal[mine]
+    row = parts.reshape(len(mine), 6 * len(bodies))
+    if not len(mine):
+        return mine
+    held, _ = _at(run, bodies, (block.x1[c.k[mine]], block.q1[c.k[mine]]), answering=False)
+    gives = np.einsum("ki,kij,kj->k", row, held, row)
+    alone = 1.0 / run.mass[c.a[mine]] + 1.0 / run.mass[c.b[mine]]
+    return np.unique(group.slot[c.k[mine]][gives < REPEATED * alone])
 
 
 def _met(block: Block) -> Bool:
@@ -202,7 +223,9 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
         x[:, bodies] += mean[..., :3]
         q[:, bodies] = product(exponential(mean[..., 3:]), q[:, bodies])
         found = _at(run, bodies, (x, q))
-        apart = (inert * (new - old - pushed)).reshape(len(active), -1)
+        # Springs are taken there too, not at the places of the frame.
+        there = theta * run.h * pulled_from(block, active, (x, q))[:, bodies] / inert
+        apart = (inert * (new - old - pushed - there)).reshape(len(active), -1)
         smooth = new - np.einsum("aij,aj->ai", found[0], apart).reshape(new.shape)
     return found
 

@@ -248,7 +248,7 @@ class Run:
     @cached_property
     def held_apart(self) -> HeldApart:
         """Pairs of balls that joints keep from meeting."""
-        return held_apart(self.joints, self.bodies)
+        return held_apart(self.joints, self.radius)
 
     @cached_property
     def jointed(self) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,7 +84,9 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
     run, body = block.run, int(load["body"])
     scale = np.repeat([run.mass[body], run.inertia[body]], 3)
     impulse, shift = _filtered(run, (*load["force"], *load["torque"]))
-    change = np.abs(np.diff(_at_steps(run, (*load["force"], *load["torque"])), axis=0))
+    # A force may turn back within a step: where it is as large at both ends it has varied all the same.
+    inner = _at_steps(run, (*load["force"], *load["torque"]), PARTS_OF_STEP)
+    change = np.abs(np.diff(inner, axis=0)).reshape(-1, PARTS_OF_STEP, 6).sum(axis=1)
     # A step in parts runs the filter in parts, which later steps remember.
     loose = remembered(run, change * (run.cut | run.divides)[:, None]) * run.h
     for j in range(6):
@@ -96,9 +99,16 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
         out.shift_slack[:, body, j // 3] += slack * block.dt / scale[j]
 
 
-def _at_steps(run: Run, forms: tuple[Any, ...]) -> F64:
-    """Force and torque at all times of the grid, (S + 1, 6)."""
+#: Times in a step at which forces in time are looked at for how much they vary in it.
+PARTS_OF_STEP = 4
+
+
+def _at_steps(run: Run, forms: tuple[Any, ...], parts: int = 1) -> F64:
+    """Force and torque at all times of the grid, and of `parts` of its steps, (parts S + 1, 6)."""
     time = np.concatenate([[0.0], run.steps["time"]])
+    if parts > 1:
+        shares = np.arange(parts) / parts
+        time = np.append((time[:-1, None] + np.diff(time)[:, None] * shares).ravel(), time[-1])
     return np.stack([law(form, time)[0] for form in forms], axis=1)
 
 
@@ -157,13 +167,17 @@ def remembered(run: Run, changes: F64) -> F64:
     """(S, ...) changes of forces of steps, with what is left of those of earlier ones: the filter of the scheme (eq. 6c)
     keeps `alpha_m/(1 - alpha_m)` of its error at each step.
     """
-    rho = float(run.options["spectral_radius"])
-    alpha = (2.0 * rho - 1.0) / (rho + 1.0)
-    kept = abs(alpha / (1.0 - alpha)) if run.method == "nsga" else 0.0
-    found = changes.copy()
+    kept, found = memory(run), changes.copy()
     for k in range(1, len(found)):
         found[k] += kept * found[k - 1]
     return found
+
+
+def memory(run: Run) -> float:
+    """What the filter of the scheme keeps of its error at each step."""
+    rho = float(run.options["spectral_radius"])
+    alpha = (2.0 * rho - 1.0) / (rho + 1.0)
+    return abs(alpha / (1.0 - alpha)) if run.method == "nsga" else 0.0
 
 
 def _jumps(block: Block, load: dict[str, Any]) -> dict[int, F64]:
@@ -243,6 +257,21 @@ def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
     return found
 
 
+def pulled_from(block: Block, active: NDArray[np.int64], places: tuple[F64, F64]) -> F64:
+    """(A, N, 6) force and moment of springs in some intervals at other places and orientations of the bodies, with the
+    velocities of the second frames, less those of these frames.
+    """
+    found, other = np.zeros((block.count, block.run.bodies, 6)), copy(block)
+    other.x1, other.q1 = block.x1.copy(), block.q1.copy()
+    other.x1[active], other.q1[active] = places
+    for load in block.run.loads:
+        if load["kind"] == "spring":
+            for at, sign in ((other, 1.0), (block, -1.0)):
+                for body, wrench in _wrench(at, load, 1).items():
+                    found[:, body] += sign * wrench
+    return found[active]
+
+
 def _joints(block: Block, out: Loads) -> None:
     """Recorded reactions: the impulse at the joint and the couple on A; on B the opposite. Arms are as in the second frame,
     and off by their turn within the interval.
@@ -256,12 +285,9 @@ def _joints(block: Block, out: Loads) -> None:
     struck = {
         body: strokes(block)[0][:, bodies].sum(axis=1) for bodies, _ in groups(run.joints) for body in bodies
     }
-    rate = np.maximum(norm(block.w0), norm(block.w1))
     for j, joint in enumerate(run.joints):
         impulse, couple = given[:, j, :3], given[:, j, 3:]
         size = norm(impulse)
-        # The filter of the scheme (eq. 6) carries reactions of a step, with its arms, into later ones.
-        before = remembered(run, _reactions_before(block, j))[-block.count :]
         # Reactions of the smooth motion and of impacts are solved to the tolerance; those that hardly act against all
         # others of their bodies.
         radius = run.radius[joint["a"]]
@@ -276,12 +302,9 @@ def _joints(block: Block, out: Loads) -> None:
             lever = rotated(
                 block.q1[:, body], np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
             )
-            moment = cross(lever, impulse) + couple
-            out.impulse[:, body] += sign * np.hstack([impulse, moment])
+            out.impulse[:, body] += sign * np.hstack([impulse, cross(lever, impulse) + couple])
             reach = norm(lever)
-            swing = rate[:, body] + norm(moment) / run.inertia[body]
-            swing = remembered(run, np.concatenate([swing[:1], swing]))[1:]
-            turned = 2.0 * block.dt * swing * reach * (size + before)
+            turned = 2.0 * reach * _turned(block, j, body, float(norm(np.asarray(arm, dtype=np.float64))))
             out.slack[:, body] += np.stack(
                 [solved, solved * (2.0 * reach + run.radius[body]) + turned], axis=1
             )
@@ -291,6 +314,31 @@ def _joints(block: Block, out: Loads) -> None:
             out.shift_slack[:, body] += np.stack([fall, fall / run.radius[body]], axis=1)
             out.shift_held[:, body] += way / np.array([run.mass[body], run.inertia[body]])
             out.unknown[:, body] |= ~block.kept
+
+
+#: Intervals before a block from which reactions are remembered.
+MEMORY = 32
+
+
+def _turned(block: Block, j: int, body: int, arm: float) -> F64:
+    """(B,) sum of the reactions of joint `j` that act in an interval, each times the angle by which the arms of `body` have
+    turned since it arose, N s.
+
+    The filter of the scheme (eq. 6) carries those of a step, with its arms, into later ones: that of the last step whole,
+    and those before as `remembered`.
+    """
+    run, result = block.run, block.run.result
+    first, last = max(block.first - MEMORY, 1), block.first + block.count
+    given = np.asarray(result.joint_impulse[first:last])[:, j]
+    size, couple = norm(given[:, :3]), norm(given[:, 3:])
+    spin = norm(np.asarray(result.angular_velocity[first - 1 : last])[:, body])
+    rate = np.maximum(spin[1:], spin[:-1]) + (arm * size + couple) / run.inertia[body]
+    turn = np.nan_to_num(np.diff(run.time[first - 1 : last]) * rate)
+    kept, earlier, carried = memory(run), 0.0, np.zeros(len(size))
+    for k in range(1, len(size)):
+        earlier = size[k - 1] + kept * earlier
+        carried[k] = kept * carried[k - 1] + size[k - 1] * turn[k - 1] + earlier * turn[k]
+    return np.asarray((size * turn + carried)[-block.count :])
 
 
 @once
@@ -312,13 +360,3 @@ def solved_again(block: Block) -> F64:
     again = np.nan_to_num(of_loads(block).alone_slack)
     changed = (again[..., 0] + again[..., 1] / run.radius).sum(axis=1)
     return np.asarray(run.h * (changed + np.bincount(c.k, np.nan_to_num(each), minlength=block.count)))
-
-
-#: Intervals before a block from which reactions are remembered.
-MEMORY = 32
-
-
-def _reactions_before(block: Block, j: int) -> F64:
-    """Sizes of the impulse of joint `j` in the interval before each one of the block, N s, and in earlier ones."""
-    first = max(block.first - 1 - MEMORY, 0)
-    return norm(np.asarray(block.run.result.joint_impulse[first : block.first + block.count - 1])[:, j, :3])

@@ -65,7 +65,7 @@ impl Model {
             law_table,
             materials,
             joints: input.joints.clone(),
-            held_apart: HeldApart::new(&input.joints, n),
+            held_apart: HeldApart::new(&input.joints, &input.radius),
             loads: input.loads.clone(),
             links,
             options,

@@ -174,6 +174,7 @@ impl ImpactScratch {
         if !self.solve_built(model, scratch, 0, None, report) {
             return false;
         }
+        self.balance();
         let first = self.first_joint_row();
         self.impulse[first..].copy_from_slice(&self.lambda);
         self.settled.clone_from(&self.u);

@@ -1,4 +1,6 @@
-"""Pairs of balls whose joints keep their centres at one distance: they have no contact (algorithm, section 7)."""
+"""Pairs of balls whose joints keep their centres at one distance, or join them where they touch: they have no contact
+(algorithm, section 7).
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 THREE = 1e-6
 """Volume that three unit axes span from which they are three."""
+
+
+AT_SURFACE = 1e-3
+"""How far beyond the surfaces, over the sum of the radii, a ball joint may be that joins two balls where they touch."""
 
 
 class HeldApart(NamedTuple):
@@ -31,13 +38,13 @@ class HeldApart(NamedTuple):
         return np.asarray(balls & ((self.clump[a] == self.clump[other]) | held))
 
 
-def held_apart(joints: Sequence[Mapping[str, Any]], balls: int) -> HeldApart:
-    """Of joints as the core has them (`mechanics.joints_for_core`)."""
-    clump, pairs = np.arange(balls), set()
+def held_apart(joints: Sequence[Mapping[str, Any]], radius: F64) -> HeldApart:
+    """Of joints as the core has them (`mechanics.joints_for_core`) and balls of radii (N,), m."""
+    clump, pairs = np.arange(len(radius)), set()
     between = sorted((joint for joint in joints if joint["b"] >= 0), key=_pair)
     for pair, same in groupby(between, _pair):
         listed = [joint["rows"] for joint in same]
-        if any(_keeps_distance(rows) for rows in listed):
+        if any(_keeps_apart(rows, float(radius[list(pair)].sum())) for rows in listed):
             pairs.add(pair)
         common = any(_spans_space(rows, "point") for rows in listed)
         if common and _spans_space([row for rows in listed for row in rows], "rotation"):
@@ -50,12 +57,15 @@ def _pair(joint: Mapping[str, Any]) -> tuple[int, int]:
     return min(a, b), max(a, b)
 
 
-def _keeps_distance(rows: Sequence[Any]) -> bool:
-    """A rod of constant length between the centres, or a common point that is the centre of one of both."""
-    for kind, _, arm_a, arm_b, law in rows:
-        if kind == "distance" and law[0] == "constant" and not np.any(arm_a) and not np.any(arm_b):
-            return True
-    return _spans_space(rows, "point") and not (np.any(rows[0][2]) and np.any(rows[0][3]))
+def _keeps_apart(rows: Sequence[Any], radii: float) -> bool:
+    """A rod of constant length between the centres, or a common point that is the centre of one of both or where their
+    surfaces touch; `radii`: their sum.
+    """
+    kind, _, *given, law = rows[0]
+    arms = [float(np.linalg.norm(arm)) for arm in given]
+    if kind == "distance":
+        return law[0] == "constant" and not any(arms)
+    return _spans_space(rows, "point") and (not all(arms) or sum(arms) <= (1.0 + AT_SURFACE) * radii)
 
 
 def _spans_space(rows: Sequence[Any], kind: str) -> bool:

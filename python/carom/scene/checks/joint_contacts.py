@@ -115,7 +115,7 @@ def _touches(parts: Parts, systems: Joined) -> Iterator[Touch]:
             yield Touch(held[k], None, normal, float(gap[k]), wall, called(wall), wall.material)
     periods = parts.world.periodic if parts.world is not None else None
     joints = [joint for _, joint in parts.entries["joint"] if isinstance(joint, Joint)]
-    free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), len(bodies.names))
+    free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), bodies.radius)
     for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, periods):
         a, b = held[i], held[j]
         if free.holds(np.array([a]), np.array([b]))[0]:
