@@ -42,8 +42,9 @@ pub struct Contact {
     /// The part of `lambda` that the loads gave and impacts have not solved anew, where loads are solved once; its rows are those of the
     /// mean frame of both ends of the step ([`Contact::middle`]).
     pub load: [f64; 6],
-    /// The normal with which the loads were solved.
+    /// The normal with which the loads were solved, and what they have moved the bodies by in positions, kg m and kg m^2.
     pub load_normal: DVec3,
+    pub moved: WorldImpulse,
     /// Whether a joint holds one of its bodies: loads then act along the frame of `n1`, as what joints answer does. Where a joint and a contact
     /// nearly hold the same motion, large impulses along a mean frame would give energy.
     pub jointed: bool,
@@ -84,6 +85,7 @@ impl Contact {
         (self.held, self.rested, self.status) = (false, false, Status::Gap);
         if once {
             (self.load, self.load_normal, self.resting) = ([0.0; 6], DVec3::ZERO, false);
+            self.moved = WorldImpulse::default();
         }
     }
 
@@ -161,6 +163,21 @@ impl Contact {
             moment: whole.moment + (of_loads[1].moment - of_loads[0].moment),
         };
         (total, normal + self.load[0] * (middle.n1 - self.n1))
+    }
+
+    /// World vectors of what has moved the bodies in positions: `nu`, and what the loads have moved them by in place of their normal part in it.
+    pub fn position_impulse(&self) -> WorldImpulse {
+        let mut position = self.to_world(self.n1, &self.nu);
+        let WorldImpulse { impulse, moment } = self.moved;
+        if impulse != DVec3::ZERO {
+            let then = Contact {
+                n1: self.load_normal,
+                ..*self
+            };
+            position.impulse += impulse - impulse.dot(then.middle_normal()) * self.n1;
+            position.moment += moment;
+        }
+        position
     }
 
     /// Axis of the spinning row.

@@ -251,7 +251,7 @@ impl Recorder {
 
 fn add(c: &Contact, record: &mut ContactRecord) {
     let (velocity, _) = c.impulse();
-    let position = c.to_world(c.n1, &c.nu);
+    let position = c.position_impulse();
     record.status = c.status as u8;
     record.gap = c.gap;
     record.normal = c.n1;

@@ -22,7 +22,7 @@ from carom.audit.centres import at_walls, wall_slack
 from carom.audit.data import Run
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
-from carom.audit.vectors import EPS, across, dot, norm
+from carom.audit.vectors import EPS, across, dot, norm, unit
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -42,11 +42,24 @@ def judge(block: Block, tally: Tally) -> None:
         return
     mu = friction(block)
     levels = [loads_once.stated(block)]
-    if block.run.method == "nsga":
+    if block.run.loads_once:
+        _pushed(block, tally)
+    elif block.run.method == "nsga":
         levels.append((c.position_impulse, c.position_moment))
     for impulse, moment in levels:
         _cones(block, tally, mu, impulse, moment)
     _directions(block, tally, mu)
+
+
+def _pushed(block: Block, tally: Tally) -> None:
+    """Positions that follow loads are corrected along normals alone: what moves the bodies pushes. Its friction is that of
+    the loads, near the normal half-way between both ends of the step.
+    """
+    c, first = block.rows, loads_once.firsts(block)
+    size = norm(c.position_impulse)
+    angle = np.maximum(norm(c.normal - block.start[1]), np.where(block.single[c.k], 0.0, forces.turn(block)))
+    pulled = -dot(c.position_impulse, unit(first + c.normal)) - 0.5 * angle * size
+    tally.measure("sign", np.maximum(pulled, 0.0), block.left(size)[c.k] + 16.0 * EPS * size, _place(block))
 
 
 def friction(block: Block) -> F64:

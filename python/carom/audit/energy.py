@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.audit import groups, loads_once, reactions
+from carom.audit import groups, reactions
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.forces import pushes, speeds, together
@@ -137,7 +137,7 @@ def _balance(block: Block, tally: Tally) -> None:
             ends = [_spring(load, x, q)[0] for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
     work, ball = c.work.sum(axis=1), (c.b < run.bodies)[:, None]
-    lift = np.where(ball, 0.0, loads_once.shifts(block)) @ run.gravity  # of a pair both parts cancel
+    lift = np.where(ball, 0.0, c.position_impulse) @ run.gravity  # of a pair both parts cancel
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * (np.where(ball, 0.0, c.impulse) @ run.gravity)
         change = change + (float(run.options["theta"]) - 0.5) * run.h * run.mass * (
@@ -159,7 +159,7 @@ def _balance(block: Block, tally: Tally) -> None:
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, at = norm(c.impulse), together(block, speeds(block))
-    moved = norm(loads_once.shifts(block)) * norm(run.gravity)
+    moved = norm(c.position_impulse) * norm(run.gravity)
     # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
     solved = 4.0 * block.tolerance[c.k] * (impulse * at + moved + np.abs(c.work).sum(axis=1))
     size = np.maximum(

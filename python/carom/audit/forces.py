@@ -90,10 +90,11 @@ def of_contacts(block: Block) -> Sums:
         first, second = (moment(cross(s.lever, s.sliding), own) for s in parts)
         return first, second
 
+    shift = collect(pushed, -pushed)
     turned_by, shifted_by = moments(both, c.moment), moments(shifted, c.position_moment)
     if run.loads_once:
         turned_by = (moment(loads_once.arms(block), c.moment),) * 2
-        shifted_by = (moment(*loads_once.turns(block)),) * 2
+        shifted_by = (moment(*loads_once.turns(block, shift)),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
     ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]
     couple = norm(c.moment)
@@ -103,7 +104,7 @@ def of_contacts(block: Block) -> Sums:
         moments=turned_by,
         moment_size=collect(ra * size + couple, rb * size + couple),
         turned=collect(ra * (size + slide) * spread, rb * (size + slide) * spread),
-        shift=collect(pushed, -pushed),
+        shift=shift,
         shift_size=collect(norm(pushed), norm(pushed)),
         shift_moments=shifted_by,
         count=collect(np.ones(len(c)), np.ones(len(c))),
@@ -116,7 +117,7 @@ def _projected(block: Block) -> F64:
     """
     c, run = block.rows, block.run
     if run.method != "moreau":
-        return loads_once.shifts(block)
+        return c.position_impulse
     return np.asarray(norm(c.position_impulse)[:, None] * block.end[1])
 
 

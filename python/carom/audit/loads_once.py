@@ -6,8 +6,8 @@ in the frame of `n_1`. Positions follow half of the velocities that they give,
 
     x' = x + h v + h^2 g/2 + (h/2) W0 + M^-1 (nu - (h/2) P0_N) n,      W0 = M^-1 Gm^T P0
 
-with `nu` the recorded position impulse. Contacts of balls with joints have one frame, that of `n_1`. An impact takes `P0` of
-its contacts back, positions keep them.
+which the recorded position impulses tell as one. Contacts of balls with joints have one frame, that of `n_1`. An impact
+takes `P0` of its contacts back, positions keep them.
 """
 
 from __future__ import annotations
@@ -68,13 +68,10 @@ def parts(impulse: F64, normal: F64) -> tuple[F64, F64]:
 
 
 class Loads(NamedTuple):
-    """Impulses and moments of the loads at each recorded contact, (K, 3) each."""
+    """Impulses and moments of the loads at each recorded contact that no impact took back, (K, 3) each."""
 
     remained: F64
     remained_moment: F64
-    solved: F64
-    """Those that positions follow: an impact may take them back."""
-    solved_moment: F64
 
 
 @once
@@ -82,15 +79,14 @@ def of_loads(block: Block) -> Loads:
     """Of a group without impacts all that it has, else the rows of problem 0."""
     c, run = block.rows, block.run
     if not run.has_impacts:
-        return Loads(c.impulse, c.moment, c.impulse, c.moment)
+        return Loads(c.impulse, c.moment)
     r, alone = hits.of_block(block), ~groups.struck(block)[c.k, c.a, None]
-    parts = [np.where(alone, of, 0.0) for of in (c.impulse, c.moment) for _ in range(2)]
+    remained, moment = (np.where(alone, of, 0.0) for of in (c.impulse, c.moment))
     contact, known = r.contacts(block)
-    loads = known & (r.problem == 0)
-    for k, rows in enumerate((loads & hits.kept(block, r)[0], loads)):
-        for part, given in ((parts[k], r.impulse), (parts[k + 2], r.moment)):
-            add_at(part, (contact[rows],), given[rows])
-    return Loads(parts[0], parts[2], parts[1], parts[3])
+    rows = known & (r.problem == 0) & hits.kept(block, r)[0]
+    add_at(remained, (contact[rows],), r.impulse[rows])
+    add_at(moment, (contact[rows],), r.moment[rows])
+    return Loads(remained, moment)
 
 
 @once
@@ -112,19 +108,12 @@ def arms(block: Block) -> F64:
     return np.asarray(cross(c.normal, c.impulse - loads) + along_mean(loads, firsts(block), c.normal).arm)
 
 
-@once
-def shifts(block: Block) -> F64:
-    """(K, 3) what moved the bodies of each recorded contact, N s^2."""
-    c = block.rows
-    if not block.run.loads_once:
-        return c.position_impulse
-    loads = of_loads(block).solved
-    normal = along_mean(loads, firsts(block), c.normal).normal
-    return np.asarray(c.position_impulse + 0.5 * block.run.h * (loads - normal[:, None] * c.normal))
-
-
-def turns(block: Block) -> tuple[F64, F64]:
-    """(K, 3) twice: `n x` what moved the bodies of each contact, and the moments beside it, N s^2 and N m s^2."""
-    loads, half = of_loads(block), 0.5 * block.run.h
-    arm = along_mean(loads.solved, firsts(block), block.rows.normal).arm
-    return half * arm, block.rows.position_moment + half * loads.solved_moment
+def turns(block: Block, shift: F64) -> tuple[F64, F64]:
+    """(K, 3) twice: `n x` what moved the bodies of each contact, and the moments beside it, N s^2 and N m s^2; `shift`
+    (B, N, 3) is all that moved a body, and before it loads were solved.
+    """
+    c, run = block.rows, block.run
+    x, other = block.x1 - shift / run.mass[:, None], np.minimum(c.b, run.bodies - 1)
+    _, then = run.meet(block.t1[c.k], c.a, c.b, x[c.k, c.a], x[c.k, other])
+    first = first_normals(run, c.a, c.b, block.start[1], then)
+    return along_mean(c.position_impulse, first, then).arm, c.position_moment

@@ -216,13 +216,10 @@ impl ImpactIsland for RowIsland<'_, '_> {
         );
         let scales = scales.unwrap_or_else(|| vec![1.0; self.work.full.nodes()]);
         self.work.mix(&with, &scales);
-        let least = self.work.least_scale();
-        self.report.restitution_scale = self.report.restitution_scale.min(least);
     }
 
     fn give_up_restitution(&mut self) {
         self.work.scale.fill(0.0);
-        self.report.restitution_scale = 0.0;
     }
 
     fn drop_chosen(&mut self) {

@@ -198,13 +198,6 @@ impl ImpactScratch {
         (self.lambda, self.u, self.sub.load) = (solution.lambda, solution.u, solution.load);
     }
 
-    /// The least restitution scale of a contact that the solution at hand presses.
-    pub(in crate::impact) fn least_scale(&self) -> f64 {
-        let all = self.sub.contacts.iter().zip(&self.scale);
-        let pressed = all.filter(|(c, _)| self.lambda[c.row as usize] > 0.0);
-        pressed.fold(1.0, |least, (_, &scale)| scale.min(least))
-    }
-
     /// Goes from the solution at hand towards `with` as far as `scales` of the nodes say.
     pub(in crate::impact) fn mix(&mut self, with: &RowSolution, scales: &[f64]) {
         let mix = |from: &mut [f64], to: &[f64], s: f64| {

@@ -121,7 +121,6 @@ impl ImpactScratch {
             self.scale.fill(0.0);
             self.build(model, scratch.contacts, Law::Plastic);
             solved = self.solve_built(model, scratch, problem, warm, report);
-            report.restitution_scale = 0.0;
             report.fallbacks += 1;
         } else if !solved && accept {
             report.unconverged += 1;

@@ -180,6 +180,7 @@ impl ImpactScratch {
     /// Writes the island's result into the step's scratch.
     pub fn finish(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
         report.impact_problems = report.impact_problems.max(self.problems);
+        report.restitution_scale = report.restitution_scale.min(self.table.least_scale());
         self.give_jumps(scratch);
         self.finish_joints(model, scratch);
         let of = |slot: usize| {
