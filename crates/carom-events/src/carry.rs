@@ -74,8 +74,8 @@ impl Run<'_> {
 
     /// Writes the state of ball `i` at a time, and what carried it until then.
     pub fn bring(&mut self, i: usize, t: f64) {
-        let motion = self.events.motions[i];
-        let given = self.events.sums.add_support(self.model, i, &motion, t);
+        let motion = &self.events.motions[i];
+        let given = self.events.sums.add_support(self.model, i, motion, t);
         if let (true, Some(support)) = (self.model.record_walls, motion.support) {
             // Forces that do not vary, along a parabola: Simpson's rule is exact.
             let wall = support.wall as usize - self.model.spheres();

@@ -65,9 +65,9 @@ pub fn series(v: DVec3, q: DVec3, rates: Rates) -> (Series, Series, f64) {
     }
     let last = LAST * (v.length() + q.length());
     let left = MOST * (v + q).length() / (rates.a + rates.b + rates.c);
-    let holds = |s: &Series| {
-        let at = |k: usize| (last / s[k].length()).powf(1.0 / k as f64);
-        at(TERMS - 2).min(at(TERMS - 3))
+    let holds = |k: usize| {
+        let size = s[1][k].length_squared().max(s[2][k].length_squared());
+        (last * last / size).powf(0.5 / k as f64)
     };
-    (s[0], s[1], holds(&s[1]).min(holds(&s[2])).min(left))
+    (s[0], s[1], holds(TERMS - 2).min(holds(TERMS - 3)).min(left))
 }

@@ -35,6 +35,25 @@ pub struct Foresight<'a> {
     pub fastest: f64,
 }
 
+/// Which bodies a ball may meet before its present mode ends. A slide in pieces asks no others, piece after piece.
+#[derive(Default)]
+pub struct Near {
+    bodies: usize,
+    is: Vec<bool>,
+}
+
+impl Near {
+    pub fn begin(&mut self, spheres: usize, bodies: usize) {
+        self.bodies = bodies;
+        self.is.clear();
+        self.is.resize(spheres * bodies, true);
+    }
+
+    fn of(&mut self, i: usize, body: usize) -> &mut bool {
+        &mut self.is[i * self.bodies + body]
+    }
+}
+
 /// What counts as nothing for a body of radius `r`.
 pub fn nothing(model: &Model, fastest: f64, r: f64) -> Nothing {
     Nothing {
@@ -52,26 +71,46 @@ impl Foresight<'_> {
         (m.start + m.holds).min(self.end) - self.now
     }
 
-    /// Everything about ball `i`; `with` says with which other balls.
-    pub fn ball(&self, i: usize, with: impl Fn(usize) -> bool, queue: &mut Queue) {
+    /// How long its mode may last.
+    fn mode_left(&self, i: usize) -> f64 {
+        let m = &self.motions[i];
+        (m.start + m.lasts).min(self.end) - self.now
+    }
+
+    /// Everything about ball `i`, whose mode is new or has gone on; `with` says with which other balls.
+    pub fn ball(
+        &self,
+        i: usize,
+        is_new: bool,
+        with: impl Fn(usize) -> bool,
+        near: &mut Near,
+        queue: &mut Queue,
+    ) {
         let m = &self.motions[i];
         let a = i as u32;
         if m.start + m.holds <= self.end {
             queue.push(m.start + m.holds, (a, a), What::Change);
         }
         if m.terms <= PLAIN {
-            self.surroundings::<PLAIN, 5, 9>(i, queue);
+            self.surroundings::<PLAIN, 5, 9>(i, is_new, near, queue);
         } else {
-            self.surroundings::<TERMS, SQUARES, { 2 * SQUARES - 1 }>(i, queue);
+            self.surroundings::<TERMS, SQUARES, { 2 * SQUARES - 1 }>(i, is_new, near, queue);
         }
+        let here = (m.place(self.now), m.velocities(self.now)[0]);
         for j in 0..self.model.spheres() {
             if j == i || !self.state.present[j] || !with(j) {
                 continue;
             }
-            let (i, j) = (i.min(j), i.max(j));
-            if self.are_far(i, j) {
+            if is_new {
+                let left = self.mode_left(i).min(self.mode_left(j));
+                let is_near = !self.is_far_from(i, here, j, left);
+                (*near.of(i, j), *near.of(j, i)) = (is_near, is_near);
+            }
+            let left = self.left(i).min(self.left(j));
+            if !*near.of(i, j) || self.is_far_from(i, here, j, left) {
                 continue;
             }
+            let (i, j) = (i.min(j), i.max(j));
             let met = if self.motions[i].terms.max(self.motions[j].terms) <= PLAIN {
                 self.pair::<PLAIN, 5>(i, j)
             } else {
@@ -81,12 +120,11 @@ impl Foresight<'_> {
         }
     }
 
-    /// Whether two balls cannot meet as long as their motions are known: what most pairs are asked, and no more.
-    fn are_far(&self, i: usize, j: usize) -> bool {
+    /// Whether ball `i`, here with its velocity, cannot meet another in a time: what most pairs are asked, and no more.
+    fn is_far_from(&self, i: usize, (x, v): (DVec3, DVec3), j: usize, left: f64) -> bool {
         let (a, b) = (&self.motions[i], &self.motions[j]);
-        let left = self.left(i).min(self.left(j));
-        let between = a.place(self.now) - b.place(self.now);
-        let speed = (a.velocities(self.now)[0] - b.velocities(self.now)[0]).length();
+        let between = x - b.place(self.now);
+        let speed = (v - b.velocities(self.now)[0]).length();
         let way = left * (speed + 0.5 * (a.most + b.most) * left);
         let reach = self.model.radius[i] + self.model.radius[j] + MORE * way;
         between.length_squared() > reach * reach
@@ -108,12 +146,21 @@ impl Foresight<'_> {
     fn surroundings<const K: usize, const S: usize, const R: usize>(
         &self,
         i: usize,
+        is_new: bool,
+        near: &mut Near,
         queue: &mut Queue,
     ) {
         let (course, left): (Course<K>, f64) = (self.motions[i].course(self.now), self.left(i));
-        let speed = course[1].length();
-        let way = MORE * left * (speed + 0.5 * self.motions[i].most * left);
-        self.walls::<K, S, R>(i, &course, [left, way], queue);
+        let (speed, most) = (course[1].length(), self.motions[i].most);
+        let way_in = |time: f64| MORE * time * (speed + 0.5 * most * time);
+        let way = way_in(left);
+        if is_new {
+            let (x, r, whole) = (course[0], self.model.radius[i], way_in(self.mode_left(i)));
+            for (w, wall) in self.model.walls.iter().enumerate() {
+                *near.of(i, self.model.spheres() + w) = wall.shape.clearance(x, r) <= whole;
+            }
+        }
+        self.walls::<K, S, R>(i, &course, [left, way], near, queue);
         let boxes = self.model.flow.outlets.iter();
         let first = boxes
             .filter(|o| !is_far(o, course[0], way))
@@ -137,6 +184,7 @@ impl Foresight<'_> {
         i: usize,
         course: &Course<K>,
         [left, way]: [f64; 2],
+        near: &mut Near,
         queue: &mut Queue,
     ) {
         let (n, r) = (self.model.spheres(), self.model.radius[i]);
@@ -149,7 +197,7 @@ impl Foresight<'_> {
                 }
                 continue;
             }
-            if wall.shape.clearance(course[0], r) > way {
+            if !*near.of(i, n + w) || wall.shape.clearance(course[0], r) > way {
                 continue;
             }
             let met = meet::wall::<K, S, R>(&wall.shape, course, r, left, &nothing);

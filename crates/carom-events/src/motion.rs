@@ -24,6 +24,8 @@ const ROUNDING: f64 = 1e-13;
 const IN_LINE: f64 = 1e-12;
 /// Slip over the speeds (1) below which its direction turns no more: the last moment of a slide.
 const LAST_SLIP: f64 = 1e-11;
+/// A bound is more by this (1): of its rounding.
+const MORE: f64 = 1.0 + 1e-9;
 /// The same as a time, s, that is left: less is lost in the rounding of times.
 const LAST_TIME: f64 = 1e-12;
 
@@ -81,6 +83,8 @@ pub struct Motion {
     pub most: f64,
     /// How long this form holds, s, and what ends it.
     pub holds: f64,
+    /// How long the mode lasts at most, s: of slides in pieces more than one piece.
+    pub lasts: f64,
     pub end: End,
 }
 
@@ -99,6 +103,7 @@ impl Motion {
     fn plain(course: [DVec3; 3], w: DVec3) -> Motion {
         let mut motion = Motion {
             holds: f64::INFINITY,
+            lasts: f64::INFINITY,
             terms: 3,
             most: 2.0 * course[2].length(),
             ..Motion::default()
@@ -112,6 +117,9 @@ impl Motion {
     fn until(&mut self, time: f64, end: End) {
         if time < self.holds {
             (self.holds, self.end) = (time, end);
+            if end != End::Piece {
+                self.lasts = time;
+            }
         }
     }
 
@@ -224,6 +232,11 @@ impl Motion {
 
     /// A piece of a slide out of line.
     fn curve(&mut self, v: DVec3, q: DVec3, rates: Rates, (r, n): (f64, DVec3)) {
+        // The slip loses this at least.
+        let loses = rates.a + rates.c - rates.b;
+        if loses > 0.0 {
+            self.lasts = MORE * (v + q).length() / loses;
+        }
         let (v, q, holds) = series(v, q, rates);
         for k in 1..TERMS - 1 {
             self.x[k + 1] = v[k] / (k + 1) as f64;

@@ -13,6 +13,9 @@ const MOST_STEPS: u32 = 128;
 /// taken for grazing.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
+/// A bound is more by this (1): of its rounding.
+const MORE: f64 = 1.0 + 64.0 * f64::EPSILON;
+
 /// Value of a polynomial, lowest coefficient first.
 #[inline]
 pub fn value<const N: usize>(c: &[f64; N], t: f64) -> f64 {
@@ -55,6 +58,11 @@ pub fn first_fall<const N: usize>(c: &[f64; N], end: f64) -> Option<f64> {
     for a in &mut a {
         *a *= power;
         power *= end;
+    }
+    // What all terms that fall can take is not enough, in most cases.
+    let falls: f64 = a[1..].iter().map(|a| a.min(0.0)).sum();
+    if a[0] + MORE * falls > 0.0 {
+        return None;
     }
     let (mut b, mut choose) = (a, 1.0);
     for k in 1..N {

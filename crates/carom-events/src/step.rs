@@ -1,7 +1,7 @@
 //! The loop over events: from one report to the next, each ball as its closed form has it until something happens to it.
 
-use crate::foresee::Foresight;
-use crate::motion::Motion;
+use crate::foresee::{Foresight, Near};
+use crate::motion::{End, Motion};
 use crate::queue::{Event, Queue, What};
 use crate::sums::Sums;
 use carom_core::contact::ContactKey;
@@ -24,6 +24,7 @@ const MOST_EVENTS: [f64; 2] = [1e5, 1e6];
 pub struct Events {
     pub motions: Vec<Motion>,
     pub queue: Queue,
+    pub near: Near,
     pub sums: Sums,
     pub group: Vec<usize>,
     pub touching: Vec<ContactKey>,
@@ -37,6 +38,7 @@ impl Events {
             stepping,
             motions: Vec::new(),
             queue: Queue::default(),
+            near: Near::default(),
             sums: Sums::default(),
             group: Vec::new(),
             touching: Vec::new(),
@@ -128,6 +130,7 @@ impl Run<'_> {
         };
         self.fastest = (0..n).map(speed).fold(0.0, f64::max);
         self.events.queue.begin(n);
+        self.events.near.begin(n, n + self.model.walls.len());
         self.events.motions.clear();
         self.events.motions.resize(n, Motion::default());
         for i in 0..n {
@@ -135,21 +138,28 @@ impl Run<'_> {
         }
         for i in 0..n {
             if self.state.present[i] {
-                self.foresee(i, now, |j| j > i);
+                self.foresee(i, now, true, |j| j > i);
             }
         }
     }
 
-    fn foresee(&mut self, i: usize, now: f64, with: impl Fn(usize) -> bool) {
+    /// What will happen to ball `i`, whose mode is new or goes on in a new piece.
+    fn foresee(&mut self, i: usize, now: f64, is_new: bool, with: impl Fn(usize) -> bool) {
+        let Events {
+            motions,
+            near,
+            queue,
+            ..
+        } = &mut *self.events;
         let foresight = Foresight {
             model: self.model,
             state: self.state,
-            motions: &self.events.motions,
+            motions,
             now,
             end: self.span.h,
             fastest: self.fastest,
         };
-        foresight.ball(i, with, &mut self.events.queue);
+        foresight.ball(i, is_new, with, near, queue);
     }
 
     fn happens(&mut self, event: &Event) -> Result<(), Failure> {
@@ -159,26 +169,27 @@ impl Run<'_> {
             return self.meet((a, b), t);
         }
         self.bring(i, t);
-        let motion = self.events.motions[i];
+        let motion = &self.events.motions[i];
+        let (mode, end, on) = (motion.mode, motion.end, motion.support);
         match event.what {
             What::Leave => {
                 self.leave(i, t);
-                self.note(t, Kind::Outlet, i, None, [motion.mode, Mode::Gone]);
+                self.note(t, Kind::Outlet, i, None, [mode, Mode::Gone]);
             }
             What::Edge => {
                 self.go_on(&[i], t);
                 let after = self.events.motions[i].mode;
-                self.note(t, Kind::Edge, i, Some(b), [motion.mode, after]);
+                self.note(t, Kind::Edge, i, Some(b), [mode, after]);
             }
             _ => {
-                let ([v, w], on) = (motion.at_end(self.model.radius[i]), motion.support);
+                let [v, w] = motion.at_end(self.model.radius[i]);
                 (self.state.velocity[i], self.state.angular_velocity[i]) = (v, w);
                 self.events.queue.forget(i);
                 self.set_off(i, t, on.map(|support| (support, 0.0)));
-                self.foresee(i, t, |_| true);
-                if let Some(kind) = motion.end.kind() {
+                self.foresee(i, t, end != End::Piece, |_| true);
+                if let Some(kind) = end.kind() {
                     let (after, wall) = (self.events.motions[i].mode, on.map(|s| s.wall));
-                    self.note(t, kind, i, wall, [motion.mode, after]);
+                    self.note(t, kind, i, wall, [mode, after]);
                 }
             }
         }
@@ -216,7 +227,7 @@ impl Run<'_> {
             self.set_off(i, t, self.support(i));
         }
         for (k, &i) in balls.iter().enumerate() {
-            self.foresee(i, t, |j| !balls[..k].contains(&j));
+            self.foresee(i, t, true, |j| !balls[..k].contains(&j));
         }
     }
 }
