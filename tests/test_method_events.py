@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import carom
@@ -119,3 +120,24 @@ def test_a_table_with_rolling_resistance_comes_to_rest(tmp_path: Path) -> None:
     assert not result.velocity[-1].any()
     report = check(tmp_path / "run")
     assert report.ok, str(report)
+
+
+def test_the_exact_break_of_the_paper_is_the_one_on_its_page() -> None:
+    root = Path(__file__).parents[1]
+    page = (root / "docs/validation/5.6_break.md").read_text().partition("| exact | time (s)")[2]
+    told = [
+        [float(x) for x in re.findall(r"-?[0-9]+\.?[0-9]*", row.partition("|")[2])]
+        for row in (line.removeprefix("|") for line in page.splitlines()[2:11])
+    ]
+    found = []
+    for case, until in (("5.6_break", 1.0), ("5.6_break_rolling", 3.0)):
+        scene = root / f"python/carom/scenarios/paper/{case}.toml"
+        rows = carom.simulate(scene, method="events", until=until, step=until).transitions
+        by = {k: rows.where(rows.pair[:, 0] == f"ball{k}") for k in (2, 3, 4)}
+        if case == "5.6_break":
+            ends = {k: own.where(own.event == "slip ends") for k, own in by.items()}
+            at = [by[2], by[3], by[4], rows.between("ball2", "bed"), ends[3], ends[2]]
+        else:
+            at = [by[k].where(by[k].event == "roll ends") for k in (3, 2, 4)]
+        found += [[r.time[0], *r.velocity[0]] for r in at]
+    np.testing.assert_allclose(found, told, rtol=0, atol=6e-7)
