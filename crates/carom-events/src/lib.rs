@@ -1,8 +1,10 @@
 //! Method `events`: the limit of small steps, computed without one. Motion between impacts is known in closed form, the times of impacts are roots of
 //! polynomials, and the impact law is that of the step, by the same code ([`carom_core::moment::impact`]).
 //!
-//! `motion.rs` has the modes of a ball and their closed forms (`curved.rs` the one that has none), `meet.rs` when bodies meet, [`roots`] the roots, `queue.rs` what
-//! happens next, `foresee.rs` fills it, `step.rs` is the loop over events. `check.rs` says what it cannot do. `docs/theory/events.md` states all of it.
+//! `motion.rs` has the modes of a ball and their closed forms (`curved.rs` the one that has none, `turns.rs` orientations), `meet.rs` when bodies meet,
+//! [`roots`] the roots, `queue.rs` what happens next, `foresee.rs` fills it. `step.rs` is the loop over events, `carry.rs` takes a ball from one to the next,
+//! `group.rs` has impacts, `handover.rs` what has no closed form, `close.rs` the end of a step. `check.rs` says what it cannot do. `docs/theory/events.md` states
+//! all of it.
 //!
 //! To the core this is a [`Stepper`](carom_core::step::Stepper) like any other: what it calls a step is the time between two reports. It keeps
 //! nothing from one to the next but the state.
@@ -20,6 +22,7 @@ mod queue;
 pub mod roots;
 mod step;
 mod sums;
+mod turns;
 
 use carom_core::options::Method;
 use carom_core::{InitialState, Model, ModelError, Simulation};
