@@ -128,6 +128,8 @@ FAULTS: dict[str, tuple[str, Fault, str]] = {
     "rolling moment drives": ("rolling", fault.roll_against(ROLLING_STEP), "roll"),
     "slip said to be stick": ("rolling", fault.write("contacts/status", 19, 1), "slip"),
     "stick said to be slip": ("break", fault.slip_in_place_of_stick, "slip"),
+    "stick said to be slip, in an impact": ("two", fault.write("impacts/status", 0, 2), "slip"),
+    "an impact that is said to be none": ("two", fault.write("impacts/status", 0, 0), "slip"),
     "impulse lost": ("rolling", fault.lose_impulse(ROLLING_STEP), "momentum"),
     "velocity changed": ("rolling", fault.push_velocity(ROLLING_STEP, 0, PUSH), "momentum"),
     "velocity changed, in a pile": ("pile", fault.push_velocity(200, 7, PUSH), "momentum"),

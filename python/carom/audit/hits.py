@@ -26,6 +26,7 @@ class Hits:
     problem: I64
     a: I64
     b: I64
+    status: I64
     normal: F64
     impulse: F64
     moment: F64
@@ -65,7 +66,8 @@ def of_block(block: Block) -> Hits:
     numbers = (
         column(n) for n in ("normal", "impulse", "moment", "approach", "separation", "restitution_scale")
     )
-    return Hits(k, step[low:high], column("problem").astype(np.int64), body[:, 0], body[:, 1], *numbers)
+    problem, status = (column(n).astype(np.int64) for n in ("problem", "status"))
+    return Hits(k, step[low:high], problem, body[:, 0], body[:, 1], status, *numbers)
 
 
 def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:

@@ -139,7 +139,20 @@ def _missing(block: Block, tally: Tally) -> None:
         return
     k, a, b = c.k[rows], c.a[rows], c.b[rows]
     zero = np.zeros(len(rows))
-    one = Hits(k, block.s1[k], k, a, b, c.normal[rows], c.impulse[rows], c.moment[rows], zero, zero, zero)
+    one = Hits(
+        k,
+        block.s1[k],
+        k,
+        a,
+        b,
+        c.status[rows],
+        c.normal[rows],
+        c.impulse[rows],
+        c.moment[rows],
+        zero,
+        zero,
+        zero,
+    )
     speed = np.nan_to_num(norm(block.v0) + run.radius * norm(block.w0)).max(axis=1, initial=0.0)
     # Where loads are solved once the islands of these tell who approaches: they may be larger than those of closed contacts.
     islands = "candidates" if run.loads_once else "largest_island"
@@ -198,6 +211,15 @@ def _sign(block: Block, tally: Tally, r: Hits) -> None:
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
     bound = 8.0 * block.tolerance[r.k] * whole * (1.0 + mu) + 16.0 * EPS * size
     tally.measure("friction cone", np.maximum(excess, 0.0)[kept], bound[kept], lambda i: place(int(kept[i])))
+    if run.method != "penalty":
+        # Who has all of the friction that the bound allows slips, and nobody else; rows of piles may be of either frame.
+        room = np.stack([mu * np.maximum(p.normal, 0.0) * (1.0 - 1e-12) - norm(p.sliding) for p in parts])
+        off = np.select(
+            [r.status == 1, r.status == 2], [np.maximum(-room, 0.0), np.maximum(room, 0.0)], np.inf
+        )
+        told = np.flatnonzero(~loose & ~block.cascaded[r.k] & ~block.companion[r.k])
+        value = np.min(off, axis=0)[told]
+        tally.measure("slip", value, (64.0 * EPS * size)[told], lambda i: place(int(told[i])))
 
 
 def _recorded(block: Block, tally: Tally, r: Hits) -> None:
