@@ -134,8 +134,11 @@ def test_which_joints_take_the_load_between_balls() -> None:
     apart = two(0.04)  # both touch the floor, which carries them
     apart.joint("rod", between=["a", "c"])
     assert not loads_taken(apart)
+    centres = two()  # held at one distance they have no contact
+    centres.joint("rod", between=["a", "c"])
+    assert not loads_taken(centres)
     touching = two()
-    touching.joint("rod", between=["a", "c"])
+    touching.joint("rod", between=["a", "c"], points=[(0.01, 0, 0.03), (0.05, 0, 0.03)])
     [told] = loads_taken(touching)
     assert '"joint1" can take the load of the contact of "a" with "c"' in told
     pinned = two()  # nothing slips at the point that they share
