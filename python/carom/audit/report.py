@@ -153,12 +153,19 @@ class Tally:
 
     def measure(self, kind: str, value: Any, bound: Any, place: Callable[[int], Place]) -> None:
         """Values that must not exceed their bounds, of any one shape; `place(i)` says where the `i`-th of them, counted
-        flat, was found. A value that is not a number violates any bound, and a bound that is none is violated.
+        flat, was found. A value that is not a number violates any bound, and a bound that is none is violated. What nothing
+        bounds is not judged.
         """
         values = np.asarray(value, dtype=np.float64).ravel()
         if not values.size:
             return
         bounds = np.broadcast_to(np.asarray(bound, dtype=np.float64), np.shape(value)).ravel()
+        bounded = ~np.isposinf(bounds)
+        if not bounded.all():
+            self.skip(kind, "nothing bounds it there", "a smaller step", int((~bounded).sum()))
+            kept = np.flatnonzero(bounded)
+            self.measure(kind, values[kept], bounds[kept], lambda i: place(int(kept[i])))
+            return
         values = np.where(np.isnan(values), np.inf, values) + 0.0  # no negative zeros
         verdict = self.verdicts[kind]
         verdict.judged += values.size
