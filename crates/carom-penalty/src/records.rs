@@ -8,7 +8,7 @@ use carom_solve::Bounds;
 impl Pair {
     /// Whether anything happened to it in this step.
     pub fn has_record(&self) -> bool {
-        self.closed || self.step.weighed_normal != glam::DVec3::ZERO
+        self.closed || self.step.normal_impulse != glam::DVec3::ZERO
     }
 
     /// Ends the step: its sums are complete, and a contact that stays closed remembers its impulses.
@@ -32,7 +32,7 @@ impl Pair {
 
     /// The step's impulses as a contact of the step, in the frame of their mean normal.
     pub fn contact(&self, law: u32) -> Contact {
-        let n = self.step.weighed_normal.normalize_or(self.normal);
+        let n = self.step.normal_impulse.normalize_or(self.normal);
         let (t1, t2) = carom_geom::tangent_frame(n);
         // The rows are there although the law may give 0 just now.
         let sliding = if self.constants.slides {
