@@ -20,6 +20,7 @@ from trials import Trials
 
 #: Seeds of the quick tier: scenes that had been found at fault once, and the first ones.
 FEW = [
+    132,  # a contact of penalty whose impulses together pull: a normal the other way would cut them off
     220,  # a spring between balls that meet: it was taken for the places after the impact
     441,
     747,  # a damper whose ball was hit in the step before: the filter still has its force
