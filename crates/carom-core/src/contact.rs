@@ -40,13 +40,13 @@ pub struct Contact {
     /// Velocity multipliers accumulated over the step's impact problems, N s.
     pub lambda: [f64; 6],
     /// The part of `lambda` that the loads gave and impacts have not solved anew, where loads are solved once; its rows are those of the
-    /// mean frame of both ends of the step ([`Contact::middle`]).
+    /// frame half-way between both ends of the step ([`Contact::middle`]).
     pub load: [f64; 6],
     /// The normal with which the loads were solved, and what they have moved the bodies by in positions, kg m and kg m^2.
     pub load_normal: DVec3,
     pub moved: WorldImpulse,
     /// Whether a joint holds one of its bodies: loads then act along the frame of `n1`, as what joints answer does. Where a joint and a contact
-    /// nearly hold the same motion, large impulses along a mean frame would give energy.
+    /// nearly hold the same motion, large impulses in the frame half-way would give energy.
     pub jointed: bool,
     /// Whether the loads are solved with this contact ([`crate::level::loads`]).
     pub resting: bool,
@@ -155,7 +155,7 @@ impl Contact {
         if self.n0 == self.n1 || self.load == [0.0; 6] {
             return (whole, normal);
         }
-        // What the loads gave acts along the mean frame.
+        // What the loads gave acts in the frame half-way.
         let middle = self.middle();
         let of_loads = [self, &middle].map(|c| c.to_world(c.n1, &self.load));
         let total = WorldImpulse {

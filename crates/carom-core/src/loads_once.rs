@@ -11,8 +11,8 @@ use crate::wall::places::{proximity, Walls};
 use carom_solve::team;
 use glam::DVec3;
 
-/// Finds the contacts whose loads are solved, with their normals where the smooth step ends: those that touch at t_n and do not separate by more
-/// than the loads may bring back, or touch there.
+/// Finds the contacts whose loads are solved, with their normals where the smooth step ends: those that touch there, and those that loads may close
+/// in the step of size `h`, being within their reach at t_n and separating by no more than they may bring back.
 pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64) {
     let Scratch {
         linear,

@@ -37,7 +37,7 @@ pub struct ImpactScratch {
     pub v_minus: Vec<f64>,
     /// Accumulated impulses per row of `full`.
     pub impulse: Vec<f64>,
-    /// Where loads are solved once: rows of the mean frame of both ends of the step, along which they act, and their impulses. Empty elsewhere.
+    /// Where loads are solved once: rows of the frame half-way between both ends of the step, along which they act, and their impulses. Empty elsewhere.
     pub(super) middle: Vec<[[f64; NODE_DOF]; 2]>,
     pub(super) load: Vec<f64>,
     /// There too: speeds at which contacts open at t_n, along the normals of then.

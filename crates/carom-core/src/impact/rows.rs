@@ -259,7 +259,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
             if !solve_problem(self, law, problem, Start::Nothing) {
                 return None;
             }
-            // What has no solution with restitution, and what goes nowhere, ends the sequence.
+            // What has no solution with restitution, or none that gains no energy, and what goes nowhere, ends the sequence.
             let given_up = self.work.scale.iter().all(|&s| s == 0.0);
             if given_up || self.work.stands_still() {
                 break;

@@ -33,8 +33,7 @@ pub(super) struct Linearisation<'a> {
     pub position: &'a [DVec3],
     pub linear: &'a [Prediction],
     pub angular: &'a [Prediction],
-    /// What the loads have moved along normals already, kg m, from which positions are corrected along normals alone; nothing where they have
-    /// moved nothing.
+    /// What loads that are solved once have moved along normals, kg m: positions are corrected from there, along normals alone.
     pub of_loads: Option<&'a [f64]>,
 }
 
