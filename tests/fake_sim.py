@@ -329,10 +329,10 @@ def install(patch: Any = None) -> None:
         sys.modules.update({"carom.scene.scene": scene, "carom._core": this})
         carom._core = this  # type: ignore[attr-defined]
         return
-    from carom.result import result
+    from carom.result import data
     from carom.run import checkpoint, loop, restart, simulate, sinks, summary
 
-    for module in (result, checkpoint, loop, restart, simulate, sinks, summary):
+    for module in (data, checkpoint, loop, restart, simulate, sinks, summary):
         for name, fake in (("_core", this), ("Scene", Scene)):
             if hasattr(module, name):
                 patch.setattr(module, name, fake)

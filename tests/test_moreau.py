@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from carom.errors import CaromWarning
 from carom.many.order import error_of, order_of
-from carom.result.result import Result
+from carom.run.result import Result
 from carom.scene.scene import Scene
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"

@@ -95,7 +95,7 @@ def test_stopped_by_a_signal(number: signal.Signals, tmp_path: Path) -> None:
         assert kept.status == "running"
         assert not kept.is_being_written
         with pytest.warns(
-            carom.result.result.UnfinishedRun, match=f"run did not finish; {frames} frames readable"
+            carom.run.result.UnfinishedRun, match=f"run did not finish; {frames} frames readable"
         ):
             carom.load(run)
     else:

@@ -1,19 +1,24 @@
-"""Circles of imports in the Rust crates, with the names that tie them, and types of a crate that share a name.
+"""Circles of imports in the Rust crates and in the Python package, with the names that tie them, and types of a crate that
+share a name.
 
-    python tools/circles.py [CRATE ...]
+    python tools/circles.py [CRATE or carom ...]
 
-A file imports another one if it names an item that the other one defines, by `use` or by a path in its code. Names that
-a module only passes on (`pub use`) count for the file that defines them. Code of tests does not count.
+A file of Rust imports another one if it names an item that the other one defines, by `use` or by a path in its code. Names
+that a module only passes on (`pub use`) count for the file that defines them. Code of tests does not count. A file of Python
+imports what an `import` names, also one inside a function; only those for types do not count.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
-CRATES = Path(__file__).resolve().parent.parent / "crates"
+ROOT = Path(__file__).resolve().parent.parent
+CRATES, PACKAGE = ROOT / "crates", ROOT / "python" / "carom"
 Module = tuple[str, ...]
 
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:\\.|[^\"\\])*\"", re.S)
@@ -117,6 +122,47 @@ class Crate:
         return arrows
 
 
+class Package:
+    """The modules of the Python package."""
+
+    def __init__(self) -> None:
+        self.files: dict[Module, Path] = {}
+        self.trees: dict[Module, ast.Module] = {}
+        for path in sorted(PACKAGE.rglob("*.py")):
+            parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+            module = parts[:-1] if parts[-1] == "__init__" else parts
+            self.files[module] = path.relative_to(PACKAGE)
+            self.trees[module] = ast.parse(path.read_text(encoding="utf-8"))
+
+    def namesakes(self) -> dict[str, list[Path]]:
+        """Not asked of Python, where a class is called with its module."""
+        return {}
+
+    def imports(self) -> dict[Module, dict[Module, set[str]]]:
+        """For each module the modules that it takes names from."""
+        arrows: dict[Module, dict[Module, set[str]]] = defaultdict(lambda: defaultdict(set))
+        for module, tree in self.trees.items():
+            for statement in _when_run(tree):
+                for name in statement.names:
+                    path = (
+                        name.name if isinstance(statement, ast.Import) else f"{statement.module}.{name.name}"
+                    )
+                    parts = tuple(path.split("."))
+                    other = parts if parts in self.files else parts[:-1]
+                    if other in self.files and other != module:
+                        arrows[module][other].add(parts[-1])
+        return arrows
+
+
+def _when_run(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    """The imports below a node, but for those that only a checker of types sees."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child
+        elif not (isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"):
+            yield from _when_run(child)
+
+
 def circles(arrows: dict[Module, dict[Module, set[str]]]) -> list[set[Module]]:
     """Sets of modules each of which reaches all others (strongly connected components of two or more)."""
     index: dict[Module, int] = {}
@@ -170,18 +216,18 @@ def shortest(arrows: dict[Module, dict[Module, set[str]]], part: set[Module]) ->
 def main() -> int:
     """The command."""
     count = namesakes = 0
-    for source in sorted(CRATES.glob("*/src")):
-        if sys.argv[1:] and source.parent.name not in sys.argv[1:]:
+    shelves: dict[str, Crate | Package] = {s.parent.name: Crate(s) for s in sorted(CRATES.glob("*/src"))}
+    for shelf, crate in {**shelves, PACKAGE.name: Package()}.items():
+        if sys.argv[1:] and shelf not in sys.argv[1:]:
             continue
-        crate = Crate(source)
         for name, files in sorted(crate.namesakes().items()):
             namesakes += 1
-            print(f"{source.parent.name}: several types are named {name}: {', '.join(map(str, files))}")
+            print(f"{shelf}: several types are named {name}: {', '.join(map(str, files))}")
         arrows = crate.imports()
         for part in circles(arrows):
             count += 1
             way = shortest(arrows, part)
-            print(f"{source.parent.name}: a circle of {len(part)} files; the shortest way round in it:")
+            print(f"{shelf}: a circle of {len(part)} files; the shortest way round in it:")
             for at, other in zip(way, [*way[1:], way[0]]):
                 print(
                     f"    {crate.files[at]} takes {', '.join(sorted(arrows[at][other]))} from {crate.files[other]}"

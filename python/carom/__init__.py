@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from carom.errors import CaromError as CaromError
     from carom.errors import CaromWarning as CaromWarning
     from carom.errors import ScenarioError as ScenarioError
-    from carom.many.batch import Batch as Batch
     from carom.many.batch import simulate_batch as simulate_batch
+    from carom.many.batch_result import Batch as Batch
     from carom.many.compare import Comparison as Comparison
     from carom.many.compare import compare as compare
     from carom.many.converge import Convergence as Convergence
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from carom.measure import events as events
     from carom.measure import granular as granular
     from carom.problem import ContactProblem as ContactProblem
-    from carom.result.result import Result as Result
-    from carom.result.result import load as load
+    from carom.run.result import Result as Result
+    from carom.run.result import load as load
     from carom.run.simulate import RunFailed as RunFailed
     from carom.run.simulate import resume as resume
     from carom.run.simulate import simulate as simulate
@@ -46,13 +46,13 @@ if TYPE_CHECKING:
 
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
-    "Batch": "many.batch",
+    "Batch": "many.batch_result",
     "CaromError": "errors",
     "CaromWarning": "errors",
     "Comparison": "many.compare",
     "ContactProblem": "problem",
     "Convergence": "many.converge",
-    "Result": "result.result",
+    "Result": "run.result",
     "RunFailed": "run.simulate",
     "ScenarioError": "errors",
     "Scene": "scene.scene",
@@ -62,7 +62,7 @@ _HOMES = {
     "compare": "many.compare",
     "converge": "many.converge",
     "example": "scene.examples",
-    "load": "result.result",
+    "load": "run.result",
     "resume": "run.simulate",
     "sensitivity": "many.sensitivity",
     "simulate": "run.simulate",
@@ -92,8 +92,8 @@ _MOVED = {
     "plot.sweep": "many.sweep.plot",
     "record": "result.record",
     "result.Body": "result.kinematics",
-    "result.Result": "result.result",
-    "result.load": "result.result",
+    "result.Result": "run.result",
+    "result.load": "run.result",
     "run.CaromWarning": "errors",
     "run.RunFailed": "run.simulate",
     "scenario": "scene.tables",

@@ -1,4 +1,4 @@
-"""Tables of text that fit the width of a terminal: the first column keeps its width, the others give way."""
+"""Tables: of text that fit a terminal (the first column keeps its width, the others give way), and for notebooks."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Collection, Sequence
+from html import escape
 from itertools import zip_longest
 
 #: Characters in a line that goes to a file or a pipe.
@@ -13,6 +14,8 @@ WIDTH = 160
 GAP = "  "
 #: Between words that stay together when a cell wraps; it is printed as a space.
 TIE = "\u00a0"
+#: Balls and walls that are listed by name in tables for notebooks.
+LISTED = 20
 
 
 def columns() -> int:
@@ -92,6 +95,26 @@ def _block(
         if head and number == 0:
             lines.append("-" * (sum(widths.values()) + len(GAP) * (len(widths) - 1)))
     return "\n".join(lines)
+
+
+def page(
+    title: str, facts: Sequence[tuple[str, str]], head: Sequence[str], rows: Sequence[Sequence[str]]
+) -> str:
+    """HTML for notebooks: a title, facts as a table of two columns, and a table below them; every text is escaped."""
+    told = "".join(
+        f"<tr><th style='text-align:left'>{escape(a)}</th><td>{escape(b)}</td></tr>" for a, b in facts
+    )
+    text = f"<div class='carom'><strong>{escape(title)}</strong><table>{told}</table>"
+    if rows:
+        columns = "".join(f"<th>{escape(name)}</th>" for name in head)
+        cells = "".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows)
+        text += f"<table><thead><tr>{columns}</tr></thead><tbody>{cells}</tbody></table>"
+    return text + "</div>"
+
+
+def vector(values: Sequence[float]) -> str:
+    """`(1, 2, 3)`, four digits of each."""
+    return "(" + ", ".join(f"{x:.4g}" for x in values) + ")"
 
 
 def seconds(value: float) -> str:

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 import carom
 from carom.errors import CaromWarning
 from carom.reproduce import demo
-from carom.result.result import Result
+from carom.run.result import Result
 from common import SCENARIOS, model_of, run, table
 from measure import BALLS, LAWS, SCENARIO
 

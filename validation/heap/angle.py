@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
 from carom import granular
-from carom.result.result import Result
+from carom.run.result import Result
 from common import table
 
 SCENE = Path(__file__).parent / "poured.toml"

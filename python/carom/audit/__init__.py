@@ -18,7 +18,7 @@ from carom.result.remarks import remarks
 
 if TYPE_CHECKING:
     from carom.audit.data import Run
-    from carom.result.result import Result
+    from carom.run.result import Result
 
 __all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check", "rerun"]
 

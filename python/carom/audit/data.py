@@ -25,7 +25,7 @@ from carom.scene.assembly.held_apart import HeldApart, held_apart
 from carom.scene.tables.options import MOST_PROBLEMS
 
 if TYPE_CHECKING:
-    from carom.result.result import Result
+    from carom.run.result import Result
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -322,7 +322,7 @@ class Run:
 
 def read(path: str | Path) -> Run:
     """Open a run directory, also one that did not reach its end."""
-    from carom.result.result import UnfinishedRun, load
+    from carom.run.result import UnfinishedRun, load
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnfinishedRun)

@@ -21,7 +21,7 @@ from carom.errors import CaromError
 
 if TYPE_CHECKING:
     from carom.result.record import Record
-    from carom.result.result import Result
+    from carom.run.result import Result
 
 #: Bytes that are compared at a time.
 CHUNK = 32 * 1024 * 1024
@@ -81,7 +81,7 @@ class Rerun:
 
 def rerun(run: Result | str | Path, threads: Sequence[int] = (1,)) -> list[Rerun]:
     """Run the scenario of a run again, once for each number of threads, and compare all data bit for bit."""
-    from carom.result.result import UnfinishedRun, load
+    from carom.run.result import UnfinishedRun, load
 
     path = Path(run if isinstance(run, (str, Path)) else run.path)
     path = path.parent if path.is_file() else path

@@ -70,7 +70,7 @@ def export(
 
     from carom.cli.progress import counting_bar
     from carom.export import FILMS, check_format
-    from carom.result.result import load
+    from carom.run.result import load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -21,7 +21,7 @@ def info(run: Run, as_json: Json = False) -> None:
     Example: carom info runs/break-1
     """
     from carom.result.directory import size_on_disk
-    from carom.result.result import load
+    from carom.run.result import load
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the state of the run is said below

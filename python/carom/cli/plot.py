@@ -45,7 +45,7 @@ def plot(
 
     Example: carom plot runs/break-1 --what velocities --format pdf
     """
-    from carom.result.result import load
+    from carom.run.result import load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

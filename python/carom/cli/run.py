@@ -13,7 +13,7 @@ from carom.cli.progress import progress_bar
 from carom.errors import counted
 
 if TYPE_CHECKING:
-    from carom.result.result import Result
+    from carom.run.result import Result
 
 
 @guarded

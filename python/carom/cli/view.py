@@ -36,7 +36,7 @@ def view(
         return
     import warnings
 
-    from carom.result.result import load
+    from carom.run.result import load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

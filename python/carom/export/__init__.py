@@ -16,7 +16,7 @@ from carom.errors import CaromError, did_you_mean
 from carom.export.atomic import writing_into
 from carom.export.frames import Selection
 from carom.files import inside
-from carom.result.result import Result
+from carom.result.data import RunData
 from carom.show.film.look import Look
 
 #: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for; those of `FILMS` take the
@@ -63,7 +63,7 @@ def check_format(name: str) -> None:
 
 
 def export(
-    result: Result,
+    result: RunData,
     directory: str | Path | None = None,
     format: str = "vtkhdf",
     *,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
+from carom.result.data import RunData
 from carom.result.record import Column
-from carom.result.result import Result
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -67,7 +67,7 @@ FIXED = {"radius": "m", "mass": "kg", "material": "1"}
 class Selection:
     """The frames of a run that are exported."""
 
-    result: Result
+    result: RunData
     frames: range
     with_contacts: bool
     time: F64
@@ -78,7 +78,7 @@ class Selection:
     @classmethod
     def of(
         cls,
-        result: Result,
+        result: RunData,
         *,
         every: int = 1,
         start: float | None = None,

@@ -24,7 +24,7 @@ from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.files import inside
 from carom.many.quantity import USUAL
 from carom.many.sheets import of_comparison, titled
-from carom.result.result import Result
+from carom.run.result import Result
 from carom.run.simulate import OnProgress, RunFailed, scene_of
 from carom.run.summary import plain
 from carom.scene.arguments import renamed

@@ -23,9 +23,9 @@ from carom.many.order import FINER, Order, clear_order, doubts, error_of
 from carom.many.quantity import QUANTITIES, USUAL, Quantity
 from carom.many.reference_solution import Formulas, Frames, Function, Truth
 from carom.many.sheets import of_convergence, titled
-from carom.result.result import Result, load
 from carom.run import summary
 from carom.run.loop import begin, drive
+from carom.run.result import Result, load
 from carom.run.simulate import scene_of
 from carom.run.sinks import Instants
 from carom.scene.arguments import renamed
@@ -36,7 +36,7 @@ from carom.show.plot.convergence import convergence
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from carom.result.result import Result
+    from carom.run.result import Result
     from carom.scene.scene import Scene
 
 F64 = NDArray[np.float64]

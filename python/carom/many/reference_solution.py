@@ -16,7 +16,7 @@ from carom.many.quantity import QUANTITIES, Quantity, States
 
 if TYPE_CHECKING:
     from carom._core import Expression
-    from carom.result.result import Result
+    from carom.run.result import Result
     from carom.scene.scene import Scene
 
 F64 = NDArray[np.float64]

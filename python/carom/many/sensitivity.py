@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, quoted
-from carom.many.batch import Batch, simulate_batch
+from carom.many.batch import simulate_batch
+from carom.many.batch_result import Batch
 from carom.many.cases import Overrides
 from carom.result.tables import Transitions
 from carom.run.simulate import scene_of

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError
-from carom.many.batch import ENDED, KINEMATICS, Batch
+from carom.many.batch_result import ENDED, KINEMATICS, Batch
 from carom.many.cases import Overrides
 from carom.run.loop import Sink, begin, drive
 from carom.scene.checks.walls import touching

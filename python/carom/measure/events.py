@@ -20,8 +20,8 @@ from carom.result.tables import UnknownName
 from carom.scene.packing.neighbours import TOUCHING
 
 if TYPE_CHECKING:
+    from carom.result.data import RunData
     from carom.result.kinematics import Frames
-    from carom.result.result import Result
     from carom.result.tables import Impacts
     from carom.run.watch import State
 
@@ -54,13 +54,13 @@ class Event:
     """Closing speed of a contact; speed of the centre otherwise, m/s."""
 
 
-def detect(result: Result, *, speed: float = SPEED) -> list[Event]:
+def detect(result: RunData, *, speed: float = SPEED) -> list[Event]:
     """First contact of each pair, slide-to-roll, rest and departures of all balls, in the order of time."""
     found = [*first_contacts(result), *slip_to_roll(result, speed=speed), *rest(result, speed=speed)]
     return _sorted([*found, *departures(result)])
 
 
-def first_contact(result: Result, body: str, other: str) -> Event | None:
+def first_contact(result: RunData, body: str, other: str) -> Event | None:
     """The first time that these two, balls or walls, met; None if they never did."""
     if body == other:
         raise CaromError(f"first_contact: {body!r} is given twice; a contact is of two")
@@ -114,7 +114,7 @@ def slip(velocity: F64, spin: F64, radius: ArrayLike, normal: ArrayLike) -> F64:
     return np.asarray(point - (point @ normal)[..., np.newaxis] * normal)
 
 
-def first_contacts(result: Result) -> list[Event]:
+def first_contacts(result: RunData) -> list[Event]:
     """The first contact of every pair that met, in the order of time.
 
     Of the table of impacts, and of the contacts of the frames, where those that touch from the start (or without any
@@ -123,7 +123,7 @@ def first_contacts(result: Result) -> list[Event]:
     return _first(result, None)
 
 
-def phases(result: Result, body: str, surface: str, *, speed: float = SPEED) -> NDArray[np.int8]:
+def phases(result: RunData, body: str, surface: str, *, speed: float = SPEED) -> NDArray[np.int8]:
     """What a ball does on a plane that stands, per frame, (T,): `AWAY`, `SLIDING`, `ROLLING` or `RESTING`.
 
     It slides where the material point at the contact moves along the plane faster than `speed`, m/s; it rests where its
@@ -135,7 +135,7 @@ def phases(result: Result, body: str, surface: str, *, speed: float = SPEED) -> 
 
 
 def slip_to_roll(
-    result: Result, body: str | None = None, surface: str | None = None, *, speed: float = SPEED
+    result: RunData, body: str | None = None, surface: str | None = None, *, speed: float = SPEED
 ) -> list[Event]:
     """When balls that slid on a plane began to roll: their slip (m/s) came to `speed` or below.
 
@@ -200,7 +200,7 @@ def rest(
     )
 
 
-def departures(result: Result) -> list[Event]:
+def departures(result: RunData) -> list[Event]:
     """Balls that left through an outlet, as one of a pocket."""
     step = _step(result)
     return [Event("left", time, step, ball) for ball, time in result.events.left()]
@@ -255,7 +255,7 @@ def _bound(speed: float) -> None:
         )
 
 
-def _first(result: Result, pair: set[int] | None) -> list[Event]:
+def _first(result: RunData, pair: set[int] | None) -> list[Event]:
     names = [*result.names, *result.wall_names]
     earliest: dict[tuple[int, int], Event] = {}
     step, frames = _step(result), np.asarray(result.time)
@@ -306,7 +306,7 @@ def _motion(
 
 
 def _phases(
-    result: Result, motion: tuple[NDArray[Any], ...], bodies: list[int], plane: int, speed: float
+    result: RunData, motion: tuple[NDArray[Any], ...], bodies: list[int], plane: int, speed: float
 ) -> tuple[NDArray[np.int8], F64, F64]:
     """Phases, slip and speed of the centre, m/s, (T, n) each, of balls on a plane, whose `motion` is given."""
     normal = np.asarray(result.planes["normal"][plane])
@@ -330,14 +330,14 @@ def _end_of_slip(time: F64, slip: F64, state: NDArray[np.int8], k: int, speed: f
     return float(time[k] + share * (time[k + 1] - time[k]))
 
 
-def _plane(result: Result, name: str) -> int:
+def _plane(result: RunData, name: str) -> int:
     index = _index(name, result.plane_names)
     if _moves(result, name):
         raise CaromError(f"{name!r} moves; slip and rest are found on planes that stand")
     return index
 
 
-def _moves(result: Result, name: str) -> bool:
+def _moves(result: RunData, name: str) -> bool:
     if "motion" not in result.planes:
         return False
     return bool(str(result.planes["motion"][result.plane_names.index(name)]))
@@ -350,7 +350,7 @@ def _index(name: str, known: Sequence[str]) -> int:
     return names.index(name)
 
 
-def _step(result: Result) -> float:
+def _step(result: RunData) -> float:
     times = result.steps["time"]
     return float(times[0]) if len(times) else 0.0
 

@@ -18,7 +18,7 @@ from carom.errors import CaromError
 from carom.measure import events
 from carom.reproduce.analytic.approach import Approach
 from carom.result.directory import RunDir
-from carom.result.result import Result
+from carom.run.result import Result
 from carom.run.simulate import launch, relaunch
 from carom.run.sinks import Interrupt
 from carom.scene.scene import Scene

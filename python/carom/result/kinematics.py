@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from carom.result.result import Result
+    from carom.result.data import RunData
 
 F64 = NDArray[np.float64]
 _Pairs = TypeVar("_Pairs", Impacts, Contacts)
@@ -227,7 +227,7 @@ class Body:
 class Selection(Frames):
     """Some frames and some balls of a result. Arrays are read when they are asked for."""
 
-    def __init__(self, result: Result, frames: NDArray[np.intp], bodies: NDArray[np.intp]) -> None:
+    def __init__(self, result: RunData, frames: NDArray[np.intp], bodies: NDArray[np.intp]) -> None:
         self._result, self._frames, self._bodies = result, frames, bodies
         table = result.bodies
         self.bodies = Static({column: np.asarray(table[column])[bodies] for column in table.columns})

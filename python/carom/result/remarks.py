@@ -16,7 +16,7 @@ from carom.scene.assembly.distances import gaps
 from carom.scene.checks.curved_walls import CLOSE, CURVED, FEW_BALLS, MOST_CHANGE, below, way_on
 
 if TYPE_CHECKING:
-    from carom.result.result import Result
+    from carom.result.data import RunData
 
 #: Share of the steps with impacts: where more of them were cut, the rebounds of the run are those of another law.
 MOST_CUT = 0.5
@@ -32,7 +32,7 @@ JUMPS = "the law jumps by"
 MOST_FRAMES = 2000
 
 
-def _cut(result: Result) -> dict[str, Any] | None:
+def _cut(result: RunData) -> dict[str, Any] | None:
     steps = result.steps
     problems = np.asarray(steps["impact_problems"])
     hit, cut = int(np.count_nonzero(problems)), int(np.count_nonzero(np.asarray(steps["truncated"])))
@@ -48,11 +48,11 @@ def _cut(result: Result) -> dict[str, Any] | None:
     return {"cut": cut, "hit": hit, "cure": cure}
 
 
-def _rise(result: Result) -> float:
+def _rise(result: RunData) -> float:
     return (result.summary.get("energy") or {}).get("max_rise_relative") or 0.0
 
 
-def _gained(result: Result) -> dict[str, Any] | None:
+def _gained(result: RunData) -> dict[str, Any] | None:
     if _rise(result) <= MOST_RISE:
         return None
     run = result.scene.run
@@ -70,7 +70,7 @@ def _gained(result: Result) -> dict[str, Any] | None:
     return {"percent": 100 * _rise(result), "cure": cure}
 
 
-def _unsettled(result: Result) -> dict[str, Any] | None:
+def _unsettled(result: RunData) -> dict[str, Any] | None:
     summary = result.summary
     usual = RISE_PILE * (float(summary.get("step") or 0.0) / 1e-3) ** 2
     if summary.get("method") != "nsga" or not usual < _rise(result) <= MOST_RISE:
@@ -81,7 +81,7 @@ def _unsettled(result: Result) -> dict[str, Any] | None:
     return {"share": _rise(result), "usual": usual, "now": run.pile_tolerance}
 
 
-def _lost(result: Result) -> dict[str, Any] | None:
+def _lost(result: RunData) -> dict[str, Any] | None:
     """The force on the wall is that of gravity and of the curved path in the frames; other balls press besides."""
     scene = result.scene
     mass, radius = np.asarray(result.bodies["mass"]), np.asarray(result.bodies["radius"])
@@ -108,7 +108,7 @@ def _lost(result: Result) -> dict[str, Any] | None:
     return {"percent": 100 * lost / largest, "step": below(scene.run.step * MOST_CHANGE * left / lost)}
 
 
-def _shut_out(result: Result) -> dict[str, Any] | None:
+def _shut_out(result: RunData) -> dict[str, Any] | None:
     """Fewer than all is no trouble: an inflow without a rate goes on for as long as there is room."""
     if not result.flows or result.outcome.failed or not result.summary:  # the last: it is still running
         return None
@@ -126,7 +126,7 @@ def _shut_out(result: Result) -> dict[str, Any] | None:
 class Remark:
     """`found` returns what the text names, or None where nothing is wrong; a `warning` is said after each run."""
 
-    found: Callable[[Result], Mapping[str, Any] | None]
+    found: Callable[[RunData], Mapping[str, Any] | None]
     told: str
     cure: str
     warning: bool = True
@@ -155,7 +155,7 @@ REMARKS = {
 }
 
 
-def remarks(result: Result, *names: str) -> list[str]:
+def remarks(result: RunData, *names: str) -> list[str]:
     """The warnings that a run deserves, or those called `names`: what is wrong, what it means and what to do."""
     chosen = [REMARKS[name] for name in names] or [remark for remark in REMARKS.values() if remark.warning]
     return [(r.told + r.cure).format(**facts) for r in chosen if (facts := r.found(result)) is not None]

@@ -24,7 +24,7 @@ from carom.scene.assembly.rotations import rotated, rotated_back
 from carom.scene.tables.laws import value_at
 
 if TYPE_CHECKING:
-    from carom.result.result import Result
+    from carom.result.data import RunData
 
 F64 = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def _values(law: Sequence[Any], time: F64) -> F64:
 class Wall:
     """One wall of a result: `result.walls["drum"].torque` is (T, 3)."""
 
-    def __init__(self, result: Result, index: int, facts: Mapping[str, Any]) -> None:
+    def __init__(self, result: RunData, index: int, facts: Mapping[str, Any]) -> None:
         self._result = result
         self.index = index
         """Number among all walls, planes first."""
@@ -188,7 +188,7 @@ class Wall:
 class Walls(Mapping[str, Wall]):
     """All walls of a result by name, in the order of the core: planes without end first, then the others."""
 
-    def __init__(self, result: Result, tables: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, result: RunData, tables: Sequence[Mapping[str, Any]]) -> None:
         rows = [
             {key: values[i] for key, values in table.items()}
             for table in tables

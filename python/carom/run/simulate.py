@@ -22,11 +22,11 @@ from carom.result.directory import RunDir, now, temporary
 from carom.result.record import Memory, Rows, Writer
 from carom.result.record.walls import tables
 from carom.result.remarks import remarks
-from carom.result.result import Result, load
 from carom.result.run_json import continued
 from carom.run import changes, checkpoint, restart, summary
 from carom.run.allocator import release_early
 from carom.run.loop import Ending, Sink, begin, drive
+from carom.run.result import Result, load
 from carom.run.sinks import Cadence, Checkpoints, Interrupt, Progress, Recorder, Shown
 from carom.run.watch import Callback, Stop, Watch
 from carom.scene.arguments import renamed

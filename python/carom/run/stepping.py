@@ -14,8 +14,8 @@ from carom import _core
 from carom.errors import CaromError, CaromWarning
 from carom.result.directory import now
 from carom.result.record import Memory
-from carom.result.result import Result
 from carom.run.loop import Ending, Sink, advance
+from carom.run.result import Result
 from carom.run.simulate import Run, RunFailed, scene_of
 from carom.run.sinks import Interrupt, Recorder
 from carom.run.watch import State

@@ -22,7 +22,7 @@ from carom.scene.plan import Plan, thinned
 if TYPE_CHECKING:
     from carom._core import Block
     from carom._core import Simulation as Core
-    from carom.result.result import Result
+    from carom.run.result import Result
 
 F64 = NDArray[np.float64]
 

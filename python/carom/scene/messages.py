@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any, get_args
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from carom.errors import Problem, ScenarioError, did_you_mean, quoted
-from carom.scene.tables.base import Table
 from carom.scene.tables.fields import OURS, exactly_one
 from carom.scene.toml.lines import LineMap, Path
 from carom.scene.toml.literal import literal
@@ -85,11 +84,11 @@ def call(path: Path, raw: Mapping[str, Any]) -> str:
 
 
 def findings(
-    error: ValidationError, root: type[Table], raw: Any, tables: Mapping[str, type[Table]]
+    error: ValidationError, root: type[BaseModel], raw: Any, tables: Mapping[str, type[BaseModel]]
 ) -> list[Finding]:
     """What pydantic found, in our words. `tables`: classes of the tables inside `root`, by name."""
     found: list[Finding] = []
-    broken: dict[Path, type[Table]] = {}
+    broken: dict[Path, type[BaseModel]] = {}
     for item in error.errors(include_url=False):
         path: Path = item["loc"]
         owner, table_path = _owner(path, root, tables)
@@ -112,7 +111,9 @@ def findings(
     return found
 
 
-def _owner(path: Path, root: type[Table], tables: Mapping[str, type[Table]]) -> tuple[type[Table], Path]:
+def _owner(
+    path: Path, root: type[BaseModel], tables: Mapping[str, type[BaseModel]]
+) -> tuple[type[BaseModel], Path]:
     """The class of the table that holds the last key of `path`, and the path of that table."""
     owner, depth = root, 0
     if path and path[0] in tables:
@@ -125,17 +126,22 @@ def _owner(path: Path, root: type[Table], tables: Mapping[str, type[Table]]) -> 
     return owner, path[:depth]
 
 
-def nested(owner: type[Table], key: str) -> type[Table] | None:
+def nested(owner: type[BaseModel], key: str) -> type[BaseModel] | None:
     """The class of the table that stands at a key of another (`motion` of a wall), if one does."""
     field = owner.model_fields.get(key)
     kinds = (field.annotation, *get_args(field.annotation)) if field is not None else ()
-    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)), None)
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
 
 
-def _dotted(path: Path, owner: type[Table]) -> str:
+def _section(owner: type[BaseModel]) -> str:
+    """The name of its table in a file; empty for the file itself, and for tables in other ones."""
+    return getattr(owner, "section", "")
+
+
+def _dotted(path: Path, owner: type[BaseModel]) -> str:
     """The key of a table of that class, or of the tables in it: `radius`, `motion.rotation.axis`."""
     keys: list[str] = []
-    inside: type[Table] | None = owner
+    inside: type[BaseModel] | None = owner
     for key in path:
         if inside is None or isinstance(key, int):
             break
@@ -154,7 +160,12 @@ def _at(raw: Any, path: Path) -> Any:
 
 
 def _translated(
-    kind: str, path: Path, value: Any, owner: type[Table], tables: Mapping[str, type[Table]], message: str
+    kind: str,
+    path: Path,
+    value: Any,
+    owner: type[BaseModel],
+    tables: Mapping[str, type[BaseModel]],
+    message: str,
 ) -> Finding:
     key = str(path[-1]) if path else ""
     if kind == "missing":
@@ -168,7 +179,7 @@ def _translated(
             )
         return Finding(path, f"expected tables, found {quoted(value)}", f"write [[{key}]] and its keys below")
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        if path and owner.section and nested(owner, key) is not None:
+        if path and _section(owner) and nested(owner, key) is not None:
             cure = f"write {key} = {_example(owner, key)}"
             return Finding(path, f"expected a table, found {quoted(value)}", cure)
         double = isinstance(path[-1], int) if path else False
@@ -179,10 +190,10 @@ def _translated(
     )
 
 
-def _how_to_write(key: str, owner: type[Table]) -> str:
+def _how_to_write(key: str, owner: type[BaseModel]) -> str:
     """`add radius = "28.575 mm" (radius r, m)`; a missing table is written `[world]`."""
     field = owner.model_fields[key]
-    if isinstance(field.annotation, type) and issubclass(field.annotation, Table):
+    if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
         inner = next(iter(field.annotation.model_fields))
         return f"add [{key}] and below it {inner} = {_example(field.annotation, inner)}"
     extra = field.json_schema_extra
@@ -190,17 +201,17 @@ def _how_to_write(key: str, owner: type[Table]) -> str:
     return f"add {key} = {_example(owner, key)} ({field.description}{f', {unit}' if unit else ''})"
 
 
-def _example(owner: type[Table], key: str) -> str:
+def _example(owner: type[BaseModel], key: str) -> str:
     field = owner.model_fields[key]
     return literal(field.examples[0]) if field.examples else "..."
 
 
-def _unknown(key: str, owner: type[Table], tables: Mapping[str, type[Table]]) -> str:
+def _unknown(key: str, owner: type[BaseModel], tables: Mapping[str, type[BaseModel]]) -> str:
     known = list(owner.model_fields)
     homes = [_header(name) for name, table in tables.items() if key in table.model_fields]
     if homes:
         return f"{key} belongs in {' or '.join(homes)}"
-    if key in ("format", "title") and owner.section:
+    if key in ("format", "title") and _section(owner):
         return f"{key} belongs at the top of the file, before the first section"
     return did_you_mean(key, known)
 
@@ -210,7 +221,7 @@ def _header(name: str) -> str:
 
 
 def from_python(
-    error: ValidationError, table: type[Table], label: str, given: Mapping[str, Any]
+    error: ValidationError, table: type[BaseModel], label: str, given: Mapping[str, Any]
 ) -> ScenarioError:
     """The error of a call such as `Scene.sphere("cue", ...)`; keys are the names of its arguments."""
     problems = []

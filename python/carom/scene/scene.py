@@ -24,6 +24,7 @@ from carom.scene.builders.walls import Waller
 from carom.scene.checks.advice import advise
 from carom.scene.checks.rules import Parts, check, steps
 from carom.scene.messages import Finding, Source
+from carom.scene.notebook import of_scene
 from carom.scene.tables.balls import Generator, Sphere
 from carom.scene.tables.billiard import BilliardTable
 from carom.scene.tables.flow import Inflow
@@ -357,8 +358,6 @@ class Scene(Waller, Attacher, Taker):
         return f"<Scene {quoted(self.title)}: {counts}; {time}>"
 
     def _repr_html_(self) -> str:
-        from carom.show.notebook import of_scene
-
         return of_scene(self)
 
 

@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, ScenarioError
-from carom.many.batch import KINEMATICS, simulate_batch
+from carom.many.batch import simulate_batch
+from carom.many.batch_result import KINEMATICS
 from carom.many.sweep import origin
 from carom.many.sweep.folder import Folder
 from carom.many.sweep.study import RESERVED, Study
 from carom.many.threads import ENERGIES, MONITORS
-from carom.result.result import Result, load
+from carom.run.result import Result, load
 from carom.run.simulate import RunFailed, resume, simulate
 from carom.run.summary import LISTED_BODIES
 from carom.scene.scene import Scene

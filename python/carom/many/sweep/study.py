@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.errors import CaromError, did_you_mean
-from carom.many.batch import KINEMATICS
+from carom.many.batch_result import KINEMATICS
 from carom.many.sweep.design import Axis, Design, number, read_table
 from carom.many.sweep.origin import COLUMNS as ORIGIN
 from carom.many.sweep.targets import Targets
 from carom.many.threads import ENERGIES, MONITORS
-from carom.result.result import Result
+from carom.run.result import Result
 from carom.scene.scene import Scene
 from carom.scene.shipped import find, named
 from carom.scene.toml.load import read_text

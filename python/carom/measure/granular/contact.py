@@ -11,7 +11,7 @@ from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
-from carom.result.result import Result
+from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs
 from carom.scene.packing.numeric import is_number, is_whole
 
@@ -46,7 +46,7 @@ class Coordination(Measure):
 
 
 def coordination(
-    source: Result | Snapshot,
+    source: RunData | Snapshot,
     frame: int = -1,
     *,
     region: Region | None = None,
@@ -143,7 +143,7 @@ class Fabric(Measure):
 
 
 def fabric(
-    source: Result | Snapshot,
+    source: RunData | Snapshot,
     frame: int = -1,
     *,
     region: Region | None = None,
@@ -185,7 +185,7 @@ class NormalForces(Measure):
 
 
 def normal_forces(
-    source: Result | Snapshot,
+    source: RunData | Snapshot,
     frame: int = -1,
     *,
     region: Region | None = None,
@@ -247,7 +247,7 @@ class ForceChains(Measure):
 
 
 def force_chains(
-    source: Result | Snapshot, frame: int = -1, *, above: float = 1.0, least: int = 2, walls: bool = True
+    source: RunData | Snapshot, frame: int = -1, *, above: float = 1.0, least: int = 2, walls: bool = True
 ) -> ForceChains:
     """Chains of contacts whose normal force is at least `above` times the mean, each of `least` contacts or more."""
     s = snapshot(source, frame)

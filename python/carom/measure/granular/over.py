@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.measure.granular.region import Region
 from carom.measure.granular.snapshot import F64, Snapshot, snapshot
-from carom.result.result import Result
+from carom.result.data import RunData
 from carom.scene.packing.numeric import is_whole
 from carom.scene.packing.region import Box
 
@@ -80,7 +80,7 @@ class Profile(Generic[T]):
 
 
 def over_frames(
-    result: Result,
+    result: RunData,
     function: Callable[..., T],
     *arguments: Any,
     start: float = 0.0,
@@ -107,7 +107,7 @@ def over_frames(
 
 
 def over_regions(
-    source: Result | Snapshot,
+    source: RunData | Snapshot,
     function: Callable[..., T],
     regions: Iterable[Region],
     frame: int = -1,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carom.errors import CaromError
 from carom.measure.contacts import closed
 from carom.measure.granular.region import Region, ball_volume, images
-from carom.result.result import Result
+from carom.result.data import RunData
 from carom.result.walls import Wall
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
@@ -184,7 +184,7 @@ class Snapshot:
         return upward(np.zeros(3) if self.gravity is None else self.gravity)
 
 
-def snapshot(source: Result | Snapshot, frame: int = -1, *, time: float | None = None) -> Snapshot:
+def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None = None) -> Snapshot:
     """Frame number `frame` of a result (negative counts from the end), or the one nearest to `time` s.
 
     Every function of `carom.granular` makes one of what it is given; to call several of them make it once.
@@ -233,7 +233,7 @@ def _distance(wall: Wall, time: float) -> Callable[[F64, F64], F64]:
     return lambda centre, radius: wall.gap(centre, radius, np.full(len(radius), time))
 
 
-def _contacts(result: Result, frame: int, interval: float) -> Contacts:
+def _contacts(result: RunData, frame: int, interval: float) -> Contacts:
     rows = result.contacts.at(frame)
     body = np.asarray(rows["body"]).astype(np.int64).reshape(-1, 2)
     gap, position = np.asarray(rows["gap"]), np.asarray(result.position[frame])

@@ -15,7 +15,7 @@ from carom.errors import CaromError
 from carom.measure.granular.region import Region, images, inside, line_share
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import F64, Snapshot, snapshot
-from carom.result.result import Result
+from carom.result.data import RunData
 
 _TINY = np.finfo(np.float64).tiny
 
@@ -67,7 +67,7 @@ class Stress(Measure):
         return values[::-1], directions[:, ::-1]
 
 
-def stress(source: Result | Snapshot, region: Region, frame: int = -1) -> Stress:
+def stress(source: RunData | Snapshot, region: Region, frame: int = -1) -> Stress:
     """Mean stress in a region.
 
     A contact counts with the part of its branch that lies in the region, a ball with the part of its volume. Then the mean
@@ -89,7 +89,7 @@ def stress(source: Result | Snapshot, region: Region, frame: int = -1) -> Stress
     return Stress(contact, kinetic, region.volume)
 
 
-def ball_stress(source: Result | Snapshot, frame: int = -1) -> F64:
+def ball_stress(source: RunData | Snapshot, frame: int = -1) -> F64:
     """Mean stress within each ball from the forces on its surface, (N, 3, 3), Pa, positive in compression.
 
     Times the volumes of the balls and summed it gives the contact part of the whole, but for gaps.
@@ -123,7 +123,7 @@ class Temperature(Measure):
 
 
 def granular_temperature(
-    source: Result | Snapshot, frame: int = -1, *, region: Region | None = None, mean: str = "uniform"
+    source: RunData | Snapshot, frame: int = -1, *, region: Region | None = None, mean: str = "uniform"
 ) -> Temperature:
     """Granular temperature of the balls whose centre is in the `region`, or of all.
 

@@ -12,7 +12,7 @@ from carom.measure.granular.contact import components
 from carom.measure.granular.nearest import around, middle, opened
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
-from carom.result.result import Result
+from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.numeric import is_number, is_whole
 
@@ -50,7 +50,7 @@ class HeapAngle(Measure):
 
 
 def heap_angle(
-    source: Result | Snapshot,
+    source: RunData | Snapshot,
     frame: int = -1,
     *,
     shape: str = "radial",
@@ -275,7 +275,7 @@ class RunOut(Measure):
 
 
 def run_out(
-    result: Result | tuple[Snapshot, Snapshot],
+    result: RunData | tuple[Snapshot, Snapshot],
     frame: int = -1,
     *,
     start: int = 0,

@@ -10,7 +10,7 @@ import numpy as np
 from carom.errors import CaromError, quoted
 
 if TYPE_CHECKING:
-    from carom.result.result import Result
+    from carom.result.data import RunData
     from carom.scene.billiards.table import Pocketed
 
 #: Closing speed, m/s, below which bodies lean on one another and do not hit.
@@ -57,7 +57,7 @@ class Shot:
         return {hit.ball: hit.other, hit.other: hit.ball}.get(ball)
 
 
-def shot(result: Result, cue: str, pocketed: list[Pocketed], bed: str, slowest: float = SLOWEST) -> Shot:
+def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest: float = SLOWEST) -> Shot:
     """The shot of a run; `Table.shot` is the way to call it."""
     if cue not in result.names:
         raise CaromError(f"shot: no ball is called {quoted(cue)}")

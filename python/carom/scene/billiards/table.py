@@ -21,8 +21,8 @@ from carom.scene.billiards.walls import noses, outlets, rail
 from carom.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from carom.many.batch import Batch
-    from carom.result.result import Result
+    from carom.many.batch_result import Batch
+    from carom.result.data import RunData
     from carom.scene.scene import Scene
     from carom.scene.tables.balls import Sphere
 
@@ -216,10 +216,10 @@ class Table:
     # --- reading ------------------------------------------------------------------------------------------------
 
     @overload
-    def pocketed(self, result: Result) -> list[Pocketed]: ...
+    def pocketed(self, result: RunData) -> list[Pocketed]: ...
     @overload
     def pocketed(self, result: Batch) -> list[list[Pocketed]]: ...
-    def pocketed(self, result: Result | Batch) -> list[Pocketed] | list[list[Pocketed]]:
+    def pocketed(self, result: RunData | Batch) -> list[Pocketed] | list[list[Pocketed]]:
         """The balls that left in a result of this table, and where: in the order of time. Of a batch, a list for each case.
 
         In a result the place is that of the last frame before, carried on at its velocity; in a batch, and with method
@@ -237,13 +237,13 @@ class Table:
                 found[case].append(Pocketed(result.names[ball], where, float(at)))
         return found
 
-    def shot(self, result: Result, cue: str = "cue") -> Shot:
+    def shot(self, result: RunData, cue: str = "cue") -> Shot:
         """Who hit whom and which cushion, what was pocketed, whether it was a scratch. Times are those of the impacts: exact
         with method `events`, ends of steps with others.
         """
         return shot(result, cue, self._pocketed(result), bed="bed")
 
-    def _pocketed(self, result: Result) -> list[Pocketed]:
+    def _pocketed(self, result: RunData) -> list[Pocketed]:
         time = np.asarray(result.time)
         found = []
         gone = result.transitions.where(result.transitions["event"] == "outlet")

@@ -11,14 +11,14 @@ from carom.scene.builders.balls import Builder
 from carom.scene.tables.balls import Sphere
 
 if TYPE_CHECKING:
-    from carom.result.result import Result
+    from carom.result.data import RunData
 
 
 class Taker(Builder):
     """Balls from elsewhere; `carom.Scene` is one."""
 
     def spheres_from(
-        self, result: Result, frame: int = -1, *, time: float | None = None
+        self, result: RunData, frame: int = -1, *, time: float | None = None
     ) -> tuple[Sphere, ...]:
         """Add the balls of a run as they are at a frame, and return them: to go on from there in another scene.
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from carom.errors import Problem, ScenarioError, did_you_mean
+from carom.scene.messages import from_python
 
 
 class Table(BaseModel):
@@ -26,8 +27,6 @@ class Table(BaseModel):
         try:
             super().__setattr__(name, value)
         except ValidationError as e:
-            from carom.scene.messages import from_python  # made only when something is wrong
-
             raise from_python(e, type(self), self.label(), {**self.__dict__, name: value}) from None
 
     def label(self) -> str:

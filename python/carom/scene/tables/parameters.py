@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, get_args
 
+from pydantic import BaseModel
+
 from carom._core import Expression
 from carom.errors import did_you_mean, quoted
 from carom.scene.messages import nested
-from carom.scene.tables.base import Table
 from carom.scene.tables.fields import Checked, Integer, Quantity
 from carom.scene.tables.laws import Law, LawVector
 from carom.scene.tables.lists import Integers, Vector, Vectors
@@ -220,7 +221,7 @@ def _values(tables: Tables, chosen: Chosen) -> dict[str, float | None]:
 # --- into the tables ------------------------------------------------------------------------------------------
 
 
-def _tables(raw: Mapping[str, Any]) -> Iterator[tuple[Path, dict[str, Any], type[Table]]]:
+def _tables(raw: Mapping[str, Any]) -> Iterator[tuple[Path, dict[str, Any], type[BaseModel]]]:
     """Every table of the file that the format knows, also those that are values of a key."""
     for section, owner in {**SINGLE, **REPEATED}.items():
         entry = raw.get(section)
@@ -233,8 +234,8 @@ def _tables(raw: Mapping[str, Any]) -> Iterator[tuple[Path, dict[str, Any], type
 
 
 def _with_inner(
-    path: Path, table: dict[str, Any], owner: type[Table]
-) -> Iterator[tuple[Path, dict[str, Any], type[Table]]]:
+    path: Path, table: dict[str, Any], owner: type[BaseModel]
+) -> Iterator[tuple[Path, dict[str, Any], type[BaseModel]]]:
     yield path, table, owner
     for key, value in table.items():
         inner = nested(owner, key) if isinstance(value, dict) else None
@@ -243,7 +244,7 @@ def _with_inner(
 
 
 @cache
-def _kind(owner: type[Table], key: str) -> Kind:
+def _kind(owner: type[BaseModel], key: str) -> Kind:
     """The check of a key whose value holds numbers; None for names, choices and unknown keys."""
     known = owner.model_fields.get(key)
     if known is None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.result.result import Result
+from carom.result.data import RunData
 from carom.scene.assembly.rotations import rotated, upward
 from carom.scene.billiards.look import KINDS, BallLook, ball_looks
 from carom.scene.billiards.marked import table_of
@@ -45,7 +45,7 @@ MOST_ON_A_TABLE = 64
 class Stage:
     """What is drawn of a run; `picture` draws a moment of it."""
 
-    def __init__(self, result: Result, playback: Playback, look: Look) -> None:
+    def __init__(self, result: RunData, playback: Playback, look: Look) -> None:
         self._playback, self._look = playback, look
         self._up = upward(result.gravity)
         low, high = playback.low, playback.high

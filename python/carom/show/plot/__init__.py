@@ -18,7 +18,7 @@ from carom.show.plot.style import column_width, save
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from carom.result.result import Result
+    from carom.result.data import RunData
     from carom.show.plot.style import Chart
 
 #: What can be drawn, in the order of `carom plot --what all`.
@@ -32,7 +32,7 @@ FORMATS = ("png", "svg", "pdf")
 class Plots:
     """The figures of one result. Every method returns a matplotlib figure; `save` writes files."""
 
-    def __init__(self, result: Result) -> None:
+    def __init__(self, result: RunData) -> None:
         self._result = result
 
     def velocities(self, bodies: Sequence[str] | None = None) -> Figure:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carom.errors import CaromError, counted
 from carom.measure.contacts import along_and_across, closed
-from carom.result.result import Result
+from carom.result.data import RunData
 from carom.show.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled, width
 
 #: Pairs with a row of their own.
@@ -31,7 +31,7 @@ class Strip:
     status: str
 
 
-def phases(result: Result) -> Chart:
+def phases(result: RunData) -> Chart:
     """A strip per pair of bodies: when it sticks, when it slips, when there is a gap (nothing).
 
     The status of a frame stands for the time since the frame before. A contact that closed and opened again between two
@@ -67,7 +67,7 @@ def phases(result: Result) -> Chart:
     return Chart(figure, {head: np.array([getattr(s, key) for s in found]) for head, key in columns.items()})
 
 
-def strips(result: Result) -> tuple[list[Strip], int]:
+def strips(result: RunData) -> tuple[list[Strip], int]:
     """Times of equal status of the pairs that touch longest, pair by pair, and how many pairs there are in all."""
     contacts = result.contacts
     if not len(contacts):
@@ -100,7 +100,7 @@ def strips(result: Result) -> tuple[list[Strip], int]:
 
 
 def _closed(
-    result: Result, pair: NDArray[np.int64], gap: NDArray[Any], frames: NDArray[Any]
+    result: RunData, pair: NDArray[np.int64], gap: NDArray[Any], frames: NDArray[Any]
 ) -> NDArray[np.bool_]:
     """Whether two bodies touch at some frames, where their contact had the recorded `gap`, m, when it was closed."""
     first, second = (
@@ -111,7 +111,7 @@ def _closed(
     return closed(result, np.tile(pair, (len(frames), 1)), gap, (first, second), time)
 
 
-def impacts(result: Result, step: int | None = None) -> Chart:
+def impacts(result: RunData, step: int | None = None) -> Chart:
     """The impact problems of one step, by default of that with most: for each, the pairs that take part and their impulses.
 
     The area of a disc is the size of the normal impulse. Problem 0 is that of the loads in a step with an impact.
@@ -176,7 +176,7 @@ def _indent(names: list[str]) -> float:
     return 0.2 + max(map(len, names), default=0) / LETTERS_PER_INCH
 
 
-def busiest_step(result: Result) -> int:
+def busiest_step(result: RunData) -> int:
     """The first of the steps with most impact problems."""
     if not len(result.impacts):
         raise CaromError("the run holds no impacts: nothing hit anything, or impacts = false in [record]")

@@ -15,7 +15,7 @@ from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, legend, panels, 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from carom.result.result import Result
+    from carom.result.data import RunData
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -28,17 +28,17 @@ MOST_FRAMES = 6000
 BLOCK = 6_000_000
 
 
-def velocities(result: Result, bodies: Sequence[str] | None = None) -> Chart:
+def velocities(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     """The components of the velocity, m/s."""
     return _components(result, bodies, "velocity", "v", "m/s")
 
 
-def angular_velocities(result: Result, bodies: Sequence[str] | None = None) -> Chart:
+def angular_velocities(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     """The components of the angular velocity in the world frame, rad/s."""
     return _components(result, bodies, "angular_velocity", "\\omega", "rad/s")
 
 
-def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
+def heights(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     """Height of the lowest point of each body above the plane on which things rest, where that is at the time; of its centre
     without one."""
     names, columns = selection(result, bodies)
@@ -67,7 +67,9 @@ def heights(result: Result, bodies: Sequence[str] | None = None) -> Chart:
     )
 
 
-def _components(result: Result, bodies: Sequence[str] | None, quantity: str, symbol: str, unit: str) -> Chart:
+def _components(
+    result: RunData, bodies: Sequence[str] | None, quantity: str, symbol: str, unit: str
+) -> Chart:
     names, columns = selection(result, bodies)
     frames = shown_frames(result)
     values = _read(result, quantity, names, columns, frames, lambda vectors, _: vectors)
@@ -87,7 +89,7 @@ def _components(result: Result, bodies: Sequence[str] | None, quantity: str, sym
 
 
 def _read(
-    result: Result, quantity: str, names: list[str], columns: Any, frames: I64, of: Callable[[F64, I64], F64]
+    result: RunData, quantity: str, names: list[str], columns: Any, frames: I64, of: Callable[[F64, I64], F64]
 ) -> F64:
     """`of(vectors, rows)` of a quantity (T, n, 3) at the frames: (T, n, k) of a few bodies, of many the spread (T, 5, k)."""
     parts = [of(values, rows) for rows, values in blocks(result, quantity, columns, frames)]
@@ -130,7 +132,7 @@ def _flat(values: F64) -> bool:
     return bool(np.nanmax(np.abs(values), initial=0.0) < 1e-9)
 
 
-def selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], Any]:
+def selection(result: RunData, bodies: Sequence[str] | None) -> tuple[list[str], Any]:
     """Names of the bodies to draw, and their columns."""
     if isinstance(bodies, str):
         bodies = [bodies]
@@ -139,14 +141,14 @@ def selection(result: Result, bodies: Sequence[str] | None) -> tuple[list[str], 
     return list(bodies), [result[name].index for name in bodies]
 
 
-def shown_frames(result: Result) -> I64:
+def shown_frames(result: RunData) -> I64:
     """Numbers of the frames to draw: all or one in several, the last in any case."""
     count = len(result.time)
     frames = np.arange(0, count, max(1, -(-count // MOST_FRAMES)))
     return np.append(frames, count - 1) if len(frames) and frames[-1] != count - 1 else frames
 
 
-def blocks(result: Result, quantity: str, columns: Any, frames: I64) -> Iterator[tuple[I64, F64]]:
+def blocks(result: RunData, quantity: str, columns: Any, frames: I64) -> Iterator[tuple[I64, F64]]:
     """Rising or falling frames in blocks, with a quantity (B, n, 3) of the chosen bodies; not a number where absent."""
     apart = int(np.abs(np.diff(frames)).max(initial=1))
     size = max(1, BLOCK // (3 * max(1, len(result.names)) * apart))  # all between two frames is read
@@ -166,7 +168,7 @@ def level_axes(up: F64) -> tuple[int, int]:
     return (first, second) if up[k] > 0 else (second, first)
 
 
-def _floor(result: Result, up: F64) -> str | None:
+def _floor(result: RunData, up: F64) -> str | None:
     """Name of the first plane that faces upwards."""
     planes = result.planes
     for name, normal in zip(planes["name"], planes["normal"], strict=True):

@@ -13,7 +13,7 @@ from carom.show.plot.style import COLOURS, GREY, Chart, fitted, legend, panels, 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
-    from carom.result.result import Result
+    from carom.result.data import RunData
 
 F64 = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ MOST_HISTORIES = 6
 MARKERS = {"position": "o", "velocity": "s"}
 
 
-def energies(result: Result) -> Chart:
+def energies(result: RunData) -> Chart:
     """Kinetic, potential and total energy, J, after every step."""
     energy = result.energy
     series = {"kinetic": energy.kinetic, "potential": energy.potential, "total": energy.total}
@@ -41,7 +41,7 @@ def energies(result: Result) -> Chart:
     )
 
 
-def iterations(result: Result) -> Chart:
+def iterations(result: RunData) -> Chart:
     """Iterations of the position and velocity sub-problems and number of impact problems, step by step."""
     time = np.asarray(result.steps["time"])
     rows = {
@@ -68,7 +68,7 @@ def iterations(result: Result) -> Chart:
     return Chart(figure, numbers)
 
 
-def residuals(result: Result, step: int | None = None) -> Chart:
+def residuals(result: RunData, step: int | None = None) -> Chart:
     """Residual norm of every Newton iteration of one step, beside what quadratic convergence would be."""
     step = hardest_step(result) if step is None else step
     table = result.residuals.where(np.asarray(result.residuals["step"]) == step)
@@ -120,7 +120,7 @@ def residuals(result: Result, step: int | None = None) -> Chart:
     return Chart(figure, _rows(histories))
 
 
-def hardest_step(result: Result) -> int:
+def hardest_step(result: RunData) -> int:
     """The first of the steps with the most iterations among those whose residuals were recorded."""
     recorded = np.unique(np.asarray(result.residuals["step"]))
     if not len(recorded):
@@ -164,7 +164,7 @@ def _level(number: int) -> str:
     return "position" if number == 1 else "velocity"
 
 
-def _step_size(result: Result) -> float:
+def _step_size(result: RunData) -> float:
     time, step = result.steps["time"], result.steps["step"]
     return float(time[0]) / float(step[0]) if len(time) else 0.0
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from carom.result.result import Result
+    from carom.result.data import RunData
 
 F64 = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ TALLEST, FLATTEST = 1.2, 0.3
 CROWD = 200
 
 
-def trajectories(result: Result, bodies: Sequence[str] | None = None) -> Chart:
+def trajectories(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     """Paths of the centres seen against gravity, m, with the balls at the start (outlined) and at the end (filled).
 
     On a table of the billiards kit with the table, and in the colours of the balls. Of more than 200 balls no paths: the
@@ -90,7 +90,7 @@ def _on_table(axes: Axes, place: F64, radius: F64, looks: list[BallLook]) -> Non
 
 
 def _sheet(
-    result: Result, place: F64, radius: F64, axis: tuple[int, int], shape: Shape | None = None
+    result: RunData, place: F64, radius: F64, axis: tuple[int, int], shape: Shape | None = None
 ) -> tuple[Figure, Axes]:
     """An empty sheet for balls of some radii (n,) that were at `place` (T, n, 2), m, with the walls near them at the end;
     with a table of the kit and without its walls if there is one.
@@ -148,7 +148,7 @@ def _ends(axes: Axes, path: F64, radius: float, colour: str) -> None:
     axes.add_patch(Circle(tuple(last), radius, color=colour, alpha=0.45, linewidth=0, zorder=2))
 
 
-def _crowd(result: Result, names: list[str], columns: Any, axis: tuple[int, int], radius: F64) -> Chart:
+def _crowd(result: RunData, names: list[str], columns: Any, axis: tuple[int, int], radius: F64) -> Chart:
     """The balls where each was last, seen from above; those that never came are not there."""
     from matplotlib.collections import EllipseCollection
 
@@ -184,7 +184,7 @@ def _crowd(result: Result, names: list[str], columns: Any, axis: tuple[int, int]
     )
 
 
-def _walls(result: Result, across: F64, along: F64) -> list[tuple[F64, F64]]:
+def _walls(result: RunData, across: F64, along: F64) -> list[tuple[F64, F64]]:
     """Planes without end that stand upright, as lines: a point, and a direction."""
     found = []
     planes = result.planes
@@ -196,7 +196,7 @@ def _walls(result: Result, across: F64, along: F64) -> list[tuple[F64, F64]]:
     return found
 
 
-def _edges(result: Result, axis: tuple[int, int], low: F64, high: F64, hidden: set[str]) -> list[F64]:
+def _edges(result: RunData, axis: tuple[int, int], low: F64, high: F64, hidden: set[str]) -> list[F64]:
     """Of each wall that has an outline its lines (L, 2, 2), m, at the last frame; of tubes without end from `low` to `high`
     (2,), m.
     """

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from carom.errors import CaromError, extra
-from carom.result.result import Result, load
+from carom.result.data import RunData
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
 from carom.show.surfaces import surfaces
@@ -52,7 +52,7 @@ class Live:
     leaving a `with` block. Of more than `MOST_BALLS` balls one in several is shown, which `notes` and the page say.
     """
 
-    def __init__(self, source: str | Path | Result, *, port: int = PORT) -> None:
+    def __init__(self, source: str | Path | RunData, *, port: int = PORT) -> None:
         viser = extra("viser", "a live view needs viser", "live")
         path = source if isinstance(source, (str, Path)) else source.path
         self._path = Path(path)
@@ -271,10 +271,10 @@ class Live:
         return [file.stat().st_mtime_ns for file in sorted(self._path.glob("results*.h5"))]
 
 
-def _load(path: Path) -> Result:
+def _load(path: Path) -> RunData:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the run is not finished is the point
-        return load(path)
+        return RunData.load(path)
 
 
 def serve(path: Path, port: int, say: Callable[[str], None]) -> None:

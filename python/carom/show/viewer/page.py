@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from carom.errors import CaromError
 from carom.files import write_whole
+from carom.result.data import RunData
 from carom.result.remarks import remarks
-from carom.result.result import Result
 from carom.scene.billiards.look import COLOURS
 from carom.scene.billiards.marked import table_of
 from carom.scene.billiards.shape import Shape
@@ -143,7 +143,7 @@ def write_html(
 
 def _warnings(result: Viewable) -> list[str]:
     """What a reader should know before looking, as sentences; of other things to view than a run nothing is known."""
-    found = remarks(result) if isinstance(result, Result) else []
+    found = remarks(result) if isinstance(result, RunData) else []
     return [f"{told[0].upper()}{told[1:]}." for told in found]
 
 

@@ -1,4 +1,5 @@
-"""`carom.Result`: what a run left behind, in memory or read from its directory as far as it is asked for.
+"""What a run left behind, in memory or read from its directory as far as it is asked for. `carom.Result` is this, with what
+is made of a run (`carom.run.result`).
 
 Arrays are `Column`s: they know their shape, read what is indexed, and act as NumPy arrays. Tables have one
 column per quantity: `result.impacts["time"]` or `result.impacts.time`. Units are SI throughout.
@@ -13,7 +14,7 @@ import weakref
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,12 +39,6 @@ from carom.result.walls import Walls
 from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from carom.result.walls import Walls
-    from carom.scene.scene import Scene
-    from carom.show.plot import Plots
-    from carom.show.viewer import ViewInfo
-
 F64 = NDArray[np.float64]
 
 
@@ -51,20 +46,8 @@ class UnfinishedRun(UserWarning):
     """The run did not reach its end, or has not yet; what is readable is whole."""
 
 
-def load(path: str | Path) -> Result:
-    """The result of a run directory, also of one that is still being written or was killed."""
-    directory = RunDir.open(path)
-    result = Result(checked(directory), Segments(directory.segments()), directory)
-    if result.status == "running":
-        why = "is still being written" if result.is_being_written else "did not finish"
-        cure = "" if result.is_being_written else f" (`carom resume {result.path}` continues it)"
-        warnings.warn(f"run {why}; {len(result.time)} frames readable{cure}", UnfinishedRun, stacklevel=2)
-    return result
-
-
-class Result(Frames):
-    """A run: its scene, T frames of N bodies, its impacts, contacts and steps. Obtained by `carom.simulate`,
-    `carom.Simulation.result` or `carom.load`.
+class RunData(Frames):
+    """A run: its scene, T frames of N bodies, its impacts, contacts and steps.
 
     What was committed when the object was made is what it shows; load again to see more of a run in progress.
     """
@@ -81,6 +64,17 @@ class Result(Frames):
         self._problem = problem  # of a result in memory: the one that could not be solved
         if scene is not None:
             self.scene = scene
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """The result of a run directory, also of one that is still being written or was killed."""
+        directory = RunDir.open(path)
+        result = cls(checked(directory), Segments(directory.segments()), directory)
+        if result.status == "running":
+            why = "is still being written" if result.is_being_written else "did not finish"
+            cure = "" if result.is_being_written else f" (`carom resume {result.path}` continues it)"
+            warnings.warn(f"run {why}; {len(result.time)} frames readable{cure}", UnfinishedRun, stacklevel=3)
+        return result
 
     @property
     def path(self) -> Path:
@@ -318,40 +312,7 @@ class Result(Frames):
         frames = chosen_frames(np.asarray(self.time), time)
         return Selection(self, frames, chosen_bodies(self.names, body))
 
-    @property
-    def plot(self) -> Plots:
-        """Figures: `result.plot.velocities()` returns one of matplotlib, `result.plot.save("figures")` writes
-        all.
-        """
-        from carom.show.plot import Plots
-
-        return Plots(self)
-
-    def view(self, path: str | Path | None = None, *, open_browser: bool = False, **options: Any) -> ViewInfo:
-        """Write the run as one HTML page that plays offline, by default `view.html` in the run directory."""
-        from carom.show.viewer import write_html
-
-        info = write_html(self, Path(path) if path else self.path / "view.html", **options)
-        if open_browser:
-            import webbrowser
-
-            webbrowser.open(info.path.resolve().as_uri())
-        return info
-
-    def export(
-        self, directory: str | Path | None = None, format: str = "vtkhdf", **options: Any
-    ) -> list[Path]:
-        """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz`, `gsd`, `mp4`, `gif` or `png`, by default in `export`
-        of the run.
-
-        `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`, and of films `speed`, `camera`,
-        `follow` and others. Returns the files to open.
-        """
-        from carom.export import export
-
-        return export(self, directory, format, **options)
-
-    def save(self, path: str | Path, *, force: bool = False) -> Result:
+    def save(self, path: str | Path, *, force: bool = False) -> Self:
         """Write a result that was simulated without `out` to a run directory, or copy its own; returns the copy."""
         copy = RunDir.create(path, force=force)
         try:
@@ -362,7 +323,7 @@ class Result(Frames):
         except (OSError, CaromError) as error:
             copy.remove()
             raise CaromError(f"cannot copy the run to {path}: {error}") from error
-        return load(copy.path)
+        return type(self).load(copy.path)
 
     @cached_property
     def _copy(self) -> RunDir:
@@ -390,12 +351,12 @@ class Result(Frames):
             about["segments"][-1]["file"] = writer.paths[0].name
             if len(writer.paths) > 1:
                 about["segments"][-1]["files"] = [file.name for file in writer.paths]
-            if self._problem is not None:
-                from carom.problem.run_files import keep_failing
-
-                keep_failing(directory, self._problem, about["outcome"])
+            self._write_problem(directory, about["outcome"])
             directory.write(about)
             directory.log("saved", status=self.status)
+
+    def _write_problem(self, directory: RunDir, outcome: dict[str, Any]) -> None:
+        """Write the problem that could not be solved, and say in the outcome where."""
 
     def close(self) -> None:
         """Close the files. Columns that were read stay usable."""
@@ -404,19 +365,14 @@ class Result(Frames):
     def __reduce__(self) -> Any:
         """Copies and other processes open the run anew; files that are open cannot be sent."""
         if self._directory is None:
-            return Result, (self._about, self._segments, None, self.scene, self._problem)
-        return load, (self.path,)
+            return type(self), (self._about, self._segments, None, self.scene, self._problem)
+        return type(self).load, (self.path,)
 
-    def __enter__(self) -> Result:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _repr_html_(self) -> str:
-        from carom.show.notebook import of_result
-
-        return of_result(self)
 
     def __repr__(self) -> str:
         frames, bodies = len(self.time), self.names

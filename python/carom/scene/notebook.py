@@ -1,0 +1,39 @@
+"""What notebooks show of a scene."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from carom.text import LISTED, page, vector
+
+if TYPE_CHECKING:
+    from carom.scene.scene import Scene
+
+
+def of_scene(scene: Scene) -> str:
+    """What `repr` says, and the contact laws."""
+    run, names = scene.run, scene.names
+    facts = [
+        (
+            "balls",
+            (f"{len(names)}: " if names else "none")
+            + ", ".join(names[:LISTED])
+            + (" ..." if len(names) > LISTED else ""),
+        ),
+        ("walls", ", ".join(scene.wall_names[:LISTED]) or "none"),
+        ("gravity", f"{vector(scene.gravity)} m/s^2"),
+        (
+            "run",
+            f"method {run.method}, step {run.step:g} s, until {'not given' if run.until is None else f'{run.until:g} s'}",
+        ),
+    ]
+    head = ["contact law", "friction", "restitution", "rolling radius (m)"]
+    rows = [
+        [" / ".join(law.between), _law(law.friction), f"{law.restitution:g}", f"{law.rolling_radius:g}"]
+        for law in scene._tree.contact
+    ]
+    return page(scene.title or "carom.Scene", facts, head, rows)
+
+
+def _law(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float | int) else "law of the slip speed"
