@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.audit import forces, hits
 from carom.audit.block import Block, Rows, once
 from carom.audit.corrections import groups as joined
@@ -24,9 +24,6 @@ from carom.audit.reactions import LARGEST
 from carom.audit.report import Tally
 from carom.audit.vectors import cross, exponential, product, rotated, unit
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 Places = tuple[F64, F64]
 """Centres (A, N, 3) and orientations (A, N, 4)."""
 

@@ -8,13 +8,11 @@ from functools import cached_property, wraps
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Array, Bool
 from carom.audit.data import Run
 from carom.audit.report import Place, Tally
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 T = TypeVar("T")
 Of = TypeVar("Of", "Block", Run)
 
@@ -120,12 +118,12 @@ class Block:
         here = (k < self.count) & (step > self.s0[np.minimum(k, self.count - 1)])
         self.there[k[here], body[here]] = False
 
-    def over(self, column: NDArray[Any]) -> F64:
+    def over(self, column: Array) -> F64:
         """Largest value of a column of the steps in each interval, (B,)."""
         ends = np.clip(np.stack([self.s0, self.s1]), 0, len(column))
         return np.array([column[i:j].max(initial=0) for i, j in ends.T], dtype=np.float64)
 
-    def total(self, column: NDArray[Any]) -> F64:
+    def total(self, column: Array) -> F64:
         """Sum of a column of the steps over each interval, (B,)."""
         ends = np.clip(np.stack([self.s0, self.s1]), 0, len(column))
         if len(column) and (ends[1] - ends[0] == 1).all():
@@ -158,7 +156,7 @@ class Block:
         return self.place(k, body)
 
     @cached_property
-    def kept(self) -> NDArray[np.bool_]:
+    def kept(self) -> Bool:
         """(B,) whether the impulses of contacts and joints of the interval are whole: the last frame of a run that did not
         reach its end is the bare state.
         """
@@ -207,7 +205,7 @@ class Block:
         return self.run.meet(time[c.k], c.a, c.b, x[c.k, c.a], x[c.k, other])
 
     @cached_property
-    def large(self) -> NDArray[np.bool_]:
+    def large(self) -> Bool:
         """(B,) intervals in which an island may have been large, or a pile (`Run.small`); the projection does not count
         those that it looks at.
         """
@@ -216,19 +214,19 @@ class Block:
         return np.asarray((self.over(run.steps["candidates"]) > run.small) | projected)
 
     @cached_property
-    def piled(self) -> NDArray[np.bool_]:
+    def piled(self) -> Bool:
         """(B,) intervals in which an island may have been solved as a pile at the position level, where all pairs that are
         looked at count.
         """
         return np.asarray(self.over(self.run.steps["candidates"]) > self.least)
 
     @cached_property
-    def cascaded(self) -> NDArray[np.bool_]:
+    def cascaded(self) -> Bool:
         """(B,) the same at the velocity level, where the closed contacts count, which the steps record."""
         return np.asarray(self.over(self.run.steps["largest_island"]) > self.least)
 
     @property
-    def summed(self) -> NDArray[np.bool_]:
+    def summed(self) -> Bool:
         """(B,) intervals in which rows of impacts may be sums over the problems of a step: those of piles, unless every
         problem was recorded.
         """
@@ -256,7 +254,7 @@ class Block:
         return np.maximum(self.over(s["residual_velocity"]), self.over(s["residual_position"]))
 
     @cached_property
-    def companion(self) -> NDArray[np.bool_]:
+    def companion(self) -> Bool:
         """(B,) intervals with a step that a convex companion ended (`docs/theory/algorithm.md`, section 5): a fallback left
         more than the tolerance, and yet nothing was accepted without convergence.
         """

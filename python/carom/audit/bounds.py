@@ -20,15 +20,12 @@ may separate faster than its law.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.audit.block import Block
 from carom.audit.data import Run
 from carom.audit.hits import Hits
 from carom.audit.vectors import norm
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 
 def squares(run: Run, r: Hits) -> F64:

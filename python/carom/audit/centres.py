@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.audit.answers import before_contacts
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.loads import of_loads
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 
 @once

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom.audit.data import Run
 from carom.audit.references import at
@@ -24,7 +23,6 @@ from carom.audit.report import Tally
 from carom.audit.vectors import EPS, norm
 from carom.scene.assembly.arrays import identify
 
-F64 = NDArray[np.float64]
 Claim = tuple[str, Any, Any, float]
 """Where it is claimed, what is, what the tables show, and how far these may be apart."""
 

@@ -13,8 +13,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.audit import forces, groups, loads_once, works
 from carom.audit.block import Block, once
 from carom.audit.bounds import gain
@@ -24,8 +24,6 @@ from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, across, dot, norm, unit
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 PARTS = "several steps, or parts of one, lie between the frames"
 
 
@@ -93,7 +91,7 @@ def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rat
     return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start), motion, normal, lever)
 
 
-def _place(block: Block, rows: NDArray[np.int64] | None = None) -> Callable[[int], Place]:
+def _place(block: Block, rows: I64 | None = None) -> Callable[[int], Place]:
     c = block.rows
 
     def place(i: int) -> Place:
@@ -163,7 +161,7 @@ def _regularised(block: Block) -> tuple[F64, F64]:
 
 
 @once
-def struck(block: Block) -> NDArray[np.bool_]:
+def struck(block: Block) -> Bool:
     """(K,) contacts that took part in an impact of their interval: its law is another (`impacts`)."""
     run, c = block.run, block.rows
     table = run.result.impacts
@@ -246,9 +244,7 @@ def opposed(force: F64, slip: F64, most: F64, left: F64, still: F64) -> F64:
     return np.where(moving, np.maximum(0.0, norm(force - wanted) - allowed), 0.0)
 
 
-def _turning(
-    block: Block, tally: Tally, rows: NDArray[np.int64], left: F64, index: NDArray[np.int64]
-) -> None:
+def _turning(block: Block, tally: Tally, rows: I64, left: F64, index: I64) -> None:
     run, c = block.run, block.rows
     found = []
     impulse, moment = loads_once.stated(block)
@@ -266,7 +262,7 @@ class Turned(NamedTuple):
 
     value: F64
     bound: F64
-    any: NDArray[np.bool_]
+    any: Bool
 
 
 def turned(

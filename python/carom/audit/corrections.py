@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.formula import law
@@ -25,8 +25,6 @@ from carom.audit.vectors import cross, norm, rotated
 
 if TYPE_CHECKING:
     from carom.audit.loads import Loads
-
-F64 = NDArray[np.float64]
 
 
 def corrections(block: Block, loads: Loads) -> Iterator[tuple[list[int], F64, F64]]:

@@ -14,7 +14,6 @@ Iterations, sweeps, residuals and the like are the solver's own affair; nothing 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom.audit import groups
 from carom.audit.block import Block
@@ -23,9 +22,6 @@ from carom.audit.hits import components
 from carom.audit.near import MARGIN, Near
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 
 def judge(run: Run, tally: Tally) -> None:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom import _core
+from carom.arrays import F64, I64, Array, Bool
 from carom.audit.formula import law
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
@@ -27,8 +27,6 @@ from carom.scene.tables.options import MOST_PROBLEMS
 if TYPE_CHECKING:
     from carom.run.result import Result
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 LEVELS = ("smooth", "position", "velocity")
 
@@ -251,7 +249,7 @@ class Run:
         return held_apart(self.joints, self.radius)
 
     @cached_property
-    def jointed(self) -> NDArray[np.bool_]:
+    def jointed(self) -> Bool:
         """(N,) balls with a joint."""
         found = np.zeros(self.bodies + 1, dtype=bool)
         found[[body for joint in self.joints for body in (joint["a"], joint["b"])]] = (
@@ -260,7 +258,7 @@ class Run:
         return found[:-1]
 
     @cached_property
-    def answering(self) -> NDArray[np.bool_]:
+    def answering(self) -> Bool:
         """(N,) bodies with a joint, or with loads that depend on the motion: these answer within an impact problem."""
         found = np.zeros(self.bodies, dtype=bool)
         for one in (*self.joints, *(load for load in self.loads if load["kind"] != "force")):
@@ -305,7 +303,7 @@ class Run:
         return best
 
     @cached_property
-    def cut(self) -> NDArray[np.bool_]:
+    def cut(self) -> Bool:
         """(S,) steps that were made in parts: halved for convergence, or cut for travel."""
         parts = np.zeros(len(self.steps["step"])) if self.method == "penalty" else self.steps["substeps"]
         return np.asarray((self.steps["halvings"] > 0) | (parts > 0))
@@ -315,7 +313,7 @@ class Run:
         """Whether the method divides steps by itself: then no step is one whole."""
         return self.method in ("penalty", "events")
 
-    def ends(self, problem: NDArray[Any]) -> NDArray[np.bool_]:
+    def ends(self, problem: Array) -> Bool:
         """Whether an impact problem of this number ends a sequence that was cut."""
         return np.asarray(problem > (self.options["max_problems"] or MOST_PROBLEMS))
 

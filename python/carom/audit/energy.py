@@ -16,8 +16,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.audit import groups, reactions
 from carom.audit.block import Block, once
 from carom.audit.data import Run
@@ -28,8 +28,6 @@ from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
 from carom.result.remarks import RISE_PILE
-
-F64 = NDArray[np.float64]
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:

@@ -13,16 +13,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.data import Run
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 
 def judge(run: Run, tally: Tally) -> None:

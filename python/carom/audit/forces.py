@@ -10,14 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.audit import hits, loads_once
 from carom.audit.block import Block, Rows, once
 from carom.audit.formula import law
 from carom.audit.vectors import add_at, cross, dot, norm
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from carom.arrays import F64
+
 Dual = tuple[F64, F64]
 """A value and its slope."""
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
@@ -13,9 +13,6 @@ from carom.audit.near import Near, deepest
 from carom.audit.rates import Pairs, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 
 def penetration(block: Block, near: Near, tally: Tally) -> None:

@@ -8,15 +8,12 @@ groups that have a part in it are one, the *outer* group of their interval.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import I64, Bool
 from carom.audit import hits
 from carom.audit.block import Block, Rows, once
 from carom.audit.data import Run
 from carom.audit.hits import components
-
-I64 = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 
 REDONE = "joints, dampers and drag answer impulses of loads anew in an impact, and so the works of contacts do not add up"
 

@@ -6,15 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.audit.block import Block
 from carom.audit.report import Place
 from carom.audit.vectors import EPS, add_at, norm
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ are not judged.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.audit import answers, bounds, forces, hits, loads_once, replay
 from carom.audit.block import Block
 from carom.audit.centres import at_walls, wall_slack
@@ -21,10 +21,6 @@ from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import EPS, dot, norm
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 
 
 def judge(block: Block, tally: Tally) -> None:

@@ -14,16 +14,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.formula import law
 from carom.audit.loads import of_loads
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, cross, dot, norm, rotated
-
-F64 = NDArray[np.float64]
 
 
 def judge(block: Block, tally: Tally) -> None:

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.audit.block import Block, once
 from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
 from carom.audit.forces import curvature, pushes, shifts, strokes, together
 from carom.audit.formula import law
 from carom.audit.vectors import cross, dot, norm, rotated
-
-F64 = NDArray[np.float64]
 
 
 @dataclass
@@ -36,7 +34,7 @@ class Loads:
     """(B, N, 2) m, rad."""
     shift_held: F64
     """(B, N, 2) what joints may do besides, along their directions, of which nothing is recorded at the position level."""
-    unknown: NDArray[np.bool_]
+    unknown: Bool
     """(B, N) bodies of which the loads cannot be known."""
     alone: F64
     """(B, N, 6) the impulses of loads without joints."""
@@ -257,7 +255,7 @@ def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
     return found
 
 
-def pulled_from(block: Block, active: NDArray[np.int64], places: tuple[F64, F64]) -> F64:
+def pulled_from(block: Block, active: I64, places: tuple[F64, F64]) -> F64:
     """(A, N, 6) force and moment of springs in some intervals at other places and orientations of the bodies, with the
     velocities of the second frames, less those of these frames.
     """

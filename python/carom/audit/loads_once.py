@@ -15,15 +15,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.audit import groups, hits
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.vectors import add_at, cross, dot, unit
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 
 class Mean(NamedTuple):

@@ -16,8 +16,8 @@ rounding.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Bool
 from carom.audit import answers, forces
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
@@ -36,12 +36,11 @@ from carom.audit.vectors import (
     rotation_vector,
 )
 
-F64 = NDArray[np.float64]
 CONTACTS = "impulses of contacts were not recorded; bodies in free flight were judged"
 RECORD = "contacts = true in [record]"
 
 
-def judge(block: Block, tally: Tally, free: NDArray[np.bool_]) -> None:
+def judge(block: Block, tally: Tally, free: Bool) -> None:
     """`free` (B, N): bodies that cannot have touched anything; without recorded contacts only they are judged."""
     run = block.run
     sums, loads = forces.of_contacts(block), of_loads(block)
@@ -91,14 +90,14 @@ def _rounding(block: Block) -> F64:
     return EPS * (swept * (8.0 + 2.0 * block.updates) + 6.0 * sums)[:, None]
 
 
-def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: NDArray[np.bool_]) -> None:
+def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: Bool) -> None:
     chosen = np.flatnonzero(known)
     tally.measure(
         kind, value.ravel()[chosen], bound.ravel()[chosen], lambda i: block.per_body(int(chosen[i]))
     )
 
 
-def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) -> None:
     run = block.run
     m = run.mass[:, None]
     weight = m * run.gravity * block.dt[:, None, None]
@@ -108,7 +107,7 @@ def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[
     _take(block, tally, "momentum", value, _rounding(block) * size + loads.slack[..., 0], known)
 
 
-def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.bool_]) -> None:
+def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) -> None:
     run = block.run
     inertia = run.inertia[:, None]
     given = loads.impulse[..., 3:]
@@ -121,9 +120,7 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: NDArray[np.b
     _take(block, tally, "spin", value, bound, known)
 
 
-def _position(
-    block: Block, tally: Tally, s: Sums, loads: Loads, touched: NDArray[np.bool_]
-) -> tuple[F64, F64]:
+def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) -> tuple[F64, F64]:
     """(B, N, 3) by how much centres are off, m, and may be, (B, N)."""
     run = block.run
     dt, g = block.dt[:, None, None], run.gravity
@@ -155,7 +152,7 @@ def _position(
     return block.x1 - block.x0 - way, bound
 
 
-def _rotation(block: Block, s: Sums, loads: Loads, touched: NDArray[np.bool_]) -> tuple[list[F64], F64]:
+def _rotation(block: Block, s: Sums, loads: Loads, touched: Bool) -> tuple[list[F64], F64]:
     """(B, N, 3) by how much orientations are off, rad, by either reading of the moments, and may be, (B, N)."""
     run = block.run
     dt = block.dt[:, None, None]
@@ -221,7 +218,7 @@ def walls(block: Block, tally: Tally) -> None:
     _wall_moments(block, tally, given, rows)
 
 
-def _wall_moments(block: Block, tally: Tally, given: F64, rows: NDArray[np.bool_]) -> None:
+def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     """Moments about the places of the walls at the frame, of contacts that act at their last place: after one step alone.
 
     Those of Moreau-Jean act where its step has them, between the frames.

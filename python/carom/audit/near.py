@@ -10,16 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
 from carom.audit.rates import compliance
 from carom.audit.vectors import norm
 from carom.scene.packing.neighbours import pairs as neighbours
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 LONGEST = 8.0
 """Ways are cut at this many radii, of many bodies at a quarter of it."""
@@ -38,7 +35,7 @@ class Near:
     normal0: F64
     gap1: F64
     normal1: F64
-    free: NDArray[np.bool_]
+    free: Bool
     """(B, N) bodies that can have touched nothing."""
 
 

@@ -13,16 +13,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.audit import forces
 from carom.audit.block import Block, blocks
 from carom.audit.corrections import groups, kinks, swing
 from carom.audit.data import Run
 from carom.audit.loads import of_loads, remembered
 from carom.audit.vectors import norm
-
-F64 = NDArray[np.float64]
 
 #: Stands for no bound at all (a spring without length turns at once), as products with 0 have no value.
 LARGEST = 1e60

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import I64, Bool
 from carom.audit.data import Run
 from carom.audit.kinds import KINDS
 from carom.audit.report import Place, Tally
@@ -92,9 +92,9 @@ def _rows(run: Run, tally: Tally) -> None:
         _count(tally, (_whole(changes["mode"]) >= len(changes.MODES)).any(axis=1), "/transitions/mode")
 
 
-def _whole(column: Any) -> NDArray[np.int64]:
+def _whole(column: Any) -> I64:
     return np.asarray(column).astype(np.int64)
 
 
-def _disordered(step: NDArray[np.int64], first: int, last: int) -> NDArray[np.bool_]:
+def _disordered(step: I64, first: int, last: int) -> Bool:
     return (step < first) | (step > last) | (np.diff(step, prepend=first) < 0)

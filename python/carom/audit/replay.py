@@ -20,8 +20,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.audit import answers, bounds, forces, loads_once, works
 from carom.audit.block import Block
 from carom.audit.centres import at_walls
@@ -30,10 +30,6 @@ from carom.audit.hits import Hits, groups, pairs, place
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, across, add_at, cross, dot, norm
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 
 
 class Told(NamedTuple):

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.audit.kinds import KINDS, Kind
 from carom.errors import did_you_mean
 from carom.result.tables import UnknownName
@@ -193,7 +193,7 @@ class Tally:
         return self.verdicts
 
 
-def _ratios(values: NDArray[np.float64], bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ratios(values: F64, bounds: F64) -> F64:
     """Values over bounds: infinite where a bound is 0 and the value is not, and where a bound is no number."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(np.isinf(bounds) & ~np.isinf(values), 0.0, values / bounds)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError
 
 if TYPE_CHECKING:
@@ -177,19 +177,19 @@ def _bare_end(original: Result, table: str) -> bool:
     return table == "frames" and original.status not in ("done",)
 
 
-def _bits(values: NDArray[Any]) -> NDArray[Any]:
+def _bits(values: Array) -> Array:
     """Numbers as integers of their size, flat: no number equals none, and -0 is not 0."""
     flat = np.ascontiguousarray(values).ravel()
     return flat.view(f"u{flat.dtype.itemsize}") if flat.dtype.kind == "f" else flat
 
 
-def _same(a: NDArray[Any], b: NDArray[Any]) -> bool:
+def _same(a: Array, b: Array) -> bool:
     if a.shape != b.shape or a.dtype != b.dtype:
         return False
     return bool(np.array_equal(_bits(a), _bits(b)))
 
 
-def _show(table: dict[str, NDArray[Any]], name: str) -> str:
+def _show(table: dict[str, Array], name: str) -> str:
     return "absent" if name not in table else " ".join(str(table[name]).split())[:60]
 
 

@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Bool
 from carom.audit.formula import law
 from carom.audit.vectors import dot, norm, rotated, unit
-
-F64 = NDArray[np.float64]
 
 GONE = 1e-9
 """Relative to the time at which a wall is taken away: times of frames are rounded."""
@@ -105,7 +103,7 @@ class Surface:
             normal = rotated(self.pose(time)[2], normal)
         return np.where(self.there(time), gap, np.inf), normal
 
-    def there(self, time: F64) -> NDArray[np.bool_]:
+    def there(self, time: F64) -> Bool:
         """Whether it is there at the times (K,)."""
         return np.asarray(time <= self.last * (1.0 + GONE))
 
@@ -229,7 +227,7 @@ class Surface:
         return _from(away - near, face, sign * (v * du - u * dv) / length, radius, within)
 
 
-def _from(arm: F64, face: F64, height: F64, radius: F64, within: NDArray[np.bool_]) -> tuple[F64, F64]:
+def _from(arm: F64, face: F64, height: F64, radius: F64, within: Bool) -> tuple[F64, F64]:
     """Gap and normal from the arm of the nearest point: within the outline the height counts, at edges the distance."""
     gap = np.where(within, np.abs(height), norm(arm)) - radius
     side = np.where(height < 0.0, -1.0, 1.0)[:, None]

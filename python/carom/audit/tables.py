@@ -6,15 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import I64
 from carom.audit.block import Block
 from carom.audit.data import Run
 from carom.audit.references import at
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
 
-F64 = NDArray[np.float64]
 ROWS = 200_000
 """Rows that are read at a time."""
 
@@ -132,9 +131,9 @@ def _compare(tally: Tally, wanted: Any, found: Any, dataset: str) -> None:
     tally.measure("scenario", off, 8.0 * EPS, at(dataset))
 
 
-def _first(run: Run, bodies: NDArray[np.int64]) -> Callable[[int], Place]:
+def _first(run: Run, bodies: I64) -> Callable[[int], Place]:
     return lambda i: run.frame_place(0, int(bodies[i]))
 
 
-def _steps(run: Run, step: NDArray[np.int64]) -> Callable[[int], Place]:
+def _steps(run: Run, step: I64) -> Callable[[int], Place]:
     return lambda i: run.step_place(int(step[i]))

@@ -11,15 +11,13 @@ twice those of the frames are granted.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.audit.block import Block
 from carom.audit.forces import speeds
 from carom.audit.near import Near
 from carom.audit.report import Tally
 from carom.audit.vectors import dot, norm
-
-F64 = NDArray[np.float64]
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:
@@ -50,9 +48,7 @@ def _spheres(block: Block, near: Near, tally: Tally, way: F64) -> None:
     tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))
 
 
-def _obstacle(
-    block: Block, tally: Tally, w: int, k: NDArray[np.int64], a: NDArray[np.int64], way: F64
-) -> None:
+def _obstacle(block: Block, tally: Tally, w: int, k: I64, a: I64, way: F64) -> None:
     """A sphere, or a tube without end, that is met from outside."""
     run, wall = block.run, block.run.walls[w]
     ends = [wall.local(t[k], x[k, a]) - wall.point for t, x in ((block.t0, block.x0), (block.t1, block.x1))]
@@ -65,7 +61,7 @@ def _obstacle(
     tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), run.bodies + w))
 
 
-def _travel(block: Block, w: int, k: NDArray[np.int64], a: NDArray[np.int64]) -> F64:
+def _travel(block: Block, w: int, k: I64, a: I64) -> F64:
     """Way of a wall's surface at a ball in an interval, m, twice over."""
     wall = block.run.walls[w]
     if not wall.travels:
@@ -92,7 +88,7 @@ def _cut(start: F64, end: F64, reach: F64, smallest: F64, allowed: F64) -> tuple
     return value, np.where(around <= np.maximum(allowed, 0.0), np.maximum(reach, value), short)
 
 
-def _sheet(block: Block, tally: Tally, w: int, k: NDArray[np.int64], a: NDArray[np.int64], way: F64) -> None:
+def _sheet(block: Block, tally: Tally, w: int, k: I64, a: I64, way: F64) -> None:
     run, wall = block.run, block.run.walls[w]
     before, after = (wall.local(t[k], x[k, a]) for t, x in ((block.t0, block.x0), (block.t1, block.x1)))
     (h0, _), (h1, _) = wall.height(before), wall.height(after)

@@ -7,10 +7,8 @@ several indices take 3 to 6 times as long.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
+from carom.arrays import F64, I64
 
 EPS = float(np.finfo(np.float64).eps)
 

@@ -11,8 +11,8 @@ Bound: rounding, and what the solver may have left of the velocities for which i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.audit import answers, forces, groups, loads_once
 from carom.audit.block import Block, Rows
 from carom.audit.centres import at_walls
@@ -22,7 +22,6 @@ from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, across, dot, norm, unit
 
-F64 = NDArray[np.float64]
 Motion = tuple[F64, F64, F64, F64]
 
 

@@ -10,17 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array
 from carom.export.atomic import whole_file, without
 from carom.export.frames import Frame, Selection
 from carom.export.glyphs import contact_glyphs
 from carom.show.surfaces import box
-
-F64 = NDArray[np.float64]
 
 PROPERTIES = "type:S:1:pos:R:3:id:I:1:radius:R:1:mass:R:1:velo:R:3:angular_velocity:R:3:orientation:R:4"
 
@@ -72,7 +69,7 @@ def _head(count: int, cell: str, properties: str, time: float, step: int) -> str
     return f"{count}\n{cell}Properties={properties} Time={time!r} Step={step}\n"
 
 
-def _contact_lines(points: F64, radius: F64, data: Mapping[str, NDArray[Any]]) -> Iterator[str]:
+def _contact_lines(points: F64, radius: F64, data: Mapping[str, Array]) -> Iterator[str]:
     columns = [points, radius, *(data[name] for name in CARRIED)]
     parts = [values[:, None].tolist() if values.ndim == 1 else values.tolist() for values in columns]
     for state, *rows in zip(data["status"].tolist(), *parts, strict=True):

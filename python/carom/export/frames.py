@@ -8,14 +8,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Array, Bool
 from carom.errors import CaromError
 from carom.result.data import RunData
 from carom.result.record import Column
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 #: Bytes of one quantity that are read at a time.
 BLOCK_BYTES = 16 * 1024 * 1024
@@ -29,7 +26,7 @@ class Frame:
     time: float
     step: int
     body: I64
-    quantities: Mapping[str, NDArray[Any]]
+    quantities: Mapping[str, Array]
 
     @property
     def position(self) -> F64:
@@ -49,7 +46,7 @@ class Stack:
     step: I64
     count: I64
     body: I64
-    quantities: Mapping[str, NDArray[Any]]
+    quantities: Mapping[str, Array]
 
 
 #: Quantities of a ball that change, with their components and unit.
@@ -112,7 +109,7 @@ class Selection:
         """Whether balls enter or leave, so that frames differ in their number."""
         return "present" in self.result._segments.columns("frames")
 
-    def fixed(self) -> dict[str, NDArray[Any]]:
+    def fixed(self) -> dict[str, Array]:
         """What does not change, (N,) each, of all balls."""
         bodies = self.result.bodies
         found = {name: np.asarray(bodies[name]) for name in FIXED}
@@ -134,7 +131,7 @@ class Selection:
         begin = np.where(frames > 0, self.contact_end[frames - 1], 0)
         return begin, self.contact_end[frames]
 
-    def rows_between(self, table: Any) -> NDArray[np.bool_]:
+    def rows_between(self, table: Any) -> Bool:
         """Which rows of a table with times lie in the time of the selection; the time before a frame belongs to it."""
         time = np.asarray(table["time"])
         # Up to the last frame of the time asked for, which need not be one of those chosen by `every`.

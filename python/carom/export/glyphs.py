@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Array
 from carom.export.frames import Block, Selection
 from carom.measure.contacts import along_and_across
 
@@ -47,13 +47,13 @@ class Glyphs:
     and `body_b` indices, of walls counted after the balls.
     """
 
-    frames: NDArray[np.int64]
-    time: NDArray[np.float64]
-    count: NDArray[np.int64]
-    points: NDArray[np.float64]
-    data: dict[str, NDArray[Any]]
+    frames: I64
+    time: F64
+    count: I64
+    points: F64
+    data: dict[str, Array]
 
-    def __iter__(self) -> Iterator[tuple[NDArray[np.float64], dict[str, NDArray[Any]]]]:
+    def __iter__(self) -> Iterator[tuple[F64, dict[str, Array]]]:
         """Points and data of each frame."""
         end = np.cumsum(self.count)
         for first, last in zip(end - self.count, end, strict=True):
@@ -79,10 +79,10 @@ def contact_glyphs(selection: Selection) -> Iterator[Glyphs]:
 def _glyphs(
     selection: Selection,
     block: Block,
-    frames: NDArray[np.int64],
+    frames: I64,
     part: slice,
-    begin: NDArray[np.int64],
-    end: NDArray[np.int64],
+    begin: I64,
+    end: I64,
 ) -> Glyphs:
     """Those of a part of the `frames` of a block, whose rows are `begin` to `end`, (F,) each."""
     column = _rows(selection.result.contacts, begin, end)
@@ -122,12 +122,12 @@ def _glyphs(
     )
 
 
-def _rows(table: Any, begin: NDArray[np.int64], end: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+def _rows(table: Any, begin: I64, end: I64) -> dict[str, Array]:
     """The columns of a table in the rows `begin` to `end`, (F,) each and rising, end to end."""
     count = end - begin
     wanted = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
     runs = np.split(np.arange(len(begin)), np.flatnonzero(begin[1:] - end[:-1] > GAP) + 1)
-    found: dict[str, NDArray[Any]] = {}
+    found: dict[str, Array] = {}
     for name in ("body", *OF_TABLE):
         column = table[name]
         pieces = []

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.export.frames import MOVING, Selection
 from carom.export.glyphs import GLYPHS, contact_glyphs
 from carom.result.record.layout import MEANINGS
 
-Columns = Mapping[str, NDArray[Any]]
+Columns = Mapping[str, Array]
 
 #: Rows of a table of events and steps that are read at a time.
 ROWS = 100_000
@@ -67,7 +67,7 @@ def _frames(selection: Selection) -> Sheet:
     def pieces() -> Iterator[Columns]:
         for block in selection.blocks():
             stack = block.stack()
-            piece: dict[str, NDArray[Any]] = {
+            piece: dict[str, Array] = {
                 "frame": np.repeat(stack.frames, stack.count),
                 "step": np.repeat(stack.step, stack.count),
                 "time": np.repeat(stack.time, stack.count),
@@ -133,8 +133,8 @@ def _rows(selection: Selection, name: str, table: Any) -> Sheet:
     return Sheet(name, units, pieces, empty=not len(table))
 
 
-def _piece(columns: Columns, names: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    found: dict[str, NDArray[Any]] = {}
+def _piece(columns: Columns, names: Array) -> dict[str, Array]:
+    found: dict[str, Array] = {}
     for name, values in columns.items():
         if name == "body" and values.ndim == 2:
             body = values.astype(np.int64)
@@ -151,7 +151,7 @@ def _piece(columns: Columns, names: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return found
 
 
-def _flat(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
+def _flat(name: str, values: Array) -> dict[str, Array]:
     if values.ndim == 1:
         return {name: values}
     letters = LETTERS.get(values.shape[1], "".join(map(str, range(values.shape[1]))))

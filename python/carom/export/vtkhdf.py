@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.export.atomic import whole_file, without
 from carom.export.frames import FIXED, MOVING, Selection
 from carom.export.glyphs import contact_glyphs
@@ -70,17 +69,17 @@ class Temporal:
     def __init__(
         self,
         path: Path,
-        fixed: Mapping[str, NDArray[Any]] | None = None,
+        fixed: Mapping[str, Array] | None = None,
         *,
-        triangles: NDArray[Any] | None = None,
-        cells: Mapping[str, NDArray[Any]] | None = None,
+        triangles: Array | None = None,
+        cells: Mapping[str, Array] | None = None,
     ) -> None:
         self._file = h5py.File(path, "w")
         root = self._root = self._file.create_group("VTKHDF")
         root.attrs["Version"] = np.array(VERSION, dtype=np.int64)
         root.attrs.create("Type", np.bytes_(b"PolyData"))
         root.create_group("PointData")
-        self._kept: dict[str, list[NDArray[Any]]] = {}
+        self._kept: dict[str, list[Array]] = {}
         self._lengths: dict[str, int] = {}
         self._bytes = 0
         self._fixed = dict(fixed or {})
@@ -95,9 +94,7 @@ class Temporal:
         self._begins: list[int] = []
         self._varying: list[str] = []
 
-    def append(
-        self, time: NDArray[Any], count: NDArray[Any], points: NDArray[Any], data: Mapping[str, NDArray[Any]]
-    ) -> None:
+    def append(self, time: Array, count: Array, points: Array, data: Mapping[str, Array]) -> None:
         """Add steps at `time` (F,) s of `count` (F,) points each, with all their points (n, 3) and arrays (n,) or (n, k) end
         to end; the names of these are the same in every call.
         """
@@ -109,7 +106,7 @@ class Temporal:
         self._counts.extend(count.tolist())
         self._begins.extend((begin + np.cumsum(count) - count).tolist())
 
-    def repeat(self, time: NDArray[Any]) -> None:
+    def repeat(self, time: Array) -> None:
         """Add steps at `time` (F,) s with the points of the step before."""
         self._times.extend(time.tolist())
         self._counts.extend(self._counts[-1:] * len(time))
@@ -153,7 +150,7 @@ class Temporal:
             for name in self._of_cells:
                 offsets[name] = np.zeros((steps, len(CELLS)), dtype=np.int64)
 
-    def _append(self, name: str, values: NDArray[Any]) -> int:
+    def _append(self, name: str, values: Array) -> int:
         """Add rows to an array; returns how many it had."""
         rows = self._lengths.get(name, 0)
         self._lengths[name] = rows + len(values)
@@ -168,7 +165,7 @@ class Temporal:
             self._write(name, np.concatenate(pieces))
         self._kept, self._bytes = {}, 0
 
-    def _write(self, name: str, values: NDArray[Any]) -> None:
+    def _write(self, name: str, values: Array) -> None:
         if name not in self._root:
             self._root.create_dataset(
                 name,

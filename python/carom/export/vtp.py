@@ -8,12 +8,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.export.atomic import whole_file, whole_folder, without
 from carom.export.frames import FIXED, MOVING, Frame, Selection
 from carom.export.glyphs import contact_glyphs
@@ -63,16 +62,16 @@ def _series(selection: Selection, directory: Path, what: str, steps: Iterable[by
     return directory / f"{what}.pvd"
 
 
-def _balls(frame: Frame) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
+def _balls(frame: Frame) -> tuple[Array, dict[str, Array]]:
     names = [*(name for name in MOVING if name != "position"), *FIXED]
     return frame.position, {**{name: frame.quantities[name] for name in names}, "id": frame.body}
 
 
 def polydata(
-    points: NDArray[Any],
-    data: Mapping[str, NDArray[Any]],
-    triangles: NDArray[Any] | None = None,
-    cells: Mapping[str, NDArray[Any]] | None = None,
+    points: Array,
+    data: Mapping[str, Array],
+    triangles: Array | None = None,
+    cells: Mapping[str, Array] | None = None,
 ) -> bytes:
     """A `.vtp` file of points (n, 3) with arrays (n,) or (n, k): each a vertex, or with `triangles` (F, 3), which may have
     arrays `cells` too, (F,) or (F, k).
@@ -80,7 +79,7 @@ def polydata(
     blobs: list[bytes] = []
     size = 0
 
-    def array(values: NDArray[Any], name: str = "") -> str:
+    def array(values: Array, name: str = "") -> str:
         nonlocal size
         values = np.ascontiguousarray(values, dtype=np.int64 if values.dtype.kind in "iu" else np.float64)
         kind = "Int64" if values.dtype.kind == "i" else "Float64"

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array
 from carom.export.frames import Selection
 from carom.show.surfaces import Surface, box, surfaces
-
-F64 = NDArray[np.float64]
 
 #: Bytes of corners that are computed at a time.
 PART_BYTES = 4 * 1024 * 1024
@@ -22,8 +19,8 @@ PART_BYTES = 4 * 1024 * 1024
 class Walls:
     """Triangles (F, 3) of all walls, arrays of them (F,) by name, and where their corners are."""
 
-    triangles: NDArray[Any]
-    cells: dict[str, NDArray[Any]]
+    triangles: Array
+    cells: dict[str, Array]
     """`id`, that of the wall as contacts have it (`body_b`), and `material`, a number."""
     moves: bool
     """Whether any wall moves."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array, Bool
 from carom.errors import counted, extra
 from carom.many.cases import WIDTHS, Overrides
 from carom.result.kinematics import QUANTITIES, Body
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from carom.scene.scene import Scene
 
-F64 = NDArray[np.float64]
 
 ENDED = ("done", "stopped")
 """Outcomes of cases that ended well."""
@@ -32,9 +31,9 @@ class Batch:
 
     names: list[str]
     """Names of the balls."""
-    outcome: NDArray[Any]
+    outcome: Array
     """(B,) "done", "stopped" by the condition, or what went wrong: "not_converged", "overlap", "bad_model", "not_run" ..."""
-    message: NDArray[Any]
+    message: Array
     """(B,) where and why, with advice; empty where all is well."""
     time: F64
     """(B,) time of the final state, s."""
@@ -46,19 +45,19 @@ class Batch:
     """(B, N, 3), m/s."""
     angular_velocity: F64
     """(B, N, 3) in the world frame, rad/s."""
-    present: NDArray[np.bool_]
+    present: Bool
     """(B, N) which balls are there at the end; all, unless the scene has inflows or outlets."""
     left_at: F64
     """(B, N, 3) where a ball that left was then, m; NaN for the others."""
     monitors: Mapping[str, F64]
     """Totals (B,): penetration, energies (J), counts of what the solver had to do."""
-    parameters: Mapping[str, NDArray[Any]]
+    parameters: Mapping[str, Array]
     """The overrides, as arrays."""
-    impacts: Mapping[str, NDArray[Any]]
+    impacts: Mapping[str, Array]
     """The tables of impacts end to end, with the column `case`; empty unless they were asked for."""
-    events: Mapping[str, NDArray[Any]]
+    events: Mapping[str, Array]
     """Balls that entered (`kind` 1) or left (0), with the column `case`; empty without inflows and outlets."""
-    transitions: Mapping[str, NDArray[Any]]
+    transitions: Mapping[str, Array]
     """The tables of transitions end to end, with the column `case`; with `impacts`, and of method `events` alone."""
     frame_time: F64
     """(T,) times of the frames, s; T is 0 unless they were asked for."""
@@ -74,7 +73,7 @@ class Batch:
         return len(self.outcome)
 
     @property
-    def ok(self) -> NDArray[np.bool_]:
+    def ok(self) -> Bool:
         """(B,) which cases reached their end, or were stopped by the condition."""
         return np.isin(self.outcome, ENDED)
 
@@ -105,11 +104,11 @@ class Batch:
         rows = pandas.RangeIndex(len(self), name="case")
         return pandas.DataFrame(dict(self.columns()), index=rows)
 
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def columns(self) -> dict[str, Array]:
         """The same table as arrays (B,), by name: `parameter cue.velocity.x`, `outcome`, `penetration_max` ..., and
         `cue.velocity.x` of the final state.
         """
-        found: dict[str, NDArray[Any]] = {}
+        found: dict[str, Array] = {}
         for key, values in self.parameters.items():
             ends = [f".{name}" for name in self.names] if values.ndim > 1 and key in WIDTHS else [""]
             width = WIDTHS.get(key.rpartition(".")[2], 3)

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
 from carom.scene.assembly.arrays import LAW_KEYS, resolved_tree
 from carom.scene.scene import Scene
 
 Values = ArrayLike
 """Numbers in SI, the first axis one row per case."""
-F64 = NDArray[np.float64]
 
 WIDTHS = {
     "position": 3,

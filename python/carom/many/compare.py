@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 import carom
 from carom import _core
+from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.files import inside
 from carom.many.quantity import USUAL
@@ -31,8 +31,6 @@ from carom.scene.arguments import renamed
 from carom.scene.plan import Plan
 from carom.scene.scene import Scene
 from carom.scene.tables.keywords import Options
-
-F64 = NDArray[np.float64]
 
 #: Numbers of a run's summary that stand side by side, as far as the method has them.
 NUMBERS = (

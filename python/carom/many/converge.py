@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.errors import CaromError
 from carom.many.batch import usable_processors
 from carom.many.order import FINER, Order, clear_order, doubts, error_of
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from carom.run.result import Result
     from carom.scene.scene import Scene
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 #: Instants of one run that enter eq. 45, and numbers of their states, at most.
 MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000

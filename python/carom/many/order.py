@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from carom.errors import CaromError
-
-F64 = NDArray[np.float64]
 
 #: Errors by eq. 45 below this are rounding: no order is read from them.
 ROUNDING = 1e-12

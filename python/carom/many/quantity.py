@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.result import kinematics
 
-F64 = NDArray[np.float64]
 #: Quantities that are looked at where nothing else is said.
 USUAL = ("position", "velocity", "angular_velocity")
 #: States by quantity, each (T, N, components).

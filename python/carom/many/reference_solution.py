@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from carom._core import Expression, ExpressionError
+from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.many.quantity import QUANTITIES, Quantity, States
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from carom.run.result import Result
     from carom.scene.scene import Scene
 
-F64 = NDArray[np.float64]
 #: Of the time t (s): values by quantity, as `{"velocity:cue": (vx, vy, vz)}`.
 Function = Callable[[float], Mapping[str, ArrayLike]]
 #: What counts as the same instant, relative to the time.

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError, quoted
 from carom.many.batch import simulate_batch
 from carom.many.batch_result import Batch
@@ -25,7 +25,6 @@ from carom.result.tables import Transitions
 from carom.run.simulate import scene_of
 from carom.scene.scene import Scene
 
-F64 = NDArray[np.float64]
 Events = list[tuple[int, ...]]
 
 QUANTITIES = ("position", "velocity", "angular_velocity")

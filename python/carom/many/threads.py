@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError
 from carom.many.batch_result import ENDED, KINEMATICS, Batch
 from carom.many.cases import Overrides
@@ -44,7 +44,7 @@ def _plan(scene: Scene, every: int | None) -> Plan:
 class _Kept(Sink):
     """The frames of a case on the grid, in its rows of the arrays of the batch, and its small tables."""
 
-    def __init__(self, frames: Mapping[str, NDArray[Any]], plan: Plan) -> None:
+    def __init__(self, frames: Mapping[str, Array], plan: Plan) -> None:
         self._frames, self._every = frames, plan.every
         self.tables: dict[str, list[Mapping[str, Any]]] = {name: [] for name in TABLES}
 
@@ -113,7 +113,7 @@ class Runner:
             np.float64
         ) * longest.step  # as the core has it
         self.frames = {key: np.full((b, t, n, width), np.nan) for key, width in KINEMATICS.items() if t}
-        self.tables: dict[str, list[dict[str, NDArray[Any]] | None]] = {name: [None] * b for name in TABLES}
+        self.tables: dict[str, list[dict[str, Array] | None]] = {name: [None] * b for name in TABLES}
         self.stop = threading.Event()
         self.done = 0
         self.broken: BaseException | None = None
@@ -231,7 +231,7 @@ class Runner:
             # The frame has NaN for balls that are absent; the state keeps where they stood last.
             self.left_at[case, gone] = simulation.state()["position"][gone]
 
-    def _table(self, name: str) -> dict[str, NDArray[Any]]:
+    def _table(self, name: str) -> dict[str, Array]:
         """All tables of a kind end to end, the case in front."""
         found = [(case, table) for case, table in enumerate(self.tables[name]) if table is not None]
         if not found:

@@ -8,16 +8,13 @@ the places: bodies that are no further apart than they were in that step.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.result.data import RunData
 from carom.scene.packing.neighbours import TOUCHING, separation
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
-
-def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], time: F64) -> NDArray[np.bool_]:
+def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], time: F64) -> Bool:
     """Whether the bodies of contacts touch at the times (K,), s; pairs (K, 2) and gaps (K,), m, are those of `/contacts`.
 
     The centres of the first and of the second bodies are then at `place` (K, 3), m (of walls any). Balls that are absent,

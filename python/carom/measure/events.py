@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError, did_you_mean
 from carom.result.tables import UnknownName
 from carom.scene.packing.neighbours import TOUCHING
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from carom.result.tables import Impacts
     from carom.run.watch import State
 
-F64 = NDArray[np.float64]
 
 #: Slip or speed below which a ball counts as rolling or at rest, m/s, unless the caller says otherwise.
 SPEED = 1e-3
@@ -242,7 +242,7 @@ class AtRest:
         return view.time - self._since >= self.hold * (1 - 1e-9)
 
 
-def _still(velocity: F64, spin: F64, radius: F64, speed: float, ignore_spin: bool) -> NDArray[np.bool_]:
+def _still(velocity: F64, spin: F64, radius: F64, speed: float, ignore_spin: bool) -> Bool:
     """Whether |v| and r |w| are `speed`, m/s, at most, (...), of balls with velocities (..., 3)."""
     turning = radius * np.linalg.norm(spin[..., : 2 if ignore_spin else 3], axis=-1)
     return np.asarray((np.linalg.norm(velocity, axis=-1) <= speed) & (turning <= speed))
@@ -297,7 +297,7 @@ def _windows(frames: int, bodies: int) -> Iterator[tuple[int, int]]:
 
 def _motion(
     result: Frames, bodies: list[int], columns: Sequence[str] = MOTION, rows: slice = slice(None)
-) -> tuple[NDArray[Any], ...]:
+) -> tuple[Array, ...]:
     """Columns of some frames, (T, n, ...), of some balls."""
     if len(bodies) == 1:
         chosen = slice(bodies[0], bodies[0] + 1)
@@ -306,7 +306,7 @@ def _motion(
 
 
 def _phases(
-    result: RunData, motion: tuple[NDArray[Any], ...], bodies: list[int], plane: int, speed: float
+    result: RunData, motion: tuple[Array, ...], bodies: list[int], plane: int, speed: float
 ) -> tuple[NDArray[np.int8], F64, F64]:
     """Phases, slip and speed of the centre, m/s, (T, n) each, of balls on a plane, whose `motion` is given."""
     normal = np.asarray(result.planes["normal"][plane])

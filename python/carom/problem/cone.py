@@ -23,9 +23,8 @@ block: no iteration and no list of cases.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from carom.arrays import F64
 
 #: Rows of a contact -> its blocks behind the normal row, one for each bound: sliding, rolling, spinning.
 BLOCKS: dict[int, tuple[slice, ...]] = {

@@ -25,8 +25,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array
 from carom.files import write_whole
 from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
 from carom.problem.global_ import GlobalProblem
@@ -172,12 +172,12 @@ def _group(group: h5py.Group, key: str) -> h5py.Group:
     return found
 
 
-def _array(group: h5py.Group, key: str, kinds: str) -> NDArray[Any]:
-    array: NDArray[Any] = np.atleast_1d(read(group, key, kinds))
+def _array(group: h5py.Group, key: str, kinds: str) -> Array:
+    array: Array = np.atleast_1d(read(group, key, kinds))
     return array.reshape(-1)
 
 
-def _floats(group: h5py.Group, key: str) -> NDArray[np.float64]:
+def _floats(group: h5py.Group, key: str) -> F64:
     return _array(group, key, "fiu").astype(np.float64)
 
 
@@ -231,7 +231,7 @@ def _write_matrix(group: h5py.Group, a: Csr, compress: bool) -> None:
         _write_array(group, name, values, compress)
 
 
-def _write_array(group: h5py.Group, name: str, values: NDArray[Any], compress: bool) -> None:
+def _write_array(group: h5py.Group, name: str, values: Array, compress: bool) -> None:
     """An array; deflated only where that makes it smaller: a chunk has a price of its own."""
     if compress and values.nbytes > LEAST_DEFLATED:
         group.create_dataset(name, data=values, chunks=values.shape, compression=9, shuffle=True)

@@ -15,13 +15,11 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
 from carom.problem.local import Bounds, LocalProblem, finite, square, vector
 from carom.problem.matrix import Csr, components
-
-F64 = NDArray[np.float64]
 
 #: Rows of a block of M that is inverted as a dense matrix (0.3 GB).
 MAX_BLOCK = 6000
@@ -111,7 +109,7 @@ def invert(m: Csr) -> Csr:
     )
 
 
-def _inverse(dense: F64, members: NDArray[np.int64]) -> tuple[F64, bool]:
+def _inverse(dense: F64, members: I64) -> tuple[F64, bool]:
     """Inverses of blocks (k, s, s), whose rows in M are `members` (k, s); and whether all are positive definite."""
     scale = np.sqrt(np.abs(dense).max(axis=2))
     if (scale == 0.0).any():
@@ -134,7 +132,7 @@ def _inverse(dense: F64, members: NDArray[np.int64]) -> tuple[F64, bool]:
     return inverse / both, True
 
 
-def _singular(rows: NDArray[np.int64]) -> ContactProblemError:
+def _singular(rows: I64) -> ContactProblemError:
     listed = ", ".join(map(str, rows[:6])) + (", ..." if len(rows) > 6 else "")
     cure = "a body without mass or inertia cannot be eliminated"
     return refuse("M", f"singular in row{'s' * (len(rows) > 1)} {listed} (from 0)", cure)

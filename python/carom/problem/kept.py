@@ -18,16 +18,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.problem.cone import BLOCKS
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.global_ import GlobalProblem, invert
 from carom.problem.local import LocalProblem
 from carom.problem.matrix import Csr, components
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 #: Degrees of freedom of a body; rows of a contact as the core keeps it.
 DOF = ROWS = 6

@@ -23,13 +23,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.problem.cone import BLOCKS
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.matrix import Csr, asymmetry
-
-F64 = NDArray[np.float64]
 
 #: Relative asymmetry of W or M (largest entry of the difference over the largest of all): above the first it is
 #: told, above the second refused. Published problems, written with few digits, reach 1e-3.

@@ -12,12 +12,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Array
 from carom.problem.errors import refuse
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 #: Terms of a product that are held at once (32 bytes each).
 PRODUCT_TERMS = 4_000_000
@@ -159,7 +156,7 @@ class Csr:
         """`W @ r` with an (n,) vector."""
         return self.dot(np.asarray(vector, dtype=np.float64))
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         """Dense, for `numpy.asarray`."""
         return self.to_dense() if dtype is None else self.to_dense().astype(dtype)
 

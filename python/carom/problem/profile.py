@@ -16,11 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from carom.arrays import F64
 from carom.errors import CaromError
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

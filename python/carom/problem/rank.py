@@ -12,13 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.problem.errors import refuse
 from carom.problem.matrix import Csr, components
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 #: Consecutive levels are joined up to this many rows, below which elimination costs more in calls than in work.
 JOINED_ROWS = 256

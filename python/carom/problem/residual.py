@@ -19,13 +19,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.problem import cone
 from carom.problem.errors import refuse
 from carom.problem.local import LocalProblem
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

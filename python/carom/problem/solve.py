@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from carom import _core
+from carom.arrays import F64
 from carom.errors import CaromError, counted, did_you_mean, one_line
 from carom.files import write_whole
 from carom.problem.errors import ContactProblemWarning, refuse
@@ -32,7 +32,6 @@ from carom.text import seconds
 if TYPE_CHECKING:
     from carom.problem.contact import ContactProblem
 
-F64 = NDArray[np.float64]
 
 #: What to do with an r that is no solution.
 OnNonconvergence = Literal["raise", "return"]

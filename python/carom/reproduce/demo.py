@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.measure import events
 from carom.reproduce.analytic.approach import Approach
@@ -23,8 +24,6 @@ from carom.run.simulate import launch, relaunch
 from carom.run.sinks import Interrupt
 from carom.scene.scene import Scene
 from carom.text import WIDTH, table
-
-F64 = NDArray[np.float64]
 
 CASES = ("5.6_break", "5.6_break_rolling")
 CUE, APEX, LEFT, RIGHT = "ball2", "ball3", "ball4", "ball5"

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.reproduce.errata import BY_KEY
 
@@ -106,8 +106,8 @@ class Curve:
     """
 
     label: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    x: F64
+    y: F64
     kind: Literal["line", "dashed", "points", "marked"] = "line"
     body: int | None = None
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.errors import CaromError
 from carom.reproduce.document import Iterations, NotConverged
 from carom.result.kinematics import Frames
@@ -22,8 +22,6 @@ from carom.run.loop import advance, begin, drive
 from carom.run.sinks import Instants, Recorder
 from carom.scene.plan import Plan
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,12 +34,12 @@ class Trace(Frames):
 
     h: float
     time: F64
-    step: NDArray[np.int64]
+    step: I64
     position: F64
     orientation: F64
     velocity: F64
     angular_velocity: F64
-    present: NDArray[np.bool_]
+    present: Bool
     bodies: Static
     steps: Steps
     impacts: Impacts

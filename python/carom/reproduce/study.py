@@ -8,7 +8,6 @@ from string import Template
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom import _core
 from carom.many.order import Order
@@ -30,7 +29,6 @@ AS_PRINTED: Mapping[str, Any] = {
 #: Energy may rise by this share of its total in the paper's examples: reliability contract.
 ENERGY_RISE = 1e-12
 
-F64 = NDArray[np.float64]
 Level = Literal["position", "velocity"]
 Printed = Mapping[str, tuple[float | None, float | None]]
 

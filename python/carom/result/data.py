@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError, counted
 from carom.result.directory import RunDir, temporary
 from carom.result.kinematics import Frames, Selection, chosen_bodies, chosen_frames
@@ -38,8 +38,6 @@ from carom.result.tables import (
 from carom.result.walls import Walls
 from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 
 class UnfinishedRun(UserWarning):

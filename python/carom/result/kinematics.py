@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.result.tables import Contacts, Energy, Impacts, Static, Steps, UnknownName
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from carom.result.data import RunData
 
-F64 = NDArray[np.float64]
 _Pairs = TypeVar("_Pairs", Impacts, Contacts)
 
 QUANTITIES = {
@@ -239,7 +239,7 @@ class Selection(Frames):
         return np.asarray(self._result.time)[self._frames]
 
     @property
-    def step(self) -> NDArray[Any]:
+    def step(self) -> Array:
         """Steps after which the frames were taken, (T,)."""
         return np.asarray(self._result.step)[self._frames]
 
@@ -264,7 +264,7 @@ class Selection(Frames):
         return self._read("angular_velocity")
 
     @property
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Bool:
         """Which balls are there, (T, N)."""
         return self._read("present")
 
@@ -303,7 +303,7 @@ class Selection(Frames):
         span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no frames"
         return f"<part of {self._result.label!r}: {counted(len(self), 'frame')}, {span}; {shown}>"
 
-    def _read(self, quantity: str) -> NDArray[Any]:
+    def _read(self, quantity: str) -> Array:
         # The rows between are read in one piece: of a long file only what is needed, of a short one what is there already.
         if not len(self._frames):
             return np.asarray(getattr(self._result, quantity)[0:0])[:, self._bodies]
@@ -311,7 +311,7 @@ class Selection(Frames):
         rows = np.asarray(getattr(self._result, quantity)[low : high + 1])
         return rows[self._frames - low][:, self._bodies]
 
-    def _within(self, times: Any) -> NDArray[np.bool_]:
+    def _within(self, times: Any) -> Bool:
         times, mine = np.asarray(times), self.time
         if not len(mine):
             return np.zeros(len(times), dtype=bool)

@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError, did_you_mean, extra
 from carom.result.record import Record
 
 if TYPE_CHECKING:
     import pandas
-
-Array = NDArray[Any]
 
 
 class UnknownName(CaromError, KeyError):

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Bool
 from carom.errors import CaromError, did_you_mean, quoted
 from carom.result.record.opening import DAMAGED
 from carom.result.record.untrusted import first_line
@@ -26,7 +26,6 @@ from carom.scene.tables.laws import value_at
 if TYPE_CHECKING:
     from carom.result.data import RunData
 
-F64 = NDArray[np.float64]
 
 GONE = 1e-9
 """Relative to the time at which a wall is taken away: times of frames are rounded."""
@@ -47,7 +46,7 @@ class Poses:
         """Whether the shape moves, or is taken away."""
         return self._translation is not None or self._rotation is not None or np.isfinite(self.until)
 
-    def there(self, time: F64) -> NDArray[np.bool_]:
+    def there(self, time: F64) -> Bool:
         """Whether the wall is there at several times, (T,): at the end of the step that ends at `until` it is."""
         return np.asarray(time <= self.until * (1.0 + GONE))
 
@@ -120,7 +119,7 @@ class Wall:
         return self.motion.orientation(np.asarray(self.time))
 
     @cached_property
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Bool:
         """Whether it is there, (T,): until the time at which it is taken away."""
         return self.motion.there(np.asarray(self.time))
 

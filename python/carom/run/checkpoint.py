@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom import _core
+from carom.arrays import Array
 from carom.errors import CaromError
 from carom.files import reason, regular, write_whole
 from carom.result.record.layout import Rows
@@ -50,7 +51,7 @@ def save(directory: Path, checkpoint: Checkpoint) -> Path:
     """Write `checkpoint-<step>.npz` so that a crash at any moment leaves either the old files or the new one
     whole.
     """
-    arrays: list[NDArray[Any]] = []
+    arrays: list[Array] = []
     head = {
         "format": FORMAT,
         "step": checkpoint.step,
@@ -136,7 +137,7 @@ def build() -> str:
     return head[at + len(note) : at + len(note) + 20].hex() if at >= 0 else ""
 
 
-def _digest(head: NDArray[np.uint8], arrays: list[NDArray[Any]]) -> bytes:
+def _digest(head: NDArray[np.uint8], arrays: list[Array]) -> bytes:
     digest = hashlib.sha256(head.tobytes())
     for array in arrays:
         digest.update(f"{array.dtype.str}{array.shape}".encode())
@@ -144,7 +145,7 @@ def _digest(head: NDArray[np.uint8], arrays: list[NDArray[Any]]) -> bytes:
     return digest.digest()
 
 
-def _pack(value: Any, arrays: list[NDArray[Any]]) -> Any:
+def _pack(value: Any, arrays: list[Array]) -> Any:
     """JSON for a tree of values. Bits must survive: arrays go aside as they are, floats as hexadecimal text."""
     if isinstance(value, np.ndarray):
         if value.dtype.hasobject:
@@ -167,7 +168,7 @@ def _pack(value: Any, arrays: list[NDArray[Any]]) -> Any:
     raise TypeError(f"a state cannot hold a {type(value).__name__}")
 
 
-def _unpack(value: Any, arrays: list[NDArray[Any]]) -> Any:
+def _unpack(value: Any, arrays: list[Array]) -> Any:
     if not isinstance(value, dict):
         return value
     ((kind, content),) = value.items()

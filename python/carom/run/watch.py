@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Bool
 from carom.errors import CaromError
 from carom.result.kinematics import Body
 from carom.run.loop import Sink
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from carom._core import Block
     from carom._core import Simulation as Core
     from carom.run.result import Result
-
-F64 = NDArray[np.float64]
 
 
 class State:
@@ -69,7 +67,7 @@ class State:
         return self._array("angular_velocity")
 
     @property
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Bool:
         """Which balls are there, (N,): all, unless the scene has inflows or outlets."""
         frame = self._fetch()
         if "present" not in frame:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from carom.arrays import F64
 from carom.scene.assembly.rotations import rotated
 
 if TYPE_CHECKING:
     from carom.export.frames import Selection
     from carom.result.walls import Wall
 
-Floats = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int32]
 
 #: Sides of a circle, a multiple of `MERIDIANS`, and rings of a sphere from pole to pole.
@@ -40,11 +40,11 @@ class Surface:
     """
 
     wall: Wall
-    vertices: Floats
+    vertices: F64
     faces: Faces
     lines: Faces
 
-    def placed(self, position: Floats, orientation: Floats) -> Floats:
+    def placed(self, position: F64, orientation: F64) -> F64:
         """The vertices (V, 3), m, where the wall's point is at `position` (3,) and it has turned by a quaternion (4,); of
         many, (K, 1, 3) and (K, 1, 4), all of them (K, V, 3).
         """
@@ -53,9 +53,9 @@ class Surface:
 
 def surfaces(
     walls: Sequence[Wall],
-    low: Floats,
-    high: Floats,
-    up: Floats,
+    low: F64,
+    high: F64,
+    up: F64,
     closed: Sequence[bool] = (False, False, False),
 ) -> list[Surface]:
     """The triangles of all walls around balls that stay within the box from `low` to `high`, (3,) each, m.
@@ -79,9 +79,7 @@ def surfaces(
     return found
 
 
-def room(
-    planes: Sequence[Wall], low: Floats, high: Floats, up: Floats, closed: Sequence[bool]
-) -> tuple[Floats, Floats]:
+def room(planes: Sequence[Wall], low: F64, high: F64, up: F64, closed: Sequence[bool]) -> tuple[F64, F64]:
     """The box that planes fill: that of the balls, out to walls that are near enough to matter, else with a margin."""
     extent = float((high - low).max())
     level = 1.0 - np.abs(_unit(up)) if np.any(up) else np.ones(3)
@@ -100,8 +98,8 @@ def room(
 
 
 def wall_mesh(
-    shape: str, facts: Mapping[str, Any], low: Floats, high: Floats, cuts: Sequence[Mapping[str, Any]] = ()
-) -> tuple[Floats, Faces]:
+    shape: str, facts: Mapping[str, Any], low: F64, high: F64, cuts: Sequence[Mapping[str, Any]] = ()
+) -> tuple[F64, Faces]:
     """Vertices (V, 3) relative to the wall's point, m, and faces (F, 3), none where `cuts` leave nothing of a plane.
 
     What has no end reaches as far as the box from `low` to `high`, (3,) each, m, demands; a plane ends at the planes `cuts`
@@ -144,7 +142,7 @@ def wall_mesh(
     return vertices, faces[:, ::-1] if shape != "disc" and facts.get("inside") else faces
 
 
-def revolved(radius: Floats, height: Floats, frame: Floats, sides: int) -> tuple[Floats, Faces]:
+def revolved(radius: F64, height: F64, frame: F64, sides: int) -> tuple[F64, Faces]:
     """A profile turned about the third row of `frame`; normals point away from the axis if the height grows."""
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -158,30 +156,30 @@ def revolved(radius: Floats, height: Floats, frame: Floats, sides: int) -> tuple
     return vertices, np.concatenate(faces).astype(np.int32)
 
 
-def _unit(vector: Floats) -> Floats:
-    found: Floats = vector / np.linalg.norm(vector)
+def _unit(vector: F64) -> F64:
+    found: F64 = vector / np.linalg.norm(vector)
     return found
 
 
-def _frame(axis: Floats) -> Floats:
+def _frame(axis: F64) -> F64:
     """Rows u, v and the axis, right-handed; u along x, y or z as far as it can be."""
     k = int(np.argmin(np.abs(axis)))
     u = _unit(np.eye(3)[k] - axis[k] * axis)
     return np.stack([u, np.cross(axis, u), axis])
 
 
-def _box_corners(low: Floats, high: Floats) -> Floats:
+def _box_corners(low: F64, high: F64) -> F64:
     """The corners of a box, (8, 3)."""
     return np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
 
 
-def _corners(u: Floats, v: Floats, low: Any, high: Any) -> Floats:
+def _corners(u: F64, v: F64, low: Any, high: Any) -> F64:
     """A rectangle (4, 3) about the point, from its lowest to its highest coordinates along u and v."""
     around = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     return np.array([a * u + b * v for a, b in around])
 
 
-def _cut(polygon: Floats, point: Floats, normal: Floats, cuts: Sequence[Mapping[str, Any]]) -> Floats:
+def _cut(polygon: F64, point: F64, normal: F64, cuts: Sequence[Mapping[str, Any]]) -> F64:
     """What is left of a convex polygon, (n, 3) relative to `point`, on the free sides of other planes."""
     for other in cuts:
         direction = _unit(np.asarray(other["normal"], dtype=np.float64))
@@ -202,13 +200,13 @@ def _cut(polygon: Floats, point: Floats, normal: Floats, cuts: Sequence[Mapping[
     return polygon
 
 
-def _fan(polygon: Floats) -> tuple[Floats, Faces]:
+def _fan(polygon: F64) -> tuple[F64, Faces]:
     """A convex polygon as triangles."""
     last = np.arange(2, max(2, len(polygon)))
     return polygon, np.stack([np.zeros_like(last), last - 1, last], axis=1).astype(np.int32)
 
 
-def _lines(shape: str, facts: Mapping[str, Any], vertices: Floats, faces: Faces) -> Faces:
+def _lines(shape: str, facts: Mapping[str, Any], vertices: F64, faces: Faces) -> Faces:
     """Pairs of vertices of the outline and of the lines along what is round."""
     if shape in ("plane", "rectangle"):
         corner = np.arange(len(vertices))
@@ -222,7 +220,7 @@ def _lines(shape: str, facts: Mapping[str, Any], vertices: Floats, faces: Faces)
     return np.concatenate(found).astype(np.int32)
 
 
-def box(selection: Selection) -> tuple[Floats, Floats]:
+def box(selection: Selection) -> tuple[F64, F64]:
     """Lowest and highest corner, (3,) each, m, of what the balls take up in all frames."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for block in selection.blocks():

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError, ScenarioError
 from carom.many.batch import simulate_batch
 from carom.many.batch_result import KINEMATICS
@@ -28,7 +28,7 @@ from carom.run.simulate import RunFailed, resume, simulate
 from carom.run.summary import LISTED_BODIES
 from carom.scene.scene import Scene
 
-Columns = dict[str, NDArray[Any]]
+Columns = dict[str, Array]
 
 #: Seconds between two parts, and about as much computing is lost with a worker.
 WRITE_SECONDS = 5.0
@@ -188,11 +188,11 @@ def _refused(error: CaromError) -> Columns:
     return {"outcome": _column("refused"), "message": _column(told)}
 
 
-def _column(value: Any) -> NDArray[Any]:
+def _column(value: Any) -> Array:
     return np.array([value], dtype=object if isinstance(value, str) else np.float64)
 
 
-def _chosen(study: Study, columns: Mapping[str, NDArray[Any]]) -> Columns:
+def _chosen(study: Study, columns: Mapping[str, Array]) -> Columns:
     """Without the overrides, which follow from the parameters, and with the balls that are wanted."""
     names = study.targeting.base.names
     kept = study.bodies if study.bodies is not None else names if len(names) <= LISTED_BODIES else ()
@@ -204,7 +204,7 @@ def _chosen(study: Study, columns: Mapping[str, NDArray[Any]]) -> Columns:
     }
 
 
-def joined(parts: Sequence[Mapping[str, NDArray[Any]]]) -> Columns:
+def joined(parts: Sequence[Mapping[str, Array]]) -> Columns:
     """Rows below each other; what a part lacks is not a number, of text empty."""
     if len(parts) == 1:
         return dict(parts[0])

@@ -11,11 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, extra
-
-F64 = NDArray[np.float64]
 
 RANDOM = ("lhs", "sobol")
 KINDS = ("grid", "table", *RANDOM)

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError
 from carom.export.parquet import require_pyarrow
 from carom.files import RecordError, inside, opened, regular, unwritable, write_whole
@@ -72,7 +72,7 @@ class Folder:
                         scrap.unlink()
             yield
 
-    def write_part(self, key: str, pieces: Sequence[Mapping[str, NDArray[Any]]]) -> None:
+    def write_part(self, key: str, pieces: Sequence[Mapping[str, Array]]) -> None:
         """Add rows, in one move and for good."""
         arrow = require_pyarrow("a study", "cluster")
         tables = [_table(arrow, piece) for piece in pieces]
@@ -172,7 +172,7 @@ class Folder:
         write_whole(self.about, text.encode(), durable=False)
 
 
-def _table(arrow: Any, columns: Mapping[str, NDArray[Any]]) -> Any:
+def _table(arrow: Any, columns: Mapping[str, Array]) -> Any:
     arrays, fields = [], []
     for name, values in columns.items():
         text = values.dtype == object

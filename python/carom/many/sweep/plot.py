@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array
 from carom.errors import CaromError, did_you_mean
 from carom.many.sweep.study import RESERVED
 from carom.scene.assembly.rotations import upward
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from carom.many.sweep.table import Sweep
 
-F64 = NDArray[np.float64]
 
 #: Columns that are drawn if nothing else is said.
 MOST_COLUMNS = 6
@@ -45,7 +44,7 @@ LINED = 20
 def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     """How the values of each column spread over the cases that reached their end."""
     chosen = chosen_columns(sweep, columns)
-    numbers: dict[str, NDArray[Any]] = {}
+    numbers: dict[str, Array] = {}
     with styled():
         figure, axes = _sheet(len(chosen), 1.7)
         for axis, name in zip(axes, chosen, strict=False):
@@ -77,7 +76,7 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     rows = np.flatnonzero(sweep.ok)[::stride]
     lined = int(sweep.ok.sum()) >= LINED
     size = 1.6 if len(rows) > 1000 else 3.0 if lined else 7.0  # points; a few dots are to be seen
-    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows]}
+    numbers: dict[str, Array] = {"case": sweep["case"][rows]}
     with styled():
         from carom.show.plot.figure import Drawing
 
@@ -127,7 +126,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
     colour = np.asarray(sweep[by], float)
     letters = ["xyz"[k] for k in level_axes(upward(sweep.study.targeting.base.gravity))]
     rows = np.flatnonzero(sweep.ok)[:: max(1, -(-int(sweep.ok.sum()) // MOST_PLACES))]
-    numbers: dict[str, NDArray[Any]] = {"case": sweep["case"][rows], sweep.label(by): colour[rows]}
+    numbers: dict[str, Array] = {"case": sweep["case"][rows], sweep.label(by): colour[rows]}
     columns = 1 if len(names) == 1 else 2
     with styled():
         lines = -(-len(names) // columns)
@@ -255,7 +254,7 @@ def _finite(sweep: Sweep, name: str) -> F64:
     return np.asarray(values[np.isfinite(values)])
 
 
-def _bins(values: F64) -> NDArray[Any] | int:
+def _bins(values: F64) -> Array | int:
     distinct = np.unique(values[: 10 * MOST_DOTS])
     if 1 < len(distinct) <= BINS and np.allclose(distinct, np.round(distinct)):  # counts
         return np.arange(distinct[0] - 0.5, distinct[-1] + 1.0) if distinct[-1] - distinct[0] < BINS else BINS

@@ -12,9 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.many.batch_result import KINEMATICS
 from carom.many.sweep.design import Axis, Design, number, read_table
@@ -26,7 +24,6 @@ from carom.scene.scene import Scene
 from carom.scene.shipped import find, named
 from carom.scene.toml.load import read_text
 
-F64 = NDArray[np.float64]
 Measure = Callable[["Result"], Mapping[str, float]]
 
 FORMAT = 1

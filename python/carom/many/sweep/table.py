@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import carom
+from carom.arrays import Array, Bool
 from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.files import inside, write_whole
 from carom.many.sweep.origin import COLUMNS, Origin, tally
@@ -45,7 +45,7 @@ class Sweep:
         """Names of the columns."""
         return [] if self.table is None else list(self.table.column_names)
 
-    def __getitem__(self, column: str) -> NDArray[Any]:
+    def __getitem__(self, column: str) -> Array:
         if column not in self.columns:
             raise CaromError(f"the study has no column {column!r}; {did_you_mean(column, self.columns)}")
         found = self.table[column]
@@ -62,7 +62,7 @@ class Sweep:
         return 0 if self.table is None else int(self.table.num_rows)
 
     @cached_property
-    def ok(self) -> NDArray[np.bool_]:
+    def ok(self) -> Bool:
         """Which rows reached their end."""
         return np.asarray(self["outcome"] == "done") if len(self) else np.zeros(0, dtype=bool)
 

@@ -13,16 +13,14 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom._core import Expression, ExpressionError
+from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
 from carom.many.cases import Overrides
 from carom.scene.scene import Scene
 from carom.scene.tables import parameters
 from carom.scene.tables.model import SINGLE
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from __future__ import annotations
 from itertools import combinations, pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from carom.arrays import F64
 
 WHOLE = 4.0 / 3.0 * np.pi
 """Volume of the unit ball."""

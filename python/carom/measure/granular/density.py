@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
-from carom.measure.granular.snapshot import F64, Snapshot, snapshot
+from carom.measure.granular.snapshot import Snapshot, snapshot
 from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.numeric import is_number, is_whole

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.scene.packing.neighbours import F64, separation
+from carom.arrays import F64
+from carom.scene.packing.neighbours import separation
 
 _ROUNDS = 50  # of moving a middle to the mean of the nearest images; a few are enough
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array
 from carom.errors import CaromError
 from carom.measure.granular.region import Region
-from carom.measure.granular.snapshot import F64, Snapshot, snapshot
+from carom.measure.granular.snapshot import Snapshot, snapshot
 from carom.result.data import RunData
 from carom.scene.packing.numeric import is_whole
 from carom.scene.packing.region import Box
@@ -29,7 +29,7 @@ class Series(Generic[T]):
     """From the frame before to each, (F,), s: over this time its forces are means."""
     values: tuple[T, ...]
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> Array:
         """An attribute of all values as one array, (F, ...)."""
         return np.array([getattr(value, name) for value in self.values])
 
@@ -61,10 +61,10 @@ class Profile(Generic[T]):
         return np.array([*middle], dtype=np.float64).reshape(-1, 3)
 
     @overload
-    def __getitem__(self, which: str) -> NDArray[Any]: ...
+    def __getitem__(self, which: str) -> Array: ...
     @overload
     def __getitem__(self, which: int) -> T: ...
-    def __getitem__(self, which: str | int) -> NDArray[Any] | T:
+    def __getitem__(self, which: str | int) -> Array | T:
         """An attribute of all values as one array, (K, ...), or the value of one region by its number."""
         return (
             np.array([getattr(v, which) for v in self.values])

@@ -10,16 +10,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.errors import CaromError
 from carom.measure.granular.cut import ball_in_ball, ball_in_box, ball_in_cylinder
 from carom.scene.assembly.vectors import scaled
 from carom.scene.packing.numeric import is_number, is_whole
 from carom.scene.packing.region import Ball, Box, Cylinder
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 Region = Box | Cylinder | Ball
 
 MOST_IMAGES = 1000
@@ -38,7 +36,7 @@ def ball_volume(region: Region, position: F64, radius: F64) -> F64:
     return ball_in_cylinder(off, along, radius, region.radius, 0.5 * region.length)
 
 
-def holds(region: Region, points: F64) -> NDArray[np.bool_]:
+def holds(region: Region, points: F64) -> Bool:
     """Which of the points (M, 3) lie in the region; of two boxes that share a face only one has a point of it."""
     if isinstance(region, Box):
         low, high = _faces(region)

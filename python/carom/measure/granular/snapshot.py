@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.errors import CaromError
 from carom.measure.contacts import closed
 from carom.measure.granular.region import Region, ball_volume, images
@@ -16,10 +16,6 @@ from carom.result.data import RunData
 from carom.result.walls import Wall
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

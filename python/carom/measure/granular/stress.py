@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, images, inside, line_share
 from carom.measure.granular.shown import Measure
-from carom.measure.granular.snapshot import F64, Snapshot, snapshot
+from carom.measure.granular.snapshot import Snapshot, snapshot
 from carom.result.data import RunData
 
 _TINY = np.finfo(np.float64).tiny

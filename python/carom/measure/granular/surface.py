@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from carom.arrays import F64, I64, Bool
 from carom.errors import CaromError
 from carom.measure.granular.contact import components
 from carom.measure.granular.nearest import around, middle, opened
 from carom.measure.granular.shown import Measure
-from carom.measure.granular.snapshot import F64, I64, Bool, Snapshot, snapshot
+from carom.measure.granular.snapshot import Snapshot, snapshot
 from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.numeric import is_number, is_whole

@@ -13,14 +13,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.reproduce.analytic.approach import Approach
 from carom.reproduce.analytic.impact import Ball, Touch
 from carom.reproduce.analytic.sequence import Problem, sequence
-
-F64 = NDArray[np.float64]
 
 UP = np.array([0.0, 0.0, 1.0])
 

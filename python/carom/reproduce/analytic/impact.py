@@ -15,11 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
-
-F64 = NDArray[np.float64]
 
 #: Sweeps end when no impulse changes by more than this fraction of the largest.
 CONVERGED = 1e-15

@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.reproduce.analytic.impact import Ball, Touch, collide
-
-F64 = NDArray[np.float64]
 
 #: A contact approaches if it closes faster than this share of the greatest speed.
 CLOSING = 1e-10

@@ -22,11 +22,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from carom.arrays import F64
 from carom.reproduce.analytic.impact import Ball, Outcome, Touch, collide
-
-F64 = NDArray[np.float64]
 
 UP = np.array([0.0, 0.0, 1.0])
 

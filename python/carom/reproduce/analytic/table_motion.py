@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
-
-F64 = NDArray[np.float64]
 
 #: Below this speed of bouncing (m/s) a ball counts as resting on the cloth.
 REST = 1e-12

@@ -18,11 +18,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.reproduce.analytic.impact import Ball, Outcome, Touch, collide
-
-F64 = NDArray[np.float64]
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -6,8 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.many.order import Order, error_of, order_of
 from carom.reproduce import study
 from carom.reproduce.analytic.approach import Approach
@@ -23,7 +23,6 @@ from carom.scene.scene import Scene
 if TYPE_CHECKING:
     from carom._core import Simulation
 
-F64 = NDArray[np.float64]
 
 ID = "A"
 row = partial(study.row, ID)

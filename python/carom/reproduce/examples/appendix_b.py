@@ -7,14 +7,12 @@ Eq. 61 says what comes out instead, as a fraction of the distance of the centres
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom import _core
+from carom.arrays import F64
 from carom.many.order import Order, order_of
 from carom.reproduce.analytic import slip_error as exact
 from carom.reproduce.document import Context, Curve, Example, Figure, Row
-
-F64 = NDArray[np.float64]
 
 EXAMPLE = "B"
 #: r_B/r_A and phi_A (rad) of the curves. The paper draws three of either and its text names none.

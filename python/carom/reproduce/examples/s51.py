@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.many.order import error_of, order_of
 from carom.measure.contacts import along_and_across
 from carom.reproduce import study
@@ -15,8 +15,6 @@ from carom.reproduce.document import Context, Curve, Example, Figure, Row
 from carom.reproduce.memory import Trace, trace
 from carom.run.simulate import simulate
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 ID = "5.1"
 SCENARIO = "5.1_torque.toml"

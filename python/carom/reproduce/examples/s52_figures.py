@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom.reproduce.analytic import single_collision as exact
 from carom.reproduce.document import Curve, Figure
 from carom.reproduce.examples import s52_study as runs
 from carom.reproduce.examples.two_balls import hit_step
 from carom.reproduce.memory import Trace
-
-F64 = NDArray[np.float64]
 
 ID = "5.2"
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.many.order import error_of
 from carom.measure.events import slip
 from carom.reproduce import study
@@ -19,8 +19,6 @@ from carom.reproduce.document import Context
 from carom.reproduce.examples.two_balls import hit_step
 from carom.reproduce.memory import Trace, trace
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 RULE, FREE, LOCKED = "5.2_thirty_degree_rule.toml", "5.2_spin_free.toml", "5.2_spin_locked.toml"
 #: The paper's step, s.

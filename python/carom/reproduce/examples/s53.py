@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom.many.order import order_of
 from carom.reproduce import study
@@ -15,8 +14,6 @@ from carom.reproduce.examples import s53_study as runs
 from carom.reproduce.examples import two_balls
 from carom.reproduce.memory import Trace, trace
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 ID = "5.3"
 ENERGY = "5.3_energy.toml"

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom.many.order import error_of
 from carom.measure.events import hits
@@ -17,8 +16,6 @@ from carom.reproduce.analytic.throw import Shot, angle_of, impact, on_table
 from carom.reproduce.document import Context
 from carom.reproduce.memory import Trace, trace
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 SCENARIO = "5.3_throw.toml"
 #: The paper's step, s, and the time of its simulations, s.

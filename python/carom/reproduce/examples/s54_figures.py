@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.reproduce.document import Curve, Figure
 from carom.reproduce.examples.s54_study import scene
 from carom.reproduce.memory import Trace
 
-F64 = NDArray[np.float64]
 Limits = tuple[float | None, float | None, float | None, float | None]
 
 BALLS = ("ball1", "ball2", "ball3")

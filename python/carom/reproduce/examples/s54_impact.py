@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.measure.events import meeting
 from carom.reproduce import first_order
 from carom.reproduce.analytic.approach import Approach
@@ -18,8 +18,6 @@ from carom.reproduce.analytic.sequence import sequence
 from carom.reproduce.document import Row
 from carom.reproduce.examples.s54_study import after_impact, hit_of, scene
 from carom.reproduce.memory import Trace, trace
-
-F64 = NDArray[np.float64]
 
 ID = "5.4"
 #: The coarsest step is the paper's; steps halve, first to last, for what happens until the jumps end, and for the whole run.

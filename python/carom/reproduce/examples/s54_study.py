@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.many.order import Order, error_of, order_of
 from carom.reproduce import study
 from carom.reproduce.analytic.approach import Approach
@@ -15,8 +15,6 @@ from carom.reproduce.analytic.line import LineHit
 from carom.reproduce.document import Context, Curve, Figure
 from carom.reproduce.memory import trace
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 SCENARIO = "5.4_three_balls.toml"
 #: Study of convergence. Steps h = UNIT / M meet AFTER, before the balls strike again, and LATE, when all roll.

@@ -6,7 +6,6 @@ import math
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carom.many.order import Order, error_of, order_of
 from carom.reproduce import first_order, study
@@ -14,8 +13,6 @@ from carom.reproduce.analytic.bernoulli import Bernoulli
 from carom.reproduce.document import Context, Counts, Curve, Example, Figure, Row
 from carom.reproduce.memory import Trace, trace
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 ID = "5.5"
 row = partial(study.row, ID)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.reproduce.document import Curve, Figure
 from carom.reproduce.memory import Trace
 
-F64 = NDArray[np.float64]
 Limits = tuple[float | None, float | None, float | None, float | None]
 
 ID = "5.6"

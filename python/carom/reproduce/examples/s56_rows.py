@@ -6,8 +6,8 @@ import math
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.measure import events
 from carom.reproduce import demo, first_order, study
 from carom.reproduce.analytic.approach import Approach
@@ -16,8 +16,6 @@ from carom.reproduce.document import Row
 from carom.reproduce.examples.s56_figures import BALLS
 from carom.reproduce.examples.s56_study import BRAKED, FREE, NAMES, scene
 from carom.reproduce.memory import Trace, trace
-
-F64 = NDArray[np.float64]
 
 ID = "5.6"
 row = partial(study.row, ID)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.many.order import Order, error_of, order_of
 from carom.reproduce import study
 from carom.reproduce.analytic.approach import Approach
@@ -16,8 +16,6 @@ from carom.reproduce.analytic.break_shot import impact_of
 from carom.reproduce.document import Context, Curve, Figure
 from carom.reproduce.memory import trace
 from carom.scene.scene import Scene
-
-F64 = NDArray[np.float64]
 
 LAWS = ("sequence", "sequence-paper")
 FREE, BRAKED = CASES = ("5.6_break", "5.6_break_rolling")

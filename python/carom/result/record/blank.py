@@ -19,8 +19,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.result.record.layout import ENDS, MEANINGS, TEXTS, VALUES, Meaning, Rows, tables
 
 #: Bytes that the kernel writes whole, or not at all: the smallest page of memory of any system that we know.
@@ -90,7 +90,7 @@ def _set_up(
     commit.attrs["description"] = "rows of each table that are whole; the last row counts"
 
 
-def _new_column(group: h5py.Group, table: str, name: str, values: NDArray[Any], guess: int) -> None:
+def _new_column(group: h5py.Group, table: str, name: str, values: Array, guess: int) -> None:
     dtype = np.uint64 if (table, name) in ENDS else values.dtype
     shape = values.shape[1:]
     row_bytes = max(1, int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)

@@ -8,8 +8,8 @@ from itertools import accumulate
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError
 from carom.result.record.layout import ENDS, MEANINGS, SOMETIMES, TABLES, TEXTS, Meaning, Rows, count, tables
 from carom.result.record.reader import Column
@@ -27,7 +27,7 @@ class Memory:
         self.last_frame: int | None = None  # step of the newest frame
         self.described = described
         self._keep = keep
-        self._parts: dict[str, dict[str, list[NDArray[Any]]]] = {}
+        self._parts: dict[str, dict[str, list[Array]]] = {}
         self._pending: list[Mapping[str, Any]] = []
 
     def append(self, block: Mapping[str, Any]) -> None:
@@ -69,11 +69,11 @@ class Memory:
         }
         return found
 
-    def table(self, table: str) -> dict[str, NDArray[Any]]:
+    def table(self, table: str) -> dict[str, Array]:
         """All columns of a table."""
         return {name: np.asarray(self.column(table, name)) for name in self.columns(table)}
 
-    def blocks(self) -> dict[str, dict[str, NDArray[Any]]]:
+    def blocks(self) -> dict[str, dict[str, Array]]:
         """All of it as one block."""
         return {table: self.table(table) for table in self._parts}
 
@@ -95,7 +95,7 @@ class Memory:
         parts[0].flags.writeable = False  # shared between all who index it
         return Column([(parts[0], len(parts[0]))], MEANINGS.get(f"{table}/{name}", Meaning("", "")).unit)
 
-    def static(self, table: str) -> dict[str, NDArray[Any]]:
+    def static(self, table: str) -> dict[str, Array]:
         """The table `bodies`, `planes` or `walls` (empty if there are none); text as an array of `str`."""
         return {
             name: np.array(values, dtype=object) if name in TEXTS else np.asarray(values)

@@ -17,8 +17,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError
 from carom.files import regular
 from carom.result.record.layout import ATTRIBUTES, FORMAT, MEANINGS, NEEDED, TABLES, VALUES, Rows, tables
@@ -206,7 +206,7 @@ def damaged(file: h5py.File | Path, place: str, error: object) -> CaromError:
     )
 
 
-def read_rows(part: Any, rows: slice) -> NDArray[Any]:
+def read_rows(part: Any, rows: slice) -> Array:
     try:
         return np.asarray(part[rows])
     except DAMAGED as error:
@@ -239,7 +239,7 @@ def _as_laid_out(found: h5py.Dataset, key: str) -> h5py.Dataset:
     return found
 
 
-def static_of(file: h5py.File, key: str, text: bool) -> NDArray[Any]:
+def static_of(file: h5py.File, key: str, text: bool) -> Array:
     """A column of a table that does not change in a run."""
     try:
         found = _as_laid_out(dataset(file, key, "OS" if text else "biuf"), key)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError
 from carom.result.record.layout import MEANINGS, OPTIONAL, POSITIVE, STATIC, TEXTS, VALUES, Rows, tables
 from carom.result.record.opening import (
@@ -43,7 +43,7 @@ class Column(NDArrayOperatorsMixin):
         parts: Sequence[tuple[Any, int]],  # datasets or arrays, and how many of their rows count
         unit: str = "",
         owner: Segments | None = None,
-        kept: list[NDArray[Any]] | None = None,
+        kept: list[Array] | None = None,
     ) -> None:
         # As long as a column is held its files stay open, even if nobody holds the result. What was read is kept by
         # the owner in `kept` and not here: they must not hold each other, or only the garbage collector frees them.
@@ -88,7 +88,7 @@ class Column(NDArrayOperatorsMixin):
                 return self._rows(start, max(start, stop), stride)[(slice(None), *rest)]
         return np.asarray(self)[key]
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         whole = self._whole if self.nbytes <= CACHE_BYTES else self._rows(0, len(self))
         if dtype is not None and whole.dtype != dtype:
             return whole.astype(dtype)
@@ -110,14 +110,14 @@ class Column(NDArrayOperatorsMixin):
         return f"<column of shape {self.shape}, {self.dtype}{unit}>"
 
     @property
-    def _whole(self) -> NDArray[Any]:
+    def _whole(self) -> Array:
         if not self._kept:
             whole = self._rows(0, len(self))
             whole.flags.writeable = False  # shared between all who index it
             self._kept.append(whole)
         return self._kept[0]
 
-    def _rows(self, start: int, stop: int, stride: int = 1) -> NDArray[Any]:
+    def _rows(self, start: int, stop: int, stride: int = 1) -> Array:
         """Rows `start:stop:stride` over all segments."""
         pieces, offset = [], 0
         for part, rows in self._parts:
@@ -159,7 +159,7 @@ class Segments:
                 )
             )
         self._closed = False
-        self._found: dict[tuple[str, str], tuple[list[tuple[Any, int]], str, list[NDArray[Any]]]] = {}
+        self._found: dict[tuple[str, str], tuple[list[tuple[Any, int]], str, list[Array]]] = {}
 
     @property
     def rows(self) -> Rows:
@@ -199,7 +199,7 @@ class Segments:
         parts, unit, kept = found
         return Column(parts, unit, self, kept)
 
-    def static(self, table: str) -> dict[str, NDArray[Any]]:
+    def static(self, table: str) -> dict[str, Array]:
         """The table `bodies`, `planes` or `walls` (empty if there are none); text as an array of `str`."""
         group = table_of(self._files[0], table)
         if group is None:

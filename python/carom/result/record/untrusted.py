@@ -13,8 +13,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError
 
 #: Bytes of memory that one byte of a file can fill: deflate reaches 1032.
@@ -92,7 +92,7 @@ def dataset(parent: h5py.Group, key: str, kinds: str = "biuf", rows: int | None 
     return found
 
 
-def read(parent: h5py.Group, key: str, kinds: str = "biuf") -> NDArray[Any]:
+def read(parent: h5py.Group, key: str, kinds: str = "biuf") -> Array:
     """All values of a dataset of numbers."""
     found = dataset(parent, key, kinds)
     try:

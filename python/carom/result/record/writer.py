@@ -20,8 +20,8 @@ from typing import Any, ClassVar
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.files import RecordError, unwritable, write_new
 from carom.result.record import blank
 from carom.result.record.layout import ENDS, FORMAT, Rows, count, tables
@@ -326,7 +326,7 @@ def _no_limit_on_files() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def _extend(dataset: h5py.Dataset, rows: NDArray[Any]) -> None:
+def _extend(dataset: h5py.Dataset, rows: Array) -> None:
     if len(rows):
         start = dataset.shape[0]
         dataset.resize(start + len(rows), axis=0)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from carom.scene.assembly.bodies import F64, Bodies, expand
+from carom.arrays import F64
+from carom.scene.assembly.bodies import Bodies, expand
 from carom.scene.assembly.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
 from carom.scene.assembly.placing import Placed, motion_for_core, placed_walls
 from carom.scene.tables.balls import Lattice, Rack, Sphere

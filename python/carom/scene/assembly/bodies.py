@@ -11,15 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Bool
 from carom.scene.assembly.vectors import cross, dot, scaled
 from carom.scene.tables.balls import Ball, Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
 from carom.scene.tables.flow import Inflow
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 Entries = Mapping[str, Sequence[tuple[int, Table]]]
 """Tables by section, each with its place in the file."""
 
@@ -50,7 +48,7 @@ class Bodies:
     segments: list[Segment]
 
     @property
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Bool:
         """Which balls are there at the start, (N,): not those of inflows."""
         there = np.ones(len(self.names), dtype=bool)
         for segment in self.segments:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carom.scene.assembly.bodies import F64
+from carom.arrays import F64
 from carom.scene.assembly.placing import Placed
 from carom.scene.tables.walls import PLANE
 

@@ -9,10 +9,8 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
+from carom.arrays import F64, I64, Bool
 
 THREE = 1e-6
 """Volume that three unit axes span from which they are three."""
@@ -30,7 +28,7 @@ class HeldApart(NamedTuple):
     pairs: frozenset[tuple[int, int]]
     """Held by a rod or a ball joint, the lower number first."""
 
-    def holds(self, a: I64, b: I64) -> NDArray[np.bool_]:
+    def holds(self, a: I64, b: I64) -> Bool:
         """Whether the pairs (K,) of balls are such; `b` from N on are walls."""
         balls = b < len(self.clump)
         other = np.where(balls, b, 0)

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from carom.scene.assembly.bodies import F64, Bodies, Entries
+from carom.arrays import F64
+from carom.scene.assembly.bodies import Bodies, Entries
 from carom.scene.assembly.rotations import rotated_back
 from carom.scene.assembly.vectors import cross, scaled
 from carom.scene.tables.joints import Joint

@@ -38,8 +38,8 @@ from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.scene.billiards.arguments import angle, number, sphere, vector
 from carom.scene.billiards.data import TIPS
@@ -47,7 +47,6 @@ from carom.scene.billiards.data import TIPS
 if TYPE_CHECKING:
     from carom.scene.tables.balls import Sphere
 
-F64 = NDArray[np.float64]
 
 CUE_MASS = 19 * 0.028349523125
 """A cue of 19 oz, kg."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.scene.assembly.bodies import uniform
 from carom.scene.billiards.arguments import number
-
-F64 = NDArray[np.float64]
 
 FEWEST, MOST = 3, 15
 DIAMOND = (1, 2, 3, 2, 1)

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.scene.billiards.data import BAULK, D_RADIUS, SNOOKER
 from carom.scene.billiards.table import Table
 from carom.scene.billiards.walls import noses
-
-F64 = NDArray[np.float64]
 
 BED = "bed"
 """Name of the plane on which balls lie."""

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.scene.billiards.shape import LIFT, SKIRT, Cushion, Hole, Shape, placed
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 Intervals = list[tuple[float, float]]
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from carom.arrays import F64
 from carom.errors import Problem, ScenarioError, quoted
 from carom.scene.arguments import explained
 from carom.scene.builders.balls import Number, Vector, make
@@ -17,7 +15,7 @@ from carom.scene.tables.model import Scenario
 
 Law = Number | Mapping[str, Any]
 """A number, a string with a unit, or `{"polynomial": [...]}`, `{"table": [...]}`, `{"expression": "20*t"}`."""
-LoadCallable = Callable[[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], Any]
+LoadCallable = Callable[[float, F64, F64, F64], Any]
 
 
 class Attacher:

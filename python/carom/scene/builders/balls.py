@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from carom.arrays import F64
 from carom.errors import Problem, ScenarioError, quoted
 from carom.scene.arguments import explained
 from carom.scene.messages import from_python
@@ -19,7 +18,7 @@ from carom.scene.tables.packing import Packing
 
 Number = float | str
 """A number in SI or a string with a unit."""
-Vector = Sequence[Number] | NDArray[np.float64]
+Vector = Sequence[Number] | F64
 _T = TypeVar("_T", bound=Table)
 _V = TypeVar("_V")
 

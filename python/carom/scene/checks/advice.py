@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Bool
 from carom.errors import quoted
-from carom.scene.assembly.bodies import F64, Bodies
+from carom.scene.assembly.bodies import Bodies
 from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot
 from carom.scene.checks.attachments import advise_loads
@@ -155,7 +155,7 @@ def _step_of_falls(parts: Parts, world: World) -> Iterator[Finding]:
         yield Finding(("run", "step"), cause, f"step = {safe:g} is safe")
 
 
-def _held_up(bodies: Bodies, normal: F64) -> NDArray[np.bool_]:
+def _held_up(bodies: Bodies, normal: F64) -> Bool:
     """Which balls have another one below them, (N,)."""
     height = bodies.position @ normal
     across = bodies.position - np.outer(height, normal)

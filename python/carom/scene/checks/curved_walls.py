@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from carom.arrays import F64
 from carom.errors import quoted
-from carom.scene.assembly.bodies import F64
 from carom.scene.assembly.distances import gaps, normals
 from carom.scene.checks.walls import called
 from carom.scene.messages import Finding

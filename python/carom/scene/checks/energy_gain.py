@@ -20,8 +20,8 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
+from carom.arrays import F64
 from carom.errors import quoted
-from carom.scene.assembly.bodies import F64
 from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot
 from carom.scene.checks.rules import Parts

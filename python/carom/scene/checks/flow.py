@@ -8,10 +8,9 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Bool
 from carom.errors import counted, quoted
-from carom.scene.assembly.bodies import F64
 from carom.scene.assembly.distances import gaps
 from carom.scene.assembly.mechanics import references
 from carom.scene.assembly.vectors import scaled
@@ -106,7 +105,7 @@ def _leave(parts: Parts, outlet: Outlet, region: Region) -> tuple[bool, bool]:
     return (meets, covered) if outlet.inside else (not covered, not meets)
 
 
-def _within(parts: Parts, outlet: Outlet, points: F64) -> NDArray[np.bool_]:
+def _within(parts: Parts, outlet: Outlet, points: F64) -> Bool:
     """Which points lie in the box of an outlet, themselves or by an image, as in the core (`Periodic::in_box`)."""
     low, high, period = np.array(outlet.low), np.array(outlet.high), np.array(_periods(parts))
     length = np.where(period > 0, period, 1.0)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from carom.arrays import F64
 from carom.errors import quoted
-from carom.scene.assembly.bodies import F64, Bodies
+from carom.scene.assembly.bodies import Bodies
 from carom.scene.assembly.distances import gaps, normals
 from carom.scene.assembly.held_apart import held_apart
 from carom.scene.assembly.mechanics import Rows, joints_for_core, numbers

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from carom.arrays import F64
 from carom.errors import quoted
-from carom.scene.assembly.bodies import F64, Bodies
+from carom.scene.assembly.bodies import Bodies
 from carom.scene.assembly.mechanics import GROUND_INDEX, Row, Rows, joint_rows, numbers, spring_ends
 from carom.scene.messages import Finding
 from carom.scene.tables.joints import Joint, default_name

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from carom.arrays import F64, I64
 from carom.errors import CaromError
-from carom.scene.packing.neighbours import F64, I64, pairs, separation
+from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.numbers import Stream, cbrt, total
 from carom.scene.packing.region import Region
 

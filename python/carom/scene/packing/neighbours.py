@@ -10,10 +10,8 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
+from carom.arrays import F64, I64
 
 #: Gap over radius up to which bodies touch, unless it was larger while their contact was closed, as piles leave it within
 #: their tolerance. Bodies that overlap touch.

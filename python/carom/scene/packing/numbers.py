@@ -8,11 +8,9 @@ here they are made of additions, multiplications, divisions and square roots, wh
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
-
-F64 = NDArray[np.float64]
 
 _LN2_HIGH, _LN2_LOW = (
     6.93147180369123816490e-01,

@@ -10,14 +10,12 @@ from math import inf, pi
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.scene.assembly.vectors import cross, scaled
 from carom.scene.packing.numeric import is_number, three
 from carom.scene.tables.quantities import Vec3
-
-F64 = NDArray[np.float64]
 
 
 class Region(Protocol):

@@ -8,13 +8,11 @@ from math import inf
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.scene.packing.numbers import Stream, exp, log, total
 from carom.scene.packing.numeric import is_number
-
-F64 = NDArray[np.float64]
 
 MOST_BALLS = 1_000_000
 """Of one packing: more would take hours to place."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import isqrt, pi
 from typing import Annotated, ClassVar, Self, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 
+from carom.arrays import F64
 from carom.scene.assembly.vectors import cross, norm
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import Bounds, Choice, Integer, exactly_one, refuse
@@ -29,7 +28,7 @@ from carom.scene.tables.quantities import (
     key,
 )
 
-Radius = TypeVar("Radius", float, NDArray[np.float64])
+Radius = TypeVar("Radius", float, F64)
 
 MOST_BALLS = 1_000_000
 """Balls of one generator at most: no input may make Carom allocate without bound."""

@@ -7,9 +7,9 @@ from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 
+from carom.arrays import F64
 from carom.scene.assembly.vectors import scaled
 from carom.scene.packing import Sizes, Stream
 from carom.scene.packing.sizes import Rare
@@ -31,8 +31,6 @@ from carom.scene.tables.quantities import (
     key,
 )
 from carom.scene.tables.sizes import Sized
-
-F64 = NDArray[np.float64]
 
 _BOX, _DISC = ("low", "high"), ("point", "normal", "radius")
 _CURE = "give low and high (a box), or point, normal and radius (a disc)"

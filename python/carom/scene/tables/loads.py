@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import PrivateAttr, model_validator
 
+from carom.arrays import F64
 from carom.errors import CaromError, quoted
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import NOT_NEGATIVE, Pair, Quantity, refuse
@@ -23,7 +23,6 @@ GROUND = "ground"
 ALL = "all"
 """In place of a sphere: every one."""
 
-F64 = NDArray[np.float64]
 LawVec3 = tuple[LawValue, LawValue, LawValue]
 Ends = Annotated[tuple[str, str], Pair("sphere", '["a", "b"] or ["a", "ground"]')]
 Points = Annotated[tuple[Vec3, Vec3], Vectors(Vector("length", most=FARTHEST), 2, 2)]

@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.scene.billiards.look import KINDS
 from carom.show.film.camera import Eye
 from carom.show.film.mesh import attach, cells, mesh, place, shaded
 from carom.show.film.numbers import atlas
-
-F64 = NDArray[np.float64]
 
 #: Kinds of balls besides those of billiards, in the program below: of two tones, of one colour.
 GRAIN, PLAIN = len(KINDS), len(KINDS) + 1

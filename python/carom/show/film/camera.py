@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from carom.arrays import F64
 
 #: Angle of view from the lower to the upper edge, degrees.
 ANGLE = 32.0

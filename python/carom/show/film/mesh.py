@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.show.film.window import vtk
 
 Colour = tuple[float, float, float]
@@ -18,7 +18,7 @@ def colour(css: str) -> Colour:
     return tuple(int(css[i : i + 2], 16) / 255 for i in (1, 3, 5))  # type: ignore[return-value]
 
 
-def array(values: NDArray[Any], name: str = "") -> Any:
+def array(values: Array, name: str = "") -> Any:
     """A VTK array that has its own copy."""
     found = vtk("util.numpy_support").numpy_to_vtk(np.ascontiguousarray(values), deep=True)
     if name:
@@ -26,7 +26,7 @@ def array(values: NDArray[Any], name: str = "") -> Any:
     return found
 
 
-def cells(rows: NDArray[Any]) -> Any:
+def cells(rows: Array) -> Any:
     """Cells of k corners each, from (n, k) indices."""
     found = vtk("vtkCommonDataModel").vtkCellArray()
     count, k = rows.shape
@@ -35,7 +35,7 @@ def cells(rows: NDArray[Any]) -> Any:
     return found
 
 
-def mesh(points: NDArray[Any], faces: NDArray[Any] | None = None, lines: NDArray[Any] | None = None) -> Any:
+def mesh(points: Array, faces: Array | None = None, lines: Array | None = None) -> Any:
     """A vtkPolyData of points (n, 3), faces (F, k) and lines (L, 2)."""
     found = vtk("vtkCommonDataModel").vtkPolyData()
     place(found, points)
@@ -46,14 +46,14 @@ def mesh(points: NDArray[Any], faces: NDArray[Any] | None = None, lines: NDArray
     return found
 
 
-def place(data: Any, points: NDArray[Any]) -> None:
+def place(data: Any, points: Array) -> None:
     """Give a vtkPolyData new points (n, 3)."""
     found = vtk("vtkCommonCore").vtkPoints()
     found.SetData(array(points.astype(np.float32)))
     data.SetPoints(found)
 
 
-def attach(data: Any, values: NDArray[Any], name: str) -> None:
+def attach(data: Any, values: Array, name: str) -> None:
     """Give the points of a vtkPolyData an array (n, k)."""
     data.GetPointData().AddArray(array(values.astype(np.float32), name))
 

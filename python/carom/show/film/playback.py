@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64
 from carom.errors import CaromError
 from carom.show.film.look import MOST_PICTURES, Look
 from carom.show.surfaces import box
@@ -20,7 +20,6 @@ from carom.show.surfaces import box
 if TYPE_CHECKING:
     from carom.export.frames import Selection
 
-F64 = NDArray[np.float64]
 
 #: Speeds to choose from; the viewer has the same.
 SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
@@ -35,7 +34,7 @@ class Moment:
     """
 
     time: float
-    body: NDArray[np.int64]
+    body: I64
     position: F64
     orientation: F64
     speed: F64

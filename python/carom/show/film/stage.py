@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import rotated, upward
 from carom.scene.billiards.look import KINDS, BallLook, ball_looks
@@ -28,8 +29,6 @@ from carom.show.plot import require_matplotlib
 from carom.show.plot.style import COLOURS
 from carom.show.surfaces import Surface, surfaces
 from carom.show.viewer.links import links
-
-F64 = NDArray[np.float64]
 
 BACK = ("#f7f8fa", "#d3d9e1")
 FLOOR, GRID = "#ccd1d9", "#aab2be"

@@ -8,14 +8,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.scene.billiards.look import COLOURS
 from carom.scene.billiards.shape import Shape
 from carom.scene.billiards.solid import SURFACES, parts
 from carom.show.film.mesh import attach, colour, mesh, shaded
-
-F64 = NDArray[np.float64]
 
 #: The first kinds of `SURFACES` in the program below.
 CLOTH, LINE, CUSHION, WOOD, SIGHT, LINER, HOLE = range(len(SURFACES))

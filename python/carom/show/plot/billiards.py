@@ -7,8 +7,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.scene.billiards.look import COLOURS, IVORY, BallLook
 from carom.scene.billiards.shape import Hole, Shape
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import Patch
 
-F64 = NDArray[np.float64]
 
 INK = "#17181b"
 #: Of parts of the table, in the order in which they are drawn: the `gid` of an artist, by which it is found again.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import I64, Array, Bool
 from carom.errors import CaromError, counted
 from carom.measure.contacts import along_and_across, closed
 from carom.result.data import RunData
@@ -99,9 +99,7 @@ def strips(result: RunData) -> tuple[list[Strip], int]:
     return found, len(keys)
 
 
-def _closed(
-    result: RunData, pair: NDArray[np.int64], gap: NDArray[Any], frames: NDArray[Any]
-) -> NDArray[np.bool_]:
+def _closed(result: RunData, pair: I64, gap: Array, frames: Array) -> Bool:
     """Whether two bodies touch at some frames, where their contact had the recorded `gap`, m, when it was closed."""
     first, second = (
         np.asarray(result.position[:, end])[frames]
@@ -159,7 +157,7 @@ def impacts(result: RunData, step: int | None = None) -> Chart:
             fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(listed))
         )
         figure.legend(loc="outside upper left", ncols=3)
-    numbers: dict[str, NDArray[Any]] = {
+    numbers: dict[str, Array] = {
         "problem": problem,
         "pair": pairs,
         "status": np.array(status),

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.show.plot.style import COLOURS, GREY, Chart, legend, panels, styled
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ MARKERS = "osD^vP*X"
 def convergence(study: Convergence) -> Chart:
     """Errors by eq. 45 of each quantity over h, both axes logarithmic, with the fitted lines and slopes 1 and 2."""
     h = np.array(study.steps)
-    numbers: dict[str, NDArray[Any]] = {"h (s)": h}
+    numbers: dict[str, Array] = {"h (s)": h}
     with styled():
         figure, (axes,) = panels(1, 4.2, f"{study.title}: against {study.reference}")
         for i, (name, row) in enumerate(study.errors.items()):
@@ -42,7 +42,7 @@ def convergence(study: Convergence) -> Chart:
     return Chart(figure, numbers)
 
 
-def _slopes(axes: Axes, h: NDArray[Any], errors: NDArray[Any]) -> None:
+def _slopes(axes: Axes, h: Array, errors: Array) -> None:
     """Dashed lines of order 1 and 2 from one point below the errors, to compare slopes with."""
     positive = errors[errors > 0]
     if not len(positive):

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, I64, Array
 from carom.scene.assembly.rotations import upward
 from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, legend, panels, styled
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from carom.result.data import RunData
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 #: Up to this many bodies each has a line and a name; of more, the middle and the spread are shown.
 MOST_LINES = len(COLOURS)
@@ -75,7 +73,7 @@ def _components(
     values = _read(result, quantity, names, columns, frames, lambda vectors, _: vectors)
     time = np.asarray(result.time)[frames]
     plain = symbol.replace("\\", "")
-    numbers: dict[str, NDArray[Any]] = {"time (s)": time}
+    numbers: dict[str, Array] = {"time (s)": time}
     with styled():
         figure, axes = panels(3, 5.2, result.title)
         for i, (axis, letter) in enumerate(zip(axes, "xyz", strict=True)):

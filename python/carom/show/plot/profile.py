@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64
 from carom.show.plot.style import COLOURS, GREY, Chart, legend, panels, styled
 
 if TYPE_CHECKING:
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from carom.problem.profile import Profile
 
-F64 = NDArray[np.float64]
 
 #: Lines differ by more than colour: several solvers may share a step.
 STYLES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array
 from carom.errors import CaromError, counted
 from carom.show.plot.style import COLOURS, GREY, Chart, fitted, legend, panels, styled
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from carom.result.data import RunData
 
-F64 = NDArray[np.float64]
 
 #: Histories with a line of their own; further ones of the same step are drawn thin and grey.
 MOST_HISTORIES = 6
@@ -49,7 +48,7 @@ def iterations(result: RunData) -> Chart:
         "velocity\niterations": "iterations_velocity",
         "impact\nproblems": "impact_problems",
     }
-    numbers: dict[str, NDArray[Any]] = {"step": np.asarray(result.steps["step"]), "time (s)": time}
+    numbers: dict[str, Array] = {"step": np.asarray(result.steps["step"]), "time (s)": time}
     with styled():
         figure, axes = panels(3, 4.2, result.title)
         for axis, (label, column), colour in zip(axes, rows.items(), COLOURS, strict=False):
@@ -150,7 +149,7 @@ def quadratic(history: F64) -> tuple[int, F64] | None:
     return start, np.array([first, second, max(factor * second**2, 1e-18)])
 
 
-def _rows(histories: list[tuple[str, int, int, F64]]) -> dict[str, NDArray[Any]]:
+def _rows(histories: list[tuple[str, int, int, F64]]) -> dict[str, Array]:
     rows = [
         (level, problem, contacts, k, value)
         for level, problem, contacts, history in histories

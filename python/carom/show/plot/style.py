@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import Array
 from carom.errors import CaromError, did_you_mean
 from carom.files import write_whole
 
@@ -65,7 +65,7 @@ class Chart:
     """A figure and the numbers it shows: one dictionary of equally long columns, headed with their units."""
 
     figure: Figure
-    data: dict[str, NDArray[Any]] = field(default_factory=dict)
+    data: dict[str, Array] = field(default_factory=dict)
 
 
 @contextmanager
@@ -136,7 +136,7 @@ def save(chart: Chart, directory: Path, name: str, formats: Sequence[str]) -> li
     return files
 
 
-def _csv(data: Mapping[str, NDArray[Any]]) -> str:
+def _csv(data: Mapping[str, Array]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(data)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carom.arrays import F64, Array
 from carom.errors import CaromError
 from carom.scene.assembly.rotations import upward
 from carom.scene.billiards.look import BallLook, ball_looks
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from carom.result.data import RunData
 
-F64 = NDArray[np.float64]
 
 #: Height of a figure over its width at most, and at least.
 TALLEST, FLATTEST = 1.2, 0.3
@@ -64,7 +63,7 @@ def trajectories(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
             _ends(axes, place[:, i], float(radius[i]), colour)
         if few and shape is None:
             legend(figure, axes)
-    numbers: dict[str, NDArray[Any]] = {"time (s)": np.asarray(result.time)[frames]}
+    numbers: dict[str, Array] = {"time (s)": np.asarray(result.time)[frames]}
     for i, name in enumerate(names):
         numbers |= {f"{name} {'xyz'[k]} (m)": place[:, i, j] for j, k in enumerate(axis)}
     return Chart(figure, numbers)

@@ -15,19 +15,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from carom.arrays import F64
+
 Integers = npt.NDArray[np.int32]
 
 INT32 = 2**31 - 1
 
 
-def quantise(values: Floats, step: float, origin: Floats) -> Integers:
+def quantise(values: F64, step: float, origin: F64) -> Integers:
     """The nearest multiples of `step` from `origin`; the caller has seen to it that they fit."""
     integers: Integers = np.rint((values - origin) / step).astype(np.int32)
     return integers
 
 
-def position_grid(position: Floats, radius: Floats) -> tuple[Floats, float]:
+def position_grid(position: F64, radius: F64) -> tuple[F64, float]:
     """Origin and step of the grid positions are rounded to: 1e-5 of the smallest radius at most off.
 
     Only a scene larger than some 40 000 radii gets a coarser grid, the finest that 32 bits give it.
@@ -40,7 +41,7 @@ def position_grid(position: Floats, radius: Floats) -> tuple[Floats, float]:
     return 0.5 * (low + high), step
 
 
-def orientation_integers(orientation: Floats) -> Integers:
+def orientation_integers(orientation: F64) -> Integers:
     """Quaternions as 16-bit integers, in the page's order x, y, z, w.
 
     q and -q are the same attitude: the sign is chosen so that a turning ball never jumps, which would

@@ -11,12 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from carom.arrays import F64, I64, Array
 from carom.show.viewer import codec
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 MAX_IMPACTS = 100_000
 MAX_CONTACTS = 600_000
@@ -33,12 +30,12 @@ class Happenings:
 
     columns: dict[str, codec.Integers] = field(default_factory=dict)
     """(row, 1, component) each."""
-    doubles: dict[str, Floats] = field(default_factory=dict)
+    doubles: dict[str, F64] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
 
-def happenings(result: Any, frames: Indices, every: int, budget: float) -> Happenings:
+def happenings(result: Any, frames: I64, every: int, budget: float) -> Happenings:
     """What happened between the first and the last of the recorded `frames` shown, to one body in `every`.
 
     Impacts and contacts take at most a tenth and three tenths of `budget` bytes.
@@ -85,7 +82,7 @@ def _impacts(result: Any, bodies: int, every: int, most: int, found: Happenings)
     }
 
 
-def _contacts(result: Any, frames: Indices, bodies: int, every: int, most: int, found: Happenings) -> None:
+def _contacts(result: Any, frames: I64, bodies: int, every: int, most: int, found: Happenings) -> None:
     """Contacts of the frames shown, or of one in several; the force is the mean since the frame recorded before."""
     table = getattr(result, "contacts", None)
     ends = getattr(table, "ends", None)
@@ -116,8 +113,8 @@ def _contacts(result: Any, frames: Indices, bodies: int, every: int, most: int, 
 
 
 def _frames_of(
-    table: Any, result: Any, chosen: Indices, starts: Indices, ends: Indices, bodies: int, every: int
-) -> Iterator[dict[str, npt.NDArray[Any]]]:
+    table: Any, result: Any, chosen: I64, starts: I64, ends: I64, bodies: int, every: int
+) -> Iterator[dict[str, Array]]:
     """Frame by frame pairs, status, normals and forces (N) of the contacts that carry something."""
     time = np.asarray(result.time, dtype=np.float64)
     body, status, normal, impulse = (table[name] for name in ("body", "status", "normal", "impulse"))
@@ -150,7 +147,7 @@ def _energies(result: Any, found: Happenings) -> None:
         found.doubles["energy"] = np.concatenate(series)
 
 
-def _pairs(body: npt.NDArray[Any], bodies: int, every: int) -> tuple[Indices, Indices]:
+def _pairs(body: Array, bodies: int, every: int) -> tuple[I64, I64]:
     """Pairs as the page numbers them, (row, 2), and the rows they come from: those whose balls are shown.
 
     A ball's number is that among the shown; wall w is -1 - w.
@@ -161,15 +158,15 @@ def _pairs(body: npt.NDArray[Any], bodies: int, every: int) -> tuple[Indices, In
     return np.where(wall, bodies - 1 - pair, pair // every)[shown], shown
 
 
-def _rows(values: npt.NDArray[Any]) -> codec.Integers:
+def _rows(values: Array) -> codec.Integers:
     rows: codec.Integers = np.asarray(values).astype(np.int32).reshape(len(values), 1, -1)
     return rows
 
 
-def _unit_rows(vectors: npt.NDArray[Any]) -> codec.Integers:
+def _unit_rows(vectors: Array) -> codec.Integers:
     return _rows(np.rint(np.nan_to_num(np.asarray(vectors, dtype=np.float64)) * UNIT))
 
 
-def _float_rows(values: Floats) -> codec.Integers:
+def _float_rows(values: F64) -> codec.Integers:
     """32-bit floats as the integers of the same bits."""
     return np.ascontiguousarray(values, dtype="<f4").view("<i4").reshape(len(values), 1, -1)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from carom.arrays import F64
 from carom.errors import CaromError
 from carom.scene.assembly.rotations import rotated_back
 from carom.scene.tables.joints import Joint
 from carom.scene.tables.loads import GROUND, Spring
-
-Floats = npt.NDArray[np.float64]
 
 
 def links(result: Any, every: int) -> list[dict[str, Any]]:
@@ -80,7 +78,7 @@ class _Start:
             "axes": [(np.asarray(axis, dtype=float) / np.linalg.norm(axis)).tolist() for axis in axes],
         }
 
-    def _arm(self, body: int, point: Floats) -> list[float]:
+    def _arm(self, body: int, point: F64) -> list[float]:
         """The point in the body's own axes, relative to its centre; of the ground as it is."""
         if body < 0:
             return [float(x) for x in point]

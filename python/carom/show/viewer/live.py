@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
+from carom.arrays import F64
 from carom.errors import CaromError, extra
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import upward
@@ -24,8 +24,6 @@ from carom.show.surfaces import surfaces
 from carom.show.viewer.gate import gated
 from carom.show.viewer.live_shapes import ball_halves
 from carom.show.viewer.scenery import bounds, held, period
-
-Floats = npt.NDArray[np.float64]
 
 HOST = "127.0.0.1"
 PORT = 8080
@@ -184,7 +182,7 @@ class Live:
         self._slider.on_update(lambda _: self._draw())
         self._draw()
 
-    def _camera(self, low: Floats, high: Floats, up: Floats) -> None:
+    def _camera(self, low: F64, high: F64, up: F64) -> None:
         middle, reach = 0.5 * (low + high), float(np.linalg.norm(high - low))
         aside = np.cross([0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [0.0, 0.0, 1.0], up)
         aside /= np.linalg.norm(aside)
@@ -192,7 +190,7 @@ class Live:
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.up = middle + 0.9 * reach * sight, middle, up
 
-    def _bodies(self, frame: int) -> tuple[Floats, Floats]:
+    def _bodies(self, frame: int) -> tuple[F64, F64]:
         """Centres (N, 3), scaled to the page, within the period where there is one, and attitudes (N, 4) of the balls shown.
 
         Absent ones are somewhere, and are drawn without size.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.show.surfaces import Faces, Floats, revolved
+from carom.arrays import F64
+from carom.show.surfaces import Faces, revolved
 
 BALL_ROUND = 16
 
 
-def ball_halves() -> tuple[tuple[str, Floats, Faces], tuple[str, Floats, Faces]]:
+def ball_halves() -> tuple[tuple[str, F64, Faces], tuple[str, F64, Faces]]:
     """Name, vertices and faces of what lies below and above a third of the radius of a unit ball."""
     cut = np.arccos(1 / 3)
     parts = []

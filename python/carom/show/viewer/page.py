@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from carom.arrays import F64, Array
 from carom.errors import CaromError
 from carom.files import write_whole
 from carom.result.data import RunData
@@ -164,7 +164,7 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
     extra = (recorded - 1) % stride > 0  # the last frame is always in
     frames = np.append(np.arange(0, recorded, stride), [recorded - 1] if extra else []).astype(np.int64)
 
-    def read(array: Frames, columns: slice) -> npt.NDArray[Any]:
+    def read(array: Frames, columns: slice) -> Array:
         size = max(
             1, READ_NUMBERS * stride // max(1, int(np.prod(array.shape[1:])))
         )  # some frames, of all bodies
@@ -172,7 +172,7 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
         parts = [np.asarray(array[k : k + size : stride])[:, columns] for k in range(0, recorded, size)]
         return np.concatenate([*parts, np.asarray(array[-1:])[:, columns]] if extra else parts)
 
-    def read_bodies(name: str) -> npt.NDArray[np.float64]:
+    def read_bodies(name: str) -> F64:
         values = read(getattr(result, name), bodies).astype(np.float64)
         return _finite(values if present is None else held(values, present), name, names, time)
 
@@ -249,9 +249,7 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
     return facts, gzip.compress(b"".join(chunks), compresslevel=9, mtime=0)
 
 
-def _finite(
-    values: npt.NDArray[np.float64], what: str, names: Sequence[str], time: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def _finite(values: F64, what: str, names: Sequence[str], time: F64) -> F64:
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         frame, body = bad[0][:2]
@@ -266,7 +264,7 @@ def _gravity(result: Viewable) -> list[float]:
     return [float(g) for g in gravity]
 
 
-def _marks(result: Viewable, time: npt.NDArray[np.float64]) -> list[float]:
+def _marks(result: Viewable, time: F64) -> list[float]:
     """Times of impacts, as ticks over the scrub bar; a run with a great many has none worth showing."""
     table = getattr(result, "impacts", None)
     if table is None:

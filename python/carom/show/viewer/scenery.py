@@ -8,12 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from carom.arrays import F64, I64, Bool
 from carom.result.record.walls import PARAMETERS, WIDTHS
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 NUMBERS = [name for name, width in WIDTHS.items() if width == 1]
 """Columns of a wall that are numbers."""
@@ -27,13 +24,13 @@ class Scenery:
 
     planes: list[dict[str, Any]]
     walls: list[dict[str, Any]]
-    position: Floats
+    position: F64
     """(frame, moving wall, 3), m."""
-    orientation: Floats
+    orientation: F64
     """(frame, moving wall, 4), scalar part first."""
 
 
-def scenery(result: Any, frames: npt.NDArray[np.int64], hidden: Collection[str] = ()) -> Scenery:
+def scenery(result: Any, frames: I64, hidden: Collection[str] = ()) -> Scenery:
     """The walls of a result, with poses at some of its frames; of a result without `walls`, its planes. Walls that are
     `hidden` are drawn in another way.
     """
@@ -62,7 +59,7 @@ def scenery(result: Any, frames: npt.NDArray[np.int64], hidden: Collection[str] 
     return Scenery(planes, facts, position, orientation)
 
 
-def _no_poses(frames: int) -> tuple[Floats, Floats]:
+def _no_poses(frames: int) -> tuple[F64, F64]:
     return np.zeros((frames, 0, 3)), np.zeros((frames, 0, 4))
 
 
@@ -106,7 +103,7 @@ def _unit(values: Any) -> list[float]:
     return _vector(vector / np.linalg.norm(vector))
 
 
-def held(values: Floats, present: Flags) -> Floats:
+def held(values: F64, present: Bool) -> F64:
     """`values` (frame, body, ...), where a ball is absent those of its last frame before, or of its first one.
 
     Of a ball that never comes they are zero, or the quaternion of no rotation. What is not shown is then at rest, which
@@ -115,7 +112,7 @@ def held(values: Floats, present: Flags) -> Floats:
     frame = np.arange(len(values))[:, np.newaxis]
     last = np.maximum.accumulate(np.where(present, frame, -1), axis=0)
     source = np.where(last < 0, present.argmax(axis=0), last)
-    found: Floats = values[source, np.arange(values.shape[1])]
+    found: F64 = values[source, np.arange(values.shape[1])]
     found[:, ~present.any(axis=0)] = np.eye(1, 4) if values.shape[-1] == 4 else 0.0
     return found
 
@@ -128,7 +125,7 @@ def period(result: Any) -> tuple[Sequence[float], Sequence[float]] | None:
     return _vector(found), _vector(getattr(result, "periodic_origin", (0.0, 0.0, 0.0)))
 
 
-def bounds(position: Floats, present: Flags | None, fold: tuple[Any, Any] | None) -> tuple[Floats, Floats]:
+def bounds(position: F64, present: Bool | None, fold: tuple[Any, Any] | None) -> tuple[F64, F64]:
     """Lowest and highest coordinates of the centres that are shown, m; along a periodic axis those of the period."""
     there = position.reshape(-1, 3) if present is None else position[present]
     if len(there) == 0:

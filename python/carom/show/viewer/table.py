@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from carom.arrays import F64
 from carom.scene.billiards.look import KINDS, MOST_NUMBERED, ball_looks
 from carom.scene.billiards.shape import Shape
 from carom.scene.billiards.solid import SURFACES, parts
@@ -31,9 +31,7 @@ def table_facts(shape: Shape) -> dict[str, Any]:
     }
 
 
-def packed_table(
-    shape: Shape, origin: npt.NDArray[np.float64]
-) -> Iterator[tuple[str, codec.Integers, dict[str, Any]]]:
+def packed_table(shape: Shape, origin: F64) -> Iterator[tuple[str, codec.Integers, dict[str, Any]]]:
     """The triangles: for every corner its place, normal and kind, and the faces; places are measured from `origin`."""
     found = parts(shape)
     points = np.concatenate([part.points for part in found])
