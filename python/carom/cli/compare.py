@@ -6,9 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from carom.cli.options import Case, Json, Scenario, Set, Until, option, scene
+from carom.cli.options import Case, Json, Scenario, Set, Until, listed, numbers, option, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 from carom.errors import CaromWarning
@@ -54,7 +52,12 @@ def compare(
     with progress_bar(not (quiet or as_json)) as bar, warnings.catch_warnings():
         warnings.simplefilter("ignore", CaromWarning)  # told above
         found = compare_methods(
-            described, _names(methods), at=_times(at or []), out=out, force=force, progress=bar
+            described,
+            None if methods is None else listed(methods),
+            at=numbers(at or [], "what is no time in s", "--at 0.1,0.2"),
+            out=out,
+            force=force,
+            progress=bar,
         )
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict()})
@@ -66,16 +69,3 @@ def compare(
     for run in stopped:
         fail(f"{run.name}: {run.outcome}", NOT_CONVERGED)
     return NOT_CONVERGED if stopped else DONE
-
-
-def _names(methods: str | None) -> list[str] | None:
-    return None if methods is None else [name.strip() for name in methods.split(",") if name.strip()]
-
-
-def _times(given: list[str]) -> list[float]:
-    try:
-        return [float(t) for text in given for t in text.split(",")]
-    except ValueError:
-        raise typer.BadParameter(
-            f"{','.join(given)!r} holds what is no time in s; write for example --at 0.1,0.2"
-        ) from None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from carom.cli.options import Case, Json, Scenario, Set, Until, number, option, scene
+from carom.cli.options import Case, Json, Scenario, Set, Until, listed, number, numbers, option, scene
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.many.sheets import of_convergence
 
@@ -74,11 +74,11 @@ def converge(
     fine = number(reference)
     found = study_of(
         described,
-        numbers("--steps", [steps]),
+        numbers([steps], example="--steps 1e-2,5e-3"),
         fine if isinstance(fine, float) else reference,
-        [q for q in quantities.split(",") if q.strip()] if quantities else None,
+        listed(quantities) or None,
         until=described.run.until if until is not None else None,
-        at=numbers("--at", at or []),
+        at=numbers(at or [], example="--at 1e-2,5e-3"),
         threads=threads,
     )
     files = [str(file) for file in _draw(found, plot)] if plot is not None else []
@@ -97,16 +97,6 @@ def converge(
         )
         fail(f"h = {run.h:g} s: {why} at t = {run.steps * run.h:g} s", NOT_CONVERGED)
     return NOT_CONVERGED if failed else DONE
-
-
-def numbers(option: str, given: list[str]) -> list[float]:
-    """The numbers of an option that takes several with commas."""
-    try:
-        return [float(part) for text in given for part in text.split(",") if part.strip()]
-    except ValueError:
-        raise typer.BadParameter(
-            f"{','.join(given)!r} holds a value that is not a number; write for example {option} 1e-2,5e-3"
-        ) from None
 
 
 def _refuse_format(plot: Path) -> None:

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Annotated, Any
 
-from carom.cli.options import Json, Quiet, option
+from carom.cli.options import Json, Quiet, can_draw, option
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note, seconds
 from carom.cli.progress import progress_bar
 from carom.files import inside
@@ -42,7 +42,8 @@ def demo(
             continue
         rows = story.compare(result, story.exactly(result))
         files = [result.view(title=result.title or case).path]
-        files += _plots(result, plots)
+        if plots and can_draw():
+            files += result.plot.save(inside(result.path, "plots"))
         document["cases"][case] = {
             "rows": story.as_json(rows),
             "directory": str(directory),
@@ -60,15 +61,3 @@ def demo(
     elif not quiet:
         print(f"all of it took {seconds(document['wall_s'])}")
     return code
-
-
-def _plots(result: Any, wanted: bool) -> list[Path]:
-    from importlib.util import find_spec
-
-    if not wanted:
-        return []
-    if find_spec("matplotlib") is None:
-        note("no figures: matplotlib is missing (pip install 'carom[plot]')")
-        return []
-    files: list[Path] = result.plot.save(inside(result.path, "plots"))
-    return files

@@ -50,12 +50,6 @@ def _core() -> str:
     return f"{_core.__version__}, {len(_core.defaults())} numerical options"
 
 
-def _numpy() -> str:
-    import numpy
-
-    return numpy.__version__
-
-
 def _record() -> str:
     """HDF5 with one writer and a reader at work at the same time, as every run uses it."""
     import tempfile
@@ -125,7 +119,7 @@ TESTS: dict[str, Callable[[], str]] = {
     "machine": _machine,
     "Python": _python,
     "compiled core": _core,
-    "NumPy": _numpy,
+    "NumPy": _extra("numpy"),
     "results file": _record,
     "this directory": _directory,
     "a short run": _a_run,

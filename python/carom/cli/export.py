@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
-from carom.cli.options import Json, Run, option
-from carom.cli.output import emit, guarded, note
+from carom.cli.options import Json, Run, listed, loaded, option
+from carom.cli.output import files, guarded, note
 from carom.errors import CaromError
 
 
@@ -70,14 +69,9 @@ def export(
 
     from carom.cli.progress import counting_bar
     from carom.export import FILMS, check_format
-    from carom.run.result import load
 
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        result = load(run)
-    for warning in caught:
-        note(str(warning.message))
-    formats = [name.strip() for name in format_.split(",")]
+    result = loaded(run)
+    formats = listed(format_)
     for name in formats:  # before anything is written
         check_format(name)
     named: dict[str, Any] = {"at": at, "speed": speed, "fps": fps, "width": width, "height": height}
@@ -92,12 +86,11 @@ def export(
         and np.any(result.steps["contacts"])
     ):
         note("contacts were not recorded, and are left out; contacts = true in [record] keeps them")
-    files = []
+    written = []
     for name in formats:
         with counting_bar(not (quiet or as_json) and name in FILMS, "pictures") as bar:
             look = {**film, "stamp": stamp, "progress": bar} if name in FILMS else {}
-            files += result.export(out, name, every=every, start=start, stop=stop, contacts=contacts, **look)
-    if as_json:
-        emit({"files": [str(f) for f in files]})
-    else:
-        print("\n".join(str(f) for f in files))
+            written += result.export(
+                out, name, every=every, start=start, stop=stop, contacts=contacts, **look
+            )
+    files(written, as_json)

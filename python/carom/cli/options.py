@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from carom.cli.output import note
 from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
 
 if TYPE_CHECKING:
+    from carom.run.result import Result
     from carom.scene.scene import Scene
 
 
@@ -40,6 +42,59 @@ Set = Annotated[
         "Override a parameter of the file, or a key of [run] or [record]; may be repeated.",
     ),
 ]
+
+
+Formats = Annotated[str, option("--format", "FORMAT", "File formats: png, svg, pdf; several with commas.")]
+
+
+def listed(*texts: str | None) -> list[str]:
+    """What an option that takes several with commas was given, also more than once."""
+    return [part.strip() for text in texts for part in (text or "").split(",") if part.strip()]
+
+
+def numbers(
+    given: list[str], wrong: str = "a value that is not a number", example: str = "1e-2,5e-3"
+) -> list[float]:
+    """The numbers of an option that takes several with commas; messages have what is `wrong`, and an `example`."""
+    try:
+        return [float(part) for part in listed(*given)]
+    except ValueError:
+        raise typer.BadParameter(f"{','.join(given)!r} holds {wrong}; write for example {example}") from None
+
+
+def figure_formats(text: str) -> list[str]:
+    """The formats of figures asked for."""
+    from carom.show.plot import FORMATS
+
+    formats = listed(text)
+    for given in formats:
+        if given not in FORMATS:
+            raise CaromError(f"--format: {given!r} is no format of a figure; {did_you_mean(given, FORMATS)}")
+    return formats
+
+
+def can_draw() -> bool:
+    """Whether there is what figures need; if not, that is said."""
+    from importlib.util import find_spec
+
+    found = find_spec("matplotlib") is not None
+    if not found:
+        note("no figures: matplotlib is missing (pip install 'carom[plot]')")
+    return found
+
+
+def loaded(run: Path) -> Result:
+    """The result of a run; what is to be said of it goes to standard error."""
+    import warnings
+
+    from carom.run.result import load
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = load(run)
+    for warning in caught:
+        note(str(warning.message))
+    return result
 
 
 def settings(pairs: list[str]) -> dict[str, Any]:

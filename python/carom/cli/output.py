@@ -5,8 +5,10 @@ from __future__ import annotations
 import functools
 import json
 import os
+import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, ParamSpec, TextIO
 
@@ -114,12 +116,23 @@ def note(message: str) -> None:
     print(f"carom: {message}", file=sys.stderr)
 
 
+def files(found: Iterable[Any], as_json: bool) -> None:
+    """Say which files were written, a line each or as a document."""
+    names = [str(file) for file in found]
+    emit({"files": names}) if as_json else print("\n".join(names))
+
+
+def leave_at_once(code: int) -> None:
+    """End the process without what Python does at its end."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 def _leave_at_once_if_broken(code: int) -> None:
     writer = sys.modules.get("carom.result.record.writer")
     if writer is not None and writer.Writer.unclosable:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
+        leave_at_once(code)
 
 
 def _refused(error: Exception, as_json: bool) -> int:
@@ -156,3 +169,24 @@ def _finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_finite(v) for v in value]
     return value
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the work as Ctrl-C does: nothing half written stays, and the processes end too.
+
+    SIGINT is set as well: a shell that starts a command in the background leaves it ignored.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    old = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Annotated
 
-from carom.cli.options import Json, Run, option
-from carom.cli.output import emit, guarded, note
+from carom.cli.options import Formats, Json, Run, listed, loaded, option
+from carom.cli.output import files, guarded, note
 from carom.files import inside
 
 
@@ -32,9 +31,7 @@ def plot(
         ),
     ] = None,
     bodies: Annotated[str | None, option("--bodies", "A,B", "Draw only these bodies.")] = None,
-    format_: Annotated[
-        str, option("--format", "FORMAT", "File formats: png, svg, pdf; several with commas.")
-    ] = "png",
+    format_: Formats = "png",
     width: Annotated[
         str, option("--width", "WIDTH", "Figure width: single or double column of a page.")
     ] = "double",
@@ -45,20 +42,14 @@ def plot(
 
     Example: carom plot runs/break-1 --what velocities --format pdf
     """
-    from carom.run.result import load
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        result = load(run)
-    for warning in caught:
-        note(str(warning.message))
-    named = [kind.strip() for kinds in what or ["all"] for kind in kinds.split(",")]
+    result = loaded(run)
+    named = listed(*(what or ["all"]))
     kinds = result.plot.available(step) if "all" in named else named
-    files = result.plot.save(
+    drawn = result.plot.save(
         out or inside(result.path, "plots"),
         kinds,
-        formats=[name.strip() for name in format_.split(",")],
-        bodies=[name.strip() for name in bodies.split(",")] if bodies else None,
+        formats=listed(format_),
+        bodies=listed(bodies) or None,
         step=step,
         width=width,
     )
@@ -67,7 +58,4 @@ def plot(
     if bodies is None and len(result.names) > MOST_LINES:
         spread = "figures show median, 5 to 95 %, least and greatest"
         note(f"{len(result.names)} bodies: {spread}; --bodies {','.join(result.names[:2])} draws these two")
-    if as_json:
-        emit({"files": [str(f) for f in files]})
-    else:
-        print("\n".join(str(f) for f in files))
+    files(drawn, as_json)

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import signal
-import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from carom.cli.options import Json, Quiet, option
-from carom.cli.output import CRASH, DONE, NOT_CONVERGED, emit, guarded, note, seconds
+from carom.cli.options import Formats, Json, Quiet, can_draw, figure_formats, option
+from carom.cli.output import (
+    CRASH,
+    DONE,
+    NOT_CONVERGED,
+    emit,
+    guarded,
+    note,
+    seconds,
+    terminated_as_interrupted,
+)
+from carom.cli.progress import counting_bar
 from carom.errors import CaromError, did_you_mean
 from carom.text import table
 
@@ -42,9 +47,7 @@ def reproduce(
         bool | None,
         option("--figures/--no-figures", "Draw the figures (needs matplotlib).", show_default=False),
     ] = None,
-    format_: Annotated[
-        str, option("--format", "FORMAT", "File formats: png, svg, pdf; several with commas.")
-    ] = "png",
+    format_: Formats = "png",
     jobs: Annotated[
         int | None, option("--jobs", "-j", "N", "Processes at a time. Default: one per CPU.", min=1)
     ] = None,
@@ -69,15 +72,15 @@ def reproduce(
 
     chosen = _chosen(examples or ["all"])
     formats = _formats(format_, docs)
-    drawn = _drawable(figures if figures is not None else not quick or docs is not None)
+    drawn = (figures if figures is not None else not quick or docs is not None) and can_draw()
     if docs is not None and (quick or chosen != _chosen(["all"]) or not drawn):
         raise CaromError(
             "--docs writes the page of all examples with figures; leave out --quick, --no-figures and names"
         )
     # Processes all start at once; two for an example are as many as have work (its heavy parts, or its figures).
     workers = jobs or min(usable_processors(), 2 * len(chosen))
-    with _terminated_as_interrupted(), folder.replacing(out, force=force) as directory:
-        with _bar(not (quiet or as_json)) as progress:
+    with terminated_as_interrupted(), folder.replacing(out, force=force) as directory:
+        with counting_bar(not (quiet or as_json)) as progress:
             drawing = Drawing(directory / folder.FIGURES, formats) if drawn else None
             report = run(chosen, Context(quick=quick), jobs=workers, drawing=drawing, progress=progress)
         about = folder.write(report, directory, _command(examples, quick))
@@ -109,26 +112,12 @@ def _chosen(names: list[str]) -> list[str]:
 
 def _formats(text: str, docs: Path | None) -> tuple[str, ...]:
     """The formats asked for, and one that the page can show."""
-    from carom.reproduce.figures import FORMATS
-
-    formats = [part.strip() for part in text.split(",") if part.strip()]
-    for given in formats:
-        if given not in FORMATS:
-            raise CaromError(f"--format: {given!r} is no format of a figure; {did_you_mean(given, FORMATS)}")
+    formats = figure_formats(text)
     if docs is not None:
         formats.append("svg")
     if not {"png", "svg"} & set(formats):
         formats.append("png")
     return tuple(dict.fromkeys(formats))
-
-
-def _drawable(wanted: bool) -> bool:
-    from importlib.util import find_spec
-
-    if wanted and find_spec("matplotlib") is None:
-        note("no figures: matplotlib is missing (pip install 'carom[plot]')")
-        return False
-    return wanted
 
 
 def _command(examples: list[str] | None, quick: bool) -> str:
@@ -156,43 +145,3 @@ def _code(report: Report) -> int:
     if any(failure.not_converged for failure in report.failures):
         return NOT_CONVERGED
     return DONE if report.complete else CRASH
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the work as Ctrl-C does: nothing half written stays, and the processes end too.
-
-    SIGINT is set as well: a shell that starts a command in the background leaves it ignored.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    old = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)
-
-
-@contextmanager
-def _bar(wanted: bool) -> Iterator[Callable[[int, int, str], None] | None]:
-    """A progress bar of tasks, on a terminal only."""
-    if not (wanted and sys.stderr.isatty()):
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
-    columns: list[Any] = [BarColumn(bar_width=20), TaskProgressColumn(), TimeElapsedColumn()]
-    with Progress(
-        *columns, TextColumn("{task.description}"), console=Console(stderr=True), transient=True
-    ) as bar:
-        task = bar.add_task("beginning", total=None)
-        yield lambda done, known, what: bar.update(
-            task, completed=done, total=known, description=f"{what} done"
-        )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,9 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet, option
-from carom.cli.output import BAD_INPUT, DONE, INTERRUPTED, NOT_CONVERGED, emit, guarded, note
-from carom.cli.reproduce import _bar, _terminated_as_interrupted
+from carom.cli.options import Json, Quiet, figure_formats, listed, option
+from carom.cli.output import (
+    BAD_INPUT,
+    DONE,
+    INTERRUPTED,
+    NOT_CONVERGED,
+    emit,
+    guarded,
+    leave_at_once,
+    note,
+    terminated_as_interrupted,
+)
+from carom.cli.progress import counting_bar
 from carom.errors import CaromError, did_you_mean
 
 if TYPE_CHECKING:
@@ -90,6 +98,7 @@ def solve(
     Example: carom solve problems --solver all --time-limit 10 -o profiles --format svg
     """
     from carom.cli import solutions
+    from carom.problem.solve import is_abandoned
 
     names = _solvers(solver or ["auto"])
     rule = _rule() if explain else None
@@ -106,9 +115,9 @@ def solve(
 
     done: list[Attempt] = []
     interrupted = False
-    with _terminated_as_interrupted():
+    with terminated_as_interrupted():
         try:
-            with _bar(not (quiet or as_json)) as progress:
+            with counting_bar(not (quiet or as_json)) as progress:
                 for attempt, found in _attempts(paths, names, how, repeat=repeat, rank=len(paths) == 1):
                     done.append(attempt)
                     if found is not None and solution is not None:
@@ -130,7 +139,10 @@ def solve(
     _show(document, done, rule, quiet=quiet, as_json=as_json)
     if error:
         note(error)
-    _leave_if_still_computing(code)
+    if (
+        is_abandoned()
+    ):  # Python would not survive the return of a solver that was interrupted and still computes
+        leave_at_once(code)
     return code
 
 
@@ -210,7 +222,7 @@ def _solvers(given: list[str]) -> list[str]:
     from carom.problem import solvers
 
     known = list(solvers())
-    names = [name.strip() for part in given for name in part.split(",") if name.strip()]
+    names = listed(*given)
     for name in names:
         if name not in [*known, "all"]:
             raise CaromError(f"--solver: none is called {name!r}; {did_you_mean(name, [*known, 'all'])}")
@@ -218,12 +230,9 @@ def _solvers(given: list[str]) -> list[str]:
 
 
 def _formats(text: str) -> list[str]:
-    from carom.show.plot import FORMATS, require_matplotlib
+    from carom.show.plot import require_matplotlib
 
-    formats = [part.strip() for part in text.split(",") if part.strip()]
-    for given in formats:
-        if given not in FORMATS:
-            raise CaromError(f"--format: {given!r} is no format of a figure; {did_you_mean(given, FORMATS)}")
+    formats = figure_formats(text)
     require_matplotlib()
     return formats
 
@@ -284,13 +293,3 @@ def _told(error: BaseException, path: Path) -> str:
 
 def _placed(text: str, path: Path) -> str:
     return text if text.startswith(str(path)) else f"{path}: {text}"
-
-
-def _leave_if_still_computing(code: int) -> None:
-    """End the process though a solver that was interrupted still computes: Python would not survive its return."""
-    from carom.problem.solve import is_abandoned
-
-    if is_abandoned():
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)

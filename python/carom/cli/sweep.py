@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet, option
+from carom.cli.options import Json, Quiet, listed, option
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
+from carom.cli.progress import Bar, left
 from carom.errors import CaromError, counted
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ def sweep(
     finally:
         if bar is not None:
             bar.stop()
-    chosen = columns.split(",") if columns else []
+    chosen = listed(columns)
     files = [found.to_csv(csv, chosen)] if csv is not None else []
     files += _figures(found, plots, chosen)
     if as_json:
@@ -126,39 +127,18 @@ def _print(found: Sweep, files: list[Path]) -> None:
     print("\n".join(str(f) for f in [facts["table"], *files]))
 
 
-class _Bar:
+class _Bar(Bar):
     """Progress on a terminal as a bar, elsewhere as a line now and then."""
 
-    def __init__(self) -> None:
-        self._bar: Any = None
-        self._task: Any = None
-        self._last = 0.0
+    _last = 0.0
 
     def __call__(self, now: Progress) -> None:
-        eta = int(now.eta_s) if now.eta_s < 1e8 else 0
-        left = f"{eta // 3600}:{eta % 3600 // 60:02d}:{eta % 60:02d}"
-        facts = f"{now.done}/{now.cases}  {now.failed} failed  {now.per_second:.3g}/s  ETA {left}"
-        if not sys.stderr.isatty():
-            if now.wall_s - self._last >= LINE_SECONDS:
-                self._last = now.wall_s
-                note(facts)
-            return
-        if self._bar is None:
-            from rich.console import Console
-            from rich.progress import BarColumn, TaskProgressColumn, TextColumn
-            from rich.progress import Progress as RichBar
-
-            columns = (BarColumn(bar_width=20), TaskProgressColumn(), TextColumn("{task.fields[facts]}"))
-            self._bar = RichBar(*columns, console=Console(stderr=True), auto_refresh=False, transient=True)
-            self._task = self._bar.add_task("", total=now.cases, facts="")
-            self._bar.start()
-        self._bar.update(self._task, completed=now.done, facts=facts)
-        self._bar.refresh()
-
-    def stop(self) -> None:
-        """Remove the bar."""
-        if self._bar is not None:
-            self._bar.stop()
+        told = f"{now.done}/{now.cases}  {now.failed} failed  {now.per_second:.3g}/s  ETA {left(now.eta_s)}"
+        if sys.stderr.isatty():
+            self.show(now.done, now.cases, lambda width: told)
+        elif now.wall_s - self._last >= LINE_SECONDS:
+            self._last = now.wall_s
+            note(told)
 
 
 def _function(named: str | None) -> Callable[[Any], dict[str, float]] | None:

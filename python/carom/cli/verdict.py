@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from carom.cli.options import listed
 from carom.cli.output import BAD_INPUT, DONE, NOT_CONVERGED, emit, fail, note
 from carom.errors import counted
 from carom.many.sheets import Sheet
@@ -99,7 +100,7 @@ def _row(verdict: Verdict) -> list[str]:
 def _threads(text: str | None) -> list[int] | None:
     """Numbers of threads, one if none are given; None where the text has none."""
     try:
-        found = [int(part) for part in (text or "1").split(",")]
+        found = [int(part) for part in listed(text or "1")]
     except ValueError:
         return None
     return found if all(n > 0 for n in found) else None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from carom.cli.options import Json, Run, option
-from carom.cli.output import emit, guarded, note
+from carom.cli.options import Json, Run, loaded, option
+from carom.cli.output import emit, guarded
 
 
 @guarded
@@ -34,15 +34,7 @@ def view(
 
         serve(run, port, print)
         return
-    import warnings
-
-    from carom.run.result import load
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        result = load(run)
-    for warning in caught:
-        note(str(warning.message))
+    result = loaded(run)
     info = result.view(out, open_browser=open_, max_mb=max_mb, title=result.title or None)
     if as_json:
         facts = {"frames": info.frames, "bodies": info.bodies, "bytes": info.bytes, "notes": list(info.notes)}
