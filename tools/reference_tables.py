@@ -1,4 +1,4 @@
-"""Writes the tables of the pages scenario.md, packings.md and results.md in docs/reference.
+"""Writes the tables of the pages scenario.md, packings.md and results.md in docs/reference, and of guides/choose.md.
 
     python tools/reference_tables.py [--check]
 
@@ -16,6 +16,7 @@ from typing import Any
 from carom import _core
 from carom.result.record.layout import MEANINGS
 from carom.scene.tables.base import Table
+from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.model import NESTED, REPEATED, SINGLE, Scenario
 from carom.units import DIMENSIONS, UNITS
 
@@ -29,6 +30,8 @@ def block(name: str) -> str:
         return ", ".join(f"`{function}`" for function in _core.Expression.functions())
     if name == "units":
         return _units()
+    if name == "impact_laws":
+        return _impact_laws()
     if name == "top":
         return _table(
             {key: f for key, f in Scenario.model_fields.items() if key not in {**SINGLE, **REPEATED}},
@@ -73,6 +76,15 @@ def _units() -> str:
     return "\n".join(rows) + "\n"
 
 
+def _impact_laws() -> str:
+    rows = ["| `impact` | what it does | take it | energy |", "|---|---|---|---|"]
+    for name, law in LAWS.items():
+        energy = "never rises" if law.energy else "can rise"
+        default = " (default)" if name == _core.defaults()["impact"] else ""
+        rows.append(f"| `{name}`{default} | {law.summary} | {law.advice} | {energy} |")
+    return "\n".join(rows) + "\n"
+
+
 def with_all_sections(page: str) -> str:
     """The page with an empty section at its end for each table of the format that it lacks."""
     missing = [name for name in (*SINGLE, *REPEATED) if f"<!-- table {name} -->" not in page]
@@ -89,9 +101,17 @@ def columns(group: str) -> str:
     return "\n".join(rows) + "\n"
 
 
+_PAGES = (
+    ("scenario.md", block),
+    ("packings.md", block),
+    ("results.md", columns),
+    ("../guides/choose.md", block),
+)
+
+
 def main() -> int:
     """The command."""
-    for name, table in (("scenario.md", block), ("packings.md", block), ("results.md", columns)):
+    for name, table in _PAGES:
         page = (PAGES / name).read_text(encoding="utf-8")
         text = with_all_sections(page) if name == "scenario.md" else page
         text = _BLOCK.sub(lambda m, table=table: m[1] + table(m[2]) + m[3], text)

@@ -66,6 +66,9 @@ def tangential_increment(
 def choices() -> dict[str, list[str]]:
     """Admitted values of the options that are names: method, impact, solver and others."""
 
+def impact_laws() -> dict[str, dict[str, Any]]:
+    """The table of impact laws by name (`carom.scene.tables.impact_laws`)."""
+
 def pile_overlap(tolerance: float, contacts: int) -> float:
     """Overlap over the radius that the solver of piles may leave in an island of so many contacts, by `pile_tolerance`."""
 

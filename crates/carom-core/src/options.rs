@@ -65,6 +65,7 @@ macro_rules! named_choice {
         impl $name {
             /// Names in scenario files.
             pub const NAMES: &'static [&'static str] = &[$($text),+];
+            pub const ALL: &'static [Self] = &[$($name::$variant),+];
 
             pub fn name(self) -> &'static str {
                 match self { $($name::$variant => $text),+ }
@@ -100,7 +101,7 @@ named_choice! {
 }
 
 named_choice! {
-    /// Impact law over the velocity sub-problems.
+    /// Impact law over the velocity sub-problems; [`crate::impact::laws`] says what each is.
     Impact {
         /// Sequence with load offset, restitution at the normal of n+1, energy safeguard (rules R2-R4).
         Sequence = "sequence",
@@ -108,13 +109,6 @@ named_choice! {
         SequencePaper = "sequence-paper",
         /// All closed contacts at once by Newton's law (eqs. 16-17).
         OneShot = "one-shot",
-    }
-}
-
-impl Impact {
-    /// Whether loads are solved before impacts, without restitution (rule R2).
-    pub fn has_loads_first(self) -> bool {
-        self == Impact::Sequence
     }
 }
 

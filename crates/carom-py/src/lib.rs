@@ -46,6 +46,30 @@ fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(out)
 }
 
+/// The table of impact laws (`_core.pyi`).
+#[pyfunction]
+fn impact_laws(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    use carom_core::impact::laws::Restitution;
+    let out = PyDict::new(py);
+    for law in carom_core::options::Impact::ALL {
+        let (facts, row) = (law.facts(), PyDict::new(py));
+        row.set_item("summary", facts.summary)?;
+        row.set_item("advice", facts.advice)?;
+        row.set_item("loads_first", facts.loads_first)?;
+        row.set_item("energy", facts.energy)?;
+        let restitution = match facts.restitution {
+            Restitution::Newton => "newton",
+            Restitution::Printed => "printed",
+        };
+        row.set_item("restitution", restitution)?;
+        row.set_item("problems", facts.problems)?;
+        row.set_item("needs", facts.needs)?;
+        row.set_item("cite", facts.cite)?;
+        out.set_item(law.name(), row)?;
+    }
+    Ok(out)
+}
+
 /// What the solver of piles may leave of overlaps (`_core.pyi`).
 #[pyfunction]
 fn pile_overlap(tolerance: f64, contacts: usize) -> f64 {
@@ -59,6 +83,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("ExpressionError", m.py().get_type::<ExpressionError>())?;
     m.add_function(wrap_pyfunction!(defaults, m)?)?;
     m.add_function(wrap_pyfunction!(choices, m)?)?;
+    m.add_function(wrap_pyfunction!(impact_laws, m)?)?;
     m.add_function(wrap_pyfunction!(pile_overlap, m)?)?;
     m.add_function(wrap_pyfunction!(contact_solver::solve_contact_problem, m)?)?;
     m.add_function(wrap_pyfunction!(contact_solver::contact_solvers, m)?)?;

@@ -188,7 +188,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         )
         return
     index = run.law_index(c.a, c.b)
-    odd = (run.options["impact"] == "sequence-paper") & (
+    odd = (run.impact_law.restitution == "printed") & (
         run.coefficient("tangential_restitution", index) != 0.0
     )
     tally.skip(
@@ -292,7 +292,7 @@ def passivity(block: Block, tally: Tally) -> None:
             "passivity", "work of contacts was not recorded", "contacts = true in [record]", block.count
         )
         return
-    if not run.options["energy_safeguard"] or run.options["impact"] == "sequence-paper":
+    if not run.guarded:
         tally.skip("passivity", "the run lets impacts gain energy", "energy_safeguard = true", block.count)
         return
     columns = c.work

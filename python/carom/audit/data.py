@@ -22,6 +22,7 @@ from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
 from carom.result.record.walls import tables
 from carom.scene.assembly.held_apart import HeldApart, held_apart
+from carom.scene.tables.impact_laws import LAWS, ImpactLaw
 from carom.scene.tables.options import MOST_PROBLEMS
 
 if TYPE_CHECKING:
@@ -179,8 +180,18 @@ class Run:
     @property
     def loads_once(self) -> bool:
         """Whether loads were solved once, for velocities and positions (`audit.loads_once`)."""
-        o = self.options
-        return self.method == "nsga" and o["impact"] == "sequence" and o["position_friction"] == "once"
+        once = self.options["position_friction"] == "once"
+        return self.method == "nsga" and self.impact_law.loads_first and once
+
+    @property
+    def impact_law(self) -> ImpactLaw:
+        """The row of its impact law."""
+        return LAWS[self.options["impact"]]
+
+    @property
+    def guarded(self) -> bool:
+        """Whether impacts cannot add energy (rule R4)."""
+        return bool(self.options["energy_safeguard"]) and self.impact_law.energy
 
     @property
     def has_contacts(self) -> bool:

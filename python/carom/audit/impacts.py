@@ -127,7 +127,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
 def _missing(block: Block, tally: Tally) -> None:
     """A contact that approached before the step and got an impulse in it had an impact (R2, R3): it is in the table."""
     run, c = block.run, block.rows
-    if run.method == "penalty" or run.options["impact"] == "sequence-paper" or not run.has_contacts:
+    if run.method == "penalty" or run.impact_law.restitution == "printed" or not run.has_contacts:
         return
     judged = block.single & ~block.summed & block.there.all(axis=1) & block.kept
     rows = np.flatnonzero(judged[c.k] & (dot(c.impulse, c.normal) > 0.0) & ~struck(block))
@@ -161,7 +161,7 @@ def _missing(block: Block, tally: Tally) -> None:
 def _begun(block: Block, tally: Tally, r: Hits) -> None:
     """A ball alone on a wall has an impact where it closes by more than its closing tolerance (rule R3), not below."""
     run, t = block.run, block.run.loosest
-    if run.method != "nsga" or run.options["impact"] != "sequence" or run.loads or run.joints:
+    if run.method != "nsga" or not run.impact_law.loads_first or run.loads or run.joints:
         return
     still = np.array([not wall.moves for wall in run.walls], dtype=bool)
     alone = block.single & (block.over(run.steps["largest_island"]) == 1)
@@ -224,8 +224,8 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     if not len(r):
         return
     missing = "" if run.has_contacts else "contacts = true"
-    if run.loads or run.joints or run.options["impact"] == "sequence-paper":
-        why = "loads, joints or the printed law stand between the recorded speeds"
+    if run.loads or run.joints or run.impact_law.restitution != "newton":
+        why = "loads, joints or another law than Newton's stand between the recorded speeds"
         block.skip(tally, "impact", why, r.k, missing)
         return
     e = run.coefficient("restitution", run.law_index(r.a, r.b))

@@ -297,11 +297,12 @@ class Replay:
         every = np.arange(rows.start, rows.stop)
         self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * left)
         o, index = run.options, self.law[rows]
-        acts = (r.problem > 0) & ~(run.ends(r.problem) & (o["impact"] == "sequence-paper"))
+        printed = run.impact_law.restitution == "printed"
+        acts = (r.problem > 0) & ~(run.ends(r.problem) & printed)
         e_n = np.where(acts, run.coefficient("restitution", index), 0.0)
         e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal
-        if o["impact"] == "sequence-paper":
+        if printed:
             towards = self._rates(rows, (before_impact[a], before_impact[b]), old=True, printed=True).normal
         else:
             e_n = np.where(-towards < o["restitution_threshold"], 0.0, e_n)
@@ -370,7 +371,7 @@ class Replay:
         """
         run, r, count = self.block.run, self.r.of(rows), self.block.count
         at, change = moved
-        if not run.options["energy_safeguard"] or run.options["impact"] == "sequence-paper":
+        if not run.guarded:
             return
 
         def total(values: F64) -> F64:

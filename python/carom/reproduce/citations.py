@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import carom
 from carom.scene.scene import Scene
+from carom.scene.tables.impact_laws import LAWS
 
 SOURCES: dict[str, str] = {
     "method": "Simulation of impacts between spherical rigid bodies with frictional effects (the paper Carom implements)",
@@ -65,8 +66,7 @@ def sources(scene: Scene | None = None) -> dict[str, str]:
         used.append("newton")
         if CONTACTS_PER_BALL * len(scene.names) > run["pile_contacts"]:
             used.append("piles")
-        if run["impact"] != "one-shot":
-            used.append("sequence")
+        used += LAWS[run["impact"]].cite
     if any(law.rolling_radius > 0 or law.spinning_radius > 0 for law in scene._tree.contact):
         used.append("rolling")
     return {key: FORCE_LAWS[run["penalty_law"]] if key == "penalty" else SOURCES[key] for key in used}

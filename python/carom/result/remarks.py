@@ -14,6 +14,7 @@ import numpy as np
 from carom.errors import counted, quoted
 from carom.scene.assembly.distances import gaps
 from carom.scene.checks.curved_walls import CLOSE, CURVED, FEW_BALLS, MOST_CHANGE, below, way_on
+from carom.scene.tables.impact_laws import LAWS
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -56,7 +57,7 @@ def _gained(result: RunData) -> dict[str, Any] | None:
     if _rise(result) <= MOST_RISE:
         return None
     run = result.scene.run
-    if run.impact == "sequence-paper" or run.energy_safeguard is False:
+    if not LAWS[run.impact].energy or run.energy_safeguard is False:
         cure = (
             ', of an impact law that can gain (Kane): impact = "sequence" with energy_safeguard = true cannot'
         )

@@ -2,16 +2,15 @@
 
 use super::energy::Admit;
 use super::law::Law;
+use super::laws;
 use super::memory::ImpactScratch;
 use super::problem::RowSolution;
-use super::sequence::{
-    as_printed, loads, loads_first, one_shot, solve_problem, ImpactIsland, Start,
-};
+use super::sequence::{loads, solve_problem, ImpactIsland, Start};
 use crate::contact::{Contact, WorldImpulse};
 use crate::islands::Island;
 use crate::level::{rest, Demand, Task};
 use crate::model::Model;
-use crate::options::{Impact, Problems};
+use crate::options::Problems;
 use crate::report::StepReport;
 use crate::state::{State, Warm};
 use crate::workspace::IslandScratch;
@@ -29,13 +28,7 @@ pub fn solve_island(
 ) -> bool {
     let o = &task.model.options;
     let solve = |rows: &mut RowIsland, still: bool| {
-        let solved = still
-            || island.contacts.is_empty()
-            || match o.impact {
-                Impact::Sequence => loads_first(rows),
-                Impact::SequencePaper => as_printed(rows),
-                Impact::OneShot => one_shot(rows),
-            };
+        let solved = still || island.contacts.is_empty() || laws::solve(o.impact, rows);
         if solved {
             if o.impact.has_loads_first() && !rows.again && !rows.impacts {
                 rows.keep_warm();

@@ -17,7 +17,7 @@ mod wedge;
 
 use crate::contact::Contact;
 use crate::model::Model;
-use crate::options::{Impact, Options, Solver};
+use crate::options::{Options, Solver};
 use crate::outcome::Level;
 use crate::state::State;
 use crate::stepper::Span;
@@ -115,7 +115,7 @@ pub(crate) fn newton_options(
 fn companion(options: &Options, position: bool) -> Option<f64> {
     let plain = options.solver == Solver::Auto
         && options.gauss_seidel_sweeps > 0
-        && options.impact != Impact::SequencePaper;
+        && !options.impact.is_printed();
     plain.then_some(if position { LITTLE_FRICTION } else { 1.0 })
 }
 

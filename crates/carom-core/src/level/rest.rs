@@ -8,7 +8,7 @@ use crate::contact::{Contact, WorldImpulse};
 use crate::islands::Island;
 use crate::level::tolerance;
 use crate::model::Model;
-use crate::options::{Impact, Options, Solver};
+use crate::options::{Options, Solver};
 use crate::state::{State, Warm};
 use crate::workspace::IslandScratch;
 use carom_solve::hold::hold;
@@ -48,7 +48,7 @@ pub(crate) struct RestBounds {
 /// Nothing where rest is not looked for.
 pub(crate) fn rest_bounds(o: &Options, contacts: usize) -> Option<RestBounds> {
     // Whoever asks for a solver, or for the law as printed, gets what that gives.
-    let plain = o.solver == Solver::Auto && o.impact != Impact::SequencePaper;
+    let plain = o.solver == Solver::Auto && !o.impact.is_printed();
     let stays = STAYS_SHARE.max(STAYS_OVER_TOLERANCE * tolerance(o, contacts));
     (plain && contacts > 1 && contacts <= MOST_CONTACTS).then(|| RestBounds {
         stays,

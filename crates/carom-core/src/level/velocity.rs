@@ -32,7 +32,7 @@ pub fn solve_island(
         let m = *m;
         let c = &scratch.contacts[m as usize];
         // As printed, restitution is not clipped: a contact that was separating may need a second problem.
-        let printed = model.options.impact == Impact::SequencePaper;
+        let printed = model.options.impact.is_printed();
         let separating = || {
             let [old, _] = single::wall_motion(model, state, scratch, c);
             c.n0.dot(state.velocity[c.a as usize]) - old.normal > 0.0
@@ -105,7 +105,7 @@ fn solve_single<const MOVING: bool>(
         true => c.resting,
         false => options.impact.has_loads_first() && gamma_n >= -tol,
     };
-    let printed = options.impact == Impact::SequencePaper;
+    let printed = options.impact.is_printed();
     let law = match (resting, printed) {
         (true, _) => Law::Plastic,
         (_, true) => Law::Printed,

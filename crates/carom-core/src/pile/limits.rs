@@ -3,7 +3,7 @@
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
-use crate::options::{Impact, Solver};
+use crate::options::Solver;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Goal, Progress};
 use glam::DVec3;
@@ -71,7 +71,7 @@ pub fn fits(model: &Model, island: Island) -> bool {
     island.contacts.len() > least as usize
         && island.is_free()
         && o.solver == Solver::Auto
-        && o.impact != Impact::SequencePaper
+        && !o.impact.is_printed()
 }
 
 /// Threads that sweep an island of `contacts` contacts.

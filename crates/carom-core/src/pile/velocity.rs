@@ -5,12 +5,13 @@ use super::closed_contact::{work, ClosedContact, FIXED};
 use super::energy_gain::SphereSolution;
 use crate::contact::Contact;
 use crate::impact::law::Law;
-use crate::impact::sequence::{loads, loads_first, one_shot, ImpactIsland, Start};
+use crate::impact::laws;
+use crate::impact::sequence::{loads, ImpactIsland, Start};
 use crate::islands::Island;
 use crate::level::speeds::{opening, Speeds};
 use crate::level::Task;
 use crate::model::Model;
-use crate::options::{Impact, Problems};
+use crate::options::Problems;
 use crate::outcome::Level;
 use crate::pile::limits::node;
 use crate::pile::memory::Pile;
@@ -62,7 +63,6 @@ impl Pile {
         if self.velocity.speed == 0.0 {
             return true;
         }
-        let law = model.options.impact;
         let mut own = StepReport {
             restitution_scale: 1.0,
             iterations_velocity: 1,
@@ -87,11 +87,7 @@ impl Pile {
             self.close_loads(scratch, island, &resting);
             return true;
         }
-        let solved = match law {
-            Impact::OneShot => one_shot(&mut spheres),
-            _ => loads_first(&mut spheres),
-        };
-        if !solved {
+        if !laws::solve(model.options.impact, &mut spheres) {
             return false;
         }
         report.join(&own);

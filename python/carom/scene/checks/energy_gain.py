@@ -26,6 +26,7 @@ from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot
 from carom.scene.checks.rules import Parts
 from carom.scene.messages import Finding
+from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.laws import value_at
 from carom.scene.tables.model import Contact, World
 
@@ -35,8 +36,6 @@ ANGLES, DIVISIONS, SLIPS = 25, 24, 13
 """Points of the search: angles between the normals, division of the normal impulse, friction within its bound."""
 SEARCHES = 7
 """Halvings that find a restitution without gain: to 0.01."""
-PAPER_LAW = "sequence-paper"
-"""The one impact law without the energy safeguard."""
 
 
 @dataclass(frozen=True)
@@ -163,10 +162,14 @@ def advise_gain(parts: Parts, world: World) -> Iterator[Finding]:
     if run is None or run.options()["method"] == "penalty":
         return
     options = run.options()
-    guarded = options["energy_safeguard"] and options["impact"] != PAPER_LAW
+    impact = LAWS[options["impact"]]
+    printed = impact.restitution == "printed"
+    if impact.restitution != "newton" and not printed:
+        return
+    guarded = options["energy_safeguard"] and impact.energy
     laws = dict(parts.contacts())
     worst: dict[int, tuple[float, int, str]] = {}
-    for law, other, share, safe in _gains(parts, world, guarded, options["impact"] == PAPER_LAW):
+    for law, other, share, safe in _gains(parts, world, guarded, printed):
         if share > worst.get(law, (WORTH_TELLING,))[0]:
             worst[law] = (share, other, safe)
     for i, (share, other, safe) in sorted(worst.items()):

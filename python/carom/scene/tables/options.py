@@ -63,7 +63,7 @@ OPTIONS: dict[str, Option] = {
         "tol_r in islands of more than dense_contacts contacts",
         _FRACTION,
     ),
-    "impact": Option("law for several impacts at once; sequence-paper is the sequence as printed"),
+    "impact": Option("law for several impacts at once"),
     "position_friction": Option(
         "where friction of loads acts (law sequence of nsga only). once: loads are solved once, positions are corrected"
         " along normals. paper: positions have a sub-problem with friction, as printed"
