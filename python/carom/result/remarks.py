@@ -34,6 +34,8 @@ MOST_FRAMES = 2000
 
 
 def _cut(result: RunData) -> dict[str, Any] | None:
+    if not result.summary.get("truncated_sequences", 1):
+        return None
     steps = result.steps
     problems = np.asarray(steps["impact_problems"])
     hit, cut = int(np.count_nonzero(problems)), int(np.count_nonzero(np.asarray(steps["truncated"])))
@@ -85,12 +87,12 @@ def _unsettled(result: RunData) -> dict[str, Any] | None:
 def _lost(result: RunData) -> dict[str, Any] | None:
     """The force on the wall is that of gravity and of the curved path in the frames; other balls press besides."""
     scene = result.scene
-    mass, radius = np.asarray(result.bodies["mass"]), np.asarray(result.bodies["radius"])
     hollow = [w for w in scene._walls() if w.kind in CURVED and w.shape[-1] and w.motion is None]
-    if not hollow or len(mass) > FEW_BALLS or scene.run.method == "penalty":
+    if not hollow or len(result.names) > FEW_BALLS or scene.run.method == "penalty":
         return None
     if not result.summary or len(result.time) < 2:
         return None
+    mass, radius = np.asarray(result.bodies["mass"]), np.asarray(result.bodies["radius"])
     frames = np.unique(np.linspace(0, len(result.time) - 1, MOST_FRAMES).astype(int))
     position = np.concatenate([result.position[k] for k in frames])
     velocity = np.nan_to_num(np.concatenate([result.velocity[k] for k in frames]))  # 0 of absent balls

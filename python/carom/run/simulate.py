@@ -323,7 +323,9 @@ class Run:
         self.simulation = begin(self.model)
         self.plan = Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts)
         # The frames are thinned once and for all: a run that is extended keeps its grid.
-        self.scene = scene.with_options(every=self.plan.every).resolved()
+        self.scene = scene.resolved()
+        self.scene.record.every = self.plan.every
+        self.names, self.wall_names = self.scene.names, self.scene.wall_names
         variant: dict[str, Any] = {}
         if scene.parameters:
             variant = {"case": scene.case, "parameters": scene.parameters}
@@ -344,7 +346,7 @@ class Run:
 
     def in_memory(self, stop: Interrupt, progress: OnProgress | None, watch: Watch | None) -> Result:
         """The run and its result, without files."""
-        self.plan.refuse_to_fill_memory(len(self.scene.names))
+        self.plan.refuse_to_fill_memory(len(self.names))
         memory = Memory(**self.described())
         segment = {"from_step": self.simulation.step, "started": now()}
         ending = self._drive(memory, [], stop, progress, watch)
@@ -401,11 +403,11 @@ class Run:
         progress: OnProgress | None,
         watch: Watch | None,
     ) -> Ending:
-        sinks: list[Sink] = [Recorder(store, self.plan, len(self.scene.names))]
+        sinks: list[Sink] = [Recorder(store, self.plan, len(self.names))]
         if progress is not None:
             sinks.append(Shown(progress, self.plan))
         if watch is not None:
-            watch.begin(list(self.scene.names), self.model, self.plan)
+            watch.begin(self.names, self.model, self.plan)
             sinks.append(watch)
         return drive(self.simulation, self.plan, [*sinks, *more], stop.__bool__)
 
@@ -413,7 +415,7 @@ class Run:
         """What a record says of the run besides its rows: arguments of `Writer` and `Memory`."""
         scene, model, plan = self.scene, self.model, self.plan
         bodies = {
-            "name": list(scene.names),
+            "name": list(self.names),
             **{k: model[k] for k in ("radius", "mass", "inertia", "material")},
         }
         attributes: dict[str, Any] = {
@@ -427,7 +429,7 @@ class Run:
         }
         return {
             "bodies": bodies,
-            **tables(list(scene.wall_names), model),
+            **tables(list(self.wall_names), model),
             "attributes": attributes,
             "leave_out": [("frames", "walls")] if scene.record.walls is False else [],
         }
@@ -436,7 +438,7 @@ class Run:
         """The writer of the next segment, after the `first` rows."""
         plan = self.plan
         frames = plan.steps // plan.every + 2
-        balls = len(self.scene.names)
+        balls = len(self.names)
         return Writer(
             directory.next_segment(),
             **self.described(),
@@ -458,7 +460,7 @@ class Run:
         segment |= {"to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
         about["segments"] = [*(part for part in about["segments"] if part is not segment), segment]
         about["status"] = "failed" if failed else ending.kind
-        about["outcome"] = summary.named(ending.outcome, scene.names, scene.wall_names)
+        about["outcome"] = summary.named(ending.outcome, self.names, self.wall_names)
         about["finished"] = now()
         about["summary"] = summary.summary(scene, simulation, self.plan, about)
         return problem

@@ -47,7 +47,7 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
     """The numbers of a run, over all its segments. Keys are those of `carom run --json`; all values are plain
     Python.
     """
-    totals = plain(simulation.monitors())
+    totals, names = plain(simulation.monitors()), scene.names
     segments = about["segments"]
     found: dict[str, Any] = {
         "scenario": about["scenario"].get("file") or about["scenario"].get("title"),
@@ -62,16 +62,16 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
         "wall_s": sum(s["wall_s"] for s in segments),
         "core_s": sum(s["core_s"] for s in segments),
         "phases": plain(simulation.phases()),
-        "bodies_count": len(scene.names),
+        "bodies_count": len(names),
     }
     found |= {key: value for key, value in totals.items() if key not in found}
-    if len(scene.names) <= LISTED_BODIES:
+    if len(names) <= LISTED_BODIES:
         frame = simulation.frame()
         keys = ("position", "orientation", "velocity", "angular_velocity")
         there = frame.get("present")
         found["bodies"] = {
             name: {k: plain(frame[k][i]) for k in keys}
-            for i, name in enumerate(scene.names)
+            for i, name in enumerate(names)
             if there is None or there[i]
         }
     return found
@@ -88,6 +88,8 @@ def named(outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str
 
 def plain(value: Any) -> Any:
     """The same tree with Python's own numbers, lists and dicts: what JSON can hold."""
+    if value is None or (isinstance(value, (str, float, int)) and not isinstance(value, np.generic)):
+        return value
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

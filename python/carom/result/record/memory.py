@@ -14,54 +14,64 @@ from carom.errors import CaromError
 from carom.result.record.layout import ENDS, MEANINGS, SOMETIMES, TABLES, TEXTS, Meaning, Rows, count, tables
 from carom.result.record.reader import Column
 
-#: Blocks that wait before their columns are joined, and steps of a block that does not wait: a run of single steps would
-#: otherwise hold millions of small arrays, and a long one tables that are not kept.
-BLOCKS = 1000
+#: Blocks, and steps in them, that wait at most before their columns are joined: a run of single steps would otherwise hold
+#: millions of small arrays, and a long one tables that are not kept.
+BLOCKS, STEPS = 1000, 20_000
 
 
 class Memory:
     """All that a run records, or some of its `keep` tables alone. The other arguments are those of `Writer`."""
 
     def __init__(self, *, keep: Collection[str] = (*TABLES, *SOMETIMES), **described: Any) -> None:
-        self.first = self.rows = Rows()
+        self.first = Rows()
         self.last_frame: int | None = None  # step of the newest frame
         self.described = described
         self._keep = keep
+        self._rows = Rows()
         self._parts: dict[str, dict[str, list[Array]]] = {}
         self._pending: list[Mapping[str, Any]] = []
+        self._waiting = 0
 
     def append(self, block: Mapping[str, Any]) -> None:
         """Take over a block as `Simulation.advance` returns it; the first one fixes the columns."""
+        if not self._parts:
+            out = self.described.get("leave_out", ())
+            self._parts = {t: {name: [] for name in block[t] if (t, name) not in out} for t in tables(block)}
         self._pending.append(block)
+        self._waiting += len(block["steps"]["step"])
         if len(steps := block["frames"]["step"]):
             self.last_frame = int(steps[-1])
-        if max(len(self._pending), len(block["steps"]["step"])) >= BLOCKS:
-            self.commit()
+        if len(self._pending) >= BLOCKS or self._waiting >= STEPS:
+            self._join()
 
-    def commit(self) -> Rows:
-        """Join what was appended to the columns; the row counts."""
-        blocks, self._pending = self._pending, []
+    def commit(self) -> None:
+        """What was appended counts already; it is joined to the columns when somebody asks for them."""
+
+    def _join(self) -> None:
+        blocks, self._pending, self._waiting = self._pending, [], 0
         if not blocks:
-            return self.rows
-        before = list(accumulate(map(count, blocks), initial=self.rows))
-        for table in tables(blocks[0]):
-            columns = self._parts.setdefault(table, {})
-            for name in blocks[0][table]:
-                if (table, name) in self.described.get("leave_out", ()):
-                    continue
+            return
+        before = list(accumulate(map(count, blocks), initial=self._rows))
+        for table, columns in self._parts.items():
+            for name, joined in columns.items():
                 parts = [np.asarray(block[table][name]) for block in blocks]
                 if target := ENDS.get((table, name)):
                     offsets = (np.uint64(getattr(rows, target)) for rows in before)
                     parts = [np.asarray(part, np.uint64) + offset for part, offset in zip(parts, offsets)]
                 if table not in self._keep:
                     parts = [part[:0] for part in parts[:1]]
-                columns.setdefault(name, []).append(np.concatenate(parts) if len(parts) > 1 else parts[0])
-        self.rows = before[-1]
-        return self.rows
+                joined.append(np.concatenate(parts) if len(parts) > 1 else parts[0])
+        self._rows = before[-1]
+
+    @property
+    def rows(self) -> Rows:
+        """How many rows each table has."""
+        self._join()
+        return self._rows
 
     def snapshot(self) -> Memory:
         """What is here now: what is appended later is not in it."""
-        self.commit()
+        self._join()
         found = copy.copy(self)
         found._parts = {
             table: {name: list(parts) for name, parts in columns.items()}
@@ -89,6 +99,7 @@ class Memory:
 
     def column(self, table: str, name: str) -> Column:
         """One column."""
+        self._join()
         parts = self._parts[table][name]
         if len(parts) > 1:
             parts[:] = [np.concatenate(parts)]

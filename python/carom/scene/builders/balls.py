@@ -19,6 +19,7 @@ from carom.scene.tables.packing import Packing
 Number = float | str
 """A number in SI or a string with a unit."""
 Vector = Sequence[Number] | F64
+_PARTS = (Table, list, tuple, dict)
 _T = TypeVar("_T", bound=Table)
 _V = TypeVar("_V")
 
@@ -35,9 +36,8 @@ def make(table: type[_T], label: str, **given: Any) -> _T:
 def own(value: _V) -> _V:
     """A copy that shares with `value` what cannot be changed, and functions: tables, lists and laws are new."""
     if isinstance(value, Table):
-        tables = {name: own(part) for name, part in value.__dict__.items()}
         value = value.model_copy()
-        value.__dict__.update(tables)
+        value.__dict__ |= {key: own(part) for key, part in value.__dict__.items() if isinstance(part, _PARTS)}
     elif isinstance(value, list | tuple):
         return type(value)(map(own, value))
     elif isinstance(value, dict):
