@@ -19,7 +19,7 @@ import numpy as np
 from carom.arrays import F64, I64
 from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
 from carom.problem.local import Bounds, LocalProblem, finite, square, vector
-from carom.problem.matrix import Csr, components
+from carom.problem.matrix import Csr, blocks, components, of_blocks
 
 #: Rows of a block of M that is inverted as a dense matrix (0.3 GB).
 MAX_BLOCK = 6000
@@ -74,39 +74,21 @@ def invert(m: Csr) -> Csr:
     light and heavy bodies, may differ by any factor.
     """
     block = components(m)
-    sizes = np.bincount(block, minlength=1)
-    if sizes.max(initial=0) > MAX_BLOCK:
-        cause = f"it couples {sizes.max()} rows"
+    largest = np.bincount(block).max(initial=0)
+    if largest > MAX_BLOCK:
+        cause = f"it couples {largest} rows"
         raise refuse("M", cause, f"blocks of up to {MAX_BLOCK} are eliminated here; give W and q instead")
-    order = np.argsort(block, kind="stable")
-    place = np.empty(len(block), dtype=np.int64)  # of a row within its block
-    place[order] = np.arange(len(block)) - np.repeat(np.cumsum(sizes) - sizes, sizes)[: len(block)]
-    of_entry = block[m.rows]
-    rows, columns, values = [], [], []
-    definite = True
-    for size in np.unique(sizes[sizes > 0]):
-        mine = np.flatnonzero(sizes == size)
-        slot = np.full(len(sizes), -1)
-        slot[mine] = np.arange(len(mine))
-        e = sizes[of_entry] == size
-        dense = np.zeros((len(mine), size, size))
-        dense[slot[of_entry[e]], place[m.rows[e]], place[m.indices[e]]] = m.data[e]
-        members = order[np.flatnonzero(sizes[block[order]] == size)].reshape(len(mine), size)
+    found, definite = [], True
+    for members, dense in blocks(m, block):
         result, positive = _inverse(dense, members)
         definite &= positive
-        rows.append(np.repeat(members, size, axis=1).reshape(-1))
-        columns.append(np.tile(members, (1, size)).reshape(-1))
-        values.append(result.reshape(-1))
+        found.append((members, result))
     if not definite:
         text = (
             "M is not positive definite: W need not be positive semidefinite, nor the problem have a solution"
         )
         warnings.warn(text, ContactProblemWarning, stacklevel=3)
-    if not rows:
-        return m
-    return Csr.from_triplets(
-        np.concatenate(rows), np.concatenate(columns), np.concatenate(values), m.shape, "M"
-    )
+    return of_blocks(found, m.shape, "M")
 
 
 def _inverse(dense: F64, members: I64) -> tuple[F64, bool]:

@@ -24,7 +24,7 @@ from carom.problem.cone import BLOCKS
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.global_ import GlobalProblem, invert
 from carom.problem.local import LocalProblem
-from carom.problem.matrix import Csr, components
+from carom.problem.matrix import Csr, blocks, components, of_blocks
 
 #: Degrees of freedom of a body; rows of a contact as the core keeps it.
 DOF = ROWS = 6
@@ -95,9 +95,9 @@ def state(kept: Mapping[str, Any], form: str = "local") -> LocalProblem | Global
         j = _gradient(kept, joint_rows, of_body)
         between = j.multiply(weighted)
         held = _inverse_of_joints(j.multiply(inverse.multiply(j.transpose)))
-        matrix = _difference(matrix, between.transpose.multiply(held.multiply(between)))
+        matrix = matrix.plus(between.transpose.multiply(held.multiply(between)), -1.0)
         free = free - between.transpose.dot(held.dot(q[joint_rows] + j.dot(v)))
-    return LocalProblem(W=_symmetric(matrix), q=free, **text)
+    return LocalProblem(W=matrix.symmetric, q=free, **text)
 
 
 def describe(kept: Mapping[str, Any]) -> str:
@@ -148,13 +148,7 @@ def _inertia(kept: Mapping[str, Any], of_body: I64, tangent: tuple[I64, I64, F64
         np.concatenate([at, to]), np.concatenate([to, at]), np.concatenate([half, half]), shape, "B"
     )
     diagonal = np.arange(size)
-    m = Csr.from_triplets(
-        np.concatenate([diagonal, soft.rows]),
-        np.concatenate([diagonal, soft.indices]),
-        np.concatenate([mass, soft.data]),
-        shape,
-        "M",
-    )
+    m = Csr.from_triplets(diagonal, diagonal, mass, shape, "M").plus(soft)
     return m, load + soft.dot(u)
 
 
@@ -175,40 +169,10 @@ def _inverse_of_joints(matrix: Csr) -> Csr:
     if dense_of.max(initial=0) > MAX_JOINT_ROWS:
         cause = f"joints of {dense_of.max()} rows depend on one another"
         raise refuse("joints", cause, f"up to {MAX_JOINT_ROWS} are eliminated")
-    rows, columns, values = [], [], []
-    for group in range(len(dense_of) if len(label) else 0):
-        members = np.flatnonzero(label == group)
-        mine = label[matrix.rows] == group
-        dense = np.zeros((len(members), len(members)))
-        at, to = (np.searchsorted(members, index[mine]) for index in (matrix.rows, matrix.indices))
-        dense[at, to] = matrix.data[mine]
-        scale = np.sqrt(np.abs(np.diag(dense)))
+    found = []
+    for members, dense in blocks(matrix, label):
+        scale = np.sqrt(np.abs(np.diagonal(dense, axis1=1, axis2=2)))
         scale = np.where(scale > 0.0, scale, 1.0)
-        both = scale[:, None] * scale
-        found = np.linalg.pinv(dense / both, rcond=REDUNDANT, hermitian=True) / both
-        rows.append(np.repeat(members, len(members)))
-        columns.append(np.tile(members, len(members)))
-        values.append(found.reshape(-1))
-    return Csr.from_triplets(
-        np.concatenate(rows), np.concatenate(columns), np.concatenate(values), matrix.shape
-    )
-
-
-def _difference(a: Csr, b: Csr) -> Csr:
-    return Csr.from_triplets(
-        np.concatenate([a.rows, b.rows]),
-        np.concatenate([a.indices, b.indices]),
-        np.concatenate([a.data, -b.data]),
-        a.shape,
-    )
-
-
-def _symmetric(a: Csr) -> Csr:
-    """The symmetric part: products leave a rounding on one side of the diagonal that the other has not."""
-    t = a.transpose
-    return Csr.from_triplets(
-        np.concatenate([a.rows, t.rows]),
-        np.concatenate([a.indices, t.indices]),
-        0.5 * np.concatenate([a.data, t.data]),
-        a.shape,
-    )
+        both = scale[:, :, None] * scale[:, None, :]
+        found.append((members, np.linalg.pinv(dense / both, rcond=REDUNDANT, hermitian=True) / both))
+    return of_blocks(found, matrix.shape)

@@ -7,6 +7,7 @@ recognised by their method `tocsr`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -127,6 +128,25 @@ class Csr:
         """The (n, m) transpose."""
         return Csr.from_triplets(self.indices, self.rows, self.data, (self.shape[1], self.shape[0]))
 
+    def plus(self, other: Csr, factor: float = 1.0) -> Csr:
+        """`self + factor * other`, of the same shape."""
+        rows, columns = (self.rows, other.rows), (self.indices, other.indices)
+        values = np.concatenate((self.data, factor * other.data))
+        return Csr.from_triplets(np.concatenate(rows), np.concatenate(columns), values, self.shape)
+
+    @property
+    def symmetric(self) -> Csr:
+        """The symmetric part: products leave a rounding on one side of the diagonal that the other has not."""
+        both = self.plus(self.transpose)
+        return Csr(both.indptr, both.indices, 0.5 * both.data, self.shape)
+
+    def places(self, rows: I64) -> tuple[I64, I64]:
+        """(K,) where the entries of some rows stand, row after row, and (len(rows),) how many each has."""
+        counts = np.diff(self.indptr)[rows]
+        return np.arange(counts.sum()) + np.repeat(
+            self.indptr[rows] - (np.cumsum(counts) - counts), counts
+        ), counts
+
     def diagonal(self) -> F64:
         """(min(m, n),) diagonal, 0 where nothing is stored."""
         out = np.zeros(min(self.shape))
@@ -173,8 +193,7 @@ class Csr:
             end = int(np.searchsorted(before, before[row] + PRODUCT_TERMS, side="right")) - 1
             end = min(max(end, row + 1), shape[0])
             part = slice(int(self.indptr[row]), int(self.indptr[end]))
-            n = counts[part]
-            source = np.arange(n.sum()) + np.repeat(other.indptr[self.indices[part]] - (np.cumsum(n) - n), n)
+            source, n = other.places(self.indices[part])
             values = np.repeat(self.data[part], n) * other.data[source]
             target = np.repeat(self.rows[part] - row, n)
             parts.append(Csr.from_triplets(target, other.indices[source], values, (end - row, shape[1])))
@@ -192,17 +211,8 @@ class Csr:
 
 def asymmetry(a: Csr) -> float:
     """Largest entry of `a - a^T` over the largest of `a`; 0 for an empty matrix."""
-    if not a.entries:
-        return 0.0
-    t = a.transpose
-    largest = float(np.abs(a.data).max())
-    both = Csr.from_triplets(
-        np.concatenate([a.rows, t.rows]),
-        np.concatenate([a.indices, t.indices]),
-        np.concatenate([a.data, -t.data]),
-        a.shape,
-    )
-    return float(np.abs(both.data).max()) / largest if largest > 0.0 else 0.0
+    largest = float(np.abs(a.data).max(initial=0.0))
+    return float(np.abs(a.plus(a.transpose, -1.0).data).max()) / largest if largest > 0.0 else 0.0
 
 
 def components(a: Csr) -> I64:
@@ -219,6 +229,35 @@ def components(a: Csr) -> I64:
         if np.array_equal(low, label):
             return np.unique(label, return_inverse=True)[1].reshape(-1)
         label = low
+
+
+def blocks(a: Csr, label: I64) -> Iterator[tuple[I64, F64]]:
+    """Rows (k, s) and dense values (k, s, s) of the blocks that `components` found in a, k of one size s together."""
+    sizes = np.bincount(label, minlength=1)
+    order = np.argsort(label, kind="stable")
+    place = np.empty(len(label), dtype=np.int64)  # of a row within its block
+    place[order] = np.arange(len(label)) - np.repeat(np.cumsum(sizes) - sizes, sizes)[: len(label)]
+    of_entry = label[a.rows]
+    for size in np.unique(sizes[sizes > 0]):
+        mine = np.flatnonzero(sizes == size)
+        slot = np.full(len(sizes), -1)
+        slot[mine] = np.arange(len(mine))
+        e = sizes[of_entry] == size
+        dense = np.zeros((len(mine), size, size))
+        dense[slot[of_entry[e]], place[a.rows[e]], place[a.indices[e]]] = a.data[e]
+        yield order[np.flatnonzero(sizes[label[order]] == size)].reshape(len(mine), size), dense
+
+
+def of_blocks(parts: Sequence[tuple[I64, F64]], shape: tuple[int, int], name: str = "W") -> Csr:
+    """The matrix of such blocks."""
+    rows = [np.repeat(members, members.shape[1], axis=1).reshape(-1) for members, _ in parts]
+    columns = [np.tile(members, (1, members.shape[1])).reshape(-1) for members, _ in parts]
+    values = [dense.reshape(-1) for _, dense in parts]
+    if not parts:
+        return Csr.from_triplets([], [], [], shape, name)
+    return Csr.from_triplets(
+        np.concatenate(rows), np.concatenate(columns), np.concatenate(values), shape, name
+    )
 
 
 def _indices(values: Any, name: str) -> I64:

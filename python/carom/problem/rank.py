@@ -61,8 +61,7 @@ def _block(w: Csr, rows: I64, columns: I64) -> F64:
     """(len(rows), len(columns)) dense part of w."""
     at = np.full(w.shape[1], -1)
     at[columns] = np.arange(len(columns))
-    counts = np.diff(w.indptr)[rows]
-    source = np.arange(counts.sum()) + np.repeat(w.indptr[rows] - (np.cumsum(counts) - counts), counts)
+    source, counts = w.places(rows)
     target = at[w.indices[source]]
     there = target >= 0
     out = np.zeros((len(rows), len(columns)))
@@ -94,9 +93,7 @@ def _levels(w: Csr, rows: I64) -> list[I64]:
         levels = []
         while len(front):
             levels.append(front)
-            counts = np.diff(w.indptr)[front]
-            first = np.repeat(w.indptr[front] - (np.cumsum(counts) - counts), counts)
-            reached = np.unique(w.indices[np.arange(counts.sum()) + first])
+            reached = np.unique(w.indices[w.places(front)[0]])
             front = reached[~seen[reached]]
             seen[front] = True
         start = int(levels[-1][0])
@@ -111,7 +108,7 @@ def _levels(w: Csr, rows: I64) -> list[I64]:
 
 def _eliminate(w: Csr, rows: I64, cut: float) -> int:
     """Rank of one large block: its rows less the eigenvalues between -cut and cut."""
-    symmetric = _symmetric(w)
+    symmetric = w.symmetric
     levels = _levels(symmetric, rows)
     widest = max(map(len, levels))
     if widest > MAX_LEVEL:
@@ -133,10 +130,3 @@ def _below(symmetric: Csr, levels: list[I64], value: float) -> int:
             safe = np.where(np.abs(values) < TINY * abs(value), TINY * abs(value), values)
             reduction = coupling.T @ (coupling / safe[:, None])
     return found
-
-
-def _symmetric(w: Csr) -> Csr:
-    t = w.transpose
-    both = (np.concatenate(pair) for pair in ((w.rows, t.rows), (w.indices, t.indices), (w.data, t.data)))
-    rows, columns, values = both
-    return Csr.from_triplets(rows, columns, 0.5 * values, w.shape)
