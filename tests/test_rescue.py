@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from carom.errors import CaromError
 
+WEDGED = Path(__file__).parent / "data" / "wedged" / "position.toml"
+
 
 def heap() -> carom.Scene:
     return carom.example("heap", parameters={"rolling": 0.4, "seed": 2})
 
 
 def test_a_step_that_is_not_solved_is_halved() -> None:
-    result = carom.simulate(Path(__file__).parent / "data" / "wedged" / "position.toml")
+    result = carom.simulate(WEDGED)
     assert result.outcome.kind == "done"
     halved = np.asarray(result.steps["halvings"])
     assert halved.max() >= 1
@@ -33,7 +35,7 @@ def test_sequences_that_are_cut_early_need_no_halves() -> None:
 def test_whoever_sets_the_halvings_gets_them_and_the_advice_that_is_left() -> None:
     with pytest.raises(CaromError) as caught:
         # A tolerance below rounding, which no rescue reaches.
-        carom.simulate(heap(), until=0.06, max_halvings=3, tolerance=1e-15, pile_tolerance=1e-15)
+        carom.simulate(WEDGED, max_halvings=3, tolerance=1e-15, pile_tolerance=1e-15)
     told = str(caught.value)
     assert re.search(r"not converged at step \d+", told)
     assert re.search(r"; try (pile_tolerance = 1e-[34] or )?max_halvings = 8$", told)
