@@ -51,7 +51,7 @@ fuzz: preflight ## coverage-guided fuzzing of the crates, a minute a target: ARG
 	@tools/fuzz.sh $(ARGS)
 
 .PHONY: check
-check: preflight-check $(STAMPS)/run $(STAMPS)/check ## formatting, lints, types
+check: preflight-check $(STAMPS)/check $(STAMPS)/extension ## formatting, lints, types
 	@tools/check.sh
 
 .PHONY: bench

@@ -24,10 +24,11 @@ step "layers" env PYTHONPATH=python .venv/bin/lint-imports --no-cache --no-logo
 step "circles" "$python" tools/circles.py
 step "prose" "$python" tools/prose.py
 step "mypy" "$python" -m mypy
+step "stub" env PYTHONPATH=python "$python" -m mypy.stubtest carom._core --allowlist tools/stubtest.txt --concise
 step "audit" tools/audit.sh
 
 if [ ${#failed[@]} -gt 0 ]; then
     printf 'check failed: %s\n' "$(IFS=, && echo "${failed[*]}")"
     exit 1
 fi
-echo "check passed: rustfmt, clippy, ruff, layers, circles, prose, mypy, audit"
+echo "check passed: rustfmt, clippy, ruff, layers, circles, prose, mypy, stub, audit"

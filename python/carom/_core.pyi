@@ -1,11 +1,12 @@
 """Type stub of the compiled core (crate `carom-py`). Nothing here knows files, names or units other than SI."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NotRequired, TypedDict
+from typing import Any, NotRequired, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+# Names for types alone, which the module does not have.
 F64 = NDArray[np.float64]
 U64 = NDArray[np.uint64]
 I64 = NDArray[np.int64]
@@ -18,10 +19,11 @@ class ModelError(ValueError):
 class ExpressionError(ValueError):
     """A formula cannot be read or gives no finite number; `args[0]` says where (column, from 1), why and what to write."""
 
+@final
 class Expression:
     """A formula of named variables: `+ - * / ^` (or `**`), `functions()`, `pi`. `-t^2` is `-(t^2)`, as in Python."""
 
-    def __init__(self, text: str) -> None: ...
+    def __new__(cls, text: str) -> Expression: ...
     @staticmethod
     def functions() -> list[str]:
         """Names of all functions."""
@@ -72,6 +74,7 @@ def impact_laws() -> dict[str, dict[str, Any]]:
 def pile_overlap(tolerance: float, contacts: int) -> float:
     """Overlap over the radius that the solver of piles may leave in an island of so many contacts, by `pile_tolerance`."""
 
+@final
 class Cancel:
     """Lets another thread end a solve: `cancel` of `solve_contact_problem`."""
 
@@ -115,6 +118,7 @@ def contact_solvers() -> list[tuple[str, str]]:
 def auto_rule() -> str:
     """What `auto` does, in words, checkpoint by checkpoint."""
 
+@final
 class Simulation:
     """A model, its state and its scratch memory. The interpreter lock is released while it advances.
 
@@ -164,7 +168,7 @@ class Simulation:
     impact problem and contact, not for each step and contact alone.
     """
 
-    def __init__(self, model: dict[str, Any]) -> None: ...
+    def __new__(cls, model: dict[str, Any]) -> Simulation: ...
     def overlaps(self, tolerance: float, most: int) -> list[tuple[int, int, float]]:
         """At most `most` pairs that overlap by more than `tolerance` r_c now, walls as they stand: `(a, b, gap)`, m."""
 
